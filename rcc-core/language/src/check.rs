@@ -1,5 +1,5 @@
-//! The rules that a net must keep, one function each. Every rule looks at the whole net and reports all that breaks it;
-//! what another rule or the resolver has reported is passed over. The loader's threads.
+//! The rules that a net must keep, one function each. Every rule checks the whole net and reports all violations. It
+//! skips what another rule or the resolver reports. Runs on the loader's threads.
 
 mod connections;
 mod fragments;
@@ -13,24 +13,24 @@ mod values;
 use rcc_config::diagnostic::Diagnostic;
 
 use crate::infer::Inferred;
-use crate::resolve::Graph;
+use crate::resolve::NetGraph;
 
 pub use limits::{every, window};
 pub(crate) use loops::components;
 pub(crate) use values::literal_fits;
 
-/// A net with its types and units.
+/// A resolved net with its inferred types and units.
 #[derive(Clone, Copy)]
 pub struct Typed<'a> {
-    /// The net.
-    pub graph: &'a Graph<'a>,
-    /// Its types and units.
+    /// The resolved net.
+    pub graph: &'a NetGraph<'a>,
+    /// The types and units of its ports.
     pub inferred: &'a Inferred,
 }
 
 type Check = fn(Typed<'_>, &mut Vec<Diagnostic>);
 
-/// All rules; their order does not matter, faults are sorted by place.
+/// All rules, in any order: diagnostics are sorted by their spans.
 const CHECKS: &[Check] = &[
     values::elements_exist,
     values::links_fit,
@@ -42,21 +42,21 @@ const CHECKS: &[Check] = &[
     values::parameters_are_in_range,
     values::constants_are_in_range,
     motions::parameters_do_not_contradict,
-    motions::motions_have_an_end,
-    motions::turns_are_of_joints,
+    motions::joint_motions_have_a_goal,
+    motions::turns_have_a_bit_for_each_joint,
     motions::goals_are_within_range,
-    motions::motions_lead_somewhere,
-    motions::commands_are_known,
+    motions::motion_outputs_are_read,
+    motions::commands_are_not_null,
     motions::axes_have_a_direction,
-    fragments::inputs_are_as_fragments_say,
+    fragments::inputs_match_fragment_declarations,
     fragments::conditions_are_truth_values,
-    fragments::what_leaves_a_region_can_become_null,
-    inputs::bounds_are_of_numbers,
-    inputs::units_are_of_numbers,
+    fragments::outputs_read_outside_a_region_can_become_null,
+    inputs::bounds_are_numeric,
+    inputs::units_are_given_for_numbers_only,
     inputs::first_values_are_within_bounds,
     connections::inputs_are_connected,
     connections::outputs_are_read_or_discarded,
-    connections::discards_are_sensible,
+    connections::discards_are_unread_and_unique,
     loops::loops_have_a_delay,
     loops::delayed_loops_have_a_first_value,
     loops::loops_can_lose_null,
@@ -69,10 +69,10 @@ const CHECKS: &[Check] = &[
     topics::topics_are_published_once,
     topics::topics_are_of_one_type,
     topics::no_net_subscribes_to_itself,
-    limits::what_moves_can_be_cancelled,
+    limits::commands_can_be_cancelled,
 ];
 
-/// Reports everything that is wrong with a net.
+/// Checks a net against every rule.
 pub fn check(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for check in CHECKS {
         check(net, faults);

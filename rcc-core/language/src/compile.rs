@@ -1,44 +1,44 @@
-//! The whole way from a text to a plan, with all faults of the text at once.
-//! Run by the loader's threads and by `rcc-cli check`; never by the real-time thread.
+//! The pipeline from text to plan: read, expand, resolve, infer, check, lower. All errors of the text are reported at
+//! once. Runs on the loader's threads and in `rcc-cli check`; never on the real-time thread.
 
 use rcc_config::CellConfig;
 use rcc_config::diagnostic::{Diagnostic, Faults, Severity, Span};
 use rcc_config::yaml;
 use rcc_ipc::control::PlanData;
 
-use crate::anatomy::{Anatomy, anatomy};
 use crate::check::{Typed, check};
 use crate::devices::DeviceTable;
 use crate::directionet;
-use crate::expand::{Flat, expand};
+use crate::expand::{ExpandedNet, expand};
 use crate::fault;
 use crate::infer::infer;
-use crate::library::{self, Libraries, NoFiles};
+use crate::library::{self, LibrarySource, NoLibraries};
 use crate::lower::{Lowered, lower};
 use crate::names::{Names, names};
 use crate::resolve::resolve;
-use crate::sources::Sources;
+use crate::source_map::SourceMap;
+use crate::structure::{NetStructure, structure};
 use crate::syntax;
 
-/// A net that the language accepts.
+/// A net that passed all checks.
 #[derive(Clone, Debug)]
 pub struct Compiled {
     /// Name of the net.
     pub net: String,
-    /// What people should know about it; may be empty.
+    /// Description for users; may be empty.
     pub description: String,
-    /// Its plan.
+    /// The plan.
     pub plan: PlanData,
-    /// Where everything lies in the plan.
+    /// Names and slots of all ports.
     pub names: Names,
-    /// What should be looked at.
+    /// Warnings.
     pub warnings: Faults,
 }
 
-/// Compiles a text for the cell of a configuration; `file` is the name that faults mention.
+/// Compiles a text for the cell of a configuration. `file` is the name that diagnostics show.
 ///
 /// # Errors
-/// All faults of the text, and its warnings.
+/// Returns all errors of the text, and its warnings.
 pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Faults> {
     compile_for(text, file, &DeviceTable::from(cell))
 }
@@ -46,50 +46,50 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Fa
 /// Compiles a text for a table of devices.
 ///
 /// # Errors
-/// All faults of the text, and its warnings.
+/// Returns all errors of the text, and its warnings.
 pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compiled, Faults> {
-    compile_with(text, file, cell, &NoFiles)
+    compile_with(text, file, cell, &NoLibraries)
 }
 
-/// Compiles a text that may use libraries. `file` is also the path of the net's own file, beside which libraries are
-/// looked for.
+/// Compiles a text that may use libraries. `file` is also the path of the net's own file, relative to which libraries
+/// are looked up.
 ///
 /// # Errors
-/// All faults of the text and its libraries, and their warnings.
+/// Returns all errors of the text and its libraries, and their warnings.
 pub fn compile_with(
     text: &str,
     file: &str,
     cell: &DeviceTable,
-    libraries: &dyn Libraries,
+    libraries: &dyn LibrarySource,
 ) -> Result<Compiled, Faults> {
-    compile_and(text, file, cell, libraries, |_, _| ()).map(|(compiled, ())| compiled)
+    compile_then(text, file, cell, libraries, |_, _| ()).map(|(compiled, ())| compiled)
 }
 
-/// Compiles a text that may use libraries, and takes the net apart.
+/// Compiles a text that may use libraries, and returns the structure of the net as well.
 ///
 /// # Errors
 /// As [`compile_with`].
-pub fn dissect(
+pub fn compile_with_structure(
     text: &str,
     file: &str,
     cell: &CellConfig,
-    libraries: &dyn Libraries,
-) -> Result<(Compiled, Anatomy), Faults> {
-    compile_and(text, file, &DeviceTable::from(cell), libraries, anatomy)
+    libraries: &dyn LibrarySource,
+) -> Result<(Compiled, NetStructure), Faults> {
+    compile_then(text, file, &DeviceTable::from(cell), libraries, structure)
 }
 
-/// Compiles a text and shows the net that it was to `see`.
-fn compile_and<T>(
+/// Compiles a text and calls `inspect` with the lowered net.
+fn compile_then<T>(
     text: &str,
     file: &str,
     cell: &DeviceTable,
-    libraries: &dyn Libraries,
-    see: impl FnOnce(Typed<'_>, &Lowered) -> T,
+    libraries: &dyn LibrarySource,
+    inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
 ) -> Result<(Compiled, T), Faults> {
     let mut faults = Vec::new();
     let (flat, sources) = flatten(text, file, cell, libraries, &mut faults);
     let Some(flat) = flat else {
-        return Err(sources.finished(faults));
+        return Err(sources.finish(faults));
     };
     let graph = resolve(&flat, cell, &mut faults);
     let inferred = infer(&graph);
@@ -99,17 +99,18 @@ fn compile_and<T>(
     };
     check(typed, &mut faults);
     if faults.iter().any(|fault| fault.severity == Severity::Error) {
-        return Err(sources.finished(faults));
+        return Err(sources.finish(faults));
     }
     let lowered = match lower(typed) {
         Ok(lowered) => lowered,
         Err(fault) => {
             faults.push(*fault);
-            return Err(sources.finished(faults));
+            return Err(sources.finish(faults));
         }
     };
     if let Err(error) = lowered.plan.plan().check(&cell.models(), cell.fingerprint) {
-        // Every rule passed, so this is our mistake; better said than sent.
+        // A net that passed every rule must lower to a valid plan. If not, this is a bug of the compiler, and it is
+        // reported here instead of sending the plan.
         let message = format!("the plan of this net does not check: {error:?}");
         let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
         faults.push(
@@ -117,20 +118,20 @@ fn compile_and<T>(
                 .anywhere()
                 .help("this is a mistake of the loader: report it with the net"),
         );
-        return Err(sources.finished(faults));
+        return Err(sources.finish(faults));
     }
-    let seen = see(typed, &lowered);
+    let seen = inspect(typed, &lowered);
     let compiled = Compiled {
         names: names(typed, &lowered),
         net: flat.net.name.name.clone(),
         description: flat.net.description.clone(),
         plan: lowered.plan,
-        warnings: sources.finished(faults),
+        warnings: sources.finish(faults),
     };
     Ok((compiled, seen))
 }
 
-/// Reads a text in whatever form it is: YAML, JSON or DirectIONet. `None`: too much is wrong to go on.
+/// Reads a text in any notation: YAML, JSON or DirectIONet. Returns `None` if the errors leave no net.
 pub fn read(
     text: &str,
     file: &str,
@@ -145,16 +146,16 @@ pub fn read(
     syntax::read(&root?, faults)
 }
 
-/// Reads a text and its libraries and replaces the instances of fragments; `None`: it is no net, or far too large. The
-/// sources know the place of everything.
+/// Reads a text and its libraries and expands the instances of fragments. Returns no net if the text is not one, or if
+/// it is far too large. The source map resolves all spans.
 pub fn flatten(
     text: &str,
     file: &str,
     cell: &DeviceTable,
-    libraries: &dyn Libraries,
+    libraries: &dyn LibrarySource,
     faults: &mut Vec<Diagnostic>,
-) -> (Option<Flat>, Sources) {
-    let mut sources = Sources::new(file, text);
+) -> (Option<ExpandedNet>, SourceMap) {
+    let mut sources = SourceMap::new(file, text);
     let net = read(text, file, cell, faults);
     let flat = net.and_then(|net| {
         let library = library::read_all(&net.uses, file, libraries, &mut sources, faults);

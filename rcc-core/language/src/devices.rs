@@ -1,5 +1,5 @@
-//! What nets may know of a cell: devices and channels by name, and the period. A view of the configuration.
-//! Used by the loader's threads and by `rcc-cli check`.
+//! The part of a cell's configuration that nets refer to: devices and channels by name, and the period. Used by the
+//! loader's threads and by `rcc-cli check`.
 
 use rcc_config::CellConfig;
 use rcc_config::device::CHANNEL_KINDS;
@@ -7,60 +7,60 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
 
-/// The devices of a cell; the place of a device is its index in plans.
+/// The devices of a cell; the index of a device is its index in plans.
 #[derive(Clone, Debug)]
 pub struct DeviceTable {
-    /// Fingerprint of the configuration, put into plans.
+    /// Fingerprint of the configuration, stored in plans.
     pub fingerprint: u64,
     /// Period of the cycle, ns.
     pub period_ns: u64,
-    /// The devices in order of their index.
-    pub devices: Vec<Device>,
+    /// The devices in order of their indices.
+    pub devices: Vec<CellDevice>,
 }
 
-/// One device.
+/// A device of the cell.
 #[derive(Clone, Debug)]
-pub struct Device {
+pub struct CellDevice {
     /// Name in nets.
     pub name: String,
-    /// As the core knows it.
+    /// Model for the core.
     pub model: DeviceModel,
     /// Channels by kind (in the order of [`CHANNEL_KINDS`]) and index.
-    pub channels: [Vec<Channel>; 4],
+    pub channels: [Vec<CellChannel>; 4],
 }
 
-/// One channel.
+/// A channel of a device.
 #[derive(Clone, Debug)]
-pub struct Channel {
+pub struct CellChannel {
     /// Name in nets.
     pub name: String,
-    /// Unit of an analog channel.
+    /// Unit of an analog channel; 1 for a digital one.
     pub unit: Unit,
 }
 
-impl Device {
-    /// The channels of one kind in order of their index.
+impl CellDevice {
+    /// Returns the channels of one kind in order of their indices.
     #[must_use]
-    pub fn channels_of(&self, kind: ChannelKind) -> &[Channel] {
+    pub fn channels_of(&self, kind: ChannelKind) -> &[CellChannel] {
         self.channels.get(kind as usize).map_or(&[], Vec::as_slice)
     }
 }
 
 impl DeviceTable {
-    /// Index and row of a device.
+    /// Returns index and entry of a device.
     #[must_use]
-    pub fn find(&self, name: &str) -> Option<(usize, &Device)> {
+    pub fn find(&self, name: &str) -> Option<(usize, &CellDevice)> {
         let mut rows = self.devices.iter().enumerate();
         rows.find(|(_, device)| device.name == name)
     }
 
-    /// The devices as plans are checked against.
+    /// Returns the device models that plans are checked against.
     #[must_use]
     pub fn models(&self) -> Vec<DeviceModel> {
         self.devices.iter().map(|device| device.model).collect()
     }
 
-    /// Cycles per second.
+    /// Returns the number of cycles per second, Hz.
     #[must_use]
     #[allow(clippy::cast_precision_loss)] // 2^53 ns are 104 days.
     pub fn cycle_hz(&self) -> f64 {
@@ -70,12 +70,12 @@ impl DeviceTable {
 
 impl From<&CellConfig> for DeviceTable {
     fn from(cell: &CellConfig) -> DeviceTable {
-        let row = |device: &rcc_config::DeviceConfig| Device {
+        let row = |device: &rcc_config::DeviceConfig| CellDevice {
             name: device.name.clone(),
             model: device.model(),
             channels: CHANNEL_KINDS.map(|kind| {
                 let channels = device.channels_of(kind);
-                let channel = |channel: &rcc_config::ChannelConfig| Channel {
+                let channel = |channel: &rcc_config::ChannelConfig| CellChannel {
                     name: channel.name.clone(),
                     unit: channel.unit,
                 };

@@ -1,5 +1,5 @@
-//! DirectIONet, the predecessor's text of nets: read into the same model as YAML, so that everything behind it is the same.
-//! The loader's threads and `rcc-cli`.
+//! DirectIONet, the predecessor's notation of nets, read into the same model as YAML, so that all later passes are the
+//! same. Runs on the loader's threads and in `rcc-cli`.
 
 mod build;
 pub mod document;
@@ -17,16 +17,16 @@ use crate::syntax::{NAME_MAX, Net, bad_net_name};
 
 pub use text::looks_like;
 
-/// What the lines before a net say: `# devices: kr=arm`.
+/// Options from the header lines before a net: `# devices: kr=arm`.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Name of the net.
     pub name: String,
-    /// Devices of the text and what they are called in the cell.
+    /// Names of devices in the text, and their names in the cell.
     pub devices: Vec<(String, String)>,
-    /// Channels: device of the cell, type and port of the text (`InBool.8`), and the name of the channel in the cell.
+    /// Channels: device in the text, type and port (`InBool.8`), and the name of the channel in the cell.
     pub channels: Vec<(String, String, String)>,
-    /// Keys of values to the application that end the net when they are true, with their places.
+    /// Keys of values sent to the application that end the net when they are true, with their spans.
     pub end: Vec<(String, Span)>,
 }
 
@@ -47,7 +47,7 @@ impl Options {
 
 const HEADER_KEYS: &[&str] = &["net", "devices", "channels", "end"];
 
-/// Reads a net; `file` gives it its name if no line of the text does.
+/// Reads a net. Its name is derived from `file` if no header line gives one.
 pub fn read(
     text: &str,
     file: &str,
@@ -72,13 +72,13 @@ pub fn read(
     (!failed).then_some(net)
 }
 
-/// The name of a net after its file: `lwr_lin-02.net` is `lwr-lin-02`.
+/// Returns the name of a net for a file name: `lwr_lin-02.net` gives `lwr-lin-02`.
 fn name_of(file: &str) -> String {
     let stem = file.rsplit(['/', '\\']).next().unwrap_or_default();
     net_name(stem.rsplit_once('.').map_or(stem, |(stem, _)| stem))
 }
 
-/// What the predecessor called a net, as a name of ours.
+/// Converts a name of the predecessor to a valid name of a net.
 fn net_name(theirs: &str) -> String {
     let mut name: String = theirs
         .chars()
@@ -100,7 +100,7 @@ fn net_name(theirs: &str) -> String {
     name
 }
 
-fn options(header: &text::Header, file: &str, faults: &mut Vec<Diagnostic>) -> Options {
+fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>) -> Options {
     let mut options = Options {
         name: name_of(file),
         ..Options::default()
@@ -144,7 +144,7 @@ fn options(header: &text::Header, file: &str, faults: &mut Vec<Diagnostic>) -> O
                     }
                 }
             }
-            // Any other line is a comment, but not one that was nearly something else.
+            // Any other line is a comment; a key that resembles a known one is reported as a typing error.
             other => {
                 let near = closest(other, HEADER_KEYS.iter().copied());
                 if let Some(near) = near.filter(|_| !other.contains(' ')) {

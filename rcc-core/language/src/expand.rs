@@ -1,6 +1,6 @@
-//! Instances of fragments are replaced by what they stand for: a copy of the fragment's primitives, named `instance/id`,
-//! with the instance's parameters and sources in place of the fragment's own. Types, loops and everything else are judged
-//! on the flat net, so that a fragment is a way of writing and nothing more. The loader's threads.
+//! The expansion pass: each instance of a fragment is replaced by a copy of the fragment's primitives, named
+//! `instance/id`, with the parameters and sources of the instance. Types, loops and all other rules are checked on the
+//! expanded net, so a fragment is notation only. Runs on the loader's threads.
 
 mod body;
 mod parameters;
@@ -13,124 +13,126 @@ use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use crate::fault;
-use crate::sources::{Shift, Sources};
+use crate::source_map::{SourceMap, SpanShift};
 use crate::syntax::fragment::{Fragment, FragmentInput};
-use crate::syntax::literal::{Literal, Shape};
-use crate::syntax::part::Part;
+use crate::syntax::literal::{Literal, LiteralShape};
+use crate::syntax::part::ValuePart;
 use crate::syntax::reference::Reference;
-use crate::syntax::{Kind, Link, List, Net, Primitive, Source};
-use body::{Bodies, Body, Target};
+use crate::syntax::{Link, List, Net, Primitive, PrimitiveKind, Source};
+use body::{Bodies, Body, ReferenceTarget};
 use parameters::Parameters;
 
 /// Deepest nesting of instances.
 pub const DEPTH_MAX: usize = 32;
-/// Most that instances may stand for: primitives, their inputs and parameters, and elements of constants together. Ten
-/// lines could ask for more than any memory holds.
+/// Largest size of the expanded net: primitives, their inputs and parameters, and elements of constants together.
+/// Without a limit, ten lines of nested fragments could expand beyond any memory.
 pub const EXPANDED_MAX: usize = 1 << 20;
 
 /// A net without instances.
 #[derive(Clone, Debug)]
-pub struct Flat {
-    /// The net; of its fragments nothing is left but copies.
+pub struct ExpandedNet {
+    /// The net; its fragments are expanded.
     pub net: Net,
-    /// What is evaluated only under a condition; those around others come first.
-    pub regions: Vec<Region>,
-    /// By primitive: its innermost region. Empty if there are no regions.
+    /// Regions, outer ones first.
+    pub regions: Vec<ExpandedRegion>,
+    /// Innermost region, by primitive. Empty if there are no regions.
     pub region_of: Vec<Option<usize>>,
-    /// Outputs that count as read: those that fragments show, and those that what was refused reads.
+    /// Outputs that count as read: those that fragments export, and those that refused inputs read.
     pub read: Vec<Reference>,
-    /// What fragments say of their inputs.
-    pub pins: Vec<Pin>,
+    /// Declared types and units of fragment inputs.
+    pub declarations: Vec<InputDeclaration>,
     /// Ids of all instances.
     pub instances: Vec<String>,
-    /// An instance was refused: what is missing may be hidden there.
+    /// True if an instance was refused, so that missing definitions may belong to it.
     pub is_incomplete: bool,
 }
 
 /// Primitives that are evaluated only while a condition is true.
 #[derive(Clone, Debug)]
-pub struct Region {
+pub struct ExpandedRegion {
     /// Id of the instance or primitive that has the condition.
     pub id: Key,
     /// The condition.
     pub condition: Source,
-    /// Index of the region around it.
+    /// Index of the enclosing region.
     pub parent: Option<usize>,
 }
 
-/// The type and unit that a fragment gives its input, at one of the inputs that it feeds.
+/// The type and unit that a fragment declares for its input, applied to an input that it feeds.
 #[derive(Clone, Debug)]
-pub struct Pin {
+pub struct InputDeclaration {
     /// Index of the primitive.
     pub primitive: usize,
-    /// Name of its input.
+    /// Name of the primitive's input.
     pub input: String,
     /// Name of the fragment's input.
     pub name: String,
-    /// The type, and where it is said.
+    /// The declared type and its span.
     pub ty: Option<(Type, Span)>,
-    /// The unit, and where it is said.
+    /// The declared unit and its span.
     pub unit: Option<(Unit, Span)>,
 }
 
-impl Flat {
-    /// A net that has no instances and no conditions.
+impl ExpandedNet {
+    /// Wraps a net that has no instances and no conditions.
     #[must_use]
-    pub fn plain(net: Net) -> Flat {
-        Flat {
+    pub fn plain(net: Net) -> ExpandedNet {
+        ExpandedNet {
             net,
             regions: Vec::new(),
             region_of: Vec::new(),
             read: Vec::new(),
-            pins: Vec::new(),
+            declarations: Vec::new(),
             instances: Vec::new(),
             is_incomplete: false,
         }
     }
 }
 
-/// What feeds an input of an instance, and what the fragments around say of it.
+/// The source of an instance's input, and the declarations of the enclosing fragments that apply to it.
 #[derive(Clone)]
-struct Bound<'a> {
+struct BoundInput<'a> {
     source: Source,
-    pins: Vec<(&'a FragmentInput, Shift)>,
+    declarations: Vec<(&'a FragmentInput, SpanShift)>,
 }
 
-/// Where the primitives of a body go.
+/// The target of an expansion: prefix, bindings and region of the primitives of a body.
 struct Scope<'a> {
-    /// `a/b/`; empty: the net itself.
+    /// Prefix of ids, `a/b/`; empty for the net itself.
     path: String,
-    shift: Shift,
+    shift: SpanShift,
     parameters: Parameters<'a>,
-    inputs: HashMap<&'a str, Bound<'a>>,
+    inputs: HashMap<&'a str, BoundInput<'a>>,
     region: Option<usize>,
     depth: usize,
 }
 
 struct Expander<'a, 's> {
     bodies: &'a Bodies<'a>,
-    sources: &'s mut Sources,
+    sources: &'s mut SourceMap,
     faults: &'s mut Vec<Diagnostic>,
-    flat: Flat,
+    flat: ExpandedNet,
     expanded: usize,
-    /// Ids of the primitives that stand for constants that are read delayed.
+    /// Ids of the generated `Constant` primitives that stand for constants read through delayed links.
     constants: HashSet<String>,
 }
 
-/// Replaces all instances of a net; `library` are the fragments of its libraries. `None`: they stand for too much, which
-/// is reported, and of such a net nothing else is worth knowing.
+/// Expands all instances of a net; `library` holds the fragments of its libraries. Returns `None` if the expanded net
+/// would be too large. This is reported, and further checks are pointless.
 pub fn expand(
     mut net: Net,
     library: &[Fragment],
-    sources: &mut Sources,
+    sources: &mut SourceMap,
     faults: &mut Vec<Diagnostic>,
-) -> Option<Flat> {
+) -> Option<ExpandedNet> {
     parameters::refuse_in_timing(&mut net.timing, faults);
     let is_plain = |primitive: &Primitive| {
-        primitive.kind == Kind::Type && primitive.active.is_none() && !parameters::any_in(primitive)
+        primitive.kind == PrimitiveKind::Type
+            && primitive.active.is_none()
+            && !parameters::any_in(primitive)
     };
     if net.fragments.is_empty() && library.is_empty() && net.primitives.iter().all(is_plain) {
-        return Some(Flat::plain(net));
+        return Some(ExpandedNet::plain(net));
     }
     let bodies = Bodies::of(&net, library, faults);
     bodies.check(faults);
@@ -148,13 +150,13 @@ pub fn expand(
         bodies: &bodies,
         sources,
         faults,
-        flat: Flat::plain(empty),
+        flat: ExpandedNet::plain(empty),
         expanded: 0,
         constants: HashSet::new(),
     };
     let scope = Scope {
         path: String::new(),
-        shift: Shift::default(),
+        shift: SpanShift::default(),
         parameters: Parameters::default(),
         inputs: HashMap::new(),
         region: None,
@@ -171,8 +173,8 @@ pub fn expand(
     Some(flat)
 }
 
-/// What feeds an input, and what the fragments on the way to it say of it.
-type Fed<'a> = (Source, Vec<(&'a FragmentInput, Shift)>);
+/// A source, and the declarations of the fragment inputs that it passes through.
+type FedSource<'a> = (Source, Vec<(&'a FragmentInput, SpanShift)>);
 
 impl<'a> Expander<'a, '_> {
     fn body(&mut self, body: &'a Body<'a>, scope: &Scope<'a>) {
@@ -182,12 +184,15 @@ impl<'a> Expander<'a, '_> {
             }
             let region = self.region(primitive, body, scope);
             match primitive.kind {
-                Kind::Type => self.primitive(primitive, body, scope, region),
-                Kind::Fragment => self.instance(primitive, body, scope, region),
+                PrimitiveKind::Type => self.primitive(primitive, body, scope, region),
+                PrimitiveKind::Fragment => self.instance(primitive, body, scope, region),
             }
         }
         for reference in body.discard {
-            if matches!(self.bodies.target(body, reference), Target::Primitive) {
+            if matches!(
+                self.bodies.target(body, reference),
+                ReferenceTarget::Primitive
+            ) {
                 let discarded = scope.named(reference);
                 self.flat.net.discard.push(discarded);
             }
@@ -217,7 +222,7 @@ impl<'a> Expander<'a, '_> {
         false
     }
 
-    /// The region of a primitive: a new one if it has a condition.
+    /// Returns the region of a primitive: a new one if it has a condition.
     fn region(
         &mut self,
         primitive: &'a Primitive,
@@ -229,11 +234,11 @@ impl<'a> Expander<'a, '_> {
         };
         let (condition, _) = self.source(condition, body, scope);
         if let Source::Literal(literal) = &condition
-            && literal.shape == Shape::Bool(true)
+            && literal.shape == LiteralShape::Bool(true)
         {
             return scope.region;
         }
-        self.flat.regions.push(Region {
+        self.flat.regions.push(ExpandedRegion {
             id: scope.key(&primitive.id),
             condition,
             parent: scope.region,
@@ -253,24 +258,27 @@ impl<'a> Expander<'a, '_> {
             (scope.shift.key(key), literal)
         });
         let parameters = parameters.collect();
-        let (mut inputs, mut pins) = (Vec::with_capacity(primitive.inputs.len()), Vec::new());
+        let (mut inputs, mut declarations) =
+            (Vec::with_capacity(primitive.inputs.len()), Vec::new());
         for (key, source) in &primitive.inputs {
             let (source, said) = self.source(source, body, scope);
             inputs.push((scope.shift.key(key), source));
-            pins.extend(said.into_iter().map(|said| (key, said)));
+            declarations.extend(said.into_iter().map(|said| (key, said)));
         }
         let number = self.flat.net.primitives.len();
-        let pins = pins.into_iter().map(|(key, (input, shift))| Pin {
-            primitive: number,
-            input: key.name.clone(),
-            name: input.name.name.clone(),
-            ty: input.ty.map(|(ty, span)| (ty, shift.span(span))),
-            unit: input.unit.map(|(unit, span)| (unit, shift.span(span))),
-        });
-        self.flat.pins.extend(pins);
+        let declarations = declarations
+            .into_iter()
+            .map(|(key, (input, shift))| InputDeclaration {
+                primitive: number,
+                input: key.name.clone(),
+                name: input.name.name.clone(),
+                ty: input.ty.map(|(ty, span)| (ty, shift.span(span))),
+                unit: input.unit.map(|(unit, span)| (unit, shift.span(span))),
+            });
+        self.flat.declarations.extend(declarations);
         let made = Primitive {
             id: scope.key(&primitive.id),
-            kind: Kind::Type,
+            kind: PrimitiveKind::Type,
             type_name: scope.shift.key(&primitive.type_name),
             parameters,
             inputs,
@@ -324,15 +332,15 @@ impl<'a> Expander<'a, '_> {
         self.body(inner, &inner_scope);
     }
 
-    /// What feeds the inputs of an instance.
+    /// Returns the sources of the inputs of an instance.
     fn bind(
         &mut self,
         instance: &'a Primitive,
         fragment: &'a Fragment,
-        shift: Shift,
+        shift: SpanShift,
         body: &'a Body<'a>,
         scope: &Scope<'a>,
-    ) -> HashMap<&'a str, Bound<'a>> {
+    ) -> HashMap<&'a str, BoundInput<'a>> {
         let known: HashSet<&str> = fragment
             .inputs
             .iter()
@@ -341,39 +349,50 @@ impl<'a> Expander<'a, '_> {
         let mut given = HashMap::new();
         for (key, source) in &instance.inputs {
             if known.contains(key.name.as_str()) {
-                let (source, pins) = self.source(source, body, scope);
+                let (source, declarations) = self.source(source, body, scope);
                 for link in source.links() {
-                    // Also where the fragment makes nothing of it, which is its own fault.
+                    // Counts as read even if the fragment ignores the input, which is reported for the fragment.
                     self.flat.read.push(link.from.clone());
                 }
-                given.insert(key.name.as_str(), Bound { source, pins });
+                given.insert(
+                    key.name.as_str(),
+                    BoundInput {
+                        source,
+                        declarations,
+                    },
+                );
             } else {
                 self.read(source, body, scope);
             }
         }
         for input in &fragment.inputs {
-            let bound = given.entry(&input.name.name).or_insert_with(|| Bound {
+            let bound = given.entry(&input.name.name).or_insert_with(|| BoundInput {
                 source: match &input.default {
                     Some(default) => Source::Literal(shift.literal(default)),
                     None => Source::Refused,
                 },
-                pins: Vec::new(),
+                declarations: Vec::new(),
             });
             if input.ty.is_some() || input.unit.is_some() {
-                bound.pins.push((input, shift));
+                bound.declarations.push((input, shift));
             }
         }
         given
     }
 
-    /// What is refused reads something all the same.
+    /// Counts the outputs that a refused source reads as read.
     fn read(&mut self, source: &'a Source, body: &'a Body<'a>, scope: &Scope<'a>) {
         let (source, _) = self.source(source, body, scope);
         let links = source.links().into_iter();
         self.flat.read.extend(links.map(|link| link.from.clone()));
     }
 
-    fn source(&mut self, source: &'a Source, body: &'a Body<'a>, scope: &Scope<'a>) -> Fed<'a> {
+    fn source(
+        &mut self,
+        source: &'a Source,
+        body: &'a Body<'a>,
+        scope: &Scope<'a>,
+    ) -> FedSource<'a> {
         let link = match source {
             Source::Refused => return (Source::Refused, Vec::new()),
             Source::Literal(literal) => {
@@ -402,27 +421,28 @@ impl<'a> Expander<'a, '_> {
                 ..link.clone()
             },
         };
-        if let Target::Input(input) = self.bodies.target(body, &link.from) {
+        if let ReferenceTarget::Input(input) = self.bodies.target(body, &link.from) {
             let Some(bound) = scope.inputs.get(input.name.name.as_str()) else {
                 return (Source::Refused, Vec::new());
             };
-            let pins = match link.from.part {
-                None => bound.pins.clone(),
+            let declarations = match link.from.part {
+                None => bound.declarations.clone(),
                 Some(_) => Vec::new(),
             };
-            return (self.through(&bound.source, link, scope), pins);
+            return (self.through(&bound.source, link, scope), declarations);
         }
         let from = self.output(body, scope, &link.from);
         let source = from.map_or(Source::Refused, |from| Source::Link(Link { from, ..link }));
         (source, Vec::new())
     }
 
-    /// What a link from an input of a fragment is, when the instance feeds the input with `outside`.
+    /// Resolves a link from an input of a fragment, given the source `outside` that the instance connects to that
+    /// input.
     fn through(&mut self, outside: &Source, inside: Link, scope: &Scope<'_>) -> Source {
         match outside {
             Source::Refused => Source::Refused,
             Source::Literal(literal) if inside.delayed => {
-                // In the first cycle the link carries another value than the constant.
+                // In the first cycle the delayed link carries its initial value instead of the constant.
                 let from = self.constant(literal, &inside.from, scope);
                 Source::Link(Link { from, ..inside })
             }
@@ -435,7 +455,7 @@ impl<'a> Expander<'a, '_> {
                     Source::Refused
                 }
                 None => Source::List(list.clone()),
-                Some(Part::Element(index)) if (index as usize) < list.elements.len() => {
+                Some(ValuePart::Element(index)) if (index as usize) < list.elements.len() => {
                     let mut whole = inside;
                     whole.from.part = None;
                     self.through(&list.elements[index as usize], whole, scope)
@@ -447,7 +467,7 @@ impl<'a> Expander<'a, '_> {
             },
             Source::Literal(literal) => match (inside.from.part, &literal.shape) {
                 (None, _) => Source::Literal(literal.clone()),
-                (Some(Part::Element(index)), Shape::List(elements))
+                (Some(ValuePart::Element(index)), LiteralShape::List(elements))
                     if (index as usize) < elements.len() =>
                 {
                     Source::Literal(elements[index as usize].clone())
@@ -484,18 +504,18 @@ impl<'a> Expander<'a, '_> {
         Source::Refused
     }
 
-    /// A primitive for a constant, one for each input of an instance.
+    /// Returns a `Constant` primitive for a constant, one for each input of an instance.
     fn constant(&mut self, literal: &Literal, from: &Reference, scope: &Scope<'_>) -> Reference {
         let key = |name: &str| Key {
             name: name.to_owned(),
             span: literal.span,
         };
-        // The name is free: inputs and primitives of a fragment have different ones.
+        // The id is unused: inputs and primitives of a fragment have different names.
         let id = format!("{}{}", scope.path, from.primitive);
         if self.constants.insert(id.clone()) {
             let constant = Primitive {
                 id: key(&id),
-                kind: Kind::Type,
+                kind: PrimitiveKind::Type,
                 type_name: key("Constant"),
                 parameters: vec![(key("value"), literal.clone())],
                 inputs: Vec::new(),
@@ -510,7 +530,7 @@ impl<'a> Expander<'a, '_> {
         }
     }
 
-    /// The output of the flat net that a reference to a primitive or an instance leads to.
+    /// Returns the output of the expanded net that a reference to a primitive or an instance resolves to.
     fn output(
         &mut self,
         body: &'a Body<'a>,
@@ -521,13 +541,13 @@ impl<'a> Expander<'a, '_> {
         let (mut body, mut at, mut path) = (body, reference, scope.path.clone());
         for _ in scope.depth..=DEPTH_MAX {
             let (instance, output) = match self.bodies.target(body, at) {
-                Target::Primitive => {
+                ReferenceTarget::Primitive => {
                     found.primitive = format!("{path}{}", at.primitive);
                     found.port.clone_from(&at.port);
                     return Some(found);
                 }
-                Target::Instance(instance, output) => (instance, output),
-                Target::Input(_) | Target::Refused => return None,
+                ReferenceTarget::Instance(instance, output) => (instance, output),
+                ReferenceTarget::Input(_) | ReferenceTarget::Refused => return None,
             };
             if found.part.is_some() && output.from.part.is_some() {
                 let message = format!(
@@ -549,14 +569,14 @@ impl<'a> Expander<'a, '_> {
 }
 
 impl Scope<'_> {
-    /// An id as the flat net has it.
+    /// Returns an id with the prefix of the scope.
     fn key(&self, id: &Key) -> Key {
         let mut key = self.shift.key(id);
         key.name.insert_str(0, &self.path);
         key
     }
 
-    /// A reference to a primitive as the flat net has it.
+    /// Returns a reference to a primitive with the prefix of the scope.
     fn named(&self, reference: &Reference) -> Reference {
         let mut named = self.shift.reference(reference);
         named.primitive.insert_str(0, &self.path);
@@ -564,7 +584,7 @@ impl Scope<'_> {
     }
 }
 
-/// How much of [`EXPANDED_MAX`] a copy of a primitive takes.
+/// Returns the cost of a copy of a primitive, counted against [`EXPANDED_MAX`].
 fn weight(primitive: &Primitive) -> usize {
     let parameters = primitive.parameters.iter();
     let parameters = parameters.map(|(_, literal)| elements(literal));
@@ -573,8 +593,8 @@ fn weight(primitive: &Primitive) -> usize {
         let constants = source.constants().into_iter().map(elements);
         1 + source.links().len() + constants.sum::<usize>()
     });
-    // An instance is known by its path and by where it stands.
-    let itself = if primitive.kind == Kind::Fragment {
+    // An instance costs more: its path and its span are stored as well.
+    let itself = if primitive.kind == PrimitiveKind::Fragment {
         16
     } else {
         4
@@ -584,9 +604,9 @@ fn weight(primitive: &Primitive) -> usize {
 
 fn elements(literal: &Literal) -> usize {
     match &literal.shape {
-        Shape::List(elements) => 1 + elements.iter().map(self::elements).sum::<usize>(),
-        // Most of what a list in the text may have.
-        Shape::Open(_) => usize::from(rcc_core::types::ELEMENTS_MAX),
+        LiteralShape::List(elements) => 1 + elements.iter().map(self::elements).sum::<usize>(),
+        // The parameters are not substituted yet; assume the longest list.
+        LiteralShape::Parameterised(_) => usize::from(rcc_core::types::ELEMENTS_MAX),
         _ => 1,
     }
 }

@@ -1,22 +1,22 @@
-//! The codes of all faults that a net can have. A code keeps its meaning for ever; people search for it.
-//! Used by the loader's threads and by `rcc-cli check`.
+//! The codes of all diagnostics of nets. A code never changes its meaning, because people search for it. Used by the
+//! loader's threads and by `rcc-cli check`.
 
-/// A kind of fault.
+/// Description of a diagnostic code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rule {
-    /// As printed.
+pub struct FaultDescription {
+    /// The code as printed.
     pub code: &'static str,
-    /// What it stands for, one sentence.
+    /// Meaning, one sentence.
     pub meaning: &'static str,
-    /// What to do, where the fault itself knows nothing better.
+    /// Help text for diagnostics that have none of their own.
     pub remedy: &'static str,
 }
 
 macro_rules! rules {
     ($($name:ident = $code:expr, $meaning:literal, $remedy:literal;)*) => {
         $(#[doc = $meaning] pub const $name: &str = $code;)*
-        /// Every kind of fault, sorted by code.
-        pub const RULES: &[Rule] = &[$(Rule { code: $name, meaning: $meaning, remedy: $remedy }),*];
+        /// All codes, sorted.
+        pub const RULES: &[FaultDescription] = &[$(FaultDescription { code: $name, meaning: $meaning, remedy: $remedy }),*];
     };
 }
 
@@ -46,7 +46,7 @@ rules! {
     FRAGMENT_TWICE = "RCC1107", "Two fragments have the same name.",
         "rename one of the two";
     UNKNOWN_TYPE = "RCC1201", "There is no primitive of this type.",
-        "`rcc-cli primitives` lists all types";
+        "`rcc-cli primitives` lists all primitives types";
     UNKNOWN_PRIMITIVE = "RCC1202", "A link names a primitive that the net does not have.",
         "add it under `primitives`, or read another output";
     UNKNOWN_OUTPUT = "RCC1203", "A link names an output that its primitive does not have.",
@@ -135,7 +135,7 @@ rules! {
         "name the results that end it: `# end: _1, _2` before the net";
 }
 
-/// The general remedy of a code.
+/// Returns the general help text of a code.
 #[must_use]
 pub fn remedy(code: &str) -> Option<&'static str> {
     let rule = RULES.iter().find(|rule| rule.code == code);

@@ -1,35 +1,36 @@
-//! `fmt`: the text of a net or library in its one layout, with all its comments and without a change of what it says.
-//! Used by the command line, never on the real-time thread.
+//! The formatter: rewrites a net or library in its canonical layout, and keeps all comments and the meaning. Used by
+//! the command line; never on the real-time thread.
 
 use rcc_config::diagnostic::{Diagnostic, Faults, Severity, Span};
 use rcc_config::yaml::annotated::{self, same};
-use rcc_config::yaml::layout::{Block, Tree, render};
+use rcc_config::yaml::layout::{Tree, TreeBlock, render};
 use rcc_config::yaml::{self, Node};
 use thiserror::Error;
 
 use crate::fault;
 use crate::syntax::{self, fragment};
 
-/// Why a text is left as it is.
+/// Reason why a text is not formatted.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum FormatError {
-    /// It is no net and no library.
+    /// The text is not a valid net or library.
     #[error("the text has faults; it is laid out when it has none")]
     Faulty(Faults),
-    /// It is JSON, which is for machines.
+    /// The text is JSON, which programs write.
     #[error("this is JSON, which is laid out by what writes it")]
     Json,
-    /// Something would be lost; one fault at its place.
+    /// Formatting would lose something; holds one diagnostic at its span.
     #[error("the text has something that would be lost")]
     WouldLose(Faults),
 }
 
-/// Lays out a text; `file` is the name that faults mention.
+/// Formats a text; `file` is the name that diagnostics show.
 ///
-/// The result says the same, has the same comments, and laying it out again changes nothing: that is checked here.
+/// The result has the same meaning and the same comments, and formatting it again changes nothing. All this is verified
+/// here.
 ///
 /// # Errors
-/// Why the text is left as it is.
+/// Returns the reason if the text cannot be formatted.
 pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
     if text
         .trim_start_matches('\u{feff}')
@@ -39,7 +40,7 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
         return Err(FormatError::Json);
     }
     let faulty =
-        |faults| FormatError::Faulty(crate::sources::Sources::new(file, text).finished(faults));
+        |faults| FormatError::Faulty(crate::source_map::SourceMap::new(file, text).finish(faults));
     let root = yaml::parse(text).map_err(faulty)?;
     let faults = faults_of(&root);
     if !faults.is_empty() {
@@ -62,7 +63,7 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
     if kept { Ok(written) } else { Err(lost(None)) }
 }
 
-/// The errors in the shape of a net or library; what names refer to does not matter.
+/// Returns the syntax errors of a net or library; names are not resolved.
 fn faults_of(root: &Node) -> Vec<Diagnostic> {
     let mut faults = Vec::new();
     if root.get("library").is_some() {
@@ -74,7 +75,7 @@ fn faults_of(root: &Node) -> Vec<Diagnostic> {
     faults
 }
 
-/// The layout, without a look at whether it is right.
+/// Formats without verifying the result.
 fn laid_out(text: &str, root: &Node) -> Result<String, Span> {
     let mut tree = annotated::read(text, root)?;
     open(&mut tree, |key, tree| match key {
@@ -91,9 +92,9 @@ fn laid_out(text: &str, root: &Node) -> Result<String, Span> {
     Ok(render(&tree))
 }
 
-/// An entry a line; `inside` sees each.
+/// Puts each entry on a line of its own and calls `inside` with it.
 fn open(tree: &mut Tree, mut inside: impl FnMut(&str, &mut Tree)) {
-    if let Tree::Map(Block { entries, open, .. }) = tree {
+    if let Tree::Map(TreeBlock { entries, open, .. }) = tree {
         *open = true;
         for entry in entries {
             inside(&entry.key, &mut entry.value);
@@ -101,7 +102,7 @@ fn open(tree: &mut Tree, mut inside: impl FnMut(&str, &mut Tree)) {
     }
 }
 
-/// An entry a line, in columns.
+/// Puts each entry on a line of its own, aligned in columns.
 fn align(tree: &mut Tree) {
     open(tree, |_, _| {});
     if let Some(block) = tree.block_mut() {
@@ -109,7 +110,7 @@ fn align(tree: &mut Tree) {
     }
 }
 
-/// True if the new text says the same with the same comments, and is not changed by another look.
+/// Returns true if the new text has the same meaning and comments, and formatting it again changes nothing.
 fn is_the_same(text: &str, root: &Node, written: &str) -> bool {
     let Ok(again) = yaml::parse(written) else {
         return false;

@@ -1,95 +1,104 @@
-//! Types and units of all ports: what the catalogue fixes goes along the links to where it leaves a choice.
-//! Literals adapt; what nothing decides is a Real, and of unit 1. The loader's threads.
+//! Inference of types and units of all ports: those fixed by the catalogue propagate along the links to ports that
+//! leave them open. Literals adapt. A type that nothing determines is Real, a unit is 1. Runs on the loader's threads.
 
-mod constraint;
-mod types;
+mod type_solver;
+mod unit_solver;
 
 use rcc_core::primitive::{Dim, Port, PortType, UnitRule};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use crate::resolve::{Feed, Graph, Item, Leaf, Output, Pin, Wire};
+use crate::resolve::{
+    DeclaredInput, InputSource, ListElement, NetGraph, OutputId, ResolvedLink, ResolvedPrimitive,
+};
 use crate::syntax::literal::Literal;
-use crate::syntax::part::{PartUnit, Place, unit_of};
-use constraint::{Constraint, Solver};
-use types::Open;
+use crate::syntax::part::{ListPosition, PartUnit, unit_of};
+use type_solver::TypeVariables;
+use unit_solver::{UnitConstraint, UnitSolver};
 
-/// Types and units of every port of a net.
+/// Types and units of all ports of a net.
 #[derive(Debug)]
 pub struct Inferred {
-    open: Vec<Open>,
-    /// By item: joints of its device.
+    open: Vec<TypeVariables>,
+    /// Number of joints of its device, by item.
     joints: Vec<Option<u16>>,
-    cells: Vec<Cells>,
+    unit_variables: Vec<UnitVariables>,
     units: Vec<Option<Unit>>,
 }
 
-/// The unit variables of one item: its rules and their number in the solver.
-type Cells = Vec<(UnitRule, usize)>;
+/// The unit variables of one item: rule, and index of the variable in the solver.
+type UnitVariables = Vec<(UnitRule, usize)>;
 
-/// Something with a unit: fixed, a variable of the solver, or nothing that could be compared.
+/// A unit: fixed, a variable of the solver, or nothing to compare.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Term {
+enum UnitTerm {
     Fixed(Unit),
-    Open(usize),
+    Variable(usize),
     None,
 }
 
 impl Inferred {
-    /// The type that a port of item `number` carries; `None` if a fault hides it.
+    /// Returns the type of a port of item `number`; `None` if it is unknown because of an error.
     #[must_use]
-    pub fn port_type(&self, _: &Graph<'_>, number: usize, ty: PortType) -> Option<Type> {
+    pub fn port_type(&self, _: &NetGraph<'_>, number: usize, ty: PortType) -> Option<Type> {
         let joints = self.joints.get(number).copied().flatten();
         self.open.get(number)?.port(joints, ty)
     }
 
-    /// The open type of item `number`.
+    /// Returns the open type of item `number`.
     #[must_use]
     pub fn open_type(&self, number: usize) -> Option<Type> {
         self.open.get(number)?.open()
     }
 
-    /// A length of item `number`; `None` if nothing says it.
+    /// Returns a length of item `number`; `None` if nothing determines it.
     #[must_use]
     pub fn length(&self, number: usize, dim: Dim) -> Option<u16> {
         self.open.get(number)?.dim(dim)
     }
 
-    /// The unit of a port of item `number`; `None`: its type says it, or a fault hides it.
+    /// Returns the unit of a port of item `number`; `None` if its type implies it, or if it is unknown because of an
+    /// error.
     #[must_use]
-    pub fn port_unit(&self, graph: &Graph<'_>, number: usize, rule: UnitRule) -> Option<Unit> {
-        match unit_term(graph.items.get(number)?, self.cells.get(number)?, rule) {
-            Term::Fixed(unit) => Some(unit),
-            Term::Open(variable) => self.units.get(variable).copied().flatten(),
-            Term::None => None,
+    pub fn port_unit(&self, graph: &NetGraph<'_>, number: usize, rule: UnitRule) -> Option<Unit> {
+        match unit_term(
+            graph.items.get(number)?,
+            self.unit_variables.get(number)?,
+            rule,
+        ) {
+            UnitTerm::Fixed(unit) => Some(unit),
+            UnitTerm::Variable(variable) => self.units.get(variable).copied().flatten(),
+            UnitTerm::None => None,
         }
     }
 
-    /// The type of an output.
+    /// Returns the type of an output.
     #[must_use]
-    pub fn output_type(&self, graph: &Graph<'_>, output: Output) -> Option<Type> {
+    pub fn output_type(&self, graph: &NetGraph<'_>, output: OutputId) -> Option<Type> {
         let port = port_of(graph, output)?;
         self.port_type(graph, output.item, port.ty)
     }
 
-    /// The unit of what a link carries: that of the output, but for parts that have another one.
+    /// Returns the unit of the value that a link carries: that of the output, except for parts with a unit of their
+    /// own.
     #[must_use]
-    pub fn wire_unit(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> Option<Unit> {
-        match self.source_unit(graph, wire) {
-            PartUnit::Port => self.output_unit(graph, wire.from),
+    pub fn link_unit(&self, graph: &NetGraph<'_>, link: &ResolvedLink<'_>) -> Option<Unit> {
+        match self.source_unit(graph, link) {
+            PartUnit::Port => self.output_unit(graph, link.from),
             PartUnit::Is(unit) => Some(unit),
             PartUnit::None => None,
         }
     }
 
-    /// The unit that a link must have where it ends: that of the input, but for elements of a list that have another one.
+    /// Returns the unit required at the target of a link: that of the input, except for list elements with a unit of
+    /// their own.
     #[must_use]
-    pub fn place_unit(
+    pub fn position_unit(
         &self,
-        graph: &Graph<'_>,
+        graph: &NetGraph<'_>,
         number: usize,
         port: &Port,
-        place: Place,
+        place: ListPosition,
     ) -> Option<Unit> {
         match self.sink_unit(number, port, place) {
             PartUnit::Port => self.port_unit(graph, number, port.unit),
@@ -98,16 +107,16 @@ impl Inferred {
         }
     }
 
-    fn source_unit(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> PartUnit {
-        let whole = self.output_type(graph, wire.from);
-        let part = whole.zip(wire.part);
+    fn source_unit(&self, graph: &NetGraph<'_>, link: &ResolvedLink<'_>) -> PartUnit {
+        let whole = self.output_type(graph, link.from);
+        let part = whole.zip(link.part);
         let part = part.and_then(|(whole, part)| Some((whole, part.of(whole)?)));
         part.map_or(PartUnit::Port, |(whole, (offset, part))| {
             unit_of(whole, offset, part)
         })
     }
 
-    fn sink_unit(&self, number: usize, port: &Port, place: Place) -> PartUnit {
+    fn sink_unit(&self, number: usize, port: &Port, place: ListPosition) -> PartUnit {
         let joints = self.joints.get(number).copied().flatten();
         let open = self.open.get(number);
         let whole = open.and_then(|open| open.port(joints, port.ty));
@@ -119,14 +128,14 @@ impl Inferred {
         }
     }
 
-    /// The type that must be at a place of an input's list; of the whole input if it is no list.
+    /// Returns the type required at a position in an input's list, or the type of the whole input if it is not a list.
     #[must_use]
-    pub fn place_type(
+    pub fn position_type(
         &self,
-        graph: &Graph<'_>,
+        graph: &NetGraph<'_>,
         number: usize,
         port: &Port,
-        place: Place,
+        place: ListPosition,
     ) -> Option<Type> {
         let whole = self.port_type(graph, number, port.ty)?;
         match port.ty {
@@ -135,25 +144,25 @@ impl Inferred {
         }
     }
 
-    /// The unit of an output.
+    /// Returns the unit of an output.
     #[must_use]
-    pub fn output_unit(&self, graph: &Graph<'_>, output: Output) -> Option<Unit> {
+    pub fn output_unit(&self, graph: &NetGraph<'_>, output: OutputId) -> Option<Unit> {
         let port = port_of(graph, output)?;
         self.port_unit(graph, output.item, port.unit)
     }
 
-    /// What a link carries: the output or a part of it.
+    /// Returns the type of the value that a link carries: that of the output or of a part of it.
     #[must_use]
-    pub fn wire_type(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> Option<Type> {
-        let ty = self.output_type(graph, wire.from)?;
-        match wire.part {
+    pub fn link_type(&self, graph: &NetGraph<'_>, link: &ResolvedLink<'_>) -> Option<Type> {
+        let ty = self.output_type(graph, link.from)?;
+        match link.part {
             None => Some(ty),
             Some(part) => part.of(ty).map(|(_, ty)| ty),
         }
     }
 }
 
-fn port_of(graph: &Graph<'_>, output: Output) -> Option<&'static Port> {
+fn port_of(graph: &NetGraph<'_>, output: OutputId) -> Option<&'static Port> {
     graph
         .items
         .get(output.item)?
@@ -162,23 +171,29 @@ fn port_of(graph: &Graph<'_>, output: Output) -> Option<&'static Port> {
         .get(output.port)
 }
 
-fn unit_term(item: &Item<'_>, cells: &Cells, rule: UnitRule) -> Term {
+fn unit_term(
+    item: &ResolvedPrimitive<'_>,
+    unit_variables: &UnitVariables,
+    rule: UnitRule,
+) -> UnitTerm {
     match rule {
-        UnitRule::Is(unit) => Term::Fixed(unit),
-        UnitRule::Typed => Term::None,
+        UnitRule::Is(unit) => UnitTerm::Fixed(unit),
+        UnitRule::Typed => UnitTerm::None,
         UnitRule::Channel => item
             .channel
-            .map_or(Term::None, |(_, unit)| Term::Fixed(unit)),
+            .map_or(UnitTerm::None, |(_, unit)| UnitTerm::Fixed(unit)),
         _ => {
-            let cell = cells.iter().find(|(known, _)| *known == rule);
-            cell.map_or(Term::None, |(_, variable)| Term::Open(*variable))
+            let found = unit_variables.iter().find(|(known, _)| *known == rule);
+            found.map_or(UnitTerm::None, |(_, variable)| {
+                UnitTerm::Variable(*variable)
+            })
         }
     }
 }
 
-/// Finds the types and units of all ports.
+/// Infers the types and units of all ports.
 #[must_use]
-pub fn infer(graph: &Graph<'_>) -> Inferred {
+pub fn infer(graph: &NetGraph<'_>) -> Inferred {
     let joints: Vec<Option<u16>> = graph
         .items
         .iter()
@@ -189,20 +204,22 @@ pub fn infer(graph: &Graph<'_>) -> Inferred {
         })
         .collect();
     let mut inferred = Inferred {
-        open: types::infer(graph, &joints),
+        open: type_solver::infer(graph, &joints),
         joints,
-        cells: Vec::new(),
+        unit_variables: Vec::new(),
         units: Vec::new(),
     };
     infer_units(graph, &mut inferred);
     inferred
 }
 
-/// The constants of an item with the type and unit of their places.
-pub fn literals<'g>(item: &'g Item<'_>) -> impl Iterator<Item = (&'g Literal, PortType, UnitRule)> {
+/// Returns the constants of an item with the types and units of their ports.
+pub fn literals<'g>(
+    item: &'g ResolvedPrimitive<'_>,
+) -> impl Iterator<Item = (&'g Literal, PortType, UnitRule)> {
     let inputs = item.inputs.iter().zip(item.spec().inputs);
     let inputs = inputs.filter_map(|(feed, port)| match feed {
-        Feed::Literal(literal) => Some((*literal, port.ty, port.unit)),
+        InputSource::Literal(literal) => Some((*literal, port.ty, port.unit)),
         _ => None,
     });
     let parameters = item.parameters.iter().zip(item.spec().parameters);
@@ -213,85 +230,103 @@ pub fn literals<'g>(item: &'g Item<'_>) -> impl Iterator<Item = (&'g Literal, Po
     inputs.chain(parameters)
 }
 
-fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
+fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
     let mut count = 0;
     for item in &graph.items {
-        inferred.cells.push(cells_of(item, &mut count));
+        inferred
+            .unit_variables
+            .push(unit_variables_of(item, &mut count));
     }
-    let mut solver = Solver::new(count);
+    let mut solver = UnitSolver::new(count);
     let term = |number: usize, rule: UnitRule| {
-        let cell = graph.items.get(number).zip(inferred.cells.get(number));
-        cell.map_or(Term::None, |(item, cells)| unit_term(item, cells, rule))
+        let found = graph
+            .items
+            .get(number)
+            .zip(inferred.unit_variables.get(number));
+        found.map_or(UnitTerm::None, |(item, unit_variables)| {
+            unit_term(item, unit_variables, rule)
+        })
     };
-    for Pin { item, input, said } in &graph.pins {
+    for DeclaredInput {
+        item,
+        input,
+        declaration,
+    } in &graph.declarations
+    {
         let port = graph.items.get(*item);
         let port = port.and_then(|item| item.spec().inputs.get(*input));
-        if let (Some(port), Some((unit, _))) = (port, said.unit) {
-            solver.add(Constraint::Equal(Term::Fixed(unit), term(*item, port.unit)));
+        if let (Some(port), Some((unit, _))) = (port, declaration.unit) {
+            solver.add(UnitConstraint::Equal(
+                UnitTerm::Fixed(unit),
+                term(*item, port.unit),
+            ));
         }
     }
     for (number, item) in graph.items.iter().enumerate() {
-        if let Some((variable, unit)) = item.said_unit() {
+        if let Some((variable, unit)) = item.declared_unit() {
             let variable = term(number, UnitRule::Var(variable));
-            solver.add(Constraint::Equal(Term::Fixed(unit), variable));
+            solver.add(UnitConstraint::Equal(UnitTerm::Fixed(unit), variable));
         }
-        for (port, wire) in item.wires() {
+        for (port, link) in item.links() {
             let (Some(port), Some(from)) =
-                (item.spec().inputs.get(port), port_of(graph, wire.from))
+                (item.spec().inputs.get(port), port_of(graph, link.from))
             else {
                 continue;
             };
-            let of = |unit: PartUnit, port: Term| match unit {
+            let of = |unit: PartUnit, port: UnitTerm| match unit {
                 PartUnit::Port => port,
-                PartUnit::Is(unit) => Term::Fixed(unit),
-                PartUnit::None => Term::None,
+                PartUnit::Is(unit) => UnitTerm::Fixed(unit),
+                PartUnit::None => UnitTerm::None,
             };
-            let place = inferred.sink_unit(number, port, wire.place);
+            let place = inferred.sink_unit(number, port, link.place);
             let sink = of(place, term(number, port.unit));
-            let source = inferred.source_unit(graph, wire);
-            let source = of(source, term(wire.from.item, from.unit));
-            solver.add(Constraint::Equal(source, sink));
-            for (unit, _) in wire.initial.map(Literal::units).unwrap_or_default() {
-                solver.add(Constraint::Equal(Term::Fixed(unit), sink));
+            let source = inferred.source_unit(graph, link);
+            let source = of(source, term(link.from.item, from.unit));
+            solver.add(UnitConstraint::Equal(source, sink));
+            for (unit, _) in link.initial.map(Literal::units).unwrap_or_default() {
+                solver.add(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
             }
         }
         for (port, list) in item.lists() {
             let port = item.spec().inputs.get(port);
             for (leaf, port) in list.leaves.iter().zip(std::iter::repeat(port)) {
-                let (Leaf::Literal(literal, place), Some(port)) = (leaf, port) else {
+                let (ListElement::Literal(literal, place), Some(port)) = (leaf, port) else {
                     continue;
                 };
                 if inferred.sink_unit(number, port, *place) == PartUnit::Port {
                     for (unit, _) in literal.units() {
                         let sink = term(number, port.unit);
-                        solver.add(Constraint::Equal(Term::Fixed(unit), sink));
+                        solver.add(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));
                     }
                 }
             }
         }
         for (literal, _, rule) in literals(item) {
             for (unit, _) in literal.units() {
-                solver.add(Constraint::Equal(Term::Fixed(unit), term(number, rule)));
+                solver.add(UnitConstraint::Equal(
+                    UnitTerm::Fixed(unit),
+                    term(number, rule),
+                ));
             }
         }
-        for (rule, variable) in inferred.cells.get(number).into_iter().flatten() {
+        for (rule, variable) in inferred.unit_variables.get(number).into_iter().flatten() {
             let open = |index: u8| term(number, UnitRule::Var(index));
-            let result = Term::Open(*variable);
+            let result = UnitTerm::Variable(*variable);
             solver.add(match *rule {
-                UnitRule::Product(a, b) => Constraint::Product(open(a), open(b), result),
-                UnitRule::Quotient(a, b) => Constraint::Product(result, open(b), open(a)),
+                UnitRule::Product(a, b) => UnitConstraint::Product(open(a), open(b), result),
+                UnitRule::Quotient(a, b) => UnitConstraint::Product(result, open(b), open(a)),
                 UnitRule::PerSecond(a) => {
-                    Constraint::Product(result, Term::Fixed(Unit::SECOND), open(a))
+                    UnitConstraint::Product(result, UnitTerm::Fixed(Unit::SECOND), open(a))
                 }
                 UnitRule::PerSecond2(a) => {
                     let square = Unit::SECOND.times(Unit::SECOND);
-                    Constraint::Product(result, Term::Fixed(square), open(a))
+                    UnitConstraint::Product(result, UnitTerm::Fixed(square), open(a))
                 }
                 UnitRule::PerSecond3(a) => {
                     let cube = Unit::SECOND.times(Unit::SECOND).times(Unit::SECOND);
-                    Constraint::Product(result, Term::Fixed(cube), open(a))
+                    UnitConstraint::Product(result, UnitTerm::Fixed(cube), open(a))
                 }
-                UnitRule::Root(a) => Constraint::Product(result, result, open(a)),
+                UnitRule::Root(a) => UnitConstraint::Product(result, result, open(a)),
                 _ => continue,
             });
         }
@@ -303,8 +338,9 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
     inferred.units = solver.values;
 }
 
-/// One variable for each unit that the spec of an item leaves open, in the order of the spec, plain ones first.
-fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
+/// Creates one variable for each unit that the spec of an item leaves open, in the order of the spec, plain variables
+/// first.
+fn unit_variables_of(item: &ResolvedPrimitive<'_>, count: &mut usize) -> UnitVariables {
     let spec = item.spec();
     let ports = spec.inputs.iter().chain(spec.outputs).map(|port| port.unit);
     let parameters = spec
@@ -339,12 +375,12 @@ fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
                 | UnitRule::Root(_)
         )
     });
-    let mut cells = Cells::new();
+    let mut unit_variables = UnitVariables::new();
     for rule in plain.chain(derived).chain(others) {
-        if !cells.iter().any(|(known, _)| *known == rule) {
-            cells.push((rule, *count));
+        if !unit_variables.iter().any(|(known, _)| *known == rule) {
+            unit_variables.push((rule, *count));
             *count += 1;
         }
     }
-    cells
+    unit_variables
 }

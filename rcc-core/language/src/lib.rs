@@ -1,10 +1,11 @@
-//! The language of nets: from a text to a checked net and its plan, with all faults of the text at once.
-//! Run by the loader's threads and by `rcc-cli check`; nothing here is real-time.
+//! The compiler of nets: from text to a checked net and its plan, with all errors of the text reported at once. Runs on
+//! the loader's threads and in `rcc-cli check`; not real-time.
 //!
-//! Without the feature `plan` there are only [`syntax`], [`write`](mod@write) and [`fault`], for programs that make or change nets.
+//! The passes, in order: [`syntax`], `library` and `expand`, `resolve`, `infer`, `check`, `lower`. `compile` runs them.
+//!
+//! Without the feature `plan` there are only [`syntax`], [`write`](mod@write) and [`fault`], for programs that generate
+//! or modify nets.
 
-#[cfg(feature = "plan")]
-pub mod anatomy;
 #[cfg(feature = "plan")]
 pub mod bundle;
 #[cfg(feature = "plan")]
@@ -23,13 +24,15 @@ pub mod format;
 #[cfg(feature = "plan")]
 pub mod infer;
 #[cfg(feature = "plan")]
+pub mod input_values;
+#[cfg(feature = "plan")]
 pub mod library;
 #[cfg(feature = "plan")]
 pub mod lower;
 #[cfg(feature = "plan")]
 pub mod names;
 #[cfg(feature = "plan")]
-pub mod nulls;
+pub mod null_analysis;
 #[cfg(feature = "plan")]
 pub mod rate;
 #[cfg(feature = "plan")]
@@ -37,12 +40,12 @@ pub mod resolve;
 #[cfg(feature = "plan")]
 pub mod schema;
 #[cfg(feature = "plan")]
-pub mod setting;
+pub mod source_map;
 #[cfg(feature = "plan")]
-pub mod sources;
+pub mod structure;
 pub mod syntax;
 pub mod write;
 
 #[cfg(feature = "plan")]
-pub use compile::{Compiled, compile, compile_for, compile_with, dissect};
+pub use compile::{Compiled, compile, compile_for, compile_with, compile_with_structure};
 pub use rcc_config::diagnostic::Faults;

@@ -1,5 +1,6 @@
-//! The libraries that a net uses: files of fragments, each read once, wherever it is named. Who compiles a net says where
-//! libraries come from; a text that came without files has none. The loader's threads and the command line.
+//! The libraries that a net uses: files of fragments, each read once however often it is named. The caller of the
+//! compiler provides the [`LibrarySource`]; a text received without files has none. Runs on the loader's threads and in
+//! the command line.
 
 use std::collections::{HashSet, VecDeque};
 use std::io::{self, Read as _};
@@ -9,84 +10,84 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{self, Key};
 
 use crate::fault;
-use crate::sources::Sources;
+use crate::source_map::SourceMap;
 use crate::syntax::fragment::{Fragment, read_library};
 
 /// Most libraries of a net.
 pub const LIBRARIES_MAX: usize = 64;
-/// Most bytes of all libraries of a net.
+/// Most bytes of all libraries of a net together.
 pub const BYTES_MAX: usize = 4 * yaml::BYTES_MAX;
 
-/// Where libraries come from.
-pub trait Libraries {
-    /// The text of a library. `path` is what the net names, relative to the folder of the file that names it: with the
-    /// net `nets/line.yaml`, `use: [library/filters.yaml]` asks for `nets/library/filters.yaml`.
+/// Provides the texts of libraries.
+pub trait LibrarySource {
+    /// Returns the text of a library. `path` is the path that the net names, resolved against the folder of the file
+    /// that names it: in the net `nets/line.yaml`, `use: [library/filters.yaml]` reads `nets/library/filters.yaml`.
     ///
     /// # Errors
-    /// Why it cannot be read.
-    fn read(&self, path: &str) -> Result<String, Unreadable>;
+    /// Returns the reason if the library cannot be read.
+    fn read(&self, path: &str) -> Result<String, LibraryError>;
 }
 
-/// Why a library cannot be read.
+/// Reason why a library cannot be read.
 #[derive(Debug)]
-pub enum Unreadable {
-    /// The text came without files.
-    NoFiles,
-    /// The system says so.
+pub enum LibraryError {
+    /// The text was received without files.
+    NoLibraries,
+    /// The system call failed.
     Io(io::Error),
 }
 
-/// Libraries are files; paths are relative to the working folder, as the name of the net's file is.
+/// Reads libraries from files; paths are relative to the working folder, like the name of the net's file.
 #[derive(Clone, Copy, Debug)]
-pub struct Files;
+pub struct FileLibraries;
 
-/// There are no libraries.
+/// Has no libraries.
 #[derive(Clone, Copy, Debug)]
-pub struct NoFiles;
+pub struct NoLibraries;
 
-impl Libraries for Files {
-    fn read(&self, path: &str) -> Result<String, Unreadable> {
-        let file = rcc_os::file::open(Path::new(path)).map_err(Unreadable::Io)?;
+impl LibrarySource for FileLibraries {
+    fn read(&self, path: &str) -> Result<String, LibraryError> {
+        let file = rcc_os::file::open(Path::new(path)).map_err(LibraryError::Io)?;
         let mut text = String::new();
-        // One byte more than is allowed is enough to be refused.
+        // One byte more than allowed suffices to detect a file that is too long.
         let mut file = file.take(yaml::BYTES_MAX as u64 + 1);
-        file.read_to_string(&mut text).map_err(Unreadable::Io)?;
+        file.read_to_string(&mut text).map_err(LibraryError::Io)?;
         Ok(text)
     }
 }
 
-impl Libraries for NoFiles {
-    fn read(&self, _path: &str) -> Result<String, Unreadable> {
-        Err(Unreadable::NoFiles)
+impl LibrarySource for NoLibraries {
+    fn read(&self, _path: &str) -> Result<String, LibraryError> {
+        Err(LibraryError::NoLibraries)
     }
 }
 
 /// Libraries by path.
-impl Libraries for std::collections::BTreeMap<String, String> {
-    fn read(&self, path: &str) -> Result<String, Unreadable> {
+impl LibrarySource for std::collections::BTreeMap<String, String> {
+    fn read(&self, path: &str) -> Result<String, LibraryError> {
         let text = self.get(path).cloned();
-        text.ok_or_else(|| Unreadable::Io(io::Error::from(io::ErrorKind::NotFound)))
+        text.ok_or_else(|| LibraryError::Io(io::Error::from(io::ErrorKind::NotFound)))
     }
 }
 
-/// Reads all libraries that a net uses, and those that they use: their fragments in the order of the files. `file` is
-/// the name of the net's own.
+/// Reads all libraries that a net uses, directly or through other libraries, and returns their fragments in the order
+/// of the files. `file` is the name of the net's own file.
 pub fn read_all(
     uses: &[Key],
     file: &str,
-    libraries: &dyn Libraries,
-    sources: &mut Sources,
+    libraries: &dyn LibrarySource,
+    sources: &mut SourceMap,
     faults: &mut Vec<Diagnostic>,
 ) -> Vec<Fragment> {
     let mut fragments = Vec::new();
-    let mut known = HashSet::from([joined("", file)]);
+    let mut known = HashSet::from([resolve_path("", file)]);
     let mut bytes = 0;
     let mut queue: VecDeque<(Key, String)> = uses
         .iter()
         .map(|key| (key.clone(), file.to_owned()))
         .collect();
     while let Some((key, user)) = queue.pop_front() {
-        let path = joined(&user, &key.name);
+        let path = resolve_path(&user, &key.name);
         if !known.insert(path.clone()) {
             continue;
         }
@@ -119,7 +120,7 @@ pub fn read_all(
 fn read_one(
     key: &Key,
     path: &str,
-    libraries: &dyn Libraries,
+    libraries: &dyn LibrarySource,
     count: usize,
     bytes: &mut usize,
 ) -> Result<String, Box<Diagnostic>> {
@@ -133,17 +134,17 @@ fn read_one(
         let help = "write it relative to this file: `library/filters.yaml`";
         return Err(refuse(message, help));
     }
-    // The net's own file is among those counted.
+    // The net's own file is counted as well.
     if count > LIBRARIES_MAX + 1 {
         let message = format!("the net uses more than {LIBRARIES_MAX} libraries");
         return Err(refuse(message, "join some of them"));
     }
     let text = libraries.read(path).map_err(|error| match error {
-        Unreadable::NoFiles => refuse(
+        LibraryError::NoLibraries => refuse(
             format!("this text came alone, and the library `{name}` is a file"),
             "put the fragments that the net needs into its own `fragments:`",
         ),
-        Unreadable::Io(error) => refuse(
+        LibraryError::Io(error) => refuse(
             format!("the library `{path}` cannot be read: {error}"),
             "the path is relative to the file that names it",
         ),
@@ -156,9 +157,9 @@ fn read_one(
     Ok(text)
 }
 
-/// The path of a library that the file `user` names, without `.` and, as far as possible, `..`.
+/// Returns the path of a library that the file `user` names, without `.` and, as far as possible, without `..`.
 #[must_use]
-pub fn joined(user: &str, path: &str) -> String {
+pub fn resolve_path(user: &str, path: &str) -> String {
     let folder = user.rsplit_once('/').map(|(folder, _)| folder);
     let mut parts: Vec<&str> = Vec::new();
     for part in folder
@@ -193,8 +194,8 @@ mod tests {
             ("/dev/zero", "a device"),
             ("/", "a folder"),
         ] {
-            match Files.read(path) {
-                Err(Unreadable::Io(error)) => {
+            match FileLibraries.read(path) {
+                Err(LibraryError::Io(error)) => {
                     assert!(error.to_string().contains(kind), "{path}: {error}");
                 }
                 other => panic!("{path}: {other:?}"),
@@ -214,7 +215,7 @@ mod tests {
             ("/etc/rcc/net.yaml", "a.yaml", "/etc/rcc/a.yaml"),
             ("", "a//b.yaml", "a/b.yaml"),
         ] {
-            assert_eq!(joined(user, path), want, "{user} {path}");
+            assert_eq!(resolve_path(user, path), want, "{user} {path}");
         }
     }
 }

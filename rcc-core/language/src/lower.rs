@@ -1,5 +1,6 @@
-//! A checked net becomes a plan: an order of evaluation in runs of equal kernels, slots for every value, operands in the
-//! order of `Spec::operands`. The same text gives the same bytes: no hash order, no clock. The loader's threads.
+//! The lowering pass: a checked net becomes a plan, with an order of evaluation in runs of one kernel, slots for all
+//! values, and operands in the order of `Spec::operands`. The same text gives the same bytes: no hash order, no clock.
+//! Runs on the loader's threads.
 
 mod arena;
 mod delays;
@@ -11,10 +12,10 @@ mod schedule;
 use std::collections::{BTreeMap, BTreeSet};
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::plan::{MonitorPoint, OPERANDS_MAX, Run, SLOTS_MAX};
+use rcc_core::plan::{KernelRun, MonitorPoint, OPERANDS_MAX, SLOTS_MAX};
 use rcc_core::primitive::{
-    Dim, Kernel, Literal as Default, Operand, ParameterKind, Port, PortType, Role, Size, Sizes,
-    State,
+    DefaultValue as Default, Dim, Kernel, Operand, ParameterKind, Port, PortType, Role, Size,
+    Sizes, StateSpec,
 };
 use rcc_core::primitives;
 use rcc_core::types::{Store, Type};
@@ -22,12 +23,12 @@ use rcc_ipc::control::PlanData;
 
 use crate::check::{Typed, every, window};
 use crate::fault;
-use crate::resolve::{Feed, Item, Output, Wire};
-use crate::syntax::literal::{Literal, Shape, Stored};
-use crate::syntax::part::Place;
-use arena::{Arena, Bits};
-use delays::{Copies, CopyKey};
-use lists::Lists;
+use crate::resolve::{InputSource, OutputId, ResolvedLink, ResolvedPrimitive};
+use crate::syntax::literal::{Literal, LiteralShape, StoredValue};
+use crate::syntax::part::ListPosition;
+use arena::{ArenaBuilder, ValueBits};
+use delays::{DelayCopies, DelayKey};
+use lists::ListLayout;
 use rcc_config::diagnostic::Span;
 use schedule::Batch;
 
@@ -35,47 +36,47 @@ pub(crate) use inputs::given;
 
 /// A value in an arena.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Slot {
-    /// Which arena.
+pub struct SlotRange {
+    /// The arena.
     pub store: Store,
-    /// First element.
+    /// Index of the first slot.
     pub slot: u32,
-    /// Number of elements.
+    /// Number of slots.
     pub width: u32,
 }
 
-/// A plan and where everything lies in it.
+/// A plan and the slots of its ports.
 #[derive(Clone, Debug)]
 pub struct Lowered {
     /// The plan.
     pub plan: PlanData,
-    /// By item: where its inputs and outputs are.
+    /// Slots of the inputs and outputs, by item.
     pub slots: Vec<ItemSlots>,
-    /// The items that have a kernel in the order of evaluation.
+    /// Items with a kernel, in the order of evaluation.
     pub order: Vec<usize>,
 }
 
-/// Where the ports of an item are.
+/// Slots of the ports of an item.
 #[derive(Clone, Debug, Default)]
 pub struct ItemSlots {
     /// By input of the spec.
-    pub inputs: Vec<Slot>,
+    pub inputs: Vec<SlotRange>,
     /// By output of the spec.
-    pub outputs: Vec<Slot>,
+    pub outputs: Vec<SlotRange>,
 }
 
 /// Lowers a net that passed every rule.
 ///
 /// # Errors
-/// [`fault::NET_TOO_LARGE`]; anything else that is impossible in a checked net is reported as such too.
+/// Returns [`fault::NET_TOO_LARGE`] if the plan exceeds a limit.
 pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
     let schedule = schedule::schedule(net);
     let mut lowering = Lowering {
         net,
-        arena: Arena::default(),
+        arena: ArenaBuilder::default(),
         slots: vec![ItemSlots::default(); net.graph.items.len()],
         copies: BTreeMap::new(),
-        lists: Lists::default(),
+        lists: ListLayout::default(),
         clocks: 0,
     };
     lowering.place(&schedule);
@@ -122,10 +123,10 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
     })
 }
 
-/// A run of what lies between two places of the operands, if that is anything.
-fn end_run(runs: &mut Vec<Run>, kernel: u16, first: u32, end: u32) {
+/// Appends a run with the operands from `first` to `end`, unless there are none.
+fn end_run(runs: &mut Vec<KernelRun>, kernel: u16, first: u32, end: u32) {
     if end > first {
-        runs.push(Run {
+        runs.push(KernelRun {
             kernel,
             first,
             operands: end - first,
@@ -133,7 +134,7 @@ fn end_run(runs: &mut Vec<Run>, kernel: u16, first: u32, end: u32) {
     }
 }
 
-fn check_size(arena: &Arena, operands: usize) -> Result<(), Box<Diagnostic>> {
+fn check_size(arena: &ArenaBuilder, operands: usize) -> Result<(), Box<Diagnostic>> {
     let (reals, bools) = (arena.reals.len(), arena.bools.len());
     let slots = reals.max(bools).max(arena.ints.len());
     if slots <= SLOTS_MAX && operands <= OPERANDS_MAX {
@@ -148,28 +149,28 @@ fn check_size(arena: &Arena, operands: usize) -> Result<(), Box<Diagnostic>> {
     ))
 }
 
-/// A default of the catalogue as if it had been written.
+/// Converts a default of the catalogue to a literal.
 pub(crate) fn literal(value: Default) -> Literal {
     let shape = match value {
-        Default::Real(value) => Shape::Real(value, None),
-        Default::Int(value) => Shape::Int(value),
-        Default::Bool(value) => Shape::Bool(value),
-        Default::Word(word) => Shape::Text(word.to_owned()),
-        Default::Null => Shape::Null,
+        Default::Real(value) => LiteralShape::Real(value, None),
+        Default::Int(value) => LiteralShape::Int(value),
+        Default::Bool(value) => LiteralShape::Bool(value),
+        Default::Word(word) => LiteralShape::Text(word.to_owned()),
+        Default::Null => LiteralShape::Null,
     };
     Literal::new(shape, Span::default())
 }
 
-/// The value of a constant, or what an input begins as.
-fn first_value<'a>(item: &Item<'a>) -> Option<&'a Literal> {
+/// Returns the value of a constant, or the initial value of an input.
+fn first_value<'a>(item: &ResolvedPrimitive<'a>) -> Option<&'a Literal> {
     let mut rows = item.spec().parameters.iter().zip(&item.parameters);
     let is_open = |kind| matches!(kind, ParameterKind::Value(PortType::Any, _));
     let (_, literal) = rows.find(|(parameter, _)| is_open(parameter.kind))?;
     *literal
 }
 
-/// The start value of an item's state in one arena, if it has a parameter for it.
-fn start_value(item: &Item<'_>, store: Store) -> Option<Stored> {
+/// Returns the start value of an item's state in one arena, if the item has a parameter for it.
+fn start_value(item: &ResolvedPrimitive<'_>, store: Store) -> Option<StoredValue> {
     let mut rows = item.spec().parameters.iter().zip(&item.parameters);
     rows.find_map(|(parameter, given)| {
         let ParameterKind::Start(ty, _) = parameter.kind else {
@@ -185,28 +186,28 @@ fn start_value(item: &Item<'_>, store: Store) -> Option<Stored> {
 
 struct Lowering<'a> {
     net: Typed<'a>,
-    arena: Arena,
+    arena: ArenaBuilder,
     slots: Vec<ItemSlots>,
-    copies: Copies,
-    lists: Lists,
+    copies: DelayCopies,
+    lists: ListLayout,
     clocks: u32,
 }
 
 impl<'a> Lowering<'a> {
-    fn item(&self, number: usize) -> &'a Item<'a> {
+    fn item(&self, number: usize) -> &'a ResolvedPrimitive<'a> {
         // Every number here comes from the list of items.
         &self.net.graph.items[number]
     }
 
     fn port_type(&self, number: usize, port: &Port) -> Type {
         let ty = self.net.inferred.port_type(self.net.graph, number, port.ty);
-        // The check refuses nets in which a type is not known.
+        // The checks refuse nets with unknown types.
         ty.unwrap_or(Type::Real)
     }
 
     fn place(&mut self, schedule: &[Batch]) {
-        self.claim();
-        // Outputs first and in the order of evaluation: what is computed together lies together.
+        self.claim_list_outputs();
+        // Outputs first, in the order of evaluation, so that values that are computed together are adjacent in memory.
         for number in schedule.iter().flat_map(|batch| &batch.items) {
             self.place_outputs(*number);
         }
@@ -221,22 +222,22 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    /// Room for the values that delayed links carry: one for all links with the same source and first value, in the
-    /// order of the sources, so that neighbours can be copied together.
+    /// Allocates slots for the values that delayed links carry: one range for all links with the same source and
+    /// initial value, in the order of the sources, so that adjacent values can be copied together.
     fn place_copies(&mut self) {
         let items = self.net.graph.items.iter().enumerate();
         let keys = items.flat_map(|(number, item)| {
-            item.wires()
-                .filter(|(_, wire)| wire.delayed && wire.place == Place::default())
-                .filter_map(move |(port, wire)| Some((number, item.spec().inputs.get(port)?, wire)))
+            item.links()
+                .filter(|(_, link)| link.delayed && link.place == ListPosition::default())
+                .filter_map(move |(port, link)| Some((number, item.spec().inputs.get(port)?, link)))
         });
         let conditions = self.net.graph.regions.iter();
         let conditions = conditions.filter_map(|region| match &region.condition {
-            Feed::Wire(wire) if wire.delayed => Some(self.copy_key(wire, Type::Bool)),
+            InputSource::Link(link) if link.delayed => Some(self.copy_key(link, Type::Bool)),
             _ => None,
         });
-        let keys: BTreeSet<CopyKey> = keys
-            .map(|(number, port, wire)| self.copy_key(wire, self.port_type(number, port)))
+        let keys: BTreeSet<DelayKey> = keys
+            .map(|(number, port, link)| self.copy_key(link, self.port_type(number, port)))
             .chain(conditions)
             .collect();
         for key in keys {
@@ -245,30 +246,30 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn copy_key(&self, wire: &Wire<'_>, ty: Type) -> CopyKey {
-        let source = self.source(wire, ty);
-        let initial = wire.initial.and_then(|initial| initial.stored(ty));
-        CopyKey {
+    fn copy_key(&self, link: &ResolvedLink<'_>, ty: Type) -> DelayKey {
+        let source = self.source(link, ty);
+        let initial = link.initial.and_then(|initial| initial.stored(ty));
+        DelayKey {
             store: source.store as u8,
             from: source.slot,
-            initial: Bits::of(&initial.unwrap_or(Stored::null(ty))),
+            initial: ValueBits::of(&initial.unwrap_or(StoredValue::null(ty))),
         }
     }
 
-    /// Where the output or the part of it is that a link begins at.
-    fn source(&self, wire: &Wire<'_>, ty: Type) -> Slot {
-        let Output { item, port } = wire.from;
+    /// Returns the slots that a link reads: an output or a part of it.
+    fn source(&self, link: &ResolvedLink<'_>, ty: Type) -> SlotRange {
+        let OutputId { item, port } = link.from;
         let output = self.slots[item].outputs[port];
-        let whole = self.net.inferred.output_type(self.net.graph, wire.from);
-        let part = wire.part.zip(whole).and_then(|(part, ty)| part.of(ty));
-        Slot {
+        let whole = self.net.inferred.output_type(self.net.graph, link.from);
+        let part = link.part.zip(whole).and_then(|(part, ty)| part.of(ty));
+        SlotRange {
             slot: output.slot + part.map_or(0, |(offset, _)| offset),
             width: ty.width(),
             ..output
         }
     }
 
-    fn runs(&mut self, schedule: &[Batch]) -> (Vec<Run>, Vec<u32>) {
+    fn runs(&mut self, schedule: &[Batch]) -> (Vec<KernelRun>, Vec<u32>) {
         let (mut runs, mut operands) = (Vec::new(), Vec::new());
         for batch in schedule {
             let mut first = operands.len() as u32;
@@ -285,7 +286,7 @@ impl<'a> Lowering<'a> {
             }
             end_run(&mut runs, batch.kernel, first, operands.len() as u32);
         }
-        for number in self.left_to_copy() {
+        for number in self.items_with_pending_copies() {
             self.copies_before(number, &mut runs, &mut operands);
         }
         (runs, operands)
@@ -296,20 +297,21 @@ impl<'a> Lowering<'a> {
         let outputs = item.spec().outputs.iter().enumerate();
         let slots = outputs.map(|(index, port)| {
             let ty = self.port_type(number, port);
-            // Of a constant the value, of an input the first one; what comes after the first output begins as null.
+            // A constant starts with its value, an input with its initial value in its first output; everything else
+            // starts as null.
             let value = first_value(item).filter(|_| index == 0);
             let value = value.and_then(|literal| literal.stored(ty));
-            let value = value.unwrap_or(Stored::null(ty));
+            let value = value.unwrap_or(StoredValue::null(ty));
             let value = match item.spec().role {
                 Role::Constant => return self.arena.constant(&value),
                 Role::Input => value,
-                _ => Stored::null(ty),
+                _ => StoredValue::null(ty),
             };
-            let output = Output {
+            let output = OutputId {
                 item: number,
                 port: index,
             };
-            let claimed = self.claimed(output, ty, &value);
+            let claimed = self.claimed_slot(output, ty, &value);
             claimed.unwrap_or_else(|| self.arena.variable(&value))
         });
         self.slots[number].outputs = slots.collect();
@@ -320,50 +322,53 @@ impl<'a> Lowering<'a> {
         for (index, (feed, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate() {
             let ty = self.port_type(number, port);
             let slot = match feed {
-                Feed::List(list) => match self.place_list(number, index, list) {
+                InputSource::List(list) => match self.place_list(number, index, list) {
                     Some(slot) => slot,
                     None => self.constant(None, ty),
                 },
-                Feed::Wire(wire) => self.wire(wire, ty),
-                Feed::Literal(literal) => self.constant(Some(literal), ty),
-                Feed::Default(value) => self.default(*value, ty),
-                // The check refuses both.
-                Feed::Missing | Feed::Refused => self.constant(None, ty),
+                InputSource::Link(link) => self.link_slot(link, ty),
+                InputSource::Literal(literal) => self.constant(Some(literal), ty),
+                InputSource::Default(value) => self.default(*value, ty),
+                // The checks refuse both.
+                InputSource::Missing | InputSource::Refused => self.constant(None, ty),
             };
             self.slots[number].inputs.push(slot);
         }
     }
 
-    fn constant(&mut self, literal: Option<&Literal>, ty: Type) -> Slot {
+    fn constant(&mut self, literal: Option<&Literal>, ty: Type) -> SlotRange {
         let stored = literal.and_then(|literal| literal.stored(ty));
-        self.arena.constant(&stored.unwrap_or(Stored::null(ty)))
+        self.arena
+            .constant(&stored.unwrap_or(StoredValue::null(ty)))
     }
 
-    /// A number is the default of every element of a value that has several.
-    fn default(&mut self, value: Default, ty: Type) -> Slot {
+    /// Returns the slot of a default. A number is the default of every element of a composite or array.
+    fn default(&mut self, value: Default, ty: Type) -> SlotRange {
         let several = matches!(
             ty,
             Type::Vector3 | Type::Twist | Type::Wrench | Type::Reals(_)
         );
         if let (Default::Real(value), true) = (value, several) {
-            let stored = Stored::Reals(vec![value; ty.width() as usize]);
+            let stored = StoredValue::Reals(vec![value; ty.width() as usize]);
             return self.arena.constant(&stored);
         }
         self.constant(Some(&literal(value)), ty)
     }
 
-    /// Where a link's value is: the output, one of its elements, or the copy of the cycle before.
-    fn wire(&mut self, wire: &Wire<'_>, ty: Type) -> Slot {
-        let source = self.source(wire, ty);
-        if !wire.delayed {
+    /// Returns the slots of the value that a link carries: the output, a part of it, or the copy from the previous
+    /// cycle.
+    fn link_slot(&mut self, link: &ResolvedLink<'_>, ty: Type) -> SlotRange {
+        let source = self.source(link, ty);
+        if !link.delayed {
             return source;
         }
-        // Every delayed link has its copy.
-        let copy = self.copies.get(&self.copy_key(wire, ty));
+        // Every delayed link has a copy.
+        let copy = self.copies.get(&self.copy_key(link, ty));
         copy.copied().unwrap_or(source)
     }
 
-    /// Inputs, outputs, parameters, state, clock, width: the order of `Spec::operands`.
+    /// Appends the operands of an item in the order of `Spec::operands`: inputs, outputs, parameters, state, clock,
+    /// width.
     fn operands(&mut self, number: usize, kernel: u16, operands: &mut Vec<u32>) {
         let item = self.item(number);
         let spec = item.spec();
@@ -393,7 +398,7 @@ impl<'a> Lowering<'a> {
                     let default = parameter.default.map(self::literal);
                     let word = literal.or(default.as_ref());
                     let place = word.and_then(|word| word.word(words)).unwrap_or(0);
-                    let stored = Stored::Ints(vec![place as i64]);
+                    let stored = StoredValue::Ints(vec![place as i64]);
                     operands.push(self.arena.constant(&stored).slot);
                 }
                 ParameterKind::Arm | ParameterKind::Device => {
@@ -418,7 +423,7 @@ impl<'a> Lowering<'a> {
         operands.extend(spec.sizes(kernel).map(|size| sizes.get(size)));
     }
 
-    /// The sizes of an item.
+    /// Returns the sizes of an item.
     fn sizes(&self, number: usize, kernel: &Kernel) -> Sizes {
         let (item, inferred) = (self.item(number), self.net.inferred);
         let mut sizes = Sizes::ONE;
@@ -432,13 +437,13 @@ impl<'a> Lowering<'a> {
                 Size::Dim(index) => inferred.length(number, Dim::Var(index)).map(u32::from),
                 Size::Cycles => window(item, self.net.graph),
             };
-            // The check refuses nets in which one is not known.
+            // The checks refuse nets with unknown sizes.
             sizes.set(size, value.unwrap_or(0));
         }
         sizes
     }
 
-    /// Slots for the values that a primitive remembers.
+    /// Allocates slots for the past values that a primitive stores, and appends their operand.
     fn place_memory(
         &mut self,
         number: usize,
@@ -464,20 +469,20 @@ impl<'a> Lowering<'a> {
         let given = first.flatten().zip(open);
         let start = given.and_then(|(literal, ty)| literal.stored(ty));
         let start = start.or_else(|| literal(memory.start).stored(scalar));
-        let start = start.unwrap_or(Stored::null(scalar));
+        let start = start.unwrap_or(StoredValue::null(scalar));
         let count = sizes.width(width).checked_div(start.width()).unwrap_or(0);
         operands.push(self.arena.repeated(&start, count));
     }
 
-    /// Slots for what a primitive remembers, with its start values.
-    fn place_state(&mut self, item: &Item<'_>, operands: &mut Vec<u32>) {
+    /// Allocates slots for the state of a primitive with its start values, and appends their operands.
+    fn place_state(&mut self, item: &ResolvedPrimitive<'_>, operands: &mut Vec<u32>) {
         let spec = item.spec();
-        let State { reals, bools, ints } = spec.state;
+        let StateSpec { reals, bools, ints } = spec.state;
         for (count, null) in [
-            (reals, Stored::null(Type::Real)),
-            (bools, Stored::null(Type::Bool)),
-            // Counters begin at 0, see `rcc_core::primitive::State`.
-            (ints, Stored::Ints(vec![0])),
+            (reals, StoredValue::null(Type::Real)),
+            (bools, StoredValue::null(Type::Bool)),
+            // Counters start at 0, see `rcc_core::primitive::StateSpec`.
+            (ints, StoredValue::Ints(vec![0])),
         ] {
             if count > 0 {
                 let start = start_value(item, null.store());
@@ -490,13 +495,13 @@ impl<'a> Lowering<'a> {
     fn monitors(&self) -> Vec<MonitorPoint> {
         let items = self.net.graph.items.iter().enumerate();
         let points = items.filter(|(_, item)| item.spec().role == Role::Monitor);
-        let point = |(number, item): (usize, &Item<'_>)| {
+        let point = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
             let slot = self.slots[number].inputs.first()?;
             Some(MonitorPoint {
                 store: slot.store,
                 slot: slot.slot,
                 width: slot.width,
-                // The check refuses rates that are none.
+                // The checks refuse invalid rates.
                 every: every(item, self.net.graph).unwrap_or(1),
             })
         };

@@ -1,5 +1,5 @@
-//! The names of a plan: which port lies where, and what each monitor shows. Written beside the plan, so that monitors
-//! and a restarted loader can name everything; the executor never sees it. The loader's threads.
+//! The names of a plan: slots of ports, and sources of monitors. Stored beside the plan, so that monitors and a
+//! restarted loader can name everything; the executor never reads them. Runs on the loader's threads.
 
 use rcc_core::plan::InputPoint;
 use rcc_core::primitive::{Port, Role};
@@ -8,8 +8,8 @@ use rcc_ipc::control::PlanData;
 use serde::{Deserialize, Serialize};
 
 use crate::check::{Typed, every};
-use crate::lower::{Lowered, Slot};
-use crate::resolve::{Feed, Item, Leaf, Wire};
+use crate::lower::{Lowered, SlotRange};
+use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive};
 
 /// Names of one command.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -18,12 +18,12 @@ pub struct Names {
     pub net: String,
     /// Primitives in the order of the file.
     pub primitives: Vec<PrimitiveNames>,
-    /// Monitors in the order of the plan: the index is that of the records.
+    /// Monitors in the order of the plan; the index is that of the records.
     pub monitors: Vec<MonitorNames>,
     /// Values that are set from outside, in the order of the plan.
     #[serde(default)]
     pub inputs: Vec<InputNames>,
-    /// Values for other nets, in the order of the file.
+    /// Topics that the net publishes, in the order of the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub publishes: Vec<TopicNames>,
     /// Ids of the motions, in the order of the plan.
@@ -32,7 +32,8 @@ pub struct Names {
 }
 
 impl Names {
-    /// The values that people and programs set, with their places in the plan; what other nets publish is none of them.
+    /// Returns the inputs that users and programs can set, with their indices in the plan. Subscribed topics are
+    /// excluded.
     pub fn settable(&self) -> impl Iterator<Item = (u32, &InputNames)> + Clone {
         let inputs = (0..).zip(&self.inputs);
         inputs.filter(|(_, input)| input.topic.is_none())
@@ -42,102 +43,102 @@ impl Names {
 /// Names of one primitive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PrimitiveNames {
-    /// Its id.
+    /// Id.
     pub id: String,
-    /// Its type.
+    /// Type.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Its inputs.
+    /// Inputs.
     pub inputs: Vec<PortNames>,
-    /// Its outputs.
+    /// Outputs.
     pub outputs: Vec<PortNames>,
 }
 
-/// Where a port is and what it carries.
+/// Name, slots, type and unit of a port.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PortNames {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Which arena.
+    /// Arena.
     pub store: Store,
-    /// First element.
+    /// Index of the first slot.
     pub slot: u32,
-    /// Number of elements.
+    /// Number of slots.
     pub width: u32,
-    /// Its type, `Real[7]`.
+    /// Type, such as `Real[7]`.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Its unit, `m/s`; `None`: the type says it, or there is none.
+    /// Unit, such as `m/s`; `None` if the type implies it or has none.
     pub unit: Option<String>,
-    /// Of an input: `primitive.port` that feeds it; `None`: a constant.
+    /// The `primitive.port` connected to an input; `None` for a constant and for an output.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
 }
 
-/// What a monitor shows.
+/// A monitor and its source.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MonitorNames {
     /// Id of the Monitor primitive.
     pub primitive: String,
-    /// What it watches: `primitive.port` or `primitive.port[index]`; of a constant the monitor's own input.
+    /// The monitored output: `primitive.port` or `primitive.port[index]`. For a constant, the monitor's own input.
     pub source: String,
-    /// Which arena.
+    /// Arena.
     pub store: Store,
-    /// First element.
+    /// Index of the first slot.
     pub slot: u32,
-    /// Number of elements.
+    /// Number of slots.
     pub width: u32,
-    /// Its type.
+    /// Type.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Its unit; `None`: the type says it, or there is none.
+    /// Unit; `None` if the type implies it or has none.
     pub unit: Option<String>,
-    /// How often a second.
+    /// Rate, Hz.
     pub rate_hz: f64,
-    /// Every how many evaluations of the net.
+    /// Number of evaluations of the net between two samples.
     pub every: u32,
 }
 
-/// A value for other nets.
+/// A topic that a net publishes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TopicNames {
     /// Id of the Publish primitive.
     pub primitive: String,
-    /// Under which name it is published.
+    /// Name of the topic.
     pub topic: String,
-    /// Its type.
+    /// Type.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Its unit; `None`: the type says it, or there is none.
+    /// Unit; `None` if the type implies it or has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
 }
 
-/// A value that comes from outside.
+/// A value that is set from outside.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputNames {
-    /// Id of the Input primitive: the name by which it is set.
+    /// Id of the Input primitive, which is the name used to set it.
     pub primitive: String,
-    /// Its type.
+    /// Type.
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Its unit, also of the elements of a list; `None`: the type says it, or there is none.
+    /// Unit of the value or of each element; `None` if the type implies it or has none.
     pub unit: Option<String>,
-    /// What its elements must not be less than, SI; empty: no bound.
+    /// Lower bound of each element, SI units; empty if there is none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub at_least: Vec<f64>,
-    /// What its elements must not be greater than, SI; empty: no bound.
+    /// Upper bound of each element, SI units; empty if there is none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub at_most: Vec<f64>,
-    /// After so many seconds without being set it is null; `None`: never.
+    /// Time after which the value becomes null unless it is set again, s; `None` if it never expires.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expires_s: Option<f64>,
-    /// The topic from which it comes; `None`: it is set.
+    /// Topic that the value is subscribed to; `None` if the value is set by clients.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
 }
 
-/// The names of a lowered net.
+/// Returns the names of a lowered net.
 #[must_use]
 pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
     let items = net.graph.items.iter().enumerate();
@@ -182,7 +183,7 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
     }
 }
 
-/// Each motion has the next number in the order in which primitives are lowered.
+/// Returns the ids of the motions. Motions are numbered in the order in which primitives are lowered.
 fn motions(net: Typed<'_>, lowered: &Lowered) -> Vec<String> {
     let items = lowered
         .order
@@ -232,7 +233,7 @@ fn publishes(net: Typed<'_>, lowered: &Lowered) -> Vec<TopicNames> {
     rows.collect()
 }
 
-/// The numbers of a bound.
+/// Returns the elements of a bound.
 fn numbers(plan: &PlanData, point: &InputPoint, slot: u32) -> Vec<f64> {
     let (first, count) = (slot as usize, point.width as usize);
     match point.store {
@@ -248,9 +249,9 @@ fn numbers(plan: &PlanData, point: &InputPoint, slot: u32) -> Vec<f64> {
 fn monitor_names(
     net: Typed<'_>,
     number: usize,
-    item: &Item<'_>,
+    item: &ResolvedPrimitive<'_>,
     port: &Port,
-    slot: Slot,
+    slot: SlotRange,
 ) -> MonitorNames {
     let names = port_names(net, number, port, slot);
     let source = item.inputs.first().and_then(|feed| source(net, feed));
@@ -268,18 +269,18 @@ fn monitor_names(
     }
 }
 
-fn source(net: Typed<'_>, feed: &Feed<'_>) -> Option<String> {
-    let wire_name = |wire: &Wire<'_>| {
-        let output = net.graph.output_name(wire.from);
-        wire.part
+fn source(net: Typed<'_>, feed: &InputSource<'_>) -> Option<String> {
+    let link_name = |link: &ResolvedLink<'_>| {
+        let output = net.graph.output_name(link.from);
+        link.part
             .map_or(output.clone(), |part| format!("{output}{part}"))
     };
     match feed {
-        Feed::Wire(wire) => Some(wire_name(wire)),
-        Feed::List(list) => {
+        InputSource::Link(link) => Some(link_name(link)),
+        InputSource::List(list) => {
             let leaves = list.leaves.iter().map(|leaf| match leaf {
-                Leaf::Wire(wire) => wire_name(wire),
-                Leaf::Literal(literal, _) => literal.to_string(),
+                ListElement::Link(link) => link_name(link),
+                ListElement::Literal(literal, _) => literal.to_string(),
             });
             Some(format!("[{}]", leaves.collect::<Vec<_>>().join(", ")))
         }
@@ -287,8 +288,8 @@ fn source(net: Typed<'_>, feed: &Feed<'_>) -> Option<String> {
     }
 }
 
-/// Where a port is and what it carries.
-pub(crate) fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: Slot) -> PortNames {
+/// Returns name, slots, type and unit of a port.
+pub(crate) fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: SlotRange) -> PortNames {
     let ty = net.inferred.port_type(net.graph, number, port.ty);
     let unit = net.inferred.port_unit(net.graph, number, port.unit);
     PortNames {
@@ -304,7 +305,7 @@ pub(crate) fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: Slot)
     }
 }
 
-/// A type that does not say its unit and has one.
+/// Returns true for a type with a unit that the type itself does not imply.
 pub(crate) fn has_unit(ty: Type) -> bool {
     matches!(
         ty,

@@ -1,5 +1,4 @@
-//! How often a net is evaluated: `period` or `rate`, and `phase`, as whole cycles of the cell.
-//! The loader's threads.
+//! The rate of a net: `period` or `rate`, and `phase`, as whole cycles of the cell. Runs on the loader's threads.
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::plan::{EVERY_MAX, Rate};
@@ -10,16 +9,16 @@ use crate::fault;
 use crate::syntax::Timing;
 use crate::syntax::literal::Literal;
 
-/// Longest period of a net, s: START is answered in its first evaluation.
+/// Longest period of a net, s. START is answered in the first evaluation, so it limits the delay of the answer.
 const PERIOD_MAX_S: f64 = 1.0;
-/// A number of cycles that is this near to a whole one, relative to it, is meant to be one.
+/// Relative tolerance within which a number of cycles counts as a whole one.
 const TOLERANCE: f64 = 1e-9;
 
-/// The rate of a net; with a fault, that of the cell.
-pub fn of(timing: &Timing, cell: &DeviceTable, faults: &mut Vec<Diagnostic>) -> Rate {
+/// Returns the rate of a net; if it has errors, the rate of the cell.
+pub fn rate_of(timing: &Timing, cell: &DeviceTable, faults: &mut Vec<Diagnostic>) -> Rate {
     match read(timing, cell) {
         Ok(rate) => rate,
-        // Reported where it was read.
+        // Already reported where the literal was read.
         Err(None) => Rate::EVERY_CYCLE,
         Err(Some(fault)) => {
             faults.push(*fault);
@@ -28,10 +27,10 @@ pub fn of(timing: &Timing, cell: &DeviceTable, faults: &mut Vec<Diagnostic>) -> 
     }
 }
 
-/// Why there is no rate; `None`: that is reported already.
-type Refused = Option<Box<Diagnostic>>;
+/// Why there is no rate; `None` if that is already reported.
+type RateError = Option<Box<Diagnostic>>;
 
-fn read(timing: &Timing, cell: &DeviceTable) -> Result<Rate, Refused> {
+fn read(timing: &Timing, cell: &DeviceTable) -> Result<Rate, RateError> {
     let base_s = cell.period_ns.max(1) as f64 / 1e9;
     let every = match (&timing.period, &timing.rate) {
         (None, None) => 1,
@@ -66,11 +65,11 @@ fn every(
     span: Span,
     base_s: f64,
     shown: &dyn Fn(f64) -> String,
-) -> Result<u32, Refused> {
+) -> Result<u32, RateError> {
     let most = f64::from(EVERY_MAX)
         .min(PERIOD_MAX_S / base_s * (1.0 + TOLERANCE))
         .floor();
-    // So that a NaN is refused as well.
+    // Negated, so that NaN is refused as well.
     let in_range = cycles >= 1.0 - TOLERANCE && cycles <= most + TOLERANCE;
     if !in_range {
         let message = format!("the net would be evaluated every {}", time(cycles * base_s));
@@ -96,7 +95,7 @@ fn every(
     }
 }
 
-fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, Refused> {
+fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, RateError> {
     let cycles = number_or_zero(literal, "phase", Unit::SECOND, "2 ms")? / base_s;
     let last = f64::from(every - 1);
     let in_range = (-TOLERANCE..=last + TOLERANCE).contains(&cycles);
@@ -122,14 +121,14 @@ fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, Refused> {
     })
 }
 
-/// The whole number that is meant.
+/// Returns the nearest whole number, if it is within the tolerance.
 fn whole(cycles: f64) -> Option<u32> {
     let nearest = cycles.round();
-    // In range: both callers have looked.
+    // In range: both callers have checked.
     ((cycles - nearest).abs() <= TOLERANCE * nearest.max(1.0)).then_some(nearest as u32)
 }
 
-fn number(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64, Refused> {
+fn number(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64, RateError> {
     let value = number_or_zero(literal, key, unit, example)?;
     if value > 0.0 {
         return Ok(value);
@@ -143,7 +142,12 @@ fn number(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64
     ))
 }
 
-fn number_or_zero(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64, Refused> {
+fn number_or_zero(
+    literal: &Literal,
+    key: &str,
+    unit: Unit,
+    example: &str,
+) -> Result<f64, RateError> {
     if literal.is_refused() {
         return Err(None);
     }
@@ -164,16 +168,16 @@ fn refuse(
     span: Span,
     message: impl Into<String>,
     help: impl Into<String>,
-) -> Refused {
+) -> RateError {
     Some(Box::new(Diagnostic::error(code, span, message).help(help)))
 }
 
-/// A time in ms, as people write it.
+/// Formats a time in ms.
 fn time(seconds: f64) -> String {
     format!("{} ms", short(seconds * 1e3))
 }
 
-/// At most 6 places, without needless zeros.
+/// Formats a number with at most 6 decimals, without trailing zeros.
 fn short(value: f64) -> String {
     let text = format!("{value:.6}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

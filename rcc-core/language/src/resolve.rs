@@ -1,5 +1,6 @@
-//! Names become numbers: types, devices, channels, parameters and links of a net are looked up in the catalogue, the
-//! cell and the net itself. What is not found is reported and left out, so that one fault does not cause others.
+//! The resolve pass: types, devices, channels, parameters and links are looked up by name in the catalogue, the cell
+//! and the net itself. Unresolved names are reported and left out, so that one error does not cause others. Runs on the
+//! loader's threads.
 
 mod cell;
 mod suggest;
@@ -9,135 +10,137 @@ use std::collections::HashMap;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 use rcc_core::plan::Rate;
-use rcc_core::primitive::{Entry, Literal as Default, Parameter, ParameterKind, Port, Spec};
+use rcc_core::primitive::{
+    CatalogueEntry, DefaultValue as Default, Parameter, ParameterKind, Port, Spec,
+};
 use rcc_core::primitives;
 use rcc_core::unit::Unit;
 
 use crate::devices::DeviceTable;
-use crate::expand::{self, Flat};
+use crate::expand::{self, ExpandedNet};
 use crate::fault;
 use crate::rate;
-use crate::syntax::literal::{Literal, Shape};
-use crate::syntax::part::{Part, Place};
+use crate::syntax::literal::{Literal, LiteralShape};
+use crate::syntax::part::{ListPosition, ValuePart};
 use crate::syntax::reference::Reference;
 use crate::syntax::{Link, Net, Primitive, Source};
 use suggest::Suggestions;
 
-/// A net whose names are numbers.
-pub struct Graph<'a> {
-    /// As written, without instances.
+/// A net whose names are resolved to indices. A resolved primitive is called an item.
+pub struct NetGraph<'a> {
+    /// The expanded net.
     pub net: &'a Net,
     /// The cell.
     pub cell: &'a DeviceTable,
-    /// In which cycles it is evaluated.
+    /// The cycles in which the net is evaluated.
     pub rate: Rate,
     /// Primitives of known type, in the order of the file.
-    pub items: Vec<Item<'a>>,
-    /// Outputs that are discarded, with the place.
-    pub discarded: Vec<(Output, Span)>,
-    /// Outputs read by inputs or primitives that do not exist.
-    pub read_in_vain: Vec<Output>,
-    /// What is evaluated only under a condition; those around others come first.
-    pub regions: Vec<Region<'a>>,
-    /// What fragments say of the types and units of their inputs.
-    pub pins: Vec<Pin<'a>>,
-    /// The net has a primitive of unknown type: what is missing may be hidden there.
+    pub items: Vec<ResolvedPrimitive<'a>>,
+    /// Discarded outputs with the spans of their references.
+    pub discarded: Vec<(OutputId, Span)>,
+    /// Outputs that count as read because fragments export them, or because unknown inputs or primitives read them.
+    pub counted_as_read: Vec<OutputId>,
+    /// Regions, outer ones first.
+    pub regions: Vec<ResolvedRegion<'a>>,
+    /// Declared types and units of fragment inputs.
+    pub declarations: Vec<DeclaredInput<'a>>,
+    /// True if the net has a primitive of unknown type, so that missing definitions may belong to it.
     pub has_unknown_types: bool,
 }
 
 /// Primitives that are evaluated only while a condition is true.
 #[derive(Clone, Debug)]
-pub struct Region<'a> {
+pub struct ResolvedRegion<'a> {
     /// Id of the instance or primitive that has the condition.
     pub id: &'a Key,
     /// The condition.
-    pub condition: Feed<'a>,
-    /// Index of the region around it.
+    pub condition: InputSource<'a>,
+    /// Index of the enclosing region.
     pub parent: Option<usize>,
 }
 
-/// The type and unit that a fragment gives its input, at an input that it feeds.
+/// The type and unit that a fragment declares for its input, applied to an input that it feeds.
 #[derive(Clone, Copy, Debug)]
-pub struct Pin<'a> {
+pub struct DeclaredInput<'a> {
     /// Index of the item.
     pub item: usize,
-    /// Input of its spec.
+    /// Index of the input in its spec.
     pub input: usize,
-    /// What is said.
-    pub said: &'a expand::Pin,
+    /// The declaration.
+    pub declaration: &'a expand::InputDeclaration,
 }
 
-/// One primitive.
-pub struct Item<'a> {
+/// A primitive with its type, device and links resolved.
+pub struct ResolvedPrimitive<'a> {
     /// As written.
     pub primitive: &'a Primitive,
-    /// Row of the catalogue.
+    /// Index of its type in the catalogue.
     pub row: usize,
-    /// The row.
-    pub entry: &'static Entry,
+    /// Its entry in the catalogue.
+    pub entry: &'static CatalogueEntry,
     /// Index of its device.
     pub device: Option<usize>,
     /// Index and unit of its channel.
     pub channel: Option<(u32, Unit)>,
-    /// By input of the spec.
-    pub inputs: Vec<Feed<'a>>,
+    /// Sources, by input of the spec.
+    pub inputs: Vec<InputSource<'a>>,
     /// Index of its innermost region.
     pub region: Option<usize>,
-    /// By parameter of the spec; `None`: not given, or reported.
+    /// By parameter of the spec; `None` if it is not given, or refused and reported.
     pub parameters: Vec<Option<&'a Literal>>,
 }
 
-/// What feeds an input.
+/// The source of an input.
 #[derive(Clone, Debug)]
-pub enum Feed<'a> {
-    /// Nothing.
+pub enum InputSource<'a> {
+    /// None, and the spec has no default.
     Missing,
-    /// Something whose fault is reported.
+    /// Refused; the error is reported.
     Refused,
-    /// An output.
-    Wire(Wire<'a>),
+    /// A link from an output.
+    Link(ResolvedLink<'a>),
     /// A constant of the text.
     Literal(&'a Literal),
-    /// The constant of the spec.
+    /// The default of the spec.
     Default(Default),
-    /// Links and constants side by side.
-    List(List<'a>),
+    /// A list of links and constants.
+    List(ResolvedList<'a>),
 }
 
-/// A list of links and constants, flat: each with its place.
+/// A list of links and constants, flattened: each element has its position.
 #[derive(Clone, Debug)]
-pub struct List<'a> {
-    /// What it consists of; what was refused is left out.
-    pub leaves: Vec<Leaf<'a>>,
-    /// How many elements it has.
+pub struct ResolvedList<'a> {
+    /// Its elements; refused ones are left out.
+    pub leaves: Vec<ListElement<'a>>,
+    /// Number of elements.
     pub count: u32,
-    /// Where it stands.
+    /// Span of the list.
     pub span: Span,
 }
 
-/// What feeds an element of a list.
+/// An element of a list.
 #[derive(Clone, Copy, Debug)]
-pub enum Leaf<'a> {
-    /// An output.
-    Wire(Wire<'a>),
-    /// A constant and its place in the list.
-    Literal(&'a Literal, Place),
+pub enum ListElement<'a> {
+    /// A link from an output.
+    Link(ResolvedLink<'a>),
+    /// A constant and its position in the list.
+    Literal(&'a Literal, ListPosition),
 }
 
-impl<'a> Feed<'a> {
-    /// The links in it.
-    pub fn wires(&self) -> impl Iterator<Item = &Wire<'a>> {
+impl<'a> InputSource<'a> {
+    /// Returns the links of the source.
+    pub fn links(&self) -> impl Iterator<Item = &ResolvedLink<'a>> {
         let whole = match self {
-            Feed::Wire(wire) => Some(wire),
+            InputSource::Link(link) => Some(link),
             _ => None,
         };
         let leaves = match self {
-            Feed::List(list) => list.leaves.as_slice(),
+            InputSource::List(list) => list.leaves.as_slice(),
             _ => &[],
         };
         let leaves = leaves.iter().filter_map(|leaf| match leaf {
-            Leaf::Wire(wire) => Some(wire),
-            Leaf::Literal(..) => None,
+            ListElement::Link(link) => Some(link),
+            ListElement::Literal(..) => None,
         });
         whole.into_iter().chain(leaves)
     }
@@ -145,77 +148,77 @@ impl<'a> Feed<'a> {
 
 /// A link from an output or from a part of its value.
 #[derive(Clone, Copy, Debug)]
-pub struct Wire<'a> {
+pub struct ResolvedLink<'a> {
     /// The output.
-    pub from: Output,
-    /// The part of its value; `None`: all of it.
-    pub part: Option<Part>,
-    /// Where it ends in the list that feeds the input.
-    pub place: Place,
-    /// It carries the value of the cycle before.
+    pub from: OutputId,
+    /// The selected part of the value; `None` for all of it.
+    pub part: Option<ValuePart>,
+    /// The position in the list at the target input.
+    pub place: ListPosition,
+    /// True if it carries the value of the previous cycle.
     pub delayed: bool,
-    /// Its first value.
+    /// The initial value of a delayed link.
     pub initial: Option<&'a Literal>,
-    /// Its place.
+    /// Span of the link.
     pub span: Span,
-    /// The place of the port's name in it.
+    /// Span of the port's name.
     pub port_span: Span,
 }
 
 /// An output of an item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Output {
+pub struct OutputId {
     /// Index of the item.
     pub item: usize,
-    /// Output of the spec.
+    /// Index of the output in the spec.
     pub port: usize,
 }
 
-impl Item<'_> {
-    /// Its spec.
+impl ResolvedPrimitive<'_> {
+    /// Returns the spec.
     #[must_use]
     pub fn spec(&self) -> &'static Spec {
         &self.entry.spec
     }
 
-    /// Its id.
+    /// Returns the id.
     #[must_use]
     pub fn id(&self) -> &str {
         &self.primitive.id.name
     }
 
-    /// The links that end at it, with the input's place in the spec.
-    pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire<'_>)> {
+    /// Returns the links to the item, each with the index of its input in the spec.
+    pub fn links(&self) -> impl Iterator<Item = (usize, &ResolvedLink<'_>)> {
         let inputs = self.inputs.iter().enumerate();
-        inputs.flat_map(|(port, feed)| feed.wires().map(move |wire| (port, wire)))
+        inputs.flat_map(|(port, feed)| feed.links().map(move |link| (port, link)))
     }
 
-    /// True if what it remembers begins as a value that is not null.
+    /// Returns true if the stored past values start with a value other than null.
     #[must_use]
-    pub fn begins_known(&self) -> bool {
+    pub fn has_known_initial_value(&self) -> bool {
         let mut rows = self.spec().parameters.iter().zip(&self.parameters);
         rows.any(|(parameter, given)| {
             let default = parameter
                 .default
                 .is_some_and(|value| value != Default::Null);
-            let known = given.map_or(default, |given| given.shape != Shape::Null);
+            let known = given.map_or(default, |given| given.shape != LiteralShape::Null);
             matches!(parameter.kind, ParameterKind::First(_)) && known
         })
     }
 
-    /// The topic that it publishes or subscribes to.
+    /// Returns the topic that the item publishes or subscribes to.
     #[must_use]
     pub fn topic(&self) -> Option<&str> {
         self.topic_literal().map(|(topic, _)| topic)
     }
 
-    /// The same with its place.
+    /// Returns the topic and its span.
     pub(crate) fn topic_literal(&self) -> Option<(&str, Span)> {
         let mut rows = self.spec().parameters.iter().zip(&self.parameters);
         let (_, given) = rows.find(|(parameter, _)| parameter.kind == ParameterKind::Topic)?;
         match given {
             Some(Literal {
-                shape: Shape::Text(topic),
+                shape: LiteralShape::Text(topic),
                 span,
                 ..
             }) => Some((topic, *span)),
@@ -223,72 +226,79 @@ impl Item<'_> {
         }
     }
 
-    /// The lists that feed it, with the input's place in the spec.
-    pub fn lists(&self) -> impl Iterator<Item = (usize, &List<'_>)> {
+    /// Returns the lists at the inputs, each with the index of its input in the spec.
+    pub fn lists(&self) -> impl Iterator<Item = (usize, &ResolvedList<'_>)> {
         let inputs = self.inputs.iter().enumerate();
         inputs.filter_map(|(port, feed)| match feed {
-            Feed::List(list) => Some((port, list)),
+            InputSource::List(list) => Some((port, list)),
             _ => None,
         })
     }
 }
 
-impl<'a> Graph<'a> {
-    /// The conditions that an item depends on, from the innermost to the outermost, with the region of each.
-    pub fn conditions(&self, item: &Item<'_>) -> impl Iterator<Item = &Region<'a>> {
+impl<'a> NetGraph<'a> {
+    /// Returns the regions that contain an item, from the innermost to the outermost.
+    pub fn conditions(
+        &self,
+        item: &ResolvedPrimitive<'_>,
+    ) -> impl Iterator<Item = &ResolvedRegion<'a>> {
         let first = item.region.and_then(|region| self.regions.get(region));
         std::iter::successors(first, |region| self.regions.get(region.parent?))
     }
 
-    /// All links that an item depends on, each with the name of its input: those of its conditions too.
-    pub fn links(&self, item: &'a Item<'a>) -> impl Iterator<Item = (&'static str, &Wire<'a>)> {
-        let inputs = item.wires().map(|(port, wire)| {
+    /// Returns all links that an item depends on, each with the name of its input. Links of conditions are included, as
+    /// `active`.
+    pub fn dependencies(
+        &self,
+        item: &'a ResolvedPrimitive<'a>,
+    ) -> impl Iterator<Item = (&'static str, &ResolvedLink<'a>)> {
+        let inputs = item.links().map(|(port, link)| {
             let input = item.spec().inputs.get(port);
-            (input.map_or("", |input| input.name), wire)
+            (input.map_or("", |input| input.name), link)
         });
         let conditions = self
             .conditions(item)
             .filter_map(|region| match &region.condition {
-                Feed::Wire(wire) => Some(("active", wire)),
+                InputSource::Link(link) => Some(("active", link)),
                 _ => None,
             });
         inputs.chain(conditions)
     }
 
-    /// True if everything of region `inner` is in region `outer` too.
+    /// Returns true if region `inner` is region `outer` or is nested in it.
     #[must_use]
     pub fn is_within(&self, inner: Option<usize>, outer: usize) -> bool {
         let parent = |region: &usize| self.regions.get(*region).and_then(|region| region.parent);
         std::iter::successors(inner, parent).any(|region| region == outer)
     }
 
-    /// Evaluations per second.
+    /// Returns the number of evaluations per second, Hz.
     #[must_use]
     pub fn evaluations_hz(&self) -> f64 {
         self.cell.cycle_hz() / f64::from(self.rate.every)
     }
 
-    /// `id.port` of an output.
+    /// Returns an output as `id.port`.
     #[must_use]
-    pub fn output_name(&self, output: Output) -> String {
+    pub fn output_name(&self, output: OutputId) -> String {
         let item = self.items.get(output.item);
         let port = item.and_then(|item| item.spec().outputs.get(output.port));
         format!(
             "{}.{}",
-            item.map_or("", Item::id),
+            item.map_or("", ResolvedPrimitive::id),
             port.map_or("", |port| port.name)
         )
     }
 }
 
-/// Looks every name of a net up.
+/// Resolves all names of a net.
 pub fn resolve<'a>(
-    flat: &'a Flat,
+    flat: &'a ExpandedNet,
     cell: &'a DeviceTable,
     faults: &mut Vec<Diagnostic>,
-) -> Graph<'a> {
+) -> NetGraph<'a> {
     let net = &flat.net;
-    let rate = rate::of(&net.timing, cell, faults);
+    let rate = rate::rate_of(&net.timing, cell, faults);
     let mut resolver = Resolver {
         net,
         instances: &flat.instances,
@@ -296,7 +306,7 @@ pub fn resolve<'a>(
         faults,
         ids: HashMap::new(),
         rows: Vec::new(),
-        read_in_vain: Vec::new(),
+        counted_as_read: Vec::new(),
         suggestions: Suggestions::default(),
     };
     resolver.find_types();
@@ -305,14 +315,14 @@ pub fn resolve<'a>(
     for (number, (primitive, row)) in rows.enumerate() {
         let region = flat.region_of.get(number).copied().flatten();
         match row {
-            Some((row, entry)) => items.push(Item {
+            Some((row, entry)) => items.push(ResolvedPrimitive {
                 region,
                 ..resolver.item(primitive, row, entry)
             }),
-            None => resolver.read_in_vain(&primitive.inputs),
+            None => resolver.count_inputs_as_read(&primitive.inputs),
         }
     }
-    let regions = flat.regions.iter().map(|region| Region {
+    let regions = flat.regions.iter().map(|region| ResolvedRegion {
         id: &region.id,
         condition: resolver.feed(&region.condition, &CONDITION),
         parent: region.parent,
@@ -320,38 +330,41 @@ pub fn resolve<'a>(
     let regions = regions.collect();
     for reference in &flat.read {
         let output = resolver.output(reference);
-        resolver.read_in_vain.extend(output);
+        resolver.counted_as_read.extend(output);
     }
     let discarded = resolver.discarded();
     let has_unknown_types = resolver.rows.iter().any(Option::is_none) || flat.is_incomplete;
-    let pins = flat.pins.iter().filter_map(|said| resolver.pin(said));
-    Graph {
+    let declarations = flat
+        .declarations
+        .iter()
+        .filter_map(|declaration| resolver.declared_input(declaration));
+    NetGraph {
         net,
         cell,
         rate,
         items,
         discarded,
-        pins: pins.collect(),
+        declarations: declarations.collect(),
         regions,
-        read_in_vain: resolver.read_in_vain,
+        counted_as_read: resolver.counted_as_read,
         has_unknown_types,
     }
 }
 
-/// `active`, as if it were an input.
+/// `active`, treated as an input.
 const CONDITION: Port = Port::bool("active", "the condition");
 
-/// `a/b/` of `a/b/id`: the instance that a primitive is in; empty: the net itself.
+/// Returns `a/b/` of `a/b/id`: the instance that contains the primitive. Empty for the net itself.
 fn scope_of(id: &str) -> &str {
     id.rfind('/').map_or("", |slash| &id[..=slash])
 }
 
-/// Where an id leads.
+/// The target of an id.
 #[derive(Clone, Copy)]
-enum Target {
-    /// A primitive whose type is not known.
+enum IdTarget {
+    /// A primitive of unknown type.
     Unknown,
-    Item(usize, &'static Spec),
+    ResolvedPrimitive(usize, &'static Spec),
 }
 
 struct Resolver<'a, 'f> {
@@ -359,9 +372,9 @@ struct Resolver<'a, 'f> {
     instances: &'a [String],
     cell: &'a DeviceTable,
     faults: &'f mut Vec<Diagnostic>,
-    ids: HashMap<&'a str, Target>,
-    rows: Vec<Option<(usize, &'static Entry)>>,
-    read_in_vain: Vec<Output>,
+    ids: HashMap<&'a str, IdTarget>,
+    rows: Vec<Option<(usize, &'static CatalogueEntry)>>,
+    counted_as_read: Vec<OutputId>,
     suggestions: Suggestions,
 }
 
@@ -381,8 +394,8 @@ impl<'a> Resolver<'a, '_> {
                 let help = self.suggestions.primitive_type(&name.name);
                 self.error(fault::UNKNOWN_TYPE, name.span, message, Some(help));
             }
-            let target = row.map_or(Target::Unknown, |(_, entry)| {
-                Target::Item(count, &entry.spec)
+            let target = row.map_or(IdTarget::Unknown, |(_, entry)| {
+                IdTarget::Item(count, &entry.spec)
             });
             count += usize::from(row.is_some());
             self.ids.insert(&primitive.id.name, target);
@@ -390,23 +403,31 @@ impl<'a> Resolver<'a, '_> {
         }
     }
 
-    fn pin(&self, said: &'a expand::Pin) -> Option<Pin<'a>> {
-        let primitive = self.net.primitives.get(said.primitive)?;
-        let Target::Item(item, spec) = self.ids.get(primitive.id.name.as_str())? else {
+    fn declared_input(
+        &self,
+        declaration: &'a expand::InputDeclaration,
+    ) -> Option<DeclaredInput<'a>> {
+        let primitive = self.net.primitives.get(declaration.primitive)?;
+        let IdTarget::Item(item, spec) = self.ids.get(primitive.id.name.as_str())? else {
             return None;
         };
-        let (input, _) = spec.input(&said.input)?;
-        Some(Pin {
+        let (input, _) = spec.input(&declaration.input)?;
+        Some(DeclaredInput {
             item: *item,
             input,
-            said,
+            declaration,
         })
     }
 
-    fn item(&mut self, primitive: &'a Primitive, row: usize, entry: &'static Entry) -> Item<'a> {
+    fn item(
+        &mut self,
+        primitive: &'a Primitive,
+        row: usize,
+        entry: &'static CatalogueEntry,
+    ) -> ResolvedPrimitive<'a> {
         let parameters = self.parameters(primitive, &entry.spec);
         let (device, channel) = self.device_and_channel(&entry.spec, &parameters);
-        Item {
+        ResolvedPrimitive {
             primitive,
             row,
             entry,
@@ -460,7 +481,7 @@ impl<'a> Resolver<'a, '_> {
         self.error(fault::MISSING_PARAMETER, span, message, Some(help));
     }
 
-    fn inputs(&mut self, primitive: &'a Primitive, spec: &'static Spec) -> Vec<Feed<'a>> {
+    fn inputs(&mut self, primitive: &'a Primitive, spec: &'static Spec) -> Vec<InputSource<'a>> {
         for (key, _) in &primitive.inputs {
             if spec.input(&key.name).is_none() {
                 let names = spec.inputs.iter().map(|port| port.name);
@@ -482,72 +503,74 @@ impl<'a> Resolver<'a, '_> {
                 .find(|(key, _)| key.name == port.name);
             feeds.push(match given {
                 Some((_, source)) => self.feed(source, port),
-                None => port.default.map_or(Feed::Missing, Feed::Default),
+                None => port
+                    .default
+                    .map_or(InputSource::Missing, InputSource::Default),
             });
         }
         let inputs = primitive.inputs.iter();
-        self.read_in_vain(inputs.filter(|(key, _)| spec.input(&key.name).is_none()));
+        self.count_inputs_as_read(inputs.filter(|(key, _)| spec.input(&key.name).is_none()));
         feeds
     }
 
-    /// What a mistyped input reads is read; what is wrong there is found all the same.
-    fn read_in_vain(&mut self, inputs: impl IntoIterator<Item = &'a (Key, Source)>) {
+    /// Counts the outputs that unknown inputs read as read, and reports unresolved references in them.
+    fn count_inputs_as_read(&mut self, inputs: impl IntoIterator<Item = &'a (Key, Source)>) {
         for (_, source) in inputs {
-            self.read_elements_in_vain(std::slice::from_ref(source));
+            self.count_elements_as_read(std::slice::from_ref(source));
         }
     }
 
-    fn read_elements_in_vain(&mut self, elements: &'a [Source]) {
+    fn count_elements_as_read(&mut self, elements: &'a [Source]) {
         for element in elements {
             match element {
                 Source::Link(link) => {
                     let output = self.output(&link.from);
-                    self.read_in_vain.extend(output);
+                    self.counted_as_read.extend(output);
                 }
-                Source::List(list) => self.read_elements_in_vain(&list.elements),
+                Source::List(list) => self.count_elements_as_read(&list.elements),
                 Source::Literal(_) | Source::Refused => {}
             }
         }
     }
 
-    fn feed(&mut self, source: &'a Source, port: &Port) -> Feed<'a> {
+    fn feed(&mut self, source: &'a Source, port: &Port) -> InputSource<'a> {
         match source {
-            Source::Refused => Feed::Refused,
+            Source::Refused => InputSource::Refused,
             Source::Literal(literal) => match &literal.shape {
-                Shape::Text(text) => {
+                LiteralShape::Text(text) => {
                     let message = format!("`{}` cannot be fed by the text `{text}`", port.name);
                     self.error(fault::WRONG_SHAPE, literal.span, message, None);
-                    Feed::Refused
+                    InputSource::Refused
                 }
-                _ => Feed::Literal(literal),
+                _ => InputSource::Literal(literal),
             },
             Source::Link(link) => {
-                let wire = self.wire(link, Place::default());
-                wire.map_or(Feed::Refused, Feed::Wire)
+                let link = self.resolve_link(link, ListPosition::default());
+                link.map_or(InputSource::Refused, InputSource::Link)
             }
             Source::List(list) => {
                 let mut leaves = Vec::new();
-                if self.leaves(list, Place::default(), &mut leaves) {
-                    Feed::List(List {
+                if self.leaves(list, ListPosition::default(), &mut leaves) {
+                    InputSource::List(ResolvedList {
                         leaves,
                         count: list.elements.len() as u32,
                         span: list.span,
                     })
                 } else {
-                    // The links that are good count as read.
-                    let wires = leaves.iter().filter_map(|leaf| match leaf {
-                        Leaf::Wire(wire) => Some(wire.from),
-                        Leaf::Literal(..) => None,
+                    // The resolved links of a refused list count as read.
+                    let links = leaves.iter().filter_map(|leaf| match leaf {
+                        ListElement::Link(link) => Some(link.from),
+                        ListElement::Literal(..) => None,
                     });
-                    self.read_in_vain.extend(wires);
-                    Feed::Refused
+                    self.counted_as_read.extend(links);
+                    InputSource::Refused
                 }
             }
         }
     }
 
-    fn wire(&mut self, link: &'a Link, place: Place) -> Option<Wire<'a>> {
-        Some(Wire {
+    fn resolve_link(&mut self, link: &'a Link, place: ListPosition) -> Option<ResolvedLink<'a>> {
+        Some(ResolvedLink {
             from: self.output(&link.from)?,
             part: link.from.part,
             place,
@@ -561,14 +584,14 @@ impl<'a> Resolver<'a, '_> {
         })
     }
 
-    /// The elements of a list with their places; false if one of them is refused.
+    /// Flattens the elements of a list; returns false if one of them is refused.
     fn leaves(
         &mut self,
         list: &'a crate::syntax::List,
-        place: Place,
-        leaves: &mut Vec<Leaf<'a>>,
+        place: ListPosition,
+        leaves: &mut Vec<ListElement<'a>>,
     ) -> bool {
-        // Reading has refused lists that are too long or too deep.
+        // Longer and deeper lists are refused when they are read.
         let count = list.elements.len() as u32;
         let mut good = true;
         for (element, index) in list.elements.iter().zip(0u32..) {
@@ -578,11 +601,11 @@ impl<'a> Resolver<'a, '_> {
                 return false;
             };
             match element {
-                Source::Link(link) => match self.wire(link, place) {
-                    Some(wire) => leaves.push(Leaf::Wire(wire)),
+                Source::Link(link) => match self.resolve_link(link, place) {
+                    Some(link) => leaves.push(ListElement::Link(link)),
                     None => good = false,
                 },
-                Source::Literal(literal) => leaves.push(Leaf::Literal(literal, place)),
+                Source::Literal(literal) => leaves.push(ListElement::Literal(literal, place)),
                 Source::List(list) => good &= self.leaves(list, place, leaves),
                 Source::Refused => good = false,
             }
@@ -590,13 +613,14 @@ impl<'a> Resolver<'a, '_> {
         good
     }
 
-    /// The output that a reference names; reports it if there is none. What was probably meant counts as read.
-    fn output(&mut self, reference: &Reference) -> Option<Output> {
+    /// Returns the output that a reference names, or reports that there is none. The outputs of a suggested primitive
+    /// count as read.
+    fn output(&mut self, reference: &Reference) -> Option<OutputId> {
         match self.ids.get(reference.primitive.as_str()).copied() {
-            Some(Target::Unknown) => None,
-            Some(Target::Item(item, spec)) => {
+            Some(IdTarget::Unknown) => None,
+            Some(IdTarget::Item(item, spec)) => {
                 if let Some((port, _)) = spec.output(&reference.port) {
-                    return Some(Output { item, port });
+                    return Some(OutputId { item, port });
                 }
                 let (name, port) = (spec.name, &reference.port);
                 let (message, span) = if port.is_empty() {
@@ -622,13 +646,13 @@ impl<'a> Resolver<'a, '_> {
         let primitives = self.net.primitives.iter();
         let ids = primitives.map(|primitive| primitive.id.name.as_str());
         let ids = ids.chain(self.instances.iter().map(String::as_str));
-        // What is meant stands in the same fragment.
+        // Suggest only ids of the same fragment instance.
         let scope = scope_of(&reference.primitive);
         let ids = ids.filter(|id| scope_of(id) == scope);
         let near = self.suggestions.near(&reference.primitive, ids);
         let target = near.and_then(|near| self.ids.get(near).copied());
         let help = match (near, target) {
-            (Some(near), Some(Target::Item(item, spec))) => {
+            (Some(near), Some(IdTarget::Item(item, spec))) => {
                 self.count_as_read(item, spec);
                 suggest::primitive(near, &reference.port, spec)
             }
@@ -642,19 +666,19 @@ impl<'a> Resolver<'a, '_> {
     }
 
     fn count_as_read(&mut self, item: usize, spec: &Spec) {
-        let outputs = (0..spec.outputs.len()).map(|port| Output { item, port });
-        self.read_in_vain.extend(outputs);
+        let outputs = (0..spec.outputs.len()).map(|port| OutputId { item, port });
+        self.counted_as_read.extend(outputs);
     }
 
-    fn discarded(&mut self) -> Vec<(Output, Span)> {
+    fn discarded(&mut self) -> Vec<(OutputId, Span)> {
         let mut discarded = Vec::new();
         for reference in &self.net.discard {
             let target = self.ids.get(reference.primitive.as_str()).copied();
             let found = match target {
-                Some(Target::Unknown) => continue,
-                Some(Target::Item(item, spec)) => spec
+                Some(IdTarget::Unknown) => continue,
+                Some(IdTarget::Item(item, spec)) => spec
                     .output(&reference.port)
-                    .map(|(port, _)| Output { item, port }),
+                    .map(|(port, _)| OutputId { item, port }),
                 None => None,
             };
             let message = match (found, reference.part) {
@@ -668,7 +692,7 @@ impl<'a> Resolver<'a, '_> {
                 (None, _) => format!("`discard` names `{reference}`, and there is no such output"),
             };
             let help = match (target, found) {
-                (Some(Target::Item(_, spec)), None) => self.suggestions.output(reference, spec),
+                (Some(IdTarget::Item(_, spec)), None) => self.suggestions.output(reference, spec),
                 (_, Some(_)) => format!("write `{}.{}`", reference.primitive, reference.port),
                 (_, None) => "take it out of `discard`".to_string(),
             };

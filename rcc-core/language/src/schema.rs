@@ -1,24 +1,27 @@
-//! The JSON Schema of nets and libraries, made from the catalogue: what editors complete, explain and underline.
-//! It accepts every net that the language accepts, and refuses what can be seen without looking at links. Never real-time.
+//! The JSON Schema of nets and libraries, generated from the catalogue, for completion, documentation and validation in
+//! editors. It accepts every net that the language accepts, and refuses errors that are visible without following
+//! links. Never real-time.
 
-use rcc_core::primitive::{ChannelKind, Literal, Parameter, ParameterKind, Port, PortType, Spec};
+use rcc_core::primitive::{
+    ChannelKind, DefaultValue, Parameter, ParameterKind, Port, PortType, Spec,
+};
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
-use rcc_core::unit::NAMED;
+use rcc_core::unit::UNIT_NAMES;
 use serde_json::{Map, Value, json};
 
 use crate::devices::DeviceTable;
 
-/// The dialect that it is written in.
+/// The JSON Schema dialect.
 pub const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
-/// A link: an output, one of its elements, or (in a fragment) an input or parameter.
+/// Pattern of a link: an output, one of its elements, or (in a fragment) an input or parameter.
 const REFERENCE: &str = r"^(\$?[A-Za-z][A-Za-z0-9_-]*)(\.[A-Za-z0-9_-]+)*(\[[0-9., ]+\])?$";
-/// A parameter of a fragment.
+/// Pattern of a parameter of a fragment.
 const PARAMETER: &str = r"^\$";
 const ID: &str = "^[a-z][a-z0-9_]{0,63}$";
 
-/// The schema of nets and libraries; with a cell also the names of its devices and channels.
+/// Returns the schema of nets and libraries. With a cell, it also lists the names of the cell's devices and channels.
 #[must_use]
 pub fn schema(cell: Option<&DeviceTable>) -> Value {
     let mut definitions = Map::new();
@@ -44,9 +47,9 @@ pub fn schema(cell: Option<&DeviceTable>) -> Value {
     })
 }
 
-/// A number with a unit that is known, `deg(…)` or `rad(…)`, as a pattern of texts.
+/// Returns the pattern of a number with a known unit, `deg(…)` or `rad(…)`.
 fn quantity() -> String {
-    let mut units: Vec<&str> = NAMED.iter().map(|named| named.name).collect();
+    let mut units: Vec<&str> = UNIT_NAMES.iter().map(|named| named.name).collect();
     units.sort_by_key(|name| std::cmp::Reverse(name.len()));
     let unit = format!(r"({})(\s*\^\s*-?[0-9]+)?", units.join("|"));
     let number = r"([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?";
@@ -54,12 +57,12 @@ fn quantity() -> String {
     format!(r"^\s*[+-]?\s*({angle}|{number}\s*{unit}(\s*[*/·]\s*{unit})*)\s*$")
 }
 
-/// Everything but the primitives: whole files, parts of fragments, values.
+/// Returns all definitions except the primitives: files, parts of fragments, values.
 fn shared() -> impl Iterator<Item = (&'static str, Value)> {
     files().into_iter().chain(parts()).chain(values())
 }
 
-/// Entries of one kind by their names.
+/// Returns an object whose keys are ids and whose values match the definition.
 fn by_name(definition: &str, what: &str) -> Value {
     json!({
         "description": what,
@@ -214,7 +217,7 @@ fn values() -> [(&'static str, Value); 10] {
     ]
 }
 
-/// An object with no other keys.
+/// Returns an object schema without additional keys.
 fn object(description: &str, required: &[&str], properties: Value) -> Value {
     json!({
         "description": description,
@@ -229,7 +232,7 @@ fn reference() -> Value {
     json!({"$ref": "#/$defs/reference"})
 }
 
-/// A source: one of these, null, or a link with more to say.
+/// Returns the schema of a source: one of these kinds, null, or a link given as a mapping.
 fn source(mut kinds: Vec<Value>) -> Value {
     kinds.push(json!({"type": "null"}));
     kinds.push(json!({"$ref": "#/$defs/link"}));
@@ -243,7 +246,7 @@ fn active() -> Value {
     })
 }
 
-/// An entry of `primitives`; the branch of its type says what it may have.
+/// Returns the schema of an entry of `primitives`; the branch of its type lists its members.
 fn any_primitive(branches: Vec<Value>) -> Value {
     let names: Vec<&str> = CATALOGUE.iter().map(|entry| entry.spec.name).collect();
     let about: Vec<&str> = CATALOGUE.iter().map(|entry| entry.spec.summary).collect();
@@ -296,7 +299,7 @@ fn primitive(spec: &Spec, cell: Option<&DeviceTable>) -> Value {
     required.extend((!wants.is_empty()).then_some("inputs"));
     let group = |properties: Map<String, Value>, required: &[&str]| {
         json!({
-            // Nothing is as good as an empty one.
+            // An absent mapping counts as an empty one.
             "type": if required.is_empty() { json!(["object", "null"]) } else { json!("object") },
             "properties": properties,
             "required": required,
@@ -335,14 +338,14 @@ fn port_words(port: &Port) -> String {
     }
 }
 
-fn with_default(schema: &mut Value, default: Option<Literal>) {
+fn with_default(schema: &mut Value, default: Option<DefaultValue>) {
     let default = match default {
         None => return,
-        Some(Literal::Real(value)) => json!(value),
-        Some(Literal::Int(value)) => json!(value),
-        Some(Literal::Bool(value)) => json!(value),
-        Some(Literal::Word(word)) => json!(word),
-        Some(Literal::Null) => Value::Null,
+        Some(DefaultValue::Real(value)) => json!(value),
+        Some(DefaultValue::Int(value)) => json!(value),
+        Some(DefaultValue::Bool(value)) => json!(value),
+        Some(DefaultValue::Word(word)) => json!(word),
+        Some(DefaultValue::Null) => Value::Null,
     };
     if let Some(schema) = schema.as_object_mut() {
         schema.insert("default".to_string(), default);
@@ -365,7 +368,7 @@ fn parameter(parameter: &Parameter, cell: Option<&DeviceTable>) -> Value {
             ParameterKind::Arm => named(devices(cell, true)),
             ParameterKind::Device => named(devices(cell, false)),
             ParameterKind::Channel(kind) => named(channels(cell, kind)),
-            // Its type is open, or there are many ways to write it.
+            // The type is open, or there are many notations.
             _ => json!({}),
         };
     if let Some(schema) = schema.as_object_mut() {
@@ -375,7 +378,8 @@ fn parameter(parameter: &Parameter, cell: Option<&DeviceTable>) -> Value {
     schema
 }
 
-/// A number with its bounds, which hold for bare numbers; with a unit the language looks.
+/// Returns the schema of a number with its bounds. The bounds apply to bare numbers; those with a unit are checked by
+/// the compiler.
 fn real(parameter: &Parameter) -> Value {
     let mut number = Map::new();
     number.insert("type".to_string(), json!("number"));
@@ -391,12 +395,12 @@ fn real(parameter: &Parameter) -> Value {
     json!({"anyOf": [number, {"$ref": "#/$defs/withUnit"}, {"$ref": "#/$defs/parameter"}, {"type": "null"}]})
 }
 
-/// This, null, or a parameter of the fragment.
+/// Returns a schema that also accepts null and parameters of the fragment.
 fn either(schema: Value) -> Value {
     json!({"anyOf": [schema, {"$ref": "#/$defs/parameter"}, {"type": "null"}]})
 }
 
-/// A name; one of these, if they are known.
+/// Returns the schema of a name: one of `names`, or any if they are not known.
 fn named(names: Vec<&str>) -> Value {
     if names.is_empty() {
         return json!({"type": "string"});

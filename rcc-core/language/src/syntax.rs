@@ -1,5 +1,6 @@
-//! A net as it is written: the tree of the text turned into primitives, inputs and literals, each with its place.
-//! Knows the shape of the language, not the catalogue; all faults of shape and of names at once. The loader's threads.
+//! The syntax pass: the tree of the text becomes primitives, inputs and literals, each with its span. It checks the
+//! syntax of the language and of names, reports all errors at once, and does not know the catalogue. Runs on the
+//! loader's threads.
 
 pub mod fragment;
 mod legs;
@@ -17,61 +18,61 @@ use crate::syntax::fragment::Fragment;
 use crate::syntax::literal::Literal;
 use crate::syntax::reference::Reference;
 
-/// Longest name in bytes.
+/// Longest name, bytes.
 pub const NAME_MAX: usize = 64;
 
-/// Everything that a net file says.
+/// A net file.
 #[derive(Clone, Debug)]
 pub struct Net {
-    /// Its name and where that stands.
+    /// Name and its span.
     pub name: Key,
-    /// What people should know about it; empty if nothing is said.
+    /// Description for users; may be empty.
     pub description: String,
-    /// `on_device_loss: null`: the net goes on with null when a device that it commands is lost.
+    /// `on_device_loss: null`: the net continues with null when a device that it commands is lost.
     pub survives_device_loss: bool,
-    /// When it is evaluated.
+    /// Period and phase.
     pub timing: Timing,
-    /// `use: [library/filters.yaml]`: files whose fragments the net uses, relative to its own file.
+    /// `use: [library/filters.yaml]`: paths of the libraries, relative to the net's own file.
     pub uses: Vec<Key>,
-    /// Its own fragments in the order of the file.
+    /// Fragments of the net itself, in the order of the file.
     pub fragments: Vec<Fragment>,
     /// Primitives and instances of fragments in the order of the file.
     pub primitives: Vec<Primitive>,
-    /// Outputs that nobody reads.
+    /// Outputs that nothing reads.
     pub discard: Vec<Reference>,
 }
 
-/// When a net is evaluated, as written; without any of it in every cycle.
+/// Period and phase as written. If nothing is given, the net is evaluated in every cycle.
 #[derive(Clone, Debug, Default)]
 pub struct Timing {
     /// `period: 5 ms`.
     pub period: Option<Literal>,
-    /// `rate: 200 Hz`: the same in other words.
+    /// `rate: 200 Hz`, an alternative to `period`.
     pub rate: Option<Literal>,
-    /// `phase: 2 ms`: how long after the beginning of the period.
+    /// `phase: 2 ms`, the delay after the start of the period.
     pub phase: Option<Literal>,
 }
 
-/// One primitive, or one instance of a fragment.
+/// A primitive, or an instance of a fragment.
 #[derive(Clone, Debug)]
 pub struct Primitive {
-    /// Its id.
+    /// Id.
     pub id: Key,
-    /// What `type_name` names.
-    pub kind: Kind,
-    /// Its type, or the fragment, as written; empty if that is missing.
+    /// Whether `type_name` names a type or a fragment.
+    pub kind: PrimitiveKind,
+    /// Type or fragment as written; empty if it is missing.
     pub type_name: Key,
     /// Parameters in the order of the file.
     pub parameters: Vec<(Key, Literal)>,
-    /// Inputs in the order of the file. In a fragment a link from a name without a port (`x`) is one from its input.
+    /// Inputs in the order of the file. In a fragment, a link without a port (`x`) reads an input of the fragment.
     pub inputs: Vec<(Key, Source)>,
-    /// `active: touch.out`: while this is false or null it is not evaluated, and its outputs are null.
+    /// `active: touch.out`: while this is false or null, the primitive is not evaluated and its outputs are null.
     pub active: Option<Source>,
 }
 
-/// What an entry of `primitives` is made from.
+/// What an entry of `primitives` is an instance of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Kind {
+pub enum PrimitiveKind {
     /// `type: Add`: a type of the catalogue.
     #[default]
     Type,
@@ -79,21 +80,21 @@ pub enum Kind {
     Fragment,
 }
 
-/// What feeds an input.
+/// The source of an input.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// An output.
+    /// A link from an output.
     Link(Link),
     /// A constant.
     Literal(Literal),
     /// A list with at least one link in it.
     List(List),
-    /// Something that was refused; its fault is reported.
+    /// Refused; the error is reported.
     Refused,
 }
 
 impl Source {
-    /// The links in it.
+    /// Returns the links of the source.
     #[must_use]
     pub fn links(&self) -> Vec<&Link> {
         match self {
@@ -103,7 +104,7 @@ impl Source {
         }
     }
 
-    /// The constants in it, first values of delayed links included.
+    /// Returns the constants of the source, including the initial values of delayed links.
     #[must_use]
     pub fn constants(&self) -> Vec<&Literal> {
         match self {
@@ -115,12 +116,12 @@ impl Source {
     }
 }
 
-/// A list of links and constants that becomes one value: an array, a vector, or, of lists, a matrix.
+/// A list of links and constants that becomes one value: an array or a vector, or a matrix if its elements are lists.
 #[derive(Clone, Debug)]
 pub struct List {
-    /// What it consists of, at most [`ELEMENTS_MAX`]; lists only in a list that is in none.
+    /// Its elements, at most [`ELEMENTS_MAX`]. Lists are nested at most twice.
     pub elements: Vec<Source>,
-    /// Where it stands.
+    /// Span of the list.
     pub span: Span,
 }
 
@@ -129,11 +130,11 @@ pub struct List {
 pub struct Link {
     /// The output.
     pub from: Reference,
-    /// It carries the value of the cycle before.
+    /// True if it carries the value of the previous cycle.
     pub delayed: bool,
     /// Value of a delayed link in the first cycle.
     pub initial: Option<Literal>,
-    /// Where the link stands.
+    /// Span of the link.
     pub span: Span,
 }
 
@@ -210,7 +211,7 @@ fn read_timing(root: &Node, faults: &mut Vec<Diagnostic>) -> Timing {
     }
 }
 
-/// A fault of shape: `what` is not `wanted`.
+/// Returns the diagnostic that `what` must be `wanted`.
 fn shape(node: &Node, what: &str, wanted: &str) -> Diagnostic {
     let message = format!("{what} must be {wanted}, not {}", node.kind());
     Diagnostic::error(fault::WRONG_SHAPE, node.span, message)
@@ -249,8 +250,8 @@ fn read_name(root: &Node, faults: &mut Vec<Diagnostic>) -> Key {
     name
 }
 
-/// The rule for names of nets, in whatever form they are given: `[a-z][a-z0-9-]{0,63}`. A loaded net is also addressed by
-/// its number and as `name#number`, so no name begins with a digit or has a `#`.
+/// Returns true for a valid name of a net, `[a-z][a-z0-9-]{0,63}`, in any notation. A loaded net is also addressed by
+/// its number and as `name#number`, so a name does not begin with a digit and has no `#`.
 #[must_use]
 pub fn is_net_name(name: &str) -> bool {
     let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
@@ -259,7 +260,7 @@ pub fn is_net_name(name: &str) -> bool {
         && name.chars().all(allowed)
 }
 
-/// The fault of a name that no net may have.
+/// Returns the diagnostic of an invalid name of a net.
 pub(crate) fn bad_net_name(name: &Key) -> Option<Diagnostic> {
     if is_net_name(&name.name) {
         return None;
@@ -324,7 +325,7 @@ fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
     report_bad_id(id, "the id of a primitive", faults);
     let mut primitive = Primitive {
         id: id.clone(),
-        kind: Kind::Type,
+        kind: PrimitiveKind::Type,
         type_name: Key {
             name: String::new(),
             span: id.span,
@@ -352,11 +353,11 @@ fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
     primitive
 }
 
-/// `type: Add` or `fragment: smooth`.
+/// Reads `type: Add` or `fragment: smooth`.
 fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic>) {
     let (kind, what, given) = match (node.get("type"), node.get("fragment")) {
-        (Some(given), None) => (Kind::Type, "a primitive type", given),
-        (None, Some(given)) => (Kind::Fragment, "a fragment", given),
+        (Some(given), None) => (PrimitiveKind::Type, "a primitive type", given),
+        (None, Some(given)) => (PrimitiveKind::Fragment, "a fragment", given),
         (None, None) => {
             let message = format!("primitive `{}` has no type", primitive.id.name);
             let fault = Diagnostic::error(fault::MISSING_KEY, primitive.id.span, message);
@@ -372,7 +373,7 @@ fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic
         }
     };
     let Some(name) = given.text() else {
-        let key = if kind == Kind::Type {
+        let key = if kind == PrimitiveKind::Type {
             "`type`"
         } else {
             "`fragment`"
@@ -386,7 +387,7 @@ fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic
     };
 }
 
-/// The entries of the mapping under `key`; nothing counts as an empty one.
+/// Returns the entries of the mapping under `key`; an absent or null value counts as an empty mapping.
 fn entries_of<'a>(node: &'a Node, key: &str, faults: &mut Vec<Diagnostic>) -> &'a [Entry] {
     match node.get(key) {
         None => &[],
@@ -405,7 +406,7 @@ fn entries_of<'a>(node: &'a Node, key: &str, faults: &mut Vec<Diagnostic>) -> &'
     }
 }
 
-/// True for a list with a link in it.
+/// Returns true for a list that contains a link.
 fn has_link(node: &Node) -> bool {
     node.list().is_some_and(|nodes| {
         nodes.iter().any(|node| {
@@ -419,7 +420,7 @@ fn has_link(node: &Node) -> bool {
     })
 }
 
-/// A list with links; `depth`: how many lists it is in.
+/// Reads a list with links; `depth` is the number of enclosing lists.
 fn read_list(node: &Node, nodes: &[Node], depth: u32, faults: &mut Vec<Diagnostic>) -> Source {
     if nodes.len() > usize::from(ELEMENTS_MAX) || depth > 1 {
         let message = match depth {

@@ -1,33 +1,33 @@
-//! A net as text: the model back to YAML or JSON, so that what is written reads back as the same model, to the bit.
-//! Used by the command line and by programs that make nets, never on the real-time thread.
+//! Writes a net as YAML or JSON. The text reads back as the same model, to the bit. Used by the command line and by
+//! programs that generate nets; never on the real-time thread.
 
 use rcc_config::diagnostic::Span;
-use rcc_config::yaml::layout::{Block, Entry, Tree, render};
+use rcc_config::yaml::layout::{Tree, TreeBlock, TreeEntry, render};
 use rcc_config::yaml::{Key, scalar};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use crate::syntax::fragment::{Fragment, FragmentOutput, Library};
-use crate::syntax::literal::{Literal, Shape, Written};
+use crate::syntax::literal::{Literal, LiteralShape, Notation};
 use crate::syntax::reference::Reference;
-use crate::syntax::{Kind, Link, Net, Primitive, Source};
+use crate::syntax::{Link, Net, Primitive, PrimitiveKind, Source};
 
-/// The net as YAML, in the layout that `rcc-cli fmt` gives.
+/// Returns a net as YAML, in the layout of `rcc-cli fmt`.
 ///
-/// Something refused and numbers that are not finite are written as null, so a net that was read with faults does not
-/// come back.
+/// Refused parts and numbers that are not finite are written as null, so a net that was read with errors does not
+/// round-trip.
 #[must_use]
 pub fn yaml(net: &Net) -> String {
     render(&tree(net))
 }
 
-/// The net as JSON, on one line.
+/// Returns a net as JSON on one line.
 #[must_use]
 pub fn json(net: &Net) -> String {
     tree(net).to_json()
 }
 
-/// A constant as YAML on one line.
+/// Returns a constant as YAML on one line.
 #[must_use]
 pub fn constant(literal: &Literal) -> String {
     literal_tree(literal)
@@ -35,7 +35,7 @@ pub fn constant(literal: &Literal) -> String {
         .unwrap_or_default()
 }
 
-/// A library as YAML.
+/// Returns a library as YAML.
 #[must_use]
 pub fn library(library: &Library) -> String {
     let mut block = open_block();
@@ -46,7 +46,7 @@ pub fn library(library: &Library) -> String {
     render(&Tree::Map(block))
 }
 
-/// The net as a tree: keys in the order of the manual, everything else in the order of the model.
+/// Returns a net as a tree: keys in the order of the manual, everything else in the order of the model.
 #[must_use]
 pub fn tree(net: &Net) -> Tree {
     let mut block = open_block();
@@ -74,15 +74,15 @@ pub fn tree(net: &Net) -> Tree {
     Tree::Map(block)
 }
 
-/// A mapping with an entry a line.
-fn open_block() -> Block {
-    Block {
+/// Returns an empty mapping that is laid out with one entry per line.
+fn open_block() -> TreeBlock {
+    TreeBlock {
         open: true,
-        ..Block::default()
+        ..TreeBlock::default()
     }
 }
 
-/// What nets, libraries and fragments have in common.
+/// Entries that nets, libraries and fragments have in common.
 trait Entries {
     fn push(&mut self, key: &str, value: Tree);
 
@@ -117,9 +117,9 @@ trait Entries {
     }
 }
 
-impl Entries for Block {
+impl Entries for TreeBlock {
     fn push(&mut self, key: &str, value: Tree) {
-        self.entries.push(Entry::new(key, value));
+        self.entries.push(TreeEntry::new(key, value));
     }
 }
 
@@ -171,14 +171,14 @@ fn fragment_output(output: &FragmentOutput) -> Tree {
     ])
 }
 
-/// What a fragment says about a parameter or an input.
+/// Returns the mapping of a parameter or an input of a fragment.
 fn port(
     description: &str,
     ty: Option<(Type, Span)>,
     unit: Option<(Unit, Span)>,
     default: Option<&Literal>,
 ) -> Tree {
-    let mut block = Block::default();
+    let mut block = TreeBlock::default();
     if let Some((ty, _)) = ty {
         block.push("type", text(&ty.to_string()));
     }
@@ -205,18 +205,18 @@ fn plain(text: &str) -> Tree {
 fn primitives(primitives: &[Primitive]) -> Tree {
     let entries = primitives
         .iter()
-        .map(|one| Entry::new(one.id.name.as_str(), primitive(one)));
-    Tree::Map(Block {
+        .map(|one| TreeEntry::new(one.id.name.as_str(), primitive(one)));
+    Tree::Map(TreeBlock {
         open: true,
         aligned: true,
-        ..Block::new(entries.collect())
+        ..TreeBlock::new(entries.collect())
     })
 }
 
 fn primitive(primitive: &Primitive) -> Tree {
     let kind = match primitive.kind {
-        Kind::Type => "type",
-        Kind::Fragment => "fragment",
+        PrimitiveKind::Type => "type",
+        PrimitiveKind::Fragment => "fragment",
     };
     let mut entries = vec![(kind.to_string(), text(&primitive.type_name.name))];
     if !primitive.parameters.is_empty() {
@@ -259,33 +259,35 @@ fn link_tree(link: &Link) -> Tree {
     Tree::map(entries)
 }
 
-/// A constant as a tree.
+/// Returns a constant as a tree.
 #[must_use]
 pub fn literal_tree(literal: &Literal) -> Tree {
     match &literal.written {
-        Written::Text(written) => return text(written),
-        Written::Parts(parts) => {
+        Notation::Text(written) => return text(written),
+        Notation::Mapping(parts) => {
             let parts = parts.iter();
             return Tree::map(parts.map(|(key, part)| (key.clone(), literal_tree(part))));
         }
-        Written::Rows(node) => return Tree::of(node),
-        Written::Usual => {}
+        Notation::Rows(node) => return Tree::of(node),
+        Notation::Canonical => {}
     }
     match &literal.shape {
-        Shape::Null | Shape::Refused => plain("null"),
-        Shape::Bool(value) => plain(&value.to_string()),
-        Shape::Int(value) => plain(&value.to_string()),
-        Shape::Real(value, _) if !value.is_finite() => plain("null"),
-        Shape::Real(value, None) => Tree::Plain(scalar::real(*value)),
-        Shape::Real(value, Some(unit)) => Tree::Text(format!("{} {unit}", scalar::real(*value))),
-        Shape::Text(value) => text(value),
-        Shape::Rotation(quaternion) => Tree::map([("quat".to_string(), reals(quaternion))]),
-        Shape::Pose([x, y, z, quaternion @ ..]) => Tree::map([
+        LiteralShape::Null | LiteralShape::Refused => plain("null"),
+        LiteralShape::Bool(value) => plain(&value.to_string()),
+        LiteralShape::Int(value) => plain(&value.to_string()),
+        LiteralShape::Real(value, _) if !value.is_finite() => plain("null"),
+        LiteralShape::Real(value, None) => Tree::Plain(scalar::real(*value)),
+        LiteralShape::Real(value, Some(unit)) => {
+            Tree::Text(format!("{} {unit}", scalar::real(*value)))
+        }
+        LiteralShape::Text(value) => text(value),
+        LiteralShape::Rotation(quaternion) => Tree::map([("quat".to_string(), reals(quaternion))]),
+        LiteralShape::Pose([x, y, z, quaternion @ ..]) => Tree::map([
             ("xyz".to_string(), reals(&[*x, *y, *z])),
             ("quat".to_string(), reals(quaternion)),
         ]),
-        Shape::Open(node) => Tree::of(node),
-        Shape::List(elements) => Tree::list(elements.iter().map(literal_tree)),
+        LiteralShape::Parameterised(node) => Tree::of(node),
+        LiteralShape::List(elements) => Tree::list(elements.iter().map(literal_tree)),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Arrays, matrices, windows and tables: what the worked values of the specs cannot say.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_language::{Compiled, Faults, compile};
 
 fn try_run(primitives: &str, discard: &str) -> Result<Compiled, Faults> {
@@ -12,9 +12,9 @@ fn try_run(primitives: &str, discard: &str) -> Result<Compiled, Faults> {
     compile(&text, "net", &cell("tests/nets/cell.yaml"))
 }
 
-fn run(primitives: &str, discard: &str) -> Bench {
+fn run(primitives: &str, discard: &str) -> NetHarness {
     let net = try_run(primitives, discard).unwrap_or_else(|faults| panic!("{faults}"));
-    Bench::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7])
+    NetHarness::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7])
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use rcc_config::CellConfig;
 use rcc_language::devices::DeviceTable;
 use rcc_language::fault::RULES;
-use rcc_language::library::{Files, Libraries, Unreadable};
+use rcc_language::library::{FileLibraries, LibraryError, LibrarySource};
 use rcc_language::{Compiled, Faults, compile_with};
 
 fn folder() -> PathBuf {
@@ -21,16 +21,16 @@ fn cell() -> CellConfig {
 }
 
 /// Libraries beside the nets.
-struct Beside;
+struct LibrariesBesideNet;
 
-impl Libraries for Beside {
-    fn read(&self, path: &str) -> Result<String, Unreadable> {
-        Files.read(&folder().join("bad").join(path).to_string_lossy())
+impl LibrarySource for LibrariesBesideNet {
+    fn read(&self, path: &str) -> Result<String, LibraryError> {
+        FileLibraries.read(&folder().join("bad").join(path).to_string_lossy())
     }
 }
 
 fn compile(text: &str, name: &str, cell: &CellConfig) -> Result<Compiled, Faults> {
-    compile_with(text, name, &DeviceTable::from(cell), &Beside)
+    compile_with(text, name, &DeviceTable::from(cell), &LibrariesBesideNet)
 }
 
 /// The files of the folder with this ending, sorted.

@@ -1,14 +1,14 @@
 //! Properties of every primitive, made from its spec: whatever comes in, null, NaN, infinite, subnormal or extreme, nothing
 //! panics or allocates, and what comes out is null, finite and in range as the spec says.
 
-mod bench;
 mod generate;
+mod harness;
 
 use std::collections::BTreeSet;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
-use bench::{Bench, cell};
-use generate::{Chance, OPEN, constant, many, parameters, type_of};
+use generate::{OPEN, TestRandom, constant, many, parameters, type_of};
+use harness::{NetHarness, cell};
 use rcc_config::CellConfig;
 use rcc_core::primitive::{NullRule, PROPAGATES, PortType, Role, Spec};
 use rcc_core::primitives::CATALOGUE;
@@ -34,12 +34,12 @@ enum Inputs {
 }
 
 /// A primitive alone in a net, fed by `Input`s.
-fn text(spec: &Spec, open: Type, chance: &mut Chance) -> Option<String> {
-    let given = parameters(spec, open, chance)?;
+fn text(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
+    let given = parameters(spec, open, random)?;
     let (mut wires, mut more) = (Vec::new(), String::new());
     for port in spec.inputs {
         let mut input = |name: String, ty: Type| {
-            let initial = constant(ty, chance);
+            let initial = constant(ty, random);
             more.push_str(&format!(
                 "  {name}: {{type: Input, parameters: {{initial: {initial}}}}}\n"
             ));
@@ -98,12 +98,12 @@ fn is_open(ty: PortType) -> bool {
 }
 
 /// Everything of a primitive that compiles: once for each open type.
-fn variants(spec: &Spec, cell: &CellConfig, chance: &mut Chance) -> Vec<(String, Compiled)> {
+fn variants(spec: &Spec, cell: &CellConfig, random: &mut TestRandom) -> Vec<(String, Compiled)> {
     let mut found = Vec::new();
     let mut texts = BTreeSet::new();
     let mut last = String::new();
     for open in OPEN {
-        let Some(text) = text(spec, open, chance) else {
+        let Some(text) = text(spec, open, random) else {
             continue;
         };
         match compile(&text, spec.name, cell) {
@@ -120,7 +120,7 @@ fn variants(spec: &Spec, cell: &CellConfig, chance: &mut Chance) -> Vec<(String,
     found
 }
 
-fn real(inputs: Inputs, chance: &mut Chance) -> f64 {
+fn real(inputs: Inputs, random: &mut TestRandom) -> f64 {
     const SPECIAL: [f64; 14] = [
         0.0,
         -0.0,
@@ -137,26 +137,26 @@ fn real(inputs: Inputs, chance: &mut Chance) -> f64 {
         -1e-308,
         9_223_372_036_854_775_808.0,
     ];
-    match (inputs, chance.below(4)) {
+    match (inputs, random.below(4)) {
         (Inputs::Anything, 0) => f64::NAN,
-        (Inputs::Anything, 1) => *chance.pick(&SPECIAL).expect("special numbers"),
-        (Inputs::Anything, 2) => f64::from_bits(chance.bits()),
-        _ => chance.share() * 16.0 - 8.0,
+        (Inputs::Anything, 1) => *random.pick(&SPECIAL).expect("special numbers"),
+        (Inputs::Anything, 2) => f64::from_bits(random.bits()),
+        _ => random.share() * 16.0 - 8.0,
     }
 }
 
-fn int(inputs: Inputs, chance: &mut Chance) -> i64 {
+fn int(inputs: Inputs, random: &mut TestRandom) -> i64 {
     const SPECIAL: [i64; 6] = [0, -1, 1, i64::MAX, i64::MIN + 1, 1 << 53];
-    match (inputs, chance.below(4)) {
+    match (inputs, random.below(4)) {
         (Inputs::Anything, 0) => NULL_INT,
-        (Inputs::Anything, 1) => *chance.pick(&SPECIAL).expect("special numbers"),
-        (Inputs::Anything, 2) => chance.bits() as i64,
-        _ => chance.below(17) as i64 - 8,
+        (Inputs::Anything, 1) => *random.pick(&SPECIAL).expect("special numbers"),
+        (Inputs::Anything, 2) => random.bits() as i64,
+        _ => random.below(17) as i64 - 8,
     }
 }
 
 /// Puts a value into each `Input`; returns whether all are known, and whether one of them is wholly null.
-fn poke(bench: &mut Bench, inputs: Inputs, chance: &mut Chance) -> (bool, bool) {
+fn poke(bench: &mut NetHarness, inputs: Inputs, random: &mut TestRandom) -> (bool, bool) {
     let (mut all_known, mut one_null) = (true, false);
     for index in 0..bench.net.names.primitives.len() {
         let primitive = &bench.net.names.primitives[index];
@@ -164,7 +164,7 @@ fn poke(bench: &mut Bench, inputs: Inputs, chance: &mut Chance) -> (bool, bool) 
             continue;
         }
         let port = primitive.outputs[0].clone();
-        let null = inputs == Inputs::Anything && chance.once_in(6);
+        let null = inputs == Inputs::Anything && random.once_in(6);
         let rotation = match port.type_name.as_str() {
             "Pose" => Some(3),
             "Rotation" => Some(0),
@@ -177,21 +177,21 @@ fn poke(bench: &mut Bench, inputs: Inputs, chance: &mut Chance) -> (bool, bool) 
                 Store::Bool => {
                     bench.bools[slot] = match inputs {
                         _ if null => 2,
-                        Inputs::Anything => chance.below(3) as u8,
-                        Inputs::Moderate => chance.below(2) as u8,
+                        Inputs::Anything => random.below(3) as u8,
+                        Inputs::Moderate => random.below(2) as u8,
                     };
                     bench.bools[slot] == 2
                 }
                 Store::Int => {
-                    bench.ints[slot] = if null { NULL_INT } else { int(inputs, chance) };
+                    bench.ints[slot] = if null { NULL_INT } else { int(inputs, random) };
                     bench.ints[slot] == NULL_INT
                 }
                 Store::Real => {
                     // A pose is null as a whole, and what is known of it has a rotation.
                     let whole = rotation.is_some();
                     let value = match whole {
-                        true => chance.share() * 2.0 - 1.0,
-                        false => real(inputs, chance),
+                        true => random.share() * 2.0 - 1.0,
+                        false => real(inputs, random),
                     };
                     bench.reals[slot] = if null { f64::NAN } else { value };
                     bench.reals[slot].is_nan()
@@ -216,7 +216,7 @@ fn poke(bench: &mut Bench, inputs: Inputs, chance: &mut Chance) -> (bool, bool) 
 /// What the outputs must be, whatever the inputs are; says what is wrong.
 fn judge(
     spec: &Spec,
-    bench: &Bench,
+    bench: &NetHarness,
     known: bool,
     null: bool,
     inputs: Inputs,
@@ -266,12 +266,12 @@ fn run(
     net: Compiled,
     cell: &CellConfig,
     inputs: Inputs,
-    chance: &mut Chance,
+    random: &mut TestRandom,
 ) {
-    let mut bench = Bench::new(net, cell, HOLD);
+    let mut bench = NetHarness::new(net, cell, HOLD);
     for cycle in 0..CYCLES {
-        let (known, null) = poke(&mut bench, inputs, chance);
-        let present = inputs == Inputs::Moderate || !chance.once_in(5);
+        let (known, null) = poke(&mut bench, inputs, random);
+        let present = inputs == Inputs::Moderate || !random.once_in(5);
         bench
             .inputs
             .iter_mut()
@@ -294,11 +294,11 @@ fn all(inputs: Inputs, seed: u64) {
         if entry.spec.role == Role::Input {
             continue;
         }
-        let mut chance = Chance(seed);
-        for (text, net) in variants(&entry.spec, &cell, &mut chance) {
+        let mut random = TestRandom(seed);
+        for (text, net) in variants(&entry.spec, &cell, &mut random) {
             let spec = &entry.spec;
             let one =
-                std::panic::AssertUnwindSafe(|| run(spec, &text, net, &cell, inputs, &mut chance));
+                std::panic::AssertUnwindSafe(|| run(spec, &text, net, &cell, inputs, &mut random));
             if std::panic::catch_unwind(one).is_err() {
                 wrong.push(spec.name);
                 break;

@@ -1,8 +1,8 @@
 //! Nets that the predecessor's library generated: they load, or what is missing is said with its place.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell, folder};
+use harness::{NetHarness, cell, folder};
 use rcc_config::CellConfig;
 use rcc_language::{Compiled, Faults, compile};
 
@@ -38,7 +38,7 @@ fn an_output_is_set_as_the_net_says() {
     let name = "flat/do_set-01-io-digital-output-0-setdigitalva.net";
     let net = load(header, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
     assert_eq!(net.net, "do-set-01-io-digital-output-0-setdigitalva");
-    let mut bench = Bench::new(net, &cell, [0.0; 7]);
+    let mut bench = NetHarness::new(net, &cell, [0.0; 7]);
     bench.step();
     let (io, _) = cell.device("io").unwrap();
     assert_eq!(bench.outputs[io].digital_commanded, 1);
@@ -120,7 +120,7 @@ const PTP: &[Motion] = &[
 fn run(motion: &Motion, cell: &CellConfig) -> Vec<[f64; 7]> {
     let header = format!("# end: {}", motion.end);
     let net = load(&header, motion.file, cell).unwrap_or_else(|faults| panic!("{faults}"));
-    let mut bench = Bench::new(net, cell, motion.start);
+    let mut bench = NetHarness::new(net, cell, motion.start);
     let (lwr, _) = cell.device("lwr").unwrap();
     let mut trace = vec![motion.start];
     while !bench.terminated {
@@ -200,7 +200,7 @@ fn straight_motions_stay_on_their_lines() {
         judge(&trace, file, &cell);
         let poses: Vec<_> = trace
             .iter()
-            .map(|joints| arm.forward(&bench::eight(joints)))
+            .map(|joints| arm.forward(&harness::eight(joints)))
             .collect();
         let (first, last) = (poses[0], poses[poses.len() - 1]);
         let way: [f64; 3] = std::array::from_fn(|i| last.position[i] - first.position[i]);
@@ -247,8 +247,8 @@ fn three_lines_one_after_the_other_lead_back_to_where_they_began() {
     let second = leg("flat/lwr_lin_blend-03-lwr-lin.net", first, "_1", &cell);
     let third = leg("flat/lwr_lin_blend-05-lwr-lin.net", second, "_1", &cell);
     let (begun, back) = (
-        arm.forward(&bench::eight(&AFTER_PTP)),
-        arm.forward(&bench::eight(&third)),
+        arm.forward(&harness::eight(&AFTER_PTP)),
+        arm.forward(&harness::eight(&third)),
     );
     for axis in 0..3 {
         assert!((begun.position[axis] - back.position[axis]).abs() < 1e-12);
@@ -272,8 +272,8 @@ fn blended_lines_that_begin_half_way_end_where_the_whole_ones_do() {
     let last = leg(correcting, half, "_3", &cell);
     for (whole, blended) in [(whole, blended), (end, last)] {
         let (whole, blended) = (
-            arm.forward(&bench::eight(&whole)),
-            arm.forward(&bench::eight(&blended)),
+            arm.forward(&harness::eight(&whole)),
+            arm.forward(&harness::eight(&blended)),
         );
         for axis in 0..3 {
             assert!((whole.position[axis] - blended.position[axis]).abs() < 1e-12);
@@ -298,7 +298,7 @@ fn a_spline_ends_at_the_height_of_its_text_but_is_faster_than_the_arm_may_be() {
     let last = model
         .arm
         .unwrap()
-        .forward(&bench::eight(trace.last().unwrap()));
+        .forward(&harness::eight(trace.last().unwrap()));
     // A number of the text.
     assert!((last.position[2] - 0.4174850272742231).abs() < 1e-12);
     // Their driver lets it pass; ours ends a net that commands it.
@@ -315,7 +315,7 @@ fn an_output_follows_the_inputs_that_its_text_names() {
     let header = "# devices: io0=io\n# channels: io.InBool.8=door_closed, io.InReal.1=temperature, io.OutBool.2=clamp";
     let name = "flat/do_mirror-01-io-digital-output-2-mirrordigita.net";
     let net = load(header, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
-    let mut bench = Bench::new(net, &cell, ZERO);
+    let mut bench = NetHarness::new(net, &cell, ZERO);
     let (io, _) = cell.device("io").unwrap();
     // door_closed is the third digital input, temperature the second analog one, clamp the second output.
     for (door, temperature, clamp) in [
@@ -342,7 +342,7 @@ fn a_line_begins_where_its_text_says() {
         -0.16378597519548818,
         0.5145808437891821,
     ];
-    let ours = arm.forward(&bench::eight(&AFTER_PTP)).position;
+    let ours = arm.forward(&harness::eight(&AFTER_PTP)).position;
     for axis in 0..3 {
         assert!((ours[axis] - theirs[axis]).abs() < 1e-12, "{ours:?}");
     }
@@ -360,7 +360,7 @@ fn flat_and_nested_forms_give_the_same_set_points_bit_for_bit() {
         }
         let bench = |name: &str| {
             let net = load("", name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
-            Bench::new(
+            NetHarness::new(
                 net,
                 &cell,
                 if name.contains("-01-") {
@@ -374,7 +374,7 @@ fn flat_and_nested_forms_give_the_same_set_points_bit_for_bit() {
         for cycle in 0..1500 {
             flat.step();
             nested.step();
-            let bits = |bench: &Bench| bench.outputs[lwr].position.map(f64::to_bits);
+            let bits = |bench: &NetHarness| bench.outputs[lwr].position.map(f64::to_bits);
             assert_eq!(bits(&flat), bits(&nested), "{name} in cycle {cycle}");
         }
         pairs += 1;
@@ -450,7 +450,7 @@ fn a_net_of_ours_goes_there_and_back() {
     };
     let text = there(yaml).unwrap();
     let net = compile(&text, "net", &cell).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
-    let mut bench = Bench::new(net, &cell, ZERO);
+    let mut bench = NetHarness::new(net, &cell, ZERO);
     bench.step();
     assert!(bench.terminated, "{text}");
     let (io, _) = cell.device("io").unwrap();

@@ -1,18 +1,18 @@
 //! The table of the predecessor's types: every row is whole, the document is current, and what it promises loads.
 
 #[allow(dead_code)] // Nothing runs here.
-mod bench;
+mod harness;
 
 use std::collections::BTreeSet;
 
-use bench::{cell, folder};
+use harness::{cell, folder};
 use rcc_core::primitive::Spec;
 use rcc_core::primitives;
 use rcc_language::compile;
 use rcc_language::directionet::document;
-use rcc_language::directionet::table::{self, Entry, To};
-use rcc_language::directionet::text::{Argument, Fragment, Primitive, Value};
-use rcc_language::directionet::values::Type;
+use rcc_language::directionet::table::{self, Counterpart, TypeEntry};
+use rcc_language::directionet::text::{AstArgument, AstFragment, AstPrimitive, AstValue};
+use rcc_language::directionet::values::ForeignType;
 
 /// Types of the predecessor: 304 of its core (168 of them in families), 17 that only its library knows.
 const TYPES: usize = 321;
@@ -20,8 +20,8 @@ const TYPES: usize = 321;
 /// Words of the notation that are no primitives.
 const WORDS: [&str; 3] = ["List", "At", "Else"];
 
-fn entries() -> Vec<&'static Entry> {
-    let mut entries: Vec<&Entry> = table::all().values().collect();
+fn entries() -> Vec<&'static TypeEntry> {
+    let mut entries: Vec<&TypeEntry> = table::all().values().collect();
     entries.sort_by_key(|entry| &entry.name);
     entries
 }
@@ -31,10 +31,12 @@ fn every_type_has_a_counterpart_or_a_reason() {
     assert_eq!(table::all().len(), TYPES);
     for entry in entries() {
         match entry.row.to {
-            To::None(_) => assert!(!entry.row.note.is_empty(), "{} has no reason", entry.name),
-            To::Net(_) => assert_eq!(entry.nets.len(), 1, "{}", entry.name),
-            To::By(..) => assert_eq!(entry.nets.len(), 2, "{}", entry.name),
-            To::Special(_) => {}
+            Counterpart::None(_) => {
+                assert!(!entry.row.note.is_empty(), "{} has no reason", entry.name)
+            }
+            Counterpart::Net(_) => assert_eq!(entry.nets.len(), 1, "{}", entry.name),
+            Counterpart::By(..) => assert_eq!(entry.nets.len(), 2, "{}", entry.name),
+            Counterpart::Special(_) => {}
         }
     }
 }
@@ -65,7 +67,7 @@ fn every_output_comes_from_something_or_the_note_says_why_not() {
 }
 
 /// What is wrong with the net of a row.
-fn judge(entry: &Entry, net: &Fragment) -> Vec<String> {
+fn judge(entry: &TypeEntry, net: &AstFragment) -> Vec<String> {
     let mut wrong = Vec::new();
     for item in &net.items {
         judge_primitive(entry, net, &item.primitive, &mut wrong);
@@ -80,12 +82,17 @@ fn spec(name: &str) -> Option<&'static Spec> {
     primitives::find(name).map(|(_, entry)| &entry.spec)
 }
 
-fn judge_primitive(entry: &Entry, net: &Fragment, primitive: &Primitive, wrong: &mut Vec<String>) {
-    let Primitive::Typed(ty, arguments) = primitive else {
+fn judge_primitive(
+    entry: &TypeEntry,
+    net: &AstFragment,
+    primitive: &AstPrimitive,
+    wrong: &mut Vec<String>,
+) {
+    let AstPrimitive::Typed(ty, arguments) = primitive else {
         return;
     };
-    for Argument { value, .. } in arguments {
-        if let Value::Link(from, port) = value {
+    for AstArgument { value, .. } in arguments {
+        if let AstValue::Link(from, port) = value {
             judge_primitive(entry, net, from, wrong);
             judge_port(entry, net, from, &port.name, wrong);
         }
@@ -111,7 +118,7 @@ fn judge_primitive(entry: &Entry, net: &Fragment, primitive: &Primitive, wrong: 
     {
         wrong.push(format!("{} has no `{}`", ty.name, parameter.name));
     }
-    for Argument { name, .. } in arguments {
+    for AstArgument { name, .. } in arguments {
         let parameter = spec.parameters.iter().any(|it| it.name == name.name);
         if !parameter && spec.input(&name.name).is_none() {
             wrong.push(format!("{} knows no `{}`", ty.name, name.name));
@@ -120,31 +127,33 @@ fn judge_primitive(entry: &Entry, net: &Fragment, primitive: &Primitive, wrong: 
 }
 
 fn judge_port(
-    entry: &Entry,
-    net: &Fragment,
-    from: &Primitive,
+    entry: &TypeEntry,
+    net: &AstFragment,
+    from: &AstPrimitive,
     port: &str,
     wrong: &mut Vec<String>,
 ) {
     let ty = match from {
-        Primitive::Named(name) if name.name == "parent" => {
+        AstPrimitive::Named(name) if name.name == "parent" => {
             if entry.input(port).is_none() && entry.parameter(port).is_none() {
                 wrong.push(format!("it has no `{port}`"));
             }
             return;
         }
-        Primitive::Named(name) => {
+        AstPrimitive::Named(name) => {
             let item = net
                 .items
                 .iter()
                 .find(|item| item.name == *name || item.name.name == name.name);
             match item.map(|item| &item.primitive) {
-                Some(Primitive::Typed(ty, _)) => ty,
+                Some(AstPrimitive::Typed(ty, _)) => ty,
                 _ => return wrong.push(format!("the net has no `{}`", name.name)),
             }
         }
-        Primitive::Typed(ty, _) => ty,
-        Primitive::Fragment(..) => return wrong.push("fragments have no place here".to_string()),
+        AstPrimitive::Typed(ty, _) => ty,
+        AstPrimitive::Fragment(..) => {
+            return wrong.push("fragments have no place here".to_string());
+        }
     };
     if !WORDS.contains(&ty.name.as_str())
         && spec(&ty.name).is_some_and(|spec| spec.output(port).is_none())
@@ -184,9 +193,9 @@ fn the_document_is_current() {
 }
 
 /// Pseudo-random numbers from a printed seed.
-struct Chance(u64);
+struct TestRandom(u64);
 
-impl Chance {
+impl TestRandom {
     fn below(&mut self, bound: usize) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -196,11 +205,11 @@ impl Chance {
 }
 
 /// A constant of a type as the predecessor writes it.
-fn constant(ty: Type, chance: &mut Chance) -> String {
-    let mut number = || format!("{}.{}", chance.below(3), chance.below(10));
+fn constant(ty: Type, random: &mut TestRandom) -> String {
+    let mut number = || format!("{}.{}", random.below(3), random.below(10));
     match ty {
-        Type::Bool => ["true", "false"][chance.below(2)].to_string(),
-        Type::Int => chance.below(5).to_string(),
+        Type::Bool => ["true", "false"][random.below(2)].to_string(),
+        Type::Int => random.below(5).to_string(),
         Type::Vector => format!("{{x:{},y:{},z:{}}}", number(), number(), number()),
         Type::Rotation => format!("{{a:{},b:{},c:{}}}", number(), number(), number()),
         Type::Frame => format!("{{pos:{{x:{}}},rot:{{a:{}}}}}", number(), number()),
@@ -218,8 +227,8 @@ fn family(ty: Type) -> &'static str {
 }
 
 /// A net of `count` primitives that the table promises to load.
-fn net(count: usize, chance: &mut Chance) -> String {
-    let usable: Vec<&Entry> = entries()
+fn net(count: usize, random: &mut TestRandom) -> String {
+    let usable: Vec<&TypeEntry> = entries()
         .into_iter()
         .filter(|entry| {
             let array = entry
@@ -232,17 +241,17 @@ fn net(count: usize, chance: &mut Chance) -> String {
                 .iter()
                 .any(|port| port.ty == Type::Text && port.name != "Key");
             let whole = entry.nets.iter().all(|net| judge(entry, net).is_empty());
-            !matches!(entry.row.to, To::None(_)) && !array && !device && whole
+            !matches!(entry.row.to, Counterpart::None(_)) && !array && !device && whole
         })
         .collect();
     let mut text = String::from("{");
     // Outputs so far, by type: where a link may come from.
     let mut outputs: Vec<(Type, String)> = Vec::new();
     for number in 0..count {
-        let entry = usable[chance.below(usable.len())];
+        let entry = usable[random.below(usable.len())];
         let mut arguments = Vec::new();
         for port in &entry.inputs {
-            let optional = !port.required && chance.below(3) == 0;
+            let optional = !port.required && random.below(3) == 0;
             if optional || ["inReset", "inActive"].contains(&port.name) {
                 continue;
             }
@@ -251,8 +260,8 @@ fn net(count: usize, chance: &mut Chance) -> String {
                 .filter(|(ty, _)| *ty == port.ty)
                 .map(|(_, name)| name)
                 .collect();
-            if fitting.is_empty() || chance.below(6) == 0 {
-                let value = constant(port.ty, chance);
+            if fitting.is_empty() || random.below(6) == 0 {
+                let value = constant(port.ty, random);
                 let ty = if port.ty == Type::Time {
                     "Core::TimeNet".to_string()
                 } else {
@@ -268,7 +277,7 @@ fn net(count: usize, chance: &mut Chance) -> String {
                 arguments.push(format!(
                     "{}={}",
                     port.name,
-                    fitting[chance.below(fitting.len())]
+                    fitting[random.below(fitting.len())]
                 ));
             }
         }
@@ -277,7 +286,7 @@ fn net(count: usize, chance: &mut Chance) -> String {
                 ("Key", _) => format!("k{number}"),
                 ("Duration" | "MaxAge", _) => "0.05".to_string(),
                 ("Age" | "Constant", _) => "0.02".to_string(),
-                (_, ty) => constant(ty, chance),
+                (_, ty) => constant(ty, random),
             };
             arguments.push(format!("{}='{value}'", port.name));
         }
@@ -298,8 +307,8 @@ fn net(count: usize, chance: &mut Chance) -> String {
 fn random_nets_of_the_predecessors_types_load() {
     let cell = cell("tests/nets/cell.yaml");
     for seed in 1..200_u64 {
-        let mut chance = Chance(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        let text = net(1 + chance.below(60), &mut chance);
+        let mut random = TestRandom(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let text = net(1 + random.below(60), &mut random);
         if let Err(faults) = compile(&text, "net", &cell) {
             panic!("seed {seed}:\n{text}\n{faults}");
         }
@@ -310,17 +319,17 @@ fn random_nets_of_the_predecessors_types_load() {
 fn broken_nets_are_refused_with_a_place_and_never_break_the_reader() {
     let cell = cell("tests/nets/cell.yaml");
     for seed in 1..400_u64 {
-        let mut chance = Chance(seed.wrapping_mul(0xd134_2543_de82_ef95));
-        let mut bytes = net(1 + chance.below(12), &mut chance).into_bytes();
-        for _ in 0..=chance.below(4) {
-            let at = chance.below(bytes.len());
-            match chance.below(3) {
-                0 => bytes[at] = b"{}()=.,'[]ao1:"[chance.below(14)],
+        let mut random = TestRandom(seed.wrapping_mul(0xd134_2543_de82_ef95));
+        let mut bytes = net(1 + random.below(12), &mut random).into_bytes();
+        for _ in 0..=random.below(4) {
+            let at = random.below(bytes.len());
+            match random.below(3) {
+                0 => bytes[at] = b"{}()=.,'[]ao1:"[random.below(14)],
                 1 => drop(bytes.remove(at)),
                 _ => {
-                    let end = (at + chance.below(40)).min(bytes.len());
+                    let end = (at + random.below(40)).min(bytes.len());
                     let part = bytes[at..end].to_vec();
-                    let to = chance.below(bytes.len());
+                    let to = random.below(bytes.len());
                     bytes.splice(to..to, part);
                 }
             }

@@ -2,12 +2,12 @@
 //! one in the catalogue.
 
 #[allow(dead_code)] // Pages need no cycle.
-mod bench;
+mod harness;
 
 use std::fs;
 use std::path::PathBuf;
 
-use bench::{cell, folder};
+use harness::{cell, folder};
 use rcc_language::compile;
 
 /// The README and every page of `docs/`.

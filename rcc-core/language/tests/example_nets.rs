@@ -1,8 +1,8 @@
 //! Every net in `configs/nets` compiles for the demo cell, runs in virtual time and does what it is there to show.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell, eight, example, folder};
+use harness::{NetHarness, cell, eight, example, folder};
 use rcc_config::CellConfig;
 use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
@@ -27,8 +27,8 @@ fn demo() -> CellConfig {
     cell("configs/cells/demo.yaml")
 }
 
-fn bench(name: &str, cell: &CellConfig) -> Bench {
-    Bench::new(example(name, cell), cell, START)
+fn bench(name: &str, cell: &CellConfig) -> NetHarness {
+    NetHarness::new(example(name, cell), cell, START)
 }
 
 fn channel(cell: &CellConfig, device: &str, channel: &str) -> (usize, usize) {
@@ -41,13 +41,13 @@ fn channel(cell: &CellConfig, device: &str, channel: &str) -> (usize, usize) {
     (index, channel.index as usize)
 }
 
-fn set_digital(bench: &mut Bench, (device, channel): (usize, usize), value: bool) {
+fn set_digital(bench: &mut NetHarness, (device, channel): (usize, usize), value: bool) {
     let digital = &mut bench.inputs[device].measurement.digital;
     *digital = *digital & !(1 << channel) | u64::from(value) << channel;
 }
 
 /// The commanded value of a digital output; `None`: not commanded.
-fn digital(bench: &Bench, (device, channel): (usize, usize)) -> Option<bool> {
+fn digital(bench: &NetHarness, (device, channel): (usize, usize)) -> Option<bool> {
     let output = &bench.outputs[device];
     (output.digital_commanded >> channel & 1 == 1).then_some(output.digital >> channel & 1 == 1)
 }
@@ -123,7 +123,7 @@ fn the_figures_end_on_their_lines_one_after_the_other() {
     let arm = cell.models()[0].arm.unwrap();
     let mut hold = START;
     for name in FIGURES {
-        let mut bench = Bench::new(example(name, &cell), &cell, hold);
+        let mut bench = NetHarness::new(example(name, &cell), &cell, hold);
         let (from, to) = (arm.forward(&eight(&hold)), pose(&bench.values_of_goal()));
         while !bench.terminated {
             bench.step();
@@ -166,7 +166,7 @@ fn the_figures_end_on_their_lines_one_after_the_other() {
     }
 }
 
-impl Bench {
+impl NetHarness {
     /// The goal of the motion: the only pose among the constants of the examples.
     fn values_of_goal(&self) -> Vec<f64> {
         let down = |pose: &&[f64]| (pose[4] - 1.0).abs() < 1e-9 && pose[0] > 0.1;

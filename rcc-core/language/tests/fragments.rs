@@ -1,14 +1,14 @@
 //! Fragments and libraries: an instance is nothing but a way of writing its primitives, faults are told once, and no text
 //! makes more of itself than an executor gives. A thread of the test harness.
 
-mod bench;
+mod harness;
 
 use std::collections::BTreeMap;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_language::bundle::bundle;
 use rcc_language::devices::DeviceTable;
-use rcc_language::library::NoFiles;
+use rcc_language::library::NoLibraries;
 use rcc_language::{Compiled, Faults, compile_with};
 
 fn compile(text: &str, libraries: &[(&str, &str)]) -> Result<Compiled, Faults> {
@@ -116,7 +116,7 @@ primitives:
 {END}discard: [b.y]
 "
     ));
-    let mut bench = Bench::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7]);
+    let mut bench = NetHarness::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7]);
     bench.step();
     assert_eq!(bench.value("b/sum.out"), 6.0);
 }
@@ -296,7 +296,7 @@ primitives:
 fn a_text_without_files_says_so_where_it_names_a_library() {
     let text = format!("net: alone\nuse: [a.yaml]\nprimitives:\n{END}");
     let cell = cell("tests/nets/cell.yaml");
-    let faults = compile_with(&text, "net", &DeviceTable::from(&cell), &NoFiles).unwrap_err();
+    let faults = compile_with(&text, "net", &DeviceTable::from(&cell), &NoLibraries).unwrap_err();
     let row = &faults.rows()[0];
     assert_eq!((row.code.as_str(), row.line), ("RCC1211", 2));
 }
@@ -366,7 +366,7 @@ fn instances_nest_only_so_deep() {
 
 #[test]
 fn what_the_docs_show_is_valid() {
-    let text = std::fs::read_to_string(bench::folder("docs/fragments.md")).unwrap();
+    let text = std::fs::read_to_string(harness::folder("docs/fragments.md")).unwrap();
     let blocks: Vec<&str> = text
         .split("```yaml\n")
         .skip(1)
@@ -413,7 +413,10 @@ primitives:
         format!("{:?}", good(&bundled).plan),
         format!("{:?}", with.plan)
     );
-    let missing = bundle(&text, "nets/net.yaml", &NoFiles).expect_err("no files");
+    let missing = bundle(&text, "nets/net.yaml", &NoLibraries).expect_err("no files");
     assert_eq!(missing.diagnostics[0].code, "RCC1211");
-    assert_eq!(bundle("no net", "", &NoFiles).expect("as it is"), "no net");
+    assert_eq!(
+        bundle("no net", "", &NoLibraries).expect("as it is"),
+        "no net"
+    );
 }

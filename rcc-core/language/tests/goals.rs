@@ -1,9 +1,9 @@
 //! Goals that become null while something goes to them: it comes to rest on its way, does not turn back, stays, and goes on
 //! when a goal is known again. As the manual promises of JointGoal, PoseGoal and ScalarGoal.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_language::compile;
 
 const START: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
@@ -34,7 +34,7 @@ discard: [it.velocity]
     ),
 ];
 
-fn bench(rows: &str) -> Bench {
+fn bench(rows: &str) -> NetHarness {
     let cell = cell("tests/nets/cell.yaml");
     let (primitives, discard) = rows.split_once("discard").unwrap_or((rows, ""));
     let ports = ["pose", "position", "done", "flange_speed", "accepted"];
@@ -60,14 +60,14 @@ fn bench(rows: &str) -> Bench {
         unread.join(", ")
     );
     let net = compile(&text, "goals", &cell).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
-    Bench::new(net, &cell, START)
+    NetHarness::new(net, &cell, START)
 }
 
 #[test]
 fn a_goal_that_becomes_null_on_the_way_stops_it_there_and_a_known_one_goes_on() {
     for (rows, port, count) in NETS {
         let (mut it, known) = (bench(rows), bench(rows));
-        let place = |it: &Bench| it.values(port)[..count].to_vec();
+        let place = |it: &NetHarness| it.values(port)[..count].to_vec();
         (0..150).for_each(|_| it.step());
         let from = place(&it);
         it.step();

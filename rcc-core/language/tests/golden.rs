@@ -3,12 +3,12 @@
 //!
 //! `RCC_BLESS=1` writes the traces anew; a changed one is explained in its commit.
 
-mod bench;
+mod harness;
 
 use std::fmt::Write as _;
 use std::fs;
 
-use bench::{Bench, cell, example, folder};
+use harness::{NetHarness, cell, example, folder};
 use rcc_config::CellConfig;
 
 /// Cycles whose values are in the trace; the last one ends the run.
@@ -31,7 +31,7 @@ fn noise(cycle: u64, number: u64) -> u64 {
 }
 
 /// Inputs that change every 50 cycles, a device that is away for ten of a thousand, and CANCEL in the end.
-fn script(bench: &mut Bench) {
+fn script(bench: &mut NetHarness) {
     let cycle = bench.cycle;
     for (number, input) in (0..).zip(bench.inputs.iter_mut()) {
         input.present = cycle % 1000 < 990 || input.measurement.joints > 0;
@@ -62,7 +62,7 @@ fn bits(value: f64) -> u64 {
 }
 
 fn trace(name: &str, cell: &CellConfig) -> String {
-    let mut bench = Bench::new(example(name, cell), cell, START);
+    let mut bench = NetHarness::new(example(name, cell), cell, START);
     let outputs: Vec<String> = bench
         .net
         .names

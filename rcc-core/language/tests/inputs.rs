@@ -1,9 +1,9 @@
 //! `Input` from a text to a plan: types and units by links, when it expires, its range, and its name for who sets it.
 
 #[allow(dead_code)] // Only its cell is used.
-mod bench;
+mod harness;
 
-use bench::cell;
+use harness::cell;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_language::{Compiled, compile, setting};
 

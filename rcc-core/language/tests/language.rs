@@ -1,11 +1,11 @@
 //! Properties of the compiler: whatever the text, it answers with faults that have a place and never with a panic; what
 //! it accepts checks and runs; the form of the text and the order of its primitives do not show.
 
-mod bench;
+mod harness;
 
 use std::fmt::Write as _;
 
-use bench::{Bench, cell, folder};
+use harness::{NetHarness, cell, folder};
 use proptest::prelude::*;
 use rcc_config::{CellConfig, yaml};
 use rcc_language::{Compiled, compile, fault};
@@ -194,7 +194,7 @@ fn a_net_of_ten_thousand_primitives_is_compiled() {
     text.push_str("discard: [p9999.out]\n");
     let compiled = compile(&text, "net", &golden()).unwrap_or_else(|faults| panic!("{faults}"));
     assert_eq!(compiled.plan.runs.len(), 2);
-    let mut bench = Bench::new(compiled, &golden(), [0.0; 7]);
+    let mut bench = NetHarness::new(compiled, &golden(), [0.0; 7]);
     bench.step();
     assert_eq!(bench.value("p9999.out"), 1.0 + 9999.0 * 10_000.0 / 2.0);
 }
@@ -249,7 +249,7 @@ proptest! {
         let (forward, backward) = (made_up(&rows, false), made_up(&rows, true));
         let run = |text: &str| {
             let compiled = compile(text, "net", golden_once()).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
-            let mut bench = Bench::new(compiled, golden_once(), [0.0; 7]);
+            let mut bench = NetHarness::new(compiled, golden_once(), [0.0; 7]);
             let mut values = Vec::new();
             for _ in 0..5 {
                 bench.step();

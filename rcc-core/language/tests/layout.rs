@@ -27,7 +27,7 @@ fn files(folder: &str, end: &str, found: &mut Vec<PathBuf>) {
 
 fn is_laid_out(text: &str, name: &str) {
     let written = format(text, name).unwrap_or_else(|error| panic!("{name}: {error:?}"));
-    assert_eq!(written, text, "{name}: `rcc-cli fmt` lays it out otherwise");
+    assert_eq!(written, text, "{name}: not formatted (run `rcc-cli fmt`)");
 }
 
 fn bless() -> bool {

@@ -1,8 +1,8 @@
 //! Lists of links and parts of values, from the text to what a cycle computes.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_language::{Compiled, Faults, compile};
 
 fn try_run(primitives: &str, discard: &str) -> Result<Compiled, Faults> {
@@ -13,9 +13,9 @@ fn try_run(primitives: &str, discard: &str) -> Result<Compiled, Faults> {
 }
 
 /// Runs a net of these primitives for the golden cell.
-fn run(primitives: &str, discard: &str) -> Bench {
+fn run(primitives: &str, discard: &str) -> NetHarness {
     let net = try_run(primitives, discard).unwrap_or_else(|faults| panic!("{faults}"));
-    Bench::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7])
+    NetHarness::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7])
 }
 
 fn codes(primitives: &str, discard: &str) -> Vec<String> {
@@ -27,7 +27,7 @@ fn codes(primitives: &str, discard: &str) -> Vec<String> {
     faults.map(|fault| fault.code.to_string()).collect()
 }
 
-fn copies(bench: &Bench) -> usize {
+fn copies(bench: &NetHarness) -> usize {
     let (row, _) = rcc_core::primitives::find("Copy").unwrap();
     let runs = bench.net.plan.runs.iter();
     runs.filter(|run| usize::from(run.kernel) / rcc_core::primitives::KERNELS_MAX == row)

@@ -1,17 +1,17 @@
 //! Rules of the null analysis: where null begins, how far it goes, and what stops it. A thread of the test harness.
 
-mod bench;
+mod harness;
 
 use std::path::{Path, PathBuf};
 
-use bench::Bench;
+use harness::NetHarness;
 use proptest::prelude::*;
 use rcc_config::CellConfig;
 use rcc_language::compile;
 use rcc_language::devices::DeviceTable;
-use rcc_language::library::NoFiles;
-use rcc_language::nulls::{Cause, Nulls, nulls};
-use rcc_language::resolve::{Graph, resolve};
+use rcc_language::library::NoLibraries;
+use rcc_language::null_analysis::{NullAnalysis, NullCause, analyse_nulls};
+use rcc_language::resolve::{NetGraph, resolve};
 
 /// Where the arm is: the example nets begin near it.
 const HOLD: [f64; 7] = [
@@ -41,15 +41,15 @@ fn folder(path: &str) -> PathBuf {
         .join(path)
 }
 
-fn look<T>(text: &str, see: impl FnOnce(&Graph<'_>, &Nulls) -> T) -> T {
+fn look<T>(text: &str, see: impl FnOnce(&NetGraph<'_>, &NullAnalysis) -> T) -> T {
     let cell = CellConfig::load_offline(&folder("configs/cells/demo.yaml"));
     let table = DeviceTable::from(&cell.unwrap());
     let mut faults = Vec::new();
-    let (flat, _) = compile::flatten(text, "net", &table, &NoFiles, &mut faults);
+    let (flat, _) = compile::flatten(text, "net", &table, &NoLibraries, &mut faults);
     let flat = flat.unwrap();
     let graph = resolve(&flat, &table, &mut faults);
     assert!(faults.is_empty(), "{faults:?}");
-    let nulls = nulls(&graph);
+    let nulls = analyse_nulls(&graph);
     see(&graph, &nulls)
 }
 
@@ -154,7 +154,7 @@ fn what_is_set_from_outside_and_the_constant_null_can_be_null() {
 ";
     look(text, |graph, nulls| {
         let why = |number| nulls.why(graph, number).unwrap();
-        assert_eq!(nulls.item(0), Some(Cause::NotSet));
+        assert_eq!(nulls.item(0), Some(NullCause::NotSet));
         assert_eq!(
             [why(0), why(1), why(2)],
             ["it was set to null", "it is not set", "its value is null"]
@@ -199,9 +199,9 @@ fn never_null(text: &str) -> Vec<String> {
 /// Runs a net, with its devices and then without them: what is never null is not.
 fn run(text: &str) {
     let never = never_null(text);
-    let cell = bench::cell("configs/cells/demo.yaml");
+    let cell = harness::cell("configs/cells/demo.yaml");
     let net = compile(text, "net", &cell).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
-    let mut bench = Bench::new(net, &cell, HOLD);
+    let mut bench = NetHarness::new(net, &cell, HOLD);
     for cycle in 0..60 {
         if cycle == 30 {
             bench

@@ -1,11 +1,11 @@
 //! Random nets, valid by construction, of up to 10,000 primitives: they compile, run, and are the same net after a round
 //! trip through the writer. Their mutations never panic, never take long, and always name a place.
 
-mod bench;
 mod generate;
+mod harness;
 
-use bench::{Bench, cell};
-use generate::{Chance, random_net};
+use generate::{TestRandom, random_net};
+use harness::{NetHarness, cell};
 use rcc_config::yaml;
 use rcc_language::{Faults, compile, syntax, write};
 
@@ -35,7 +35,7 @@ fn holds(size: usize, seed: u64) {
         format!("{:?}", again.plan),
         "seed {seed}: the text written anew is another net"
     );
-    let mut bench = Bench::new(compiled, &cell, HOLD);
+    let mut bench = NetHarness::new(compiled, &cell, HOLD);
     for _ in 0..20 {
         bench.step();
     }
@@ -59,32 +59,32 @@ fn a_random_net_of_ten_thousand_compiles_runs_and_survives_a_round_trip() {
 }
 
 /// Changes one place of a text: a byte, a word, a line, or a piece copied from elsewhere.
-fn mutated(text: &str, chance: &mut Chance) -> String {
+fn mutated(text: &str, random: &mut TestRandom) -> String {
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-    let (from, to) = (chance.below(lines.len()), chance.below(lines.len()));
-    match chance.below(6) {
+    let (from, to) = (random.below(lines.len()), random.below(lines.len()));
+    match random.below(6) {
         0 => drop(lines.remove(from)),
         1 => lines.swap(from, to),
         2 => lines.insert(to, lines[from].clone()),
         3 => {
             let mut words: Vec<&str> = lines[from].split(' ').collect();
             let others: Vec<&str> = lines[to].split(' ').collect();
-            let place = chance.below(words.len());
-            words[place] = others[chance.below(others.len())];
+            let place = random.below(words.len());
+            words[place] = others[random.below(others.len())];
             let line = words.join(" ");
             lines[from] = line;
         }
         4 => {
             let mut bytes = lines[from].clone().into_bytes();
-            let place = chance.below(bytes.len());
+            let place = random.below(bytes.len());
             if let Some(byte) = bytes.get_mut(place) {
-                *byte = b" :{}[],.'\"#-&*!|>%@x0\t"[chance.below(22)];
+                *byte = b" :{}[],.'\"#-&*!|>%@x0\t"[random.below(22)];
             }
             lines[from] = String::from_utf8_lossy(&bytes).into_owned();
         }
         _ => {
             let line = &lines[from];
-            let cut: String = line.chars().take(chance.below(line.len() + 1)).collect();
+            let cut: String = line.chars().take(random.below(line.len() + 1)).collect();
             lines[from] = cut;
         }
     }
@@ -112,11 +112,11 @@ fn mutations_of_valid_texts_are_accepted_or_refused_with_a_place() {
     let mut refused = 0;
     for seed in 0..60 {
         let valid = random_net(12, SEED + seed).text;
-        let mut chance = Chance(seed);
+        let mut random = TestRandom(seed);
         for _ in 0..20 {
-            let mut text = mutated(&valid, &mut chance);
-            if chance.once_in(3) {
-                text = mutated(&text, &mut chance);
+            let mut text = mutated(&valid, &mut random);
+            if random.once_in(3) {
+                text = mutated(&text, &mut random);
             }
             if let Err(faults) = compile(&text, "mutated", &cell) {
                 judge(&faults, &text);

@@ -1,9 +1,9 @@
 //! Conditional activity: what is not active is not evaluated, its outputs are null, its states wait, and nothing else of
 //! the net notices. A thread of the test harness.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_core::plan::{NO_REGION, PlanError};
 use rcc_language::{Compiled, compile};
 
@@ -21,14 +21,14 @@ fn bad(text: &str) -> Vec<String> {
 }
 
 /// One cycle with the contact (channel 0 of device 0) and the button (channel 0 of device 1) like this.
-fn step(bench: &mut Bench, contact: bool, button: bool) {
+fn step(bench: &mut NetHarness, contact: bool, button: bool) {
     bench.inputs[0].measurement.digital = u64::from(contact);
     bench.inputs[1].measurement.digital = u64::from(button);
     bench.step();
 }
 
-fn begin(text: &str) -> Bench {
-    Bench::new(good(text), &cell("tests/nets/cell.yaml"), [0.0; 7])
+fn begin(text: &str) -> NetHarness {
+    NetHarness::new(good(text), &cell("tests/nets/cell.yaml"), [0.0; 7])
 }
 
 const COUNT: &str = "net: count

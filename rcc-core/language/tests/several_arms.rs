@@ -1,8 +1,8 @@
 //! Two arms in one net: `configs/two-arms` in virtual time, every cycle judged by the arms' own kinematics.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell, folder};
+use harness::{NetHarness, cell, folder};
 use rcc_config::CellConfig;
 use rcc_core::pose::Pose;
 use rcc_language::compile;
@@ -20,16 +20,16 @@ const HOLD: [f64; 7] = [
 /// Longest motion, cycles.
 const CYCLES: u64 = 5000;
 
-fn start(cell: &CellConfig) -> Bench {
+fn start(cell: &CellConfig) -> NetHarness {
     let path = folder("configs/two-arms/shared-load.yaml");
     let text = std::fs::read_to_string(path).unwrap();
     let net = compile(&text, "shared-load", cell).unwrap_or_else(|faults| panic!("{faults}"));
     assert!(net.warnings.diagnostics.is_empty(), "{}", net.warnings);
-    Bench::new(net, cell, HOLD)
+    NetHarness::new(net, cell, HOLD)
 }
 
 /// Where the flanges are in the world, by the set-points; `None` if one arm is not commanded.
-fn flanges(bench: &Bench, cell: &CellConfig) -> Option<[Pose; 2]> {
+fn flanges(bench: &NetHarness, cell: &CellConfig) -> Option<[Pose; 2]> {
     let models = cell.models();
     let flange = |device: usize| {
         let output = &bench.outputs[device];

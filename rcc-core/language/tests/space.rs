@@ -1,8 +1,8 @@
 //! Vectors, rotations, poses, twists, wrenches and an arm's kinematics together, from the text to what a cycle computes.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_language::compile;
 
 /// Away from every singular position and from the limits.
@@ -15,10 +15,10 @@ fn text(primitives: &str, discard: &str) -> String {
 }
 
 /// Runs a net of these primitives for the golden cell.
-fn run(primitives: &str, discard: &str) -> Bench {
+fn run(primitives: &str, discard: &str) -> NetHarness {
     let cell = cell("tests/nets/cell.yaml");
     let net = compile(&text(primitives, discard), "net", &cell);
-    Bench::new(net.unwrap_or_else(|faults| panic!("{faults}")), &cell, HOLD)
+    NetHarness::new(net.unwrap_or_else(|faults| panic!("{faults}")), &cell, HOLD)
 }
 
 fn close(have: &[f64], want: &[f64], tolerance: f64) -> bool {
@@ -184,18 +184,18 @@ fn what_a_device_is_told_and_how_it_does_is_read_without_claiming_it() {
 
 #[test]
 fn the_net_of_the_docs_steers_the_flange() {
-    let docs = std::fs::read_to_string(bench::folder("docs/space.md")).expect("the docs");
+    let docs = std::fs::read_to_string(harness::folder("docs/space.md")).expect("the docs");
     let net = docs
         .split("```")
         .find_map(|block| block.strip_prefix("yaml\n"));
     let cell = cell("tests/nets/cell.yaml");
     let compiled = compile(net.expect("a net"), "docs", &cell);
     let net = compiled.unwrap_or_else(|faults| panic!("{faults}"));
-    let mut bench = Bench::new(net, &cell, HOLD);
+    let mut bench = NetHarness::new(net, &cell, HOLD);
     let arm = cell.models()[0].arm.expect("an arm");
-    let flange = |bench: &Bench| {
+    let flange = |bench: &NetHarness| {
         let joints: [f64; 7] = bench.values("next.out").try_into().expect("seven joints");
-        arm.forward(&bench::eight(&joints))
+        arm.forward(&harness::eight(&joints))
     };
     bench.step();
     assert_eq!(bench.values("next.out"), HOLD);

@@ -1,22 +1,22 @@
 //! Types, units and first values that the catalogue leaves open, from the text to what a cycle computes.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_language::compile;
 
 /// Runs a net of these primitives for the golden cell.
-fn run(primitives: &str, discard: &str) -> Bench {
+fn run(primitives: &str, discard: &str) -> NetHarness {
     let text = format!(
         "net: example\nprimitives:\n  end: {{type: Termination, inputs: {{done: false}}}}\n{primitives}\ndiscard: [{discard}]\n"
     );
     let cell = cell("tests/nets/cell.yaml");
     let net = compile(&text, "net", &cell).unwrap_or_else(|faults| panic!("{faults}"));
-    Bench::new(net, &cell, [0.0; 7])
+    NetHarness::new(net, &cell, [0.0; 7])
 }
 
 /// The unit that an output is found to have.
-fn unit(bench: &Bench, id: &str) -> Option<String> {
+fn unit(bench: &NetHarness, id: &str) -> Option<String> {
     let mut primitives = bench.net.names.primitives.iter();
     let primitive = primitives.find(|primitive| primitive.id == id)?;
     primitive.outputs[0].unit.clone()

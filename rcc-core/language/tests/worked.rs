@@ -1,8 +1,8 @@
 //! The worked values of every primitive's spec, through the whole language: what the manual shows is what the cycle does.
 
-mod bench;
+mod harness;
 
-use bench::{Bench, cell};
+use harness::{NetHarness, cell};
 use rcc_config::CellConfig;
 use rcc_core::primitive::{Example, Spec};
 use rcc_core::primitives::CATALOGUE;
@@ -76,11 +76,11 @@ fn net(spec: &Spec, example: &Example, table: &Table<'_>, row: &[&str]) -> Strin
     )
 }
 
-fn bench(text: &str, cell: &CellConfig) -> Bench {
+fn bench(text: &str, cell: &CellConfig) -> NetHarness {
     let net = compile(text, "worked", cell).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
     let mut cell = cell.clone();
     cell.period_ns *= u64::from(net.plan.rate.every);
-    Bench::new(net, &cell, HOLD)
+    NetHarness::new(net, &cell, HOLD)
 }
 
 fn close(have: f64, want: f64) -> bool {

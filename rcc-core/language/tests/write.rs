@@ -13,9 +13,9 @@ use rcc_core::unit::Unit;
 use rcc_language::syntax::fragment::{
     self, Fragment, FragmentInput, FragmentOutput, FragmentParameter,
 };
-use rcc_language::syntax::literal::{Literal, Shape};
+use rcc_language::syntax::literal::{Literal, LiteralShape};
 use rcc_language::syntax::reference::Reference;
-use rcc_language::syntax::{self, Kind, Link, Net, Primitive, Source, Timing};
+use rcc_language::syntax::{self, Link, Net, Primitive, PrimitiveKind, Source, Timing};
 use rcc_language::write;
 
 /// Reads a text that has no faults of syntax.
@@ -143,7 +143,7 @@ fn any_text() -> impl Strategy<Value = String> {
     ]
 }
 
-fn number() -> impl Strategy<Value = Shape> {
+fn number() -> impl Strategy<Value = LiteralShape> {
     let finite = any::<u64>()
         .prop_map(f64::from_bits)
         .prop_filter("finite", |x| x.is_finite());
@@ -156,17 +156,17 @@ fn number() -> impl Strategy<Value = Shape> {
     prop_oneof![
         any::<i64>()
             .prop_filter("null", |x| *x != i64::MIN)
-            .prop_map(Shape::Int),
-        (finite, unit).prop_map(|(value, unit)| Shape::Real(value, unit)),
+            .prop_map(LiteralShape::Int),
+        (finite, unit).prop_map(|(value, unit)| LiteralShape::Real(value, unit)),
     ]
 }
 
-fn shape() -> impl Strategy<Value = Shape> {
-    let of = |shapes: Vec<Shape>| {
+fn shape() -> impl Strategy<Value = LiteralShape> {
+    let of = |shapes: Vec<LiteralShape>| {
         let literals = shapes
             .into_iter()
             .map(|shape| Literal::new(shape, Span::default()));
-        Shape::List(literals.collect())
+        LiteralShape::List(literals.collect())
     };
     let turn = (-1.0..1.0, -1.0..1.0, -1.0..1.0, 0.1..1.0).prop_map(
         |(x, y, z, w): (f64, f64, f64, f64)| {
@@ -177,13 +177,14 @@ fn shape() -> impl Strategy<Value = Shape> {
     let place = proptest::array::uniform3(-1e3..1e3);
     prop_oneof![
         number(),
-        Just(Shape::Null),
-        any::<bool>().prop_map(Shape::Bool),
-        "[a-zA-Z][a-z_/ ,']{0,20}".prop_map(Shape::Text),
-        turn.clone().prop_map(Shape::Rotation),
-        (place, turn).prop_map(|([x, y, z], [a, b, c, d])| Shape::Pose([x, y, z, a, b, c, d])),
+        Just(LiteralShape::Null),
+        any::<bool>().prop_map(LiteralShape::Bool),
+        "[a-zA-Z][a-z_/ ,']{0,20}".prop_map(LiteralShape::Text),
+        turn.clone().prop_map(LiteralShape::Rotation),
+        (place, turn)
+            .prop_map(|([x, y, z], [a, b, c, d])| LiteralShape::Pose([x, y, z, a, b, c, d])),
         proptest::collection::vec(number(), 1..40).prop_map(of),
-        proptest::collection::vec(any::<bool>().prop_map(Shape::Bool), 1..9).prop_map(of),
+        proptest::collection::vec(any::<bool>().prop_map(LiteralShape::Bool), 1..9).prop_map(of),
         proptest::collection::vec(proptest::collection::vec(number(), 3), 1..4)
             .prop_map(move |rows| of(rows.into_iter().map(of).collect())),
     ]
@@ -215,7 +216,10 @@ fn source() -> impl Strategy<Value = Source> {
         })),
         // A text where a link can stand is a link.
         literal()
-            .prop_filter("text", |literal| !matches!(literal.shape, Shape::Text(_)))
+            .prop_filter("text", |literal| !matches!(
+                literal.shape,
+                LiteralShape::Text(_)
+            ))
             .prop_map(Source::Literal),
     ]
 }
@@ -229,7 +233,11 @@ fn primitives() -> impl Strategy<Value = Vec<Primitive>> {
         primitive.prop_map(
             |(id, is_type, type_name, parameters, inputs, active)| Primitive {
                 id,
-                kind: if is_type { Kind::Type } else { Kind::Fragment },
+                kind: if is_type {
+                    PrimitiveKind::Type
+                } else {
+                    PrimitiveKind::Fragment
+                },
                 type_name,
                 parameters: unique(parameters, |(key, _)| &key.name),
                 inputs: unique(inputs, |(key, _)| &key.name),

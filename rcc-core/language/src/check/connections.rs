@@ -1,5 +1,4 @@
-//! Rules of links: nothing is forgotten, neither at an input nor at an output.
-//! The loader's threads.
+//! Rules about links: every input is connected, and every output is read or discarded. Runs on the loader's threads.
 
 use std::collections::BTreeSet;
 
@@ -7,13 +6,13 @@ use rcc_config::diagnostic::Diagnostic;
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::{Feed, Output};
+use crate::resolve::{InputSource, OutputId};
 
-/// Inputs without a default are fed.
+/// Requires that inputs without a default are connected.
 pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
-            if !matches!(feed, Feed::Missing) {
+            if !matches!(feed, InputSource::Missing) {
                 continue;
             }
             let message = format!("the input `{}.{}` is not connected", item.id(), port.name);
@@ -28,26 +27,27 @@ pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// All outputs that something reads.
-fn read(net: Typed<'_>) -> BTreeSet<Output> {
-    let wires = net.graph.items.iter().flat_map(|item| item.wires());
-    let wires = wires.map(|(_, wire)| wire);
+/// Returns all outputs that an input, a condition or something refused reads.
+fn read(net: Typed<'_>) -> BTreeSet<OutputId> {
+    let links = net.graph.items.iter().flat_map(|item| item.links());
+    let links = links.map(|(_, link)| link);
     let regions = net.graph.regions.iter();
     let conditions = regions.filter_map(|region| match &region.condition {
-        Feed::Wire(wire) => Some(wire),
+        InputSource::Link(link) => Some(link),
         _ => None,
     });
-    let read = wires.chain(conditions).map(|wire| wire.from);
-    read.chain(net.graph.read_in_vain.iter().copied()).collect()
+    let read = links.chain(conditions).map(|link| link.from);
+    read.chain(net.graph.counted_as_read.iter().copied())
+        .collect()
 }
 
-/// All outputs that something reads, or that are discarded on purpose.
-pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<Output> {
+/// Returns all outputs that are read or listed in `discard`.
+pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<OutputId> {
     let discarded = net.graph.discarded.iter().map(|(output, _)| *output);
     read(net).into_iter().chain(discarded).collect()
 }
 
-/// An output that nobody reads is named in `discard`, unless it is diagnostic.
+/// Requires that an output that nothing reads is listed in `discard`, unless its spec marks it as diagnostic.
 pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let used = read_or_discarded(net);
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -57,7 +57,7 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic
             .iter()
             .enumerate()
             .filter(|(port, spec)| {
-                let output = Output {
+                let output = OutputId {
                     item: number,
                     port: *port,
                 };
@@ -78,8 +78,8 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic
     }
 }
 
-/// What is discarded is not read, and is named once.
-pub fn discards_are_sensible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that a discarded output is not read, and is listed once.
+pub fn discards_are_unread_and_unique(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let read = read(net);
     let mut seen = BTreeSet::new();
     for (output, span) in &net.graph.discarded {

@@ -1,27 +1,27 @@
-//! Rules of fragments that need the flat net: what they say of their inputs holds in each instance, and conditions can
-//! make null what they leave out.
-//! The loader's threads.
+//! Rules about fragments that are checked on the expanded net: the declared types and units of their inputs hold in
+//! each instance, and everything read outside of a region becomes null while the region is inactive. Runs on the
+//! loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::types::Type;
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::{Feed, Wire};
-use crate::syntax::literal::Shape;
+use crate::resolve::{InputSource, ResolvedLink};
+use crate::syntax::literal::LiteralShape;
 
-/// An input of a fragment has the type and unit that its places have.
-pub fn inputs_are_as_fragments_say(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    for pin in &net.graph.pins {
-        let Some(item) = net.graph.items.get(pin.item) else {
+/// Requires that the declared type and unit of a fragment's input match the inputs that it feeds.
+pub fn inputs_match_fragment_declarations(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for declared in &net.graph.declarations {
+        let Some(item) = net.graph.items.get(declared.item) else {
             continue;
         };
-        let Some(port) = item.spec().inputs.get(pin.input) else {
+        let Some(port) = item.spec().inputs.get(declared.input) else {
             continue;
         };
-        let (id, name, input) = (item.id(), port.name, &pin.said.name);
-        let ty = net.inferred.port_type(net.graph, pin.item, port.ty);
-        if let (Some(have), Some((want, span))) = (ty, pin.said.ty)
+        let (id, name, input) = (item.id(), port.name, &declared.declaration.name);
+        let ty = net.inferred.port_type(net.graph, declared.item, port.ty);
+        if let (Some(have), Some((want, span))) = (ty, declared.declaration.ty)
             && have != want
         {
             let message = format!(
@@ -30,8 +30,8 @@ pub fn inputs_are_as_fragments_say(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
             faults.push(Diagnostic::error(fault::TYPE_MISMATCH, span, message));
             continue;
         }
-        let unit = net.inferred.port_unit(net.graph, pin.item, port.unit);
-        if let (Some(have), Some((want, span))) = (unit, pin.said.unit)
+        let unit = net.inferred.port_unit(net.graph, declared.item, port.unit);
+        if let (Some(have), Some((want, span))) = (unit, declared.declaration.unit)
             && have != want
         {
             let message = format!(
@@ -42,28 +42,28 @@ pub fn inputs_are_as_fragments_say(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
     }
 }
 
-/// The condition of a region is a truth value.
+/// Requires that the condition of a region is a Bool.
 pub fn conditions_are_truth_values(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for region in &net.graph.regions {
         let (span, have) = match &region.condition {
-            Feed::Wire(wire) => {
-                let ty = net.inferred.wire_type(net.graph, wire);
-                let output = net.inferred.output_type(net.graph, wire.from);
-                let name = net.graph.output_name(wire.from);
+            InputSource::Link(link) => {
+                let ty = net.inferred.link_type(net.graph, link);
+                let output = net.inferred.output_type(net.graph, link.from);
+                let name = net.graph.output_name(link.from);
                 match (ty, output) {
                     (Some(Type::Bool), _) | (None, None) => continue,
-                    (Some(ty), _) => (wire.span, format!("`{name}` is a {ty}")),
+                    (Some(ty), _) => (link.span, format!("`{name}` is a {ty}")),
                     (None, Some(ty)) => (
-                        wire.span,
+                        link.span,
                         format!("`{name}` is a {ty} without this element"),
                     ),
                 }
             }
-            Feed::Literal(literal) => match literal.shape {
-                Shape::Bool(_) | Shape::Null | Shape::Refused => continue,
+            InputSource::Literal(literal) => match literal.shape {
+                LiteralShape::Bool(_) | LiteralShape::Null | LiteralShape::Refused => continue,
                 _ => (literal.span, format!("this is {literal}")),
             },
-            Feed::List(_) => (region.id.span, "this is a list".to_owned()),
+            InputSource::List(_) => (region.id.span, "this is a list".to_owned()),
             _ => continue,
         };
         let message = format!(
@@ -75,11 +75,12 @@ pub fn conditions_are_truth_values(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
     }
 }
 
-/// What is read outside of a region is evaluated in it: a constant would be there all the time.
-pub fn what_leaves_a_region_can_become_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that an output that is read outside of its region belongs to a primitive with a kernel. A `Constant` or an
+/// `Input` has none: its value would not become null while the region is inactive.
+pub fn outputs_read_outside_a_region_can_become_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let graph = net.graph;
-    let mut judge = |reader: Option<usize>, wire: &Wire<'_>| {
-        let Some(source) = graph.items.get(wire.from.item) else {
+    let mut judge = |reader: Option<usize>, link: &ResolvedLink<'_>| {
+        let Some(source) = graph.items.get(link.from.item) else {
             return;
         };
         let Some(region) = source.region.filter(|_| source.entry.kernels.is_empty()) else {
@@ -88,7 +89,7 @@ pub fn what_leaves_a_region_can_become_null(net: Typed<'_>, faults: &mut Vec<Dia
         if graph.is_within(reader, region) {
             return;
         }
-        let name = graph.output_name(wire.from);
+        let name = graph.output_name(link.from);
         let around = graph
             .regions
             .get(region)
@@ -96,7 +97,7 @@ pub fn what_leaves_a_region_can_become_null(net: Typed<'_>, faults: &mut Vec<Dia
         let message = format!(
             "`{name}` is never evaluated, and would not become null while `{around}` is not active"
         );
-        let fault = Diagnostic::error(fault::NEVER_NULL, wire.span, message);
+        let fault = Diagnostic::error(fault::NEVER_NULL, link.span, message);
         faults.push(
             fault.help(
                 "read it only where it stands, or take it out of what is under the condition",
@@ -104,13 +105,13 @@ pub fn what_leaves_a_region_can_become_null(net: Typed<'_>, faults: &mut Vec<Dia
         );
     };
     for item in &graph.items {
-        for (_, wire) in item.wires() {
-            judge(item.region, wire);
+        for (_, link) in item.links() {
+            judge(item.region, link);
         }
     }
     for region in &graph.regions {
-        if let Feed::Wire(wire) = &region.condition {
-            judge(region.parent, wire);
+        if let InputSource::Link(link) = &region.condition {
+            judge(region.parent, link);
         }
     }
 }

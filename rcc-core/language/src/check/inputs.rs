@@ -1,5 +1,4 @@
-//! Rules of values that are set from outside.
-//! The loader's threads.
+//! Rules about values that are set from outside. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::plan::INPUT_ELEMENTS_MAX;
@@ -10,10 +9,10 @@ use super::Typed;
 use crate::fault;
 use crate::lower::given;
 use crate::names::has_unit;
-use crate::resolve::Item;
+use crate::resolve::ResolvedPrimitive;
 
-/// By `Input`: the primitive and the type of its value, if it is known.
-fn inputs<'a>(net: Typed<'a>) -> impl Iterator<Item = (&'a Item<'a>, Type)> {
+/// Returns each `Input` and `Subscribe` with the type of its value, if that is known.
+fn inputs<'a>(net: Typed<'a>) -> impl Iterator<Item = (&'a ResolvedPrimitive<'a>, Type)> {
     let items = net.graph.items.iter().enumerate();
     let items = items.filter(|(_, item)| item.spec().role == Role::Input);
     items.filter_map(move |(number, item)| {
@@ -23,8 +22,9 @@ fn inputs<'a>(net: Typed<'a>) -> impl Iterator<Item = (&'a Item<'a>, Type)> {
     })
 }
 
-/// Only numbers have an order; and there is room for all inputs.
-pub fn bounds_are_of_numbers(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that bounds are given for ordered types only, and that all inputs together have at most
+/// [`INPUT_ELEMENTS_MAX`] elements.
+pub fn bounds_are_numeric(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let mut elements = 0u32;
     for (item, ty) in inputs(net) {
         let ordered = matches!(ty, Type::Real | Type::Int | Type::Reals(_) | Type::Ints(_));
@@ -48,7 +48,7 @@ pub fn bounds_are_of_numbers(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// What an input begins as is a value that it could be set to.
+/// Requires that the initial value of an input is within its bounds.
 pub fn first_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (item, _) in inputs(net) {
         let Some(initial) = given(item, "initial") else {
@@ -79,10 +79,10 @@ pub fn first_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnosti
     }
 }
 
-/// A unit that is said is that of numbers: other types say theirs, or have none.
-pub fn units_are_of_numbers(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that a declared unit belongs to a type that has one: other types imply their units, or have none.
+pub fn units_are_given_for_numbers_only(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (item, ty) in inputs(net) {
-        let Some((_, unit)) = item.said_unit().filter(|_| !has_unit(ty)) else {
+        let Some((_, unit)) = item.declared_unit().filter(|_| !has_unit(ty)) else {
             continue;
         };
         let message = format!(

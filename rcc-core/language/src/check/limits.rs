@@ -1,27 +1,26 @@
-//! Rules of the net as a whole: its end, its resources, its monitors and its size.
-//! The loader's threads.
+//! Rules about the net as a whole: termination, resources, monitors and size. Runs on the loader's threads.
 
 use std::collections::BTreeMap;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::message::MONITOR_WIDTH_MAX;
 use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX, TOPICS_MAX};
-use rcc_core::primitive::{CYCLES_MAX, ChannelKind, Literal as Default, ParameterKind, Role};
+use rcc_core::primitive::{CYCLES_MAX, ChannelKind, DefaultValue as Default, ParameterKind, Role};
 use rcc_core::unit::Unit;
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::{Feed, Graph, Item};
+use crate::resolve::{InputSource, NetGraph, ResolvedPrimitive};
 
-/// A rate that is this much faster than the cycle, relative to it, is the cycle's.
+/// Relative tolerance by which a rate may exceed the rate of evaluation and still count as equal to it.
 const RATE_TOLERANCE: f64 = 1e-9;
 
-fn of_role(net: Typed<'_>, role: Role) -> impl Iterator<Item = &Item<'_>> {
+fn of_role(net: Typed<'_>, role: Role) -> impl Iterator<Item = &ResolvedPrimitive<'_>> {
     let items = net.graph.items.iter();
     items.filter(move |item| item.spec().role == role)
 }
 
-/// There is exactly one `Termination`.
+/// Requires exactly one `Termination`.
 pub fn there_is_one_termination(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let mut terminations = of_role(net, Role::Termination);
     let first = terminations.next();
@@ -31,7 +30,7 @@ pub fn there_is_one_termination(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         faults.push(fault.help("add `end: {type: Termination, inputs: {done: …}}`"));
     }
     for item in terminations {
-        let first = first.map_or("", Item::id);
+        let first = first.map_or("", ResolvedPrimitive::id);
         let message = format!(
             "`{}` is a second Termination, `{first}` is the first",
             item.id()
@@ -41,11 +40,11 @@ pub fn there_is_one_termination(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// A resource as a key: device, and kind and index of a channel unless it is the arm.
-type Key = (usize, Option<(usize, u32)>);
+/// Key of a resource: device, and kind and index of a channel; `None` for the arm.
+type ResourceKey = (usize, Option<(usize, u32)>);
 
-/// What of a device an item commands.
-fn claim(item: &Item<'_>) -> Option<(usize, Option<(ChannelKind, u32)>)> {
+/// Returns the resource that an item commands.
+fn claim(item: &ResolvedPrimitive<'_>) -> Option<(usize, Option<(ChannelKind, u32)>)> {
     match item.spec().role {
         Role::CommandsArm => Some((item.device?, None)),
         Role::CommandsChannel => {
@@ -63,9 +62,9 @@ fn claim(item: &Item<'_>) -> Option<(usize, Option<(ChannelKind, u32)>)> {
     }
 }
 
-/// Two primitives of a net do not command the same thing.
+/// Requires that no two primitives of a net command the same resource.
 pub fn resources_are_commanded_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let mut holders: BTreeMap<Key, &Item<'_>> = BTreeMap::new();
+    let mut holders: BTreeMap<ResourceKey, &ResolvedPrimitive<'_>> = BTreeMap::new();
     for item in &net.graph.items {
         let Some((device, channel)) = claim(item) else {
             continue;
@@ -92,8 +91,8 @@ pub fn resources_are_commanded_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>
     }
 }
 
-/// The rate of a monitor as written or by default, Hz.
-fn rate_of(item: &Item<'_>) -> Option<f64> {
+/// Returns the rate of a monitor, given or by default, Hz.
+fn rate_of(item: &ResolvedPrimitive<'_>) -> Option<f64> {
     let mut rows = item.spec().parameters.iter().zip(&item.parameters);
     let (parameter, given) = rows.find(|(parameter, _)| parameter.kind == ParameterKind::Rate)?;
     match (given, parameter.default) {
@@ -103,28 +102,29 @@ fn rate_of(item: &Item<'_>) -> Option<f64> {
     }
 }
 
-/// Every how many evaluations a primitive with a rate is due: the nearest rate that divides the net's, at most the given
-/// one. `None`: the rate is no number of the right unit or too low.
+/// Returns the number of evaluations between two samples of a primitive with a rate. The resulting rate is the highest
+/// that divides the net's rate and does not exceed the given one. Returns `None` if the rate is not a number or is too
+/// low.
 #[must_use]
-pub fn every(item: &Item<'_>, graph: &Graph<'_>) -> Option<u32> {
+pub fn every(item: &ResolvedPrimitive<'_>, graph: &NetGraph<'_>) -> Option<u32> {
     let rate = rate_of(item)?;
     let cycles = (graph.evaluations_hz() / rate * (1.0 - RATE_TOLERANCE)).ceil();
-    // In range by the comparison; a NaN is not.
+    // NaN fails the comparison, so the cast is in range.
     (cycles <= f64::from(u32::MAX)).then_some((cycles as u32).max(1))
 }
 
-/// The evaluations that the window of a primitive spans: the nearest whole number. `None`: it has no window, or one that
-/// is too short or too long.
+/// Returns the number of evaluations that the window of a primitive spans, rounded. Returns `None` if the primitive has
+/// no window, or if the window is out of range.
 #[must_use]
-pub fn window(item: &Item<'_>, graph: &Graph<'_>) -> Option<u32> {
+pub fn window(item: &ResolvedPrimitive<'_>, graph: &NetGraph<'_>) -> Option<u32> {
     let seconds = window_s(item)?.0;
     let cycles = (seconds * graph.evaluations_hz()).round();
-    // In range by the comparison; a NaN is not.
+    // NaN fails the comparison, so the cast is in range.
     (cycles >= 1.0 && cycles <= f64::from(CYCLES_MAX)).then_some(cycles as u32)
 }
 
-/// The window of an item, s, and where it is given.
-fn window_s(item: &Item<'_>) -> Option<(f64, Option<Span>)> {
+/// Returns the window of an item, s, and the span of its parameter; the span is `None` for a default.
+fn window_s(item: &ResolvedPrimitive<'_>) -> Option<(f64, Option<Span>)> {
     let mut rows = item.spec().parameters.iter().zip(&item.parameters);
     let (parameter, given) = rows.find(|(parameter, _)| parameter.kind == ParameterKind::Window)?;
     match (given, parameter.default) {
@@ -134,7 +134,7 @@ fn window_s(item: &Item<'_>) -> Option<(f64, Option<Span>)> {
     }
 }
 
-/// A window is at least one evaluation long, and its values fit into the arena.
+/// Requires that a window spans 1 to [`CYCLES_MAX`] evaluations.
 pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let Some((seconds, span)) = window_s(item) else {
@@ -155,19 +155,19 @@ pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// Monitors show what fits, at a rate that is possible.
+/// Requires that a monitor's value fits into a record, and that its rate is possible.
 pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         if item.spec().role != Role::Monitor {
             continue;
         }
-        for (_, wire) in item.wires().filter(|(_, wire)| wire.delayed) {
+        for (_, link) in item.links().filter(|(_, link)| link.delayed) {
             let message =
                 "a monitor shows the values of its own cycle, never those of the one before";
-            let fault = Diagnostic::error(fault::WRONG_SHAPE, wire.span, message);
+            let fault = Diagnostic::error(fault::WRONG_SHAPE, link.span, message);
             faults.push(fault.help(format!(
                 "write `value: {}`",
-                net.graph.output_name(wire.from)
+                net.graph.output_name(link.from)
             )));
         }
         let ports = item.spec().inputs.iter().zip(&item.inputs);
@@ -186,16 +186,16 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-fn feed_span(feed: &Feed<'_>) -> Option<Span> {
+fn feed_span(feed: &InputSource<'_>) -> Option<Span> {
     match feed {
-        Feed::Wire(wire) => Some(wire.span),
-        Feed::Literal(literal) => Some(literal.span),
-        Feed::List(list) => Some(list.span),
+        InputSource::Link(link) => Some(link.span),
+        InputSource::Literal(literal) => Some(literal.span),
+        InputSource::List(list) => Some(list.span),
         _ => None,
     }
 }
 
-fn rate_is_possible(net: Typed<'_>, item: &Item<'_>, faults: &mut Vec<Diagnostic>) {
+fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut Vec<Diagnostic>) {
     let rows = item.spec().parameters.iter().zip(&item.parameters);
     let mut rates = rows.filter(|(parameter, _)| parameter.kind == ParameterKind::Rate);
     let Some((_, Some(literal))) = rates.next() else {
@@ -254,12 +254,12 @@ fn rate_is_possible(net: Typed<'_>, item: &Item<'_>, faults: &mut Vec<Diagnostic
     }
 }
 
-/// The numbers of monitors and motions are within what an executor gives.
+/// Requires that the numbers of monitors, inputs, motions and topics are within the limits of an executor.
 pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let divide = "divide it into several nets";
     let join = "put values that belong together into one list: `in: [a.out, b.out]`";
-    let any: fn(&&Item<'_>) -> bool = |_| true;
-    let by_topic: fn(&&Item<'_>) -> bool = |item| item.topic().is_some();
+    let any: fn(&&ResolvedPrimitive<'_>) -> bool = |_| true;
+    let by_topic: fn(&&ResolvedPrimitive<'_>) -> bool = |item| item.topic().is_some();
     for (role, which, what, most, help) in [
         (Role::Monitor, any, "monitors", MONITORS_MAX, divide),
         (Role::Input, any, "inputs", INPUTS_MAX, divide),
@@ -289,8 +289,8 @@ pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// A net that commands joints is evaluated in every cycle: drivers play one set-point a cycle, and a slower stream would
-/// be a staircase.
+/// Requires that a net that commands joints is evaluated in every cycle: drivers play one set-point a cycle, so a
+/// slower stream would give a staircase.
 pub fn arms_are_commanded_in_every_cycle(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let every = net.graph.rate.every;
     if let (Some(item), true) = (of_role(net, Role::CommandsArm).next(), every > 1) {
@@ -306,8 +306,8 @@ pub fn arms_are_commanded_in_every_cycle(net: Typed<'_>, faults: &mut Vec<Diagno
     }
 }
 
-/// Warns of a net that commands something and cannot be cancelled.
-pub fn what_moves_can_be_cancelled(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Warns if a net commands an arm and has no `Cancel`.
+pub fn commands_can_be_cancelled(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let commands = of_role(net, Role::CommandsArm).next();
     let can_cancel = of_role(net, Role::Cancel).next().is_some();
     if let (Some(item), false) = (commands, can_cancel || net.graph.has_unknown_types) {

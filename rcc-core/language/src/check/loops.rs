@@ -1,52 +1,60 @@
-//! Rules of loops: values propagate through the whole net within one cycle, so every loop contains a delayed link, that
-//! link has a first value, and the loop can lose null again.
+//! Rules about loops. Values propagate through the whole net within one cycle, so every loop contains a delayed link,
+//! that link has an initial value, and a null value cannot stay in the loop forever.
 //!
-//! The rule for null, exactly: take a loop (primitives that depend on each other, delayed links included) in which every
-//! value is null while everything that comes from outside of it is known. Primitives become known by their null rules
-//! (`rcc_core::primitive::NullRule`): one that propagates null only if all its inputs are known; `OrElse` if one input
-//! is; `Select` if its condition and one of its values are; `IsNull` and motions always. When nothing changes any more,
-//! a loop of primitives that are still null is refused: null, once in, would stay for ever. The constant null never
-//! becomes known. The loader's threads.
+//! The rule about null, precisely: take a loop (primitives that depend on each other, delayed links included), let
+//! every value in it be null, and let every value from outside be known. Primitives become known by their null rules
+//! (`rcc_core::primitive::NullRule`): one that propagates null becomes known only if all its inputs are known, `OrElse`
+//! if one input is, `Select` if its condition and one of its values are, `IsNull` and motions always. If a loop of null
+//! primitives remains at the fixpoint, the net is refused: once null, the loop would stay null. The constant null never
+//! becomes known. Runs on the loader's threads.
 
 pub(crate) mod components;
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::{Literal as Default, NullRule};
+use rcc_core::primitive::{DefaultValue as Default, NullRule};
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::{Feed, Graph, Item, Leaf, Wire};
-use crate::syntax::literal::Shape;
+use crate::resolve::{InputSource, ListElement, NetGraph, ResolvedLink, ResolvedPrimitive};
+use crate::syntax::literal::LiteralShape;
 use components::{Components, circle};
 
-/// Most links of a loop that are named.
+/// Most links of a loop that a message names.
 const NAMED_MAX: usize = 12;
 
-/// By item: the items that it reads from.
-fn sources(graph: &Graph<'_>, keep: impl Fn(usize, &Wire<'_>) -> bool) -> Vec<Vec<usize>> {
-    let of = |(number, item): (usize, &Item<'_>)| {
-        let wires = graph.links(item).filter(|(_, wire)| keep(number, wire));
-        wires.map(|(_, wire)| wire.from.item).collect()
+/// Returns, by item, the items that it reads from.
+fn sources(
+    graph: &NetGraph<'_>,
+    keep: impl Fn(usize, &ResolvedLink<'_>) -> bool,
+) -> Vec<Vec<usize>> {
+    let of = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
+        let links = graph
+            .dependencies(item)
+            .filter(|(_, link)| keep(number, link));
+        links.map(|(_, link)| link.from.item).collect()
     };
     graph.items.iter().enumerate().map(of).collect()
 }
 
-/// Names a circle in the direction of its values, and the link that closes it.
-fn describe<'g>(graph: &'g Graph<'_>, circle: &[usize]) -> Option<(String, &'g Wire<'g>)> {
+/// Describes a cycle in the direction of its values, and returns the link that closes it.
+fn describe<'g>(
+    graph: &'g NetGraph<'_>,
+    circle: &[usize],
+) -> Option<(String, &'g ResolvedLink<'g>)> {
     let mut parts = Vec::new();
     let mut closing = None;
     for (place, number) in circle.iter().enumerate() {
         let next = circle.get(place + 1).or(circle.first())?;
         let item = graph.items.get(*next)?;
-        let mut links = graph.links(item);
-        let (input, wire) = links.find(|(_, wire)| wire.from.item == *number)?;
-        let delayed = if wire.delayed { " (delayed)" } else { "" };
+        let mut links = graph.dependencies(item);
+        let (input, link) = links.find(|(_, link)| link.from.item == *number)?;
+        let delayed = if link.delayed { " (delayed)" } else { "" };
         parts.push(format!(
             "`{}` → `{}.{input}`{delayed}",
-            graph.output_name(wire.from),
+            graph.output_name(link.from),
             item.id()
         ));
-        closing = Some(wire);
+        closing = Some(link);
     }
     if parts.len() > NAMED_MAX {
         let count = parts.len() - NAMED_MAX;
@@ -56,44 +64,44 @@ fn describe<'g>(graph: &'g Graph<'_>, circle: &[usize]) -> Option<(String, &'g W
     Some((parts.join(", "), closing?))
 }
 
-/// Every loop contains a delayed link.
+/// Requires that every loop contains a delayed link.
 pub fn loops_have_a_delay(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let sources = sources(net.graph, |_, wire| !wire.delayed);
+    let sources = sources(net.graph, |_, link| !link.delayed);
     for component in Components::of(&sources).loops(&sources) {
-        let Some((path, wire)) = describe(net.graph, &circle(&sources, &component)) else {
+        let Some((path, link)) = describe(net.graph, &circle(&sources, &component)) else {
             continue;
         };
         let message = format!("these primitives wait for each other: {path}");
-        let from = net.graph.output_name(wire.from);
-        let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, wire.span, message);
+        let from = net.graph.output_name(link.from);
+        let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, link.span, message);
         faults.push(fault.label("closes the loop").help(format!(
             "let one of these links carry the value of the cycle before: `{{from: {from}, delayed: true, initial: …}}`"
         )));
     }
 }
 
-/// A delayed link within a loop has a first value.
+/// Requires that a delayed link within a loop has an initial value.
 pub fn delayed_loops_have_a_first_value(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let sources = sources(net.graph, |_, _| true);
     let components = Components::of(&sources);
     for (number, item) in net.graph.items.iter().enumerate() {
-        for (input, wire) in net.graph.links(item) {
-            let closes = components.same(number, wire.from.item);
-            if !wire.delayed || wire.initial.is_some() || !closes {
+        for (input, link) in net.graph.dependencies(item) {
+            let closes = components.same(number, link.from.item);
+            if !link.delayed || link.initial.is_some() || !closes {
                 continue;
             }
-            let from = net.graph.output_name(wire.from);
+            let from = net.graph.output_name(link.from);
             let message = format!(
                 "the delayed link `{from}` → `{}.{input}` closes a loop and has no first value",
                 item.id()
             );
-            let fault = Diagnostic::error(fault::LOOP_WITHOUT_INITIAL, wire.span, message);
+            let fault = Diagnostic::error(fault::LOOP_WITHOUT_INITIAL, link.span, message);
             faults.push(fault.help(format!("say what it carries in the first cycle: `{{from: {from}, delayed: true, initial: …}}`")));
         }
     }
 }
 
-/// No loop keeps null for ever.
+/// Requires that a null value in a loop can be replaced by a known one.
 pub fn loops_can_lose_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let all = sources(net.graph, |_, _| true);
     let components = Components::of(&all);
@@ -101,38 +109,43 @@ pub fn loops_can_lose_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let mut known: Vec<bool> = in_loop.iter().map(|in_loop| !in_loop).collect();
     settle(net.graph, &components, &all, &mut known);
     let stuck = |number: usize| known.get(number) == Some(&false);
-    let null = sources(net.graph, |number, wire| {
-        stuck(number) && stuck(wire.from.item) && components.same(number, wire.from.item)
+    let null = sources(net.graph, |number, link| {
+        stuck(number) && stuck(link.from.item) && components.same(number, link.from.item)
     });
     for component in Components::of(&null).loops(&null) {
-        let Some((path, wire)) = describe(net.graph, &circle(&null, &component)) else {
+        let Some((path, link)) = describe(net.graph, &circle(&null, &component)) else {
             continue;
         };
-        // Without a delayed link this is another fault, which is reported.
+        // A loop without a delayed link is reported by another rule.
         let delayed = circle(&null, &component);
         if !has_delay(net.graph, &delayed) {
             continue;
         }
         let message = format!("null, once in this loop, would stay for ever: {path}");
-        let fault = Diagnostic::error(fault::NULL_FOR_EVER, wire.span, message);
+        let fault = Diagnostic::error(fault::NULL_FOR_EVER, link.span, message);
         faults.push(
             fault.help("lead the loop through OrElse: `{type: OrElse, inputs: {in: …, other: 0}}`"),
         );
     }
 }
 
-fn has_delay(graph: &Graph<'_>, circle: &[usize]) -> bool {
+fn has_delay(graph: &NetGraph<'_>, circle: &[usize]) -> bool {
     let mut links = circle.iter().enumerate().flat_map(|(place, number)| {
         let next = circle.get(place + 1).or(circle.first());
         let item = next.and_then(|next| graph.items.get(*next));
-        let wires = item.into_iter().flat_map(|item| graph.links(item));
-        wires.filter(move |(_, wire)| wire.from.item == *number)
+        let links = item.into_iter().flat_map(|item| graph.dependencies(item));
+        links.filter(move |(_, link)| link.from.item == *number)
     });
-    links.any(|(_, wire)| wire.delayed)
+    links.any(|(_, link)| link.delayed)
 }
 
-/// Lets items become known until nothing changes; linear in the number of links.
-fn settle(graph: &Graph<'_>, components: &Components, sources: &[Vec<usize>], known: &mut [bool]) {
+/// Marks items as known until a fixpoint is reached; linear in the number of links.
+fn settle(
+    graph: &NetGraph<'_>,
+    components: &Components,
+    sources: &[Vec<usize>],
+    known: &mut [bool],
+) {
     let mut readers = vec![Vec::new(); graph.items.len()];
     for (number, sources) in sources.iter().enumerate() {
         for source in sources {
@@ -158,28 +171,28 @@ fn settle(graph: &Graph<'_>, components: &Components, sources: &[Vec<usize>], kn
 }
 
 fn becomes_known(
-    graph: &Graph<'_>,
-    item: &Item<'_>,
+    graph: &NetGraph<'_>,
+    item: &ResolvedPrimitive<'_>,
     number: usize,
     components: &Components,
     known: &[bool],
 ) -> bool {
-    let wire_known = |wire: &Wire<'_>| {
-        let source = wire.from.item;
-        // What comes from another loop counts as known: its own fault is reported there.
+    let link_known = |link: &ResolvedLink<'_>| {
+        let source = link.from.item;
+        // A value from another loop counts as known: that loop is reported itself.
         !components.same(number, source) || known.get(source) == Some(&true)
     };
-    let input = |feed: &Feed<'_>| match feed {
-        Feed::Wire(wire) => wire_known(wire),
-        Feed::List(list) => list.leaves.iter().all(|leaf| match leaf {
-            Leaf::Wire(wire) => wire_known(wire),
-            Leaf::Literal(literal, _) => literal.shape != Shape::Null,
+    let input = |feed: &InputSource<'_>| match feed {
+        InputSource::Link(link) => link_known(link),
+        InputSource::List(list) => list.leaves.iter().all(|leaf| match leaf {
+            ListElement::Link(link) => link_known(link),
+            ListElement::Literal(literal, _) => literal.shape != LiteralShape::Null,
         }),
-        Feed::Literal(literal) => literal.shape != Shape::Null,
-        Feed::Default(value) => *value != Default::Null,
-        Feed::Missing | Feed::Refused => true,
+        InputSource::Literal(literal) => literal.shape != LiteralShape::Null,
+        InputSource::Default(value) => *value != Default::Null,
+        InputSource::Missing | InputSource::Refused => true,
     };
-    // What is evaluated under a condition is null until that is known.
+    // An item in a region is null as long as the condition is null.
     if !graph
         .conditions(item)
         .all(|region| input(&region.condition))
@@ -189,7 +202,7 @@ fn becomes_known(
     let mut inputs = item.inputs.iter().map(input);
     match item.spec().null_rule {
         NullRule::Known => true,
-        NullRule::Remembers => item.begins_known() || inputs.all(|known| known),
+        NullRule::Remembers => item.has_known_initial_value() || inputs.all(|known| known),
         NullRule::Propagates => inputs.all(|known| known),
         NullRule::AnyKnown => inputs.any(|known| known),
         NullRule::FirstAndAnyKnown => inputs.next() == Some(true) && inputs.any(|known| known),

@@ -1,20 +1,20 @@
-//! Rules of motions: nothing that is said about one is passed over because something else is said, too.
-//! The loader's threads.
+//! Rules about motions: parameters that contradict each other are refused, and none is silently ignored. Runs on the
+//! loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::frame::DeviceModel;
-use rcc_core::path::record;
+use rcc_core::path::leg_row;
 use rcc_core::primitive::{ParameterKind, Role};
 
 use super::Typed;
 use super::connections::read_or_discarded;
 use super::values::constant;
 use crate::fault;
-use crate::resolve::{Item, Output};
-use crate::syntax::literal::{Literal, Shape};
+use crate::resolve::{OutputId, ResolvedPrimitive};
+use crate::syntax::literal::{Literal, LiteralShape};
 
-/// Parameters of which a motion takes one only, and why.
-const EITHER: [(&str, &str, &str); 6] = [
+/// Pairs of parameters that exclude each other, and why.
+const EXCLUSIVE: [(&str, &str, &str); 6] = [
     ("to", "pose", "each says where the motion ends"),
     ("to", "branch", "joints say the branch themselves"),
     ("to", "status", "joints say the branch themselves"),
@@ -23,24 +23,24 @@ const EITHER: [(&str, &str, &str); 6] = [
     ("arm_angle", "elbow", "each says where the elbow turns to"),
 ];
 
-/// What is given for a parameter, unless it is null.
-fn given<'a>(item: &'a Item<'_>, name: &str) -> Option<&'a Literal> {
+/// Returns the value given for a parameter, unless it is null.
+fn given<'a>(item: &'a ResolvedPrimitive<'_>, name: &str) -> Option<&'a Literal> {
     let place = item
         .spec()
         .parameters
         .iter()
         .position(|known| known.name == name)?;
     let literal = item.parameters.get(place).copied().flatten()?;
-    (literal.shape != Shape::Null).then_some(literal)
+    (literal.shape != LiteralShape::Null).then_some(literal)
 }
 
-/// Of two parameters that exclude each other one is given at most.
+/// Requires that at most one of two exclusive parameters is given.
 pub fn parameters_do_not_contradict(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let takes = |name: &str| item.spec().parameters.iter().any(|it| it.name == name);
         // `to` of other motions is a pose.
         let is_joints = takes("pose");
-        for (first, second, why) in EITHER {
+        for (first, second, why) in EXCLUSIVE {
             if first == "to" && !is_joints {
                 continue;
             }
@@ -54,8 +54,8 @@ pub fn parameters_do_not_contradict(net: Typed<'_>, faults: &mut Vec<Diagnostic>
     }
 }
 
-/// A motion to joints or to a pose has one of them.
-pub fn motions_have_an_end(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that a `JointMotion` has a goal, `to` or `pose`.
+pub fn joint_motions_have_a_goal(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         if item.spec().name != "JointMotion"
             || ["to", "pose"]
@@ -71,14 +71,14 @@ pub fn motions_have_an_end(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// The arm of an item, and its name.
-fn arm<'a>(net: Typed<'a>, item: &Item<'_>) -> Option<(&'a str, &'a DeviceModel)> {
+/// Returns name and model of the arm of an item.
+fn arm<'a>(net: Typed<'a>, item: &ResolvedPrimitive<'_>) -> Option<(&'a str, &'a DeviceModel)> {
     let device = net.graph.cell.devices.get(item.device?)?;
     Some((&device.name, &device.model))
 }
 
-/// KUKA's Turn has a bit for each joint that the arm has, and no other.
-pub fn turns_are_of_joints(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that KUKA's Turn sets bits only for joints that the arm has.
+pub fn turns_have_a_bit_for_each_joint(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let Some((name, model)) = arm(net, item) else {
             continue;
@@ -87,7 +87,7 @@ pub fn turns_are_of_joints(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let paths =
             parameters.filter(|(parameter, _)| matches!(parameter.kind, ParameterKind::Path(_)));
         let rows = paths.filter_map(|(_, given)| match &given.as_ref()?.shape {
-            Shape::List(rows) => Some(rows.iter().filter_map(turn_of_leg)),
+            LiteralShape::List(rows) => Some(rows.iter().filter_map(turn_of_leg)),
             _ => None,
         });
         let of_motion = given(item, "turn").and_then(|turn| Some((turn.number()?, turn)));
@@ -107,16 +107,17 @@ pub fn turns_are_of_joints(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// The Turn of a leg, see [`record`].
+/// Returns the Turn of a leg, see [`record`].
 fn turn_of_leg(row: &Literal) -> Option<(f64, &Literal)> {
-    let Shape::List(columns) = &row.shape else {
+    let LiteralShape::List(columns) = &row.shape else {
         return None;
     };
     let number = |column: usize| columns.get(column)?.number();
-    (number(0)? == record::PTP_POSE).then_some((number(record::TURN)?, row))
+    (number(0)? == leg_row::PTP_POSE).then_some((number(leg_row::TURN)?, row))
 }
 
-/// A goal that never changes can be reached by every joint: beyond its range it is no goal, and the net would wait for ever.
+/// Requires that a constant goal lies within the range of every joint: the net would wait for an unreachable goal
+/// forever.
 pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in net
         .graph
@@ -127,7 +128,7 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let (Some((name, model)), Some(goal)) = (arm(net, item), item.inputs.first()) else {
             continue;
         };
-        // A null element is no goal at all, which is a stop.
+        // A goal with a null element stops the motion.
         let Some(goal) = constant(net, goal).filter(|goal| !has_null(goal)) else {
             continue;
         };
@@ -147,14 +148,15 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// Somebody reads where a motion is: the net would go through it, and no arm would move.
-pub fn motions_lead_somewhere(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that the joints or the pose of a motion are read: otherwise the net runs through the motion and no arm
+/// moves.
+pub fn motion_outputs_are_read(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let used = read_or_discarded(net);
     for (number, item) in net.graph.items.iter().enumerate() {
         let outputs = item.spec().outputs;
         let place = |name: &str| outputs.iter().position(|port| port.name == name);
         let places = ["joints", "pose"].into_iter().filter_map(place);
-        let mut places = places.map(|port| Output { item: number, port });
+        let mut places = places.map(|port| OutputId { item: number, port });
         if item.spec().role != Role::Motion || places.any(|output| used.contains(&output)) {
             continue;
         }
@@ -167,8 +169,8 @@ pub fn motions_lead_somewhere(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// A null at a command is no set-point: a constant one would never let the device be commanded.
-pub fn commands_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+/// Requires that no command is the constant null: null is no set-point, so the device would never be commanded.
+pub fn commands_are_not_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         if !matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel) {
             continue;
@@ -187,13 +189,13 @@ pub fn commands_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 
 fn has_null(literal: &Literal) -> bool {
     match &literal.shape {
-        Shape::Null => true,
-        Shape::List(elements) => elements.iter().any(has_null),
+        LiteralShape::Null => true,
+        LiteralShape::List(elements) => elements.iter().any(has_null),
         _ => false,
     }
 }
 
-/// What is turned about, or pressed along, has a direction.
+/// Requires that a constant axis, of a rotation or of a force, has a length other than 0.
 pub fn axes_have_a_direction(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let input = item

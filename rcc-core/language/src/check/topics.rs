@@ -1,5 +1,5 @@
-//! Rules of values from net to net: what can be seen in one net. What other nets publish is looked at when it starts.
-//! The loader's threads.
+//! Rules about topics that can be checked within one net. What other nets publish is checked when the net starts. Runs
+//! on the loader's threads.
 
 use std::collections::BTreeMap;
 
@@ -10,17 +10,17 @@ use rcc_core::unit::Unit;
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::Item;
+use crate::resolve::ResolvedPrimitive;
 
-fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&Item<'_>, &str)> {
+fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&ResolvedPrimitive<'_>, &str)> {
     let items = net.graph.items.iter();
     let items = items.filter(move |item| item.spec().role == role);
     items.filter_map(|item| Some((item, item.topic()?)))
 }
 
-/// A topic has one value.
+/// Requires that a topic is published once.
 pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let mut publishers: BTreeMap<&str, &Item<'_>> = BTreeMap::new();
+    let mut publishers: BTreeMap<&str, &ResolvedPrimitive<'_>> = BTreeMap::new();
     for (item, topic) in items(net, Role::Publish) {
         if let Some(first) = publishers.get(topic) {
             let message = format!(
@@ -37,9 +37,9 @@ pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// A topic is of one type.
+/// Requires that all uses of a topic agree in type and unit.
 pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let mut kinds: BTreeMap<&str, (&Item<'_>, Kind)> = BTreeMap::new();
+    let mut kinds: BTreeMap<&str, (&ResolvedPrimitive<'_>, TopicSignature)> = BTreeMap::new();
     for (number, item) in net.graph.items.iter().enumerate() {
         let (Some(port), Some(topic)) = (item.spec().outputs.first(), item.topic()) else {
             continue;
@@ -62,10 +62,10 @@ pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// What a topic carries.
-type Kind = (Option<Type>, Option<Unit>);
+/// Type and unit of a topic.
+type TopicSignature = (Option<Type>, Option<Unit>);
 
-fn words((ty, unit): Kind) -> String {
+fn words((ty, unit): TopicSignature) -> String {
     let ty = ty.map_or("something".to_owned(), |ty| ty.to_string());
     match unit.filter(|unit| *unit != Unit::ONE) {
         Some(unit) => format!("{ty} in {unit}"),
@@ -73,7 +73,7 @@ fn words((ty, unit): Kind) -> String {
     }
 }
 
-/// Within a net there are links.
+/// Requires that a net does not subscribe to its own topics: within a net there are links.
 pub fn no_net_subscribes_to_itself(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (item, topic) in items(net, Role::Input) {
         let own = items(net, Role::Publish).find(|(_, own)| *own == topic);

@@ -1,5 +1,4 @@
-//! Rules of types, units and ranges.
-//! The loader's threads.
+//! Rules about types, units and ranges. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitive::{Parameter, ParameterKind, PortType, Role, UnitRule};
@@ -8,75 +7,79 @@ use rcc_core::unit::Unit;
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::{Feed, Leaf, List, Wire};
-use crate::syntax::literal::{Literal, Shape};
-use crate::syntax::part::{Part, Place, parts_of};
+use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedList};
+use crate::syntax::literal::{Literal, LiteralShape};
+use crate::syntax::part::{ListPosition, ValuePart, parts_of};
 
-/// `port[i]` and the like name a part that there is.
+/// Requires that the part selected by `port[i]`, `port.x` and the like exists.
 pub fn elements_exist(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let wires = net.graph.items.iter().flat_map(|item| item.wires());
-    for (_, wire) in wires {
-        let ty = net.inferred.output_type(net.graph, wire.from);
-        let (Some(part), Some(ty)) = (wire.part, ty) else {
+    let links = net.graph.items.iter().flat_map(|item| item.links());
+    for (_, link) in links {
+        let ty = net.inferred.output_type(net.graph, link.from);
+        let (Some(part), Some(ty)) = (link.part, ty) else {
             continue;
         };
         if part.of(ty).is_some() {
             continue;
         }
-        let name = net.graph.output_name(wire.from);
+        let name = net.graph.output_name(link.from);
         let (message, help) = match (parts_of(ty), part) {
             (None, _) => (
                 format!("`{name}` is a {ty} and has no parts to pick"),
                 "only arrays such as Real[7], matrices and composites have parts".to_string(),
             ),
-            (Some(help), Part::Element(_)) if ty.element().is_some() => (
+            (Some(help), ValuePart::Element(_)) if ty.element().is_some() => (
                 format!("`{name}` has {} elements, there is no {part}", ty.width()),
                 help,
             ),
             (Some(help), _) => (format!("`{name}` is a {ty} and has no `{part}`"), help),
         };
-        faults.push(Diagnostic::error(fault::BAD_ELEMENT, wire.port_span, message).help(help));
+        faults.push(Diagnostic::error(fault::BAD_ELEMENT, link.port_span, message).help(help));
     }
 }
 
-/// A link and its input are of one type and unit, and so is its first value.
+/// Requires that a link, its initial value and its input agree in type and unit.
 pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
-        for (port, wire) in item.wires() {
+        for (port, link) in item.links() {
             let Some(port) = item.spec().inputs.get(port) else {
                 continue;
             };
-            let have = net.inferred.wire_type(net.graph, wire);
-            // A list that does not fit its input is a fault of its own.
-            let want = net.inferred.place_type(net.graph, number, port, wire.place);
+            let have = net.inferred.link_type(net.graph, link);
+            // A list of the wrong length is reported by `lists_fit`.
+            let want = net
+                .inferred
+                .position_type(net.graph, number, port, link.place);
             let (Some(have), Some(want)) = (have, want) else {
                 continue;
             };
-            let input = format!("{}.{}{}", item.id(), port.name, place_name(wire.place));
+            let input = format!("{}.{}{}", item.id(), port.name, position_name(link.place));
             if have != want {
-                faults.push(other_type(net, wire, &input, have, want));
+                faults.push(other_type(net, link, &input, have, want));
                 continue;
             }
-            let source = net.inferred.wire_unit(net.graph, wire);
-            let sink = net.inferred.place_unit(net.graph, number, port, wire.place);
+            let source = net.inferred.link_unit(net.graph, link);
+            let sink = net
+                .inferred
+                .position_unit(net.graph, number, port, link.place);
             if let (Some(have), Some(want)) = (source, sink)
                 && have != want
             {
-                let output = net.graph.output_name(wire.from);
+                let output = net.graph.output_name(link.from);
                 let message =
                     format!("unit mismatch: `{output}` is in {have}, `{input}` is in {want}");
-                let fault = Diagnostic::error(fault::UNIT_MISMATCH, wire.span, message);
+                let fault = Diagnostic::error(fault::UNIT_MISMATCH, link.span, message);
                 faults.push(fault.label(format!("in {have}")));
             }
-            if let Some(initial) = wire.initial {
+            if let Some(initial) = link.initial {
                 literal_fits(initial, have, sink, &input, faults);
             }
         }
     }
 }
 
-/// A place in a list, as it is read: `[2]`, `[1,2]`.
-fn place_name(place: Place) -> String {
+/// Returns a position in a list as text: `[2]`, `[1,2]`.
+fn position_name(place: ListPosition) -> String {
     match place.steps {
         [Some((row, _)), Some((column, _))] => format!("[{row},{column}]"),
         [Some((index, _)), _] => format!("[{index}]"),
@@ -84,7 +87,7 @@ fn place_name(place: Place) -> String {
     }
 }
 
-/// A list of links has as many elements as its input, which is something that is written as a list.
+/// Requires that a list of links has as many elements as its input, and that the input can be given as a list.
 pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
@@ -93,17 +96,17 @@ pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             };
             let input = format!("{}.{}", item.id(), port.name);
             let (span, message, help) = match (feed, port.ty) {
-                (Feed::Wire(wire), PortType::Many(_)) => (
-                    wire.span,
+                (InputSource::Link(link), PortType::Many(_)) => (
+                    link.span,
                     format!("type mismatch: `{input}` is a list of values, this is one link"),
                     format!("write `{}: [a.out, b.out]`", port.name),
                 ),
-                (Feed::Literal(literal), PortType::Many(_)) => (
+                (InputSource::Literal(literal), PortType::Many(_)) => (
                     literal.span,
                     format!("type mismatch: `{input}` is a list of values with a link in it"),
                     format!("write `{}: [a.out, b.out]`", port.name),
                 ),
-                (Feed::List(list), _) => match misfit(list, port.ty, ty) {
+                (InputSource::List(list), _) => match list_mismatch(list, port.ty, ty) {
                     Some(what) => (
                         list.span,
                         format!("type mismatch: `{input}` is a {ty}, this is {what}"),
@@ -118,18 +121,18 @@ pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// What a list is that does not fit a type.
-fn misfit(list: &List<'_>, port: PortType, ty: Type) -> Option<String> {
+/// Describes a list that does not fit the type; `None` if it fits.
+fn list_mismatch(list: &ResolvedList<'_>, port: PortType, ty: Type) -> Option<String> {
     let mut places = list.leaves.iter().map(|leaf| match leaf {
-        Leaf::Wire(wire) => wire.place,
-        Leaf::Literal(_, place) => *place,
+        ListElement::Link(link) => link.place,
+        ListElement::Literal(_, place) => *place,
     });
-    let fits = |place: Place| match port {
+    let fits = |place: ListPosition| match port {
         PortType::Many(_) => place.steps[1].is_none(),
         _ => place.of(ty).is_some(),
     };
-    let odd = places.find(|place| !fits(*place))?;
-    Some(match odd.steps {
+    let mismatch = places.find(|place| !fits(*place))?;
+    Some(match mismatch.steps {
         [_, Some((_, columns))] => format!("a list of {} with a row of {columns}", list.count),
         _ => format!("a list of {}", list.count),
     })
@@ -148,12 +151,18 @@ fn list_example(ty: Type) -> String {
     }
 }
 
-fn other_type(net: Typed<'_>, wire: &Wire<'_>, input: &str, have: Type, want: Type) -> Diagnostic {
-    let output = net.graph.output_name(wire.from);
+fn other_type(
+    net: Typed<'_>,
+    link: &ResolvedLink<'_>,
+    input: &str,
+    have: Type,
+    want: Type,
+) -> Diagnostic {
+    let output = net.graph.output_name(link.from);
     let message = format!("type mismatch: `{output}` is a {have}, `{input}` is a {want}");
     let fault =
-        Diagnostic::error(fault::TYPE_MISMATCH, wire.span, message).label(format!("a {have}"));
-    let is_element = wire.part.is_none() && have.element() == Some(want);
+        Diagnostic::error(fault::TYPE_MISMATCH, link.span, message).label(format!("a {have}"));
+    let is_element = link.part.is_none() && have.element() == Some(want);
     fault.help_if(match (have, want) {
         _ if is_element => Some(format!("pick an element: `{output}[0]`")),
         (Type::Int, Type::Real) | (Type::Real, Type::Int) => Some(WHOLE_AND_REAL.to_string()),
@@ -165,7 +174,7 @@ fn other_type(net: Typed<'_>, wire: &Wire<'_>, input: &str, have: Type, want: Ty
 
 const WHOLE_AND_REAL: &str = "whole and real numbers do not mix: lead the whole one through `{type: ToReal, inputs: {in: …}}`";
 
-/// Constants at inputs and parameters are of the type and unit of their places.
+/// Requires that constants at inputs and parameters have the types and units of their ports.
 pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let mut place = |literal: &Literal, name: &str, ty: PortType, unit: UnitRule| {
@@ -176,7 +185,9 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             }
         };
         for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
-            if let (Feed::Literal(literal), false) = (feed, matches!(port.ty, PortType::Many(_))) {
+            if let (InputSource::Literal(literal), false) =
+                (feed, matches!(port.ty, PortType::Many(_)))
+            {
                 place(literal, port.name, port.ty, port.unit);
             }
         }
@@ -187,12 +198,12 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         }
         for (port, list) in item.lists() {
             for leaf in &list.leaves {
-                if let (Leaf::Literal(literal, place), Some(port)) =
+                if let (ListElement::Literal(literal, place), Some(port)) =
                     (leaf, item.spec().inputs.get(port))
-                    && let Some(ty) = net.inferred.place_type(net.graph, number, port, *place)
+                    && let Some(ty) = net.inferred.position_type(net.graph, number, port, *place)
                 {
-                    let unit = net.inferred.place_unit(net.graph, number, port, *place);
-                    let name = format!("{}.{}{}", item.id(), port.name, place_name(*place));
+                    let unit = net.inferred.position_unit(net.graph, number, port, *place);
+                    let name = format!("{}.{}{}", item.id(), port.name, position_name(*place));
                     literal_fits(literal, ty, unit, &name, faults);
                 }
             }
@@ -200,7 +211,7 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// The lengths that a primitive leaves open are known.
+/// Requires that the array lengths that a spec leaves open can be inferred.
 pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let spec = item.spec();
@@ -214,16 +225,16 @@ pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             _ => false,
         });
         let Some(port) = unknown else { continue };
-        // An input that is missing, or that is fed by what does not fit, is told by its own rule.
+        // Missing inputs and inputs of the wrong type are reported by their own rules.
         let hidden = item.inputs.iter().any(|feed| {
-            let mut wires = feed.wires();
-            matches!(feed, Feed::Missing | Feed::Refused)
-                || wires.any(|wire| net.inferred.wire_type(net.graph, wire).is_none())
+            let mut links = feed.links();
+            matches!(feed, InputSource::Missing | InputSource::Refused)
+                || links.any(|link| net.inferred.link_type(net.graph, link).is_none())
         });
         let fed = item.inputs.iter().zip(spec.inputs);
         let misfit = fed.clone().any(|(feed, port)| {
             matches!(port.ty, PortType::Array(..) | PortType::Matrix(..))
-                && matches!(feed, Feed::Wire(_) | Feed::List(_))
+                && matches!(feed, InputSource::Link(_) | InputSource::List(_))
         });
         let parameters = item.parameters.iter().zip(spec.parameters);
         let refused = parameters.clone().any(|(given, parameter)| {
@@ -245,7 +256,7 @@ pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// One constant at a place of a type and unit.
+/// Checks one constant against the type and unit of a port.
 pub(crate) fn literal_fits(
     literal: &Literal,
     ty: Type,
@@ -259,7 +270,7 @@ pub(crate) fn literal_fits(
         faults.push(fault.help_if(example_of(literal, ty)));
         return;
     }
-    // A composite whose type says its units takes bare numbers only.
+    // The units of a composite are implied by its type, so its constants are bare numbers.
     let want = unit.unwrap_or(Unit::ONE);
     for (have, span) in literal.units() {
         if have != want {
@@ -270,13 +281,13 @@ pub(crate) fn literal_fits(
     }
 }
 
-/// How a constant of a type is written, where that is not obvious.
+/// Returns an example of a constant of the type, where the notation is not obvious.
 fn example_of(literal: &Literal, ty: Type) -> Option<String> {
     match (ty, &literal.shape) {
-        (Type::Real | Type::Int, Shape::Text(text)) if text.parse::<f64>().is_ok() => {
+        (Type::Real | Type::Int, LiteralShape::Text(text)) if text.parse::<f64>().is_ok() => {
             Some("a number in quotes is text: leave the quotes out".to_string())
         }
-        (_, Shape::Text(text)) if text.contains('.') => Some(format!(
+        (_, LiteralShape::Text(text)) if text.contains('.') => Some(format!(
             "a parameter is a constant: `{text}` can feed an input only"
         )),
         (Type::Pose, _) => {
@@ -284,19 +295,21 @@ fn example_of(literal: &Literal, ty: Type) -> Option<String> {
         }
         (Type::Rotation, _) => Some("write `{rpy: [deg(180), 0, 0]}`".to_string()),
         (Type::Bool, _) => Some("write true or false".to_string()),
-        (Type::Int, Shape::Real(..)) => Some(WHOLE_AND_REAL.to_string()),
-        (Type::Matrix(rows, columns), Shape::List(_)) => {
+        (Type::Int, LiteralShape::Real(..)) => Some(WHOLE_AND_REAL.to_string()),
+        (Type::Matrix(rows, columns), LiteralShape::List(_)) => {
             let row = format!("[{}]", vec!["…"; usize::from(columns)].join(", "));
             Some(format!(
                 "write {rows} rows of {columns} numbers: `[{row}, …]`"
             ))
         }
-        (ty, Shape::List(_)) if ty.width() > 1 => Some(format!("write a list of {}", ty.width())),
+        (ty, LiteralShape::List(_)) if ty.width() > 1 => {
+            Some(format!("write a list of {}", ty.width()))
+        }
         _ => None,
     }
 }
 
-/// A primitive for scalars is fed with scalars, and every primitive has a kernel for what it is fed with.
+/// Requires that a primitive has a kernel for the type that it is connected to.
 pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let spec = item.spec();
@@ -313,7 +326,7 @@ pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
         if !fits || !runs {
             let wanted = match port.ty {
                 PortType::Number => "single numbers",
-                PortType::Of(family) => family.words(),
+                PortType::Of(family) => family.members(),
                 PortType::Linear | PortType::Part => "numbers, vectors, arrays and matrices",
                 PortType::Array(..) => "arrays of single values",
                 _ => "single numbers or truth values",
@@ -330,7 +343,8 @@ pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
     }
 }
 
-/// Products and quotients come out: the units at the ports of one primitive agree with each other.
+/// Requires that the units at the ports of a primitive are consistent, for example that a product has the unit of the
+/// product.
 pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let unit = |rule: UnitRule| net.inferred.port_unit(net.graph, number, rule);
@@ -383,19 +397,21 @@ pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) 
     }
 }
 
-/// Speeds are positive and the like.
+/// Requires that parameters are within the ranges of their specs.
 pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         for (literal, parameter) in item.parameters.iter().zip(item.spec().parameters) {
             let Some(literal) = literal else { continue };
-            let null = literal.shape == Shape::Null;
-            let may_be_null = matches!(parameter.default, Some(rcc_core::primitive::Literal::Null))
-                || matches!(
-                    parameter.kind,
-                    ParameterKind::Value(PortType::Any, _)
-                        | ParameterKind::Start(..)
-                        | ParameterKind::First(_)
-                );
+            let null = literal.shape == LiteralShape::Null;
+            let may_be_null = matches!(
+                parameter.default,
+                Some(rcc_core::primitive::DefaultValue::Null)
+            ) || matches!(
+                parameter.kind,
+                ParameterKind::Value(PortType::Any, _)
+                    | ParameterKind::Start(..)
+                    | ParameterKind::First(_)
+            );
             let message = if null && !may_be_null {
                 "cannot be null".to_string()
             } else if parameter.rising && !rises(literal) {
@@ -424,12 +440,12 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// What feeds an input for ever, if it is known: a constant there, or that of a `Constant`.
-pub(super) fn constant<'a>(net: Typed<'a>, feed: &Feed<'a>) -> Option<&'a Literal> {
+/// Returns the constant value of an input: a literal, or the value of a `Constant`.
+pub(super) fn constant<'a>(net: Typed<'a>, feed: &InputSource<'a>) -> Option<&'a Literal> {
     match feed {
-        Feed::Literal(literal) => Some(literal),
-        Feed::Wire(wire) if wire.part.is_none() && wire.initial.is_none() => {
-            let source = net.graph.items.get(wire.from.item)?;
+        InputSource::Literal(literal) => Some(literal),
+        InputSource::Link(link) if link.part.is_none() && link.initial.is_none() => {
+            let source = net.graph.items.get(link.from.item)?;
             let value = source.parameters.first().copied().flatten();
             value.filter(|_| source.spec().role == Role::Constant)
         }
@@ -437,7 +453,8 @@ pub(super) fn constant<'a>(net: Typed<'a>, feed: &Feed<'a>) -> Option<&'a Litera
     }
 }
 
-/// Constants at inputs are as their primitives need them: what is computed may be limited there, a constant is a mistake.
+/// Requires that constants at inputs are within the ranges of their specs. A computed value may be limited there, but a
+/// constant out of range is a mistake.
 pub fn constants_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
@@ -458,9 +475,9 @@ pub fn constants_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// True for numbers each of which is greater than the one before it, and for what is no list of numbers.
+/// Returns true if each number is greater than the one before it, and for anything but a list.
 fn rises(literal: &Literal) -> bool {
-    let Shape::List(elements) = &literal.shape else {
+    let LiteralShape::List(elements) = &literal.shape else {
         return true;
     };
     let numbers: Vec<f64> = elements
@@ -470,7 +487,7 @@ fn rises(literal: &Literal) -> bool {
     numbers.windows(2).all(|pair| pair[0] < pair[1])
 }
 
-/// The range that a number is not in; `rate_hz`: how often the net is evaluated.
+/// Returns the violated range; `None` if the value is in range. `rate_hz` is the rate of evaluation.
 fn wanted_range(parameter: &Parameter, value: Option<f64>, rate_hz: f64) -> Option<String> {
     let value = value?;
     if parameter.below_nyquist && value >= rate_hz / 2.0 {

@@ -1,5 +1,6 @@
-//! From the predecessor's primitives to ours: in the order of their links each becomes what its row says.
-//! Everything that has no counterpart is told with its place, all at once. The loader's threads.
+//! Converts the predecessor's primitives to RCC primitives: in the order of their links, each is replaced as its row of
+//! the table says. Everything without a counterpart is reported with its span, all at once. Runs on the loader's
+//! threads.
 
 mod finish;
 mod order;
@@ -14,110 +15,110 @@ use rcc_config::yaml::Key;
 use rcc_core::unit::Unit;
 
 use super::Options;
-use super::flatten::{Flat, Primitive, Source};
-use super::table::{self, Entry, Port, Reads, To};
+use super::flatten::{FlatNet, FlatPrimitive, FlatSource};
+use super::table::{self, Counterpart, ForeignPort, NullReading, TypeEntry};
 use super::values;
 use crate::devices::DeviceTable;
 use crate::fault;
-use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::literal::{Literal, LiteralShape};
 
-/// Most names that are compared for a suggestion, over all faults: a broken text of a megabyte must not cost minutes.
+/// Most suggestions, over all errors: a broken text of a megabyte must not take minutes.
 const SUGGESTIONS_MAX: usize = 200;
 
-/// What an output of the predecessor is here.
+/// The conversion of an output of the predecessor.
 #[derive(Clone, Debug)]
-enum Value {
-    /// An output of a primitive of ours, or an element of one.
-    Wire(Wire),
+enum BuiltValue {
+    /// An output of an RCC primitive, or an element of one.
+    Output(BuiltOutput),
     /// A constant.
     Constant(Literal),
     /// An array whose elements are known one by one.
-    List(Vec<Value>),
-    /// What an earlier-breaking `Pre` gives: the value of the cycle before.
+    List(Vec<BuiltValue>),
+    /// The output of a `Pre`, with its index in `delayed`: the value of the previous cycle.
     Delayed(usize),
-    /// What an output gave in the cycle before, and what it is in the first.
-    Before(Wire, Literal),
-    /// Its fault is reported.
+    /// The value of an output in the previous cycle, with the initial value.
+    Before(BuiltOutput, Literal),
+    /// Refused; the error is reported.
     Refused,
 }
 
-/// An output of a primitive of ours.
+/// An output of an RCC primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Wire {
+struct BuiltOutput {
     primitive: usize,
     port: &'static str,
     index: Option<u32>,
-    /// The unit in which it travels; ONE also where types say it.
+    /// The unit of the value; 1 also where the type implies the unit.
     unit: Unit,
-    /// It is an array of so many elements.
+    /// Number of elements, for an array.
     length: Option<u32>,
-    /// It is a Vector3, Twist or Wrench: a unit is changed by Scale.
+    /// True for a Vector3, Twist or Wrench, whose unit is changed by `Scale`.
     is_vector: bool,
 }
 
-/// A primitive of ours.
+/// An RCC primitive.
 #[derive(Debug)]
-struct Ours {
+struct BuiltPrimitive {
     id: String,
     span: Span,
     ty: &'static str,
     parameters: Vec<(&'static str, Literal)>,
-    inputs: Vec<(&'static str, Value, Span)>,
-    active: Option<Value>,
-    /// The primitive of the text that it was made for; orders the result.
+    inputs: Vec<(&'static str, BuiltValue, Span)>,
+    active: Option<BuiltValue>,
+    /// Index of the primitive of the text that it was made for; determines its place in the result.
     made_for: usize,
 }
 
-/// A robot's axes as they are commanded.
+/// The commanded axes of a robot.
 #[derive(Debug, Default)]
-struct Arm {
-    axes: BTreeMap<u32, (Value, Span)>,
-    active: Option<Value>,
+struct ArmAxes {
+    axes: BTreeMap<u32, (BuiltValue, Span)>,
+    active: Option<BuiltValue>,
     span: Span,
     made_for: usize,
 }
 
-/// Everything about the net in the making.
-struct Build<'t, 'f> {
+/// The state of the conversion.
+struct Conversion<'t, 'f> {
     options: &'f Options,
     cell: &'f DeviceTable,
     faults: &'f mut Vec<Diagnostic>,
-    flat: &'f Flat<'t>,
-    entries: Vec<Option<&'static Entry>>,
-    /// By primitive of the text: what its outputs are.
-    values: Vec<HashMap<&'static str, Value>>,
-    ours: Vec<Ours>,
-    /// What was made once and serves many: casts, JointState, values that outlive null.
+    flat: &'f FlatNet<'t>,
+    entries: Vec<Option<&'static TypeEntry>>,
+    /// Values of the outputs, by primitive of the text.
+    values: Vec<HashMap<&'static str, BuiltValue>>,
+    built: Vec<BuiltPrimitive>,
+    /// Primitives that serve several others, by key: unit casts, `JointState`, last known values.
     shared: HashMap<String, usize>,
-    arms: BTreeMap<String, Arm>,
-    /// Values to the application by key.
-    keys: Vec<(String, Value)>,
-    /// Each `Pre` of the text, and its condition.
-    delayed: Vec<(usize, Option<Value>)>,
+    arms: BTreeMap<String, ArmAxes>,
+    /// Values sent to the application, by key.
+    keys: Vec<(String, BuiltValue)>,
+    /// The `Pre` primitives of the text, with their conditions.
+    delayed: Vec<(usize, Option<BuiltValue>)>,
     /// Outputs of the text that something reads.
     read: HashSet<(usize, String)>,
     suggestions: usize,
-    /// Devices whose absence is reported.
+    /// Devices that are reported as unknown.
     absent: Vec<String>,
-    /// The primitive of the text that is being made.
+    /// Index of the primitive of the text that is being converted.
     current: usize,
 }
 
-/// Makes a net of ours. Faults are reported; the net is whole only if there is none.
+/// Converts a net. Errors are reported; the net is complete only if there are none.
 pub fn build(
-    flat: &Flat<'_>,
+    flat: &FlatNet<'_>,
     options: &Options,
     cell: &DeviceTable,
     faults: &mut Vec<Diagnostic>,
 ) -> crate::syntax::Net {
-    let mut build = Build {
+    let mut build = Conversion {
         options,
         cell,
         faults,
         flat,
         entries: Vec::new(),
         values: vec![HashMap::new(); flat.primitives.len()],
-        ours: Vec::new(),
+        built: Vec::new(),
         shared: HashMap::new(),
         arms: BTreeMap::new(),
         keys: Vec::new(),
@@ -135,7 +136,7 @@ pub fn build(
         .filter(|number| build.is_pre(*number))
         .collect::<Vec<_>>()
     {
-        let value = Value::Delayed(build.delayed.len());
+        let value = BuiltValue::Delayed(build.delayed.len());
         build.delayed.push((number, None));
         build.put(number, "outValue", value);
     }
@@ -147,13 +148,17 @@ pub fn build(
     build.finish()
 }
 
-impl<'t> Build<'t, '_> {
+impl<'t> Conversion<'t, '_> {
     fn error(&mut self, code: &'static str, span: Span, message: String, help: Option<String>) {
         self.faults
             .push(Diagnostic::error(code, span, message).help_if(help));
     }
 
-    fn near<'k>(&mut self, name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<String> {
+    fn suggest<'k>(
+        &mut self,
+        name: &str,
+        known: impl IntoIterator<Item = &'k str>,
+    ) -> Option<String> {
         self.suggestions += 1;
         if self.suggestions > SUGGESTIONS_MAX {
             return None;
@@ -161,13 +166,13 @@ impl<'t> Build<'t, '_> {
         Some(format!("did you mean `{}`?", closest(name, known)?))
     }
 
-    /// Looks a type up, and the names of what a primitive gives to it.
-    fn known(&mut self, primitive: &Primitive<'t>) -> Option<&'static Entry> {
+    /// Looks up the type of a primitive, and checks the names of its parameters and inputs.
+    fn known(&mut self, primitive: &FlatPrimitive<'t>) -> Option<&'static TypeEntry> {
         let Some(entry) = table::all().get(&primitive.ty.name) else {
             let message = format!("the predecessor has no type `{}`", primitive.ty.name);
             let mut names: Vec<&str> = table::all().keys().map(String::as_str).collect();
             names.sort_unstable();
-            let help = self.near(&primitive.ty.name, names);
+            let help = self.suggest(&primitive.ty.name, names);
             self.error(fault::UNKNOWN_TYPE, primitive.ty.span, message, help);
             return None;
         };
@@ -183,7 +188,7 @@ impl<'t> Build<'t, '_> {
                 self.no_such(fault::UNKNOWN_INPUT, "input", key, entry, known);
             }
         }
-        if let To::None(_) = entry.row.to {
+        if let Counterpart::None(_) = entry.row.to {
             let message = format!("`{}` has no counterpart: {}", entry.name, entry.row.note);
             let help = Some("docs/from-the-predecessor.md says what becomes of each type".into());
             self.error(fault::NO_COUNTERPART, primitive.ty.span, message, help);
@@ -197,21 +202,21 @@ impl<'t> Build<'t, '_> {
         code: &'static str,
         what: &str,
         key: &Key,
-        entry: &Entry,
+        entry: &TypeEntry,
         known: impl Iterator<Item = &'static str>,
     ) {
         let known: Vec<&str> = known.collect();
         let help = match known.as_slice() {
             [] => Some(format!("it has no {what}s")),
             known => self
-                .near(&key.name, known.iter().copied())
+                .suggest(&key.name, known.iter().copied())
                 .or_else(|| Some(format!("{what}s: {}", known.join(", ")))),
         };
         let message = format!("{} has no {what} `{}`", entry.name, key.name);
         self.error(code, key.span, message, help);
     }
 
-    /// Makes ours from one primitive of the text.
+    /// Converts a primitive of the text.
     fn primitive(&mut self, number: usize) {
         let Some(entry) = self.entries.get(number).copied().flatten() else {
             return;
@@ -221,28 +226,29 @@ impl<'t> Build<'t, '_> {
                 self.not_connected(number, port.name, entry);
             }
         }
-        self.must_be_mentioned(number, entry, "inReset");
+        self.report_ignored_input(number, entry, "inReset");
         let active = self.active(number);
-        let first = self.ours.len();
+        let first = self.built.len();
         match entry.row.to {
-            To::Net(_) => {
+            Counterpart::Net(_) => {
                 if let Some(net) = entry.nets.first() {
                     self.expand(number, entry, net);
                 }
             }
-            To::By(parameter, ..) => {
+            Counterpart::By(parameter, ..) => {
                 let chosen = self.parameter(number, entry, parameter);
-                let no = matches!(chosen.map(|it| it.shape), Some(Shape::Bool(false)));
+                let no = matches!(chosen.map(|it| it.shape), Some(LiteralShape::Bool(false)));
                 if let Some(net) = entry.nets.get(usize::from(no)) {
                     self.expand(number, entry, net);
                 }
             }
-            To::Special(builtin) => self.special(number, entry, builtin, active.as_ref()),
-            To::None(_) => {}
+            Counterpart::Special(builtin) => self.special(number, entry, builtin, active.as_ref()),
+            Counterpart::None(_) => {}
         }
         if let Some(active) = active {
-            for ours in self.ours.iter_mut().skip(first) {
-                // What is shared does not stop with one that uses it, nor does what makes the condition.
+            for ours in self.built.iter_mut().skip(first) {
+                // A shared primitive is not subject to the condition of one of its users, nor is the primitive that
+                // computes the condition.
                 if ours.made_for == number && ours.active.is_none() {
                     ours.active = Some(active.clone());
                 }
@@ -250,8 +256,8 @@ impl<'t> Build<'t, '_> {
         }
     }
 
-    /// What resets a primitive is never passed over in silence.
-    fn must_be_mentioned(&mut self, number: usize, entry: &Entry, input: &str) {
+    /// Reports a connected `inReset` that the conversion would ignore.
+    fn report_ignored_input(&mut self, number: usize, entry: &TypeEntry, input: &str) {
         let mentioned = entry.nets.iter().any(|net| net.mentions(input));
         let Some((key, _)) = self.given(number, input) else {
             return;
@@ -262,7 +268,7 @@ impl<'t> Build<'t, '_> {
         }
     }
 
-    fn not_connected(&mut self, number: usize, port: &str, entry: &Entry) {
+    fn not_connected(&mut self, number: usize, port: &str, entry: &TypeEntry) {
         let message = format!("the input `{port}` of {} is not connected", entry.name);
         let span = self.flat.primitives[number].ty.span;
         self.error(fault::NOT_CONNECTED, span, message, None);
@@ -273,20 +279,20 @@ impl<'t> Build<'t, '_> {
         primitive.map_or(Span::default(), |primitive| primitive.span)
     }
 
-    /// The link to an input.
-    fn given(&self, number: usize, input: &str) -> Option<(&'t Key, Source<'t>)> {
+    /// Returns the link to an input.
+    fn given(&self, number: usize, input: &str) -> Option<(&'t Key, FlatSource<'t>)> {
         let primitive = self.flat.primitives.get(number)?;
         let mut inputs = primitive.inputs.iter();
         inputs.find(|(key, _)| key.name == input).copied()
     }
 
-    /// The value of an output of the text.
-    fn value(&mut self, source: Source<'t>) -> Value {
-        let Source::Output { primitive, port } = source else {
-            return Value::Refused;
+    /// Returns the value of an output of the text.
+    fn value(&mut self, source: FlatSource<'t>) -> BuiltValue {
+        let FlatSource::Output { primitive, port } = source else {
+            return BuiltValue::Refused;
         };
         let Some(entry) = self.entries.get(primitive).copied().flatten() else {
-            return Value::Refused;
+            return BuiltValue::Refused;
         };
         let known = self.values.get(primitive);
         if let Some(value) = known.and_then(|values| values.get(port.name.as_str())) {
@@ -298,7 +304,7 @@ impl<'t> Build<'t, '_> {
                 "output not found: {} has no output `{}`",
                 entry.name, port.name
             );
-            let near = self.near(&port.name, names);
+            let near = self.suggest(&port.name, names);
             self.error(fault::UNKNOWN_OUTPUT, port.span, message, near);
         } else {
             let message = format!(
@@ -308,21 +314,21 @@ impl<'t> Build<'t, '_> {
             let note = (!entry.row.note.is_empty()).then(|| entry.row.note.to_string());
             self.error(fault::NO_COUNTERPART, port.span, message, note);
         }
-        Value::Refused
+        BuiltValue::Refused
     }
 
-    /// The conditions of a primitive: those of its fragments and its own, as one value.
-    fn active(&mut self, number: usize) -> Option<Value> {
+    /// Returns the conditions of a primitive, those of its fragments and its own, joined with And.
+    fn active(&mut self, number: usize) -> Option<BuiltValue> {
         let mut conditions = self.flat.primitives.get(number)?.active.clone();
         conditions.extend(self.given(number, "inActive").map(|(_, source)| source));
-        let values: Vec<Value> = conditions
+        let values: Vec<BuiltValue> = conditions
             .into_iter()
             .map(|source| self.value(source))
             .filter(|value| {
                 !matches!(
                     value,
-                    Value::Constant(Literal {
-                        shape: Shape::Bool(true),
+                    BuiltValue::Constant(Literal {
+                        shape: LiteralShape::Bool(true),
                         ..
                     })
                 )
@@ -335,12 +341,12 @@ impl<'t> Build<'t, '_> {
             let key = format!("and {a:?} {b:?}");
             let inputs = vec![("a", a, span), ("b", b, span)];
             let made = self.shared(key, "And", "both", Vec::new(), inputs);
-            self.wire(made, "out")
+            self.built_output(made, "out")
         }))
     }
 
-    /// A parameter of the text or its default.
-    fn parameter(&mut self, number: usize, entry: &Entry, name: &str) -> Option<Literal> {
+    /// Returns a parameter of the text, or its default.
+    fn parameter(&mut self, number: usize, entry: &TypeEntry, name: &str) -> Option<Literal> {
         let port = *entry.parameter(name)?;
         let primitive = self.flat.primitives.get(number)?;
         let mut given = primitive.parameters.iter();
@@ -353,7 +359,7 @@ impl<'t> Build<'t, '_> {
         match read {
             Ok(literal) => Some(literal),
             Err(fault) => {
-                // The same parameter may be asked for more than once.
+                // The same parameter may be read more than once.
                 if !self.faults.contains(&fault) {
                     self.faults.push(*fault);
                 }
@@ -362,10 +368,10 @@ impl<'t> Build<'t, '_> {
         }
     }
 
-    /// A parameter that is a whole number, at least 0.
-    fn count(&mut self, number: usize, entry: &Entry, name: &str) -> Option<u32> {
+    /// Returns a parameter that is a whole number, at least 0.
+    fn count(&mut self, number: usize, entry: &TypeEntry, name: &str) -> Option<u32> {
         let literal = self.parameter(number, entry, name)?;
-        let Shape::Int(value) = literal.shape else {
+        let LiteralShape::Int(value) = literal.shape else {
             return None;
         };
         let count = u32::try_from(value).ok();
@@ -376,13 +382,21 @@ impl<'t> Build<'t, '_> {
         count
     }
 
-    /// What an input or parameter of a primitive is: what the net of its row calls `parent.name`.
-    fn argument(&mut self, number: usize, entry: &'static Entry, name: &str) -> (Value, Span) {
+    /// Returns the value of an input or parameter of a primitive, which the net of its row refers to as `parent.name`.
+    fn argument(
+        &mut self,
+        number: usize,
+        entry: &'static TypeEntry,
+        name: &str,
+    ) -> (BuiltValue, Span) {
         let span = self.span(number);
         let Some(port) = entry.input(name).copied() else {
             let literal = self.parameter(number, entry, name);
             let span = literal.as_ref().map_or(span, |literal| literal.span);
-            return (literal.map_or(Value::Refused, Value::Constant), span);
+            return (
+                literal.map_or(BuiltValue::Refused, BuiltValue::Constant),
+                span,
+            );
         };
         let otherwise = name
             .strip_prefix("in")
@@ -392,15 +406,15 @@ impl<'t> Build<'t, '_> {
             None => Some(port.ty.zero(span)),
         };
         let Some((key, source)) = self.given(number, name) else {
-            let constant = constant(self).map_or(Value::Refused, Value::Constant);
+            let constant = constant(self).map_or(BuiltValue::Refused, BuiltValue::Constant);
             return (constant, span);
         };
         let value = self.value(source);
-        if !self.can_be_null(source) || entry.row.reads == Reads::Null {
+        if !self.can_be_null(source) || entry.row.reads == NullReading::Null {
             return (value, key.span);
         }
         let Some(constant) = constant(self) else {
-            return (Value::Refused, key.span);
+            return (BuiltValue::Refused, key.span);
         };
         (
             self.without_null(value, constant, entry.row.reads, port),
@@ -408,9 +422,9 @@ impl<'t> Build<'t, '_> {
         )
     }
 
-    /// True if an output of the text can be null there: what is not evaluated in every cycle, and some types.
-    fn can_be_null(&self, source: Source<'t>) -> bool {
-        let Source::Output { primitive, .. } = source else {
+    /// Returns true if an output of the text can be null in the predecessor: conditional primitives, and some types.
+    fn can_be_null(&self, source: FlatSource<'t>) -> bool {
+        let FlatSource::Output { primitive, .. } = source else {
             return false;
         };
         let entry = self.entries.get(primitive).copied().flatten();
@@ -428,13 +442,19 @@ impl<'t> Build<'t, '_> {
         conditional || entry.is_some_and(|entry| entry.row.may_be_null)
     }
 
-    /// What the predecessor reads where a value is null: the last one, or a constant.
-    fn without_null(&mut self, value: Value, constant: Literal, reads: Reads, port: Port) -> Value {
+    /// Replaces null as the predecessor does: by the last known value, or by a constant.
+    fn without_null(
+        &mut self,
+        value: BuiltValue,
+        constant: Literal,
+        reads: NullReading,
+        port: ForeignPort,
+    ) -> BuiltValue {
         match value {
-            Value::Refused | Value::Constant(_) => value,
-            Value::List(elements) => {
+            BuiltValue::Refused | BuiltValue::Constant(_) => value,
+            BuiltValue::List(elements) => {
                 let mut constants = match constant.shape {
-                    Shape::List(constants) => constants.into_iter(),
+                    LiteralShape::List(constants) => constants.into_iter(),
                     _ => Vec::new().into_iter(),
                 };
                 let elements = elements.into_iter().map(|element| {
@@ -442,64 +462,68 @@ impl<'t> Build<'t, '_> {
                     let constant = constant.unwrap_or_else(|| port.ty.zero(Span::default()));
                     self.without_null(element, constant, reads, port)
                 });
-                Value::List(elements.collect())
+                BuiltValue::List(elements.collect())
             }
             value => {
                 let span = self.span(self.current);
                 let key = format!("{reads:?} {value:?} {constant:?}");
                 let inputs = vec![("in", value, span)];
-                let name = if reads == Reads::Parameter {
+                let name = if reads == NullReading::Parameter {
                     "known"
                 } else {
                     "last"
                 };
                 let made = self.shared(key, "OrElse", name, Vec::new(), inputs);
-                let other = match (reads, self.wire(made, "out")) {
-                    // The last known value: itself of the cycle before.
-                    (Reads::Last, Value::Wire(wire)) => Value::Before(wire, constant),
-                    _ => Value::Constant(constant),
+                let other = match (reads, self.built_output(made, "out")) {
+                    // The last known value: the output itself, in the previous cycle.
+                    (NullReading::Last, BuiltValue::Output(output)) => {
+                        BuiltValue::Before(output, constant)
+                    }
+                    _ => BuiltValue::Constant(constant),
                 };
                 if let Some(ours) = self
-                    .ours
+                    .built
                     .get_mut(made)
                     .filter(|ours| ours.inputs.len() == 1)
                 {
                     ours.inputs.push(("other", other, span));
                 }
-                self.wire(made, "out")
+                self.built_output(made, "out")
             }
         }
     }
 
-    /// A primitive that is made once for all that need the same.
+    /// Returns the primitive with this key, and creates it on first use.
     fn shared(
         &mut self,
         key: String,
         ty: &'static str,
         name: &str,
         parameters: Vec<(&'static str, Literal)>,
-        inputs: Vec<(&'static str, Value, Span)>,
+        inputs: Vec<(&'static str, BuiltValue, Span)>,
     ) -> usize {
         if let Some(made) = self.shared.get(&key) {
             return *made;
         }
         let base = inputs.iter().find_map(|(_, value, _)| match value {
-            Value::Wire(wire) => Some((wire.primitive, wire.index)),
+            BuiltValue::Output(output) => Some((output.primitive, output.index)),
             _ => None,
         });
         let id = match base {
-            Some((primitive, Some(index))) => format!("{}_{index}_{name}", self.ours[primitive].id),
-            Some((primitive, None)) => format!("{}_{name}", self.ours[primitive].id),
+            Some((primitive, Some(index))) => {
+                format!("{}_{index}_{name}", self.built[primitive].id)
+            }
+            Some((primitive, None)) => format!("{}_{name}", self.built[primitive].id),
             None => name.to_string(),
         };
-        let made = self.ours.len();
-        self.ours.push(Ours {
+        let made = self.built.len();
+        self.built.push(BuiltPrimitive {
             id,
             span: self.span(self.current),
             ty,
             parameters,
             inputs,
-            // Never that of one of its users.
+            // Never the condition of one of its users.
             active: None,
             made_for: usize::MAX,
         });

@@ -1,10 +1,10 @@
-//! The table of types as people read it: `docs/from-the-predecessor.md`, made by `cargo run -p rcc-language --example
-//! from_the_predecessor`. Runs in that program and in the test that says whether the file is current.
+//! Generates `docs/from-the-predecessor.md` from the table of types, with `cargo run -p rcc-language --example
+//! from_the_predecessor`. Runs in that program and in the test that checks that the file is current.
 
 use std::fmt::Write as _;
 
-use super::table::{self, Entry, FAMILIES, Row, To};
-use super::text::{Argument, Fragment, Primitive, Value};
+use super::table::{self, ConversionRow, Counterpart, FAMILIES, TypeEntry};
+use super::text::{AstArgument, AstFragment, AstPrimitive, AstValue};
 
 const HEAD: &str = "\
 # From the predecessor's types to ours
@@ -16,14 +16,14 @@ by their names there. *null* says what a null input does there, and so what is p
 `inActive` is `active` of ours, for every type that has it.
 ";
 
-/// The whole document.
+/// Returns the document.
 #[must_use]
 pub fn markdown() -> String {
     let mut text = HEAD.to_string();
     let count = table::all().len();
     let without = table::all().values();
     let without = without
-        .filter(|entry| matches!(entry.row.to, To::None(_)))
+        .filter(|entry| matches!(entry.row.to, Counterpart::None(_)))
         .count();
     // Writing into a String cannot fail.
     let _ = writeln!(
@@ -61,7 +61,7 @@ pub fn markdown() -> String {
                 let _ = writeln!(
                     text,
                     "| `{name}` | {} | {} | {} |",
-                    null(row),
+                    null_column(row),
                     becomes(entry),
                     row.note
                 );
@@ -71,21 +71,21 @@ pub fn markdown() -> String {
     text
 }
 
-fn null(row: &Row) -> &'static str {
-    let ports = row.inputs.is_empty() || matches!(row.to, To::None(_));
+fn null_column(row: &ConversionRow) -> &'static str {
+    let ports = row.inputs.is_empty() || matches!(row.to, Counterpart::None(_));
     match row.reads {
         _ if ports => "",
-        table::Reads::Last => "last",
-        table::Reads::Parameter => "parameter",
-        table::Reads::Null => "",
+        table::NullReading::Last => "last",
+        table::NullReading::Parameter => "parameter",
+        table::NullReading::Null => "",
     }
 }
 
-fn becomes(entry: &Entry) -> String {
+fn becomes(entry: &TypeEntry) -> String {
     match (entry.row.to, entry.nets.as_slice()) {
-        (To::None(reason), _) => format!("– ({})", format!("{reason:?}").to_lowercase()),
-        (To::Special(builtin), _) => special(builtin).to_string(),
-        (To::By(parameter, ..), [yes, no]) => {
+        (Counterpart::None(reason), _) => format!("– ({})", format!("{reason:?}").to_lowercase()),
+        (Counterpart::Special(conversion), _) => special(conversion).to_string(),
+        (Counterpart::By(parameter, ..), [yes, no]) => {
             format!("`{parameter}`: {}; else {}", net(yes), net(no))
         }
         (_, [only]) => net(only),
@@ -93,26 +93,28 @@ fn becomes(entry: &Entry) -> String {
     }
 }
 
-fn special(builtin: table::Builtin) -> &'static str {
-    use table::Builtin;
-    match builtin {
-        Builtin::Pre => "a delayed link",
-        Builtin::Array | Builtin::ArraySet | Builtin::ArraySlice => "a list of links",
-        Builtin::ArrayGet => "an element of a link",
-        Builtin::ArrayIsNull => "`IsNull`",
-        Builtin::ArraySetNull => "`NullIf`",
-        Builtin::NetcommIn => "`Input`",
-        Builtin::NetcommOut => "`Monitor`, or `Publish`",
-        Builtin::InterNetcommIn => "`Subscribe`",
-        Builtin::InterNetcommOut => "`Publish`",
-        Builtin::InvKin => "`InverseKinematics` or `InverseKinematicsNear`",
-        Builtin::JointMonitor => "`JointState`, `JointVelocity`",
-        Builtin::JointPosition => "`JointPositionCommand`",
+fn special(conversion: table::SpecialConversion) -> &'static str {
+    use table::SpecialConversion;
+    match conversion {
+        SpecialConversion::Pre => "a delayed link",
+        SpecialConversion::Array | SpecialConversion::ArraySet | SpecialConversion::ArraySlice => {
+            "a list of links"
+        }
+        SpecialConversion::ArrayGet => "an element of a link",
+        SpecialConversion::ArrayIsNull => "`IsNull`",
+        SpecialConversion::ArraySetNull => "`NullIf`",
+        SpecialConversion::NetcommIn => "`Input`",
+        SpecialConversion::NetcommOut => "`Monitor`, or `Publish`",
+        SpecialConversion::InterNetcommIn => "`Subscribe`",
+        SpecialConversion::InterNetcommOut => "`Publish`",
+        SpecialConversion::InvKin => "`InverseKinematics` or `InverseKinematicsNear`",
+        SpecialConversion::JointMonitor => "`JointState`, `JointVelocity`",
+        SpecialConversion::JointPosition => "`JointPositionCommand`",
     }
 }
 
-/// A net of ours as text: each output with what it is.
-fn net(fragment: &Fragment) -> String {
+/// Returns a net of a row as text: each output with its definition.
+fn net(fragment: &AstFragment) -> String {
     let mut parts = Vec::new();
     for item in &fragment.items {
         let what = primitive(&item.primitive);
@@ -128,10 +130,10 @@ fn net(fragment: &Fragment) -> String {
     parts.join("<br>")
 }
 
-fn read(from: &Primitive, port: &str) -> String {
+fn read(from: &AstPrimitive, port: &str) -> String {
     match from {
-        Primitive::Named(name) if name.name == "parent" => port.to_string(),
-        Primitive::Typed(ty, arguments) => match (ty.name.as_str(), arguments.as_slice()) {
+        AstPrimitive::Named(name) if name.name == "parent" => port.to_string(),
+        AstPrimitive::Typed(ty, arguments) => match (ty.name.as_str(), arguments.as_slice()) {
             ("List", elements) => format!(
                 "[{}]",
                 elements.iter().map(argument).collect::<Vec<_>>().join(", ")
@@ -144,23 +146,23 @@ fn read(from: &Primitive, port: &str) -> String {
     }
 }
 
-fn argument(argument: &Argument) -> String {
+fn argument(argument: &AstArgument) -> String {
     match &argument.value {
-        Value::Text(text, _) => text.clone(),
-        Value::Link(from, port) => read(from, &port.name),
+        AstValue::Text(text, _) => text.clone(),
+        AstValue::Link(from, port) => read(from, &port.name),
     }
 }
 
-fn primitive(from: &Primitive) -> String {
+fn primitive(from: &AstPrimitive) -> String {
     match from {
-        Primitive::Named(name) => name.name.clone(),
-        Primitive::Typed(ty, arguments) => {
+        AstPrimitive::Named(name) => name.name.clone(),
+        AstPrimitive::Typed(ty, arguments) => {
             let arguments: Vec<String> = arguments
                 .iter()
                 .map(|it| format!("{}: {}", it.name.name, argument(it)))
                 .collect();
             format!("{}({})", ty.name, arguments.join(", "))
         }
-        Primitive::Fragment(..) => String::new(),
+        AstPrimitive::Fragment(..) => String::new(),
     }
 }

@@ -1,50 +1,50 @@
-//! Fragments taken apart: every primitive with its path, every link followed through the borders of fragments to the
-//! primitive that feeds it. Names only, no types. The loader's threads.
+//! Flattens fragments: every primitive gets its path, and every link is followed through fragment boundaries to its
+//! source. Handles names only, no types. Runs on the loader's threads.
 
 use std::collections::{HashMap, HashSet};
 
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_config::yaml::Key;
 
-use super::text::{self, Argument, Fragment, Item, Value};
+use super::text::{self, AstArgument, AstFragment, AstItem, AstValue};
 use crate::fault;
 
-/// Most borders of fragments that one link may cross; more is a circle or a trick.
+/// Most fragment boundaries that one link may cross; beyond that it is a cycle.
 const BORDERS_MAX: usize = 4 * text::DEPTH_MAX;
 
-/// Most names that are compared for a suggestion, over all faults.
+/// Most suggestions, over all errors.
 const SUGGESTIONS_MAX: usize = 100;
 
 /// A net without fragments.
 #[derive(Debug, Default)]
-pub struct Flat<'t> {
+pub struct FlatNet<'t> {
     /// Its primitives in the order of the text.
-    pub primitives: Vec<Primitive<'t>>,
+    pub primitives: Vec<FlatPrimitive<'t>>,
     /// Outputs of the net as a whole: `outTerminate` and others.
-    pub outputs: Vec<(&'t Key, Source<'t>)>,
-    /// Where a history for debugging is asked for.
+    pub outputs: Vec<(&'t Key, FlatSource<'t>)>,
+    /// Spans of requests for a debug history.
     pub debug: Vec<Span>,
 }
 
 /// A primitive of the text.
 #[derive(Debug)]
-pub struct Primitive<'t> {
-    /// Names of the fragments around it and its own.
+pub struct FlatPrimitive<'t> {
+    /// Names of the enclosing fragments and its own name.
     pub path: Vec<String>,
-    /// Place of its name.
+    /// Span of its name.
     pub span: Span,
     /// Its type.
     pub ty: &'t Key,
-    /// Parameters: name, text and the text's place.
+    /// Parameters: name, text and span of the text.
     pub parameters: Vec<(&'t Key, &'t str, Span)>,
-    /// Links by input; those that lead to an input of a fragment that nobody feeds are left out.
-    pub inputs: Vec<(&'t Key, Source<'t>)>,
-    /// The conditions of the fragments around it, outermost first.
-    pub active: Vec<Source<'t>>,
+    /// Links by input. Links to a fragment's input that is not connected are left out.
+    pub inputs: Vec<(&'t Key, FlatSource<'t>)>,
+    /// The conditions of the enclosing fragments, outermost first.
+    pub active: Vec<FlatSource<'t>>,
 }
 
-impl Flat<'_> {
-    /// Every output that an input, a condition or the net as a whole reads.
+impl FlatNet<'_> {
+    /// Returns every output that an input, a condition or the net as a whole reads.
     #[must_use]
     pub fn reads(&self) -> HashSet<(usize, String)> {
         let inputs = self.primitives.iter().flat_map(|primitive| {
@@ -55,61 +55,61 @@ impl Flat<'_> {
         inputs
             .chain(outputs)
             .filter_map(|source| match source {
-                Source::Output { primitive, port } => Some((*primitive, port.name.clone())),
-                Source::Refused => None,
+                FlatSource::Output { primitive, port } => Some((*primitive, port.name.clone())),
+                FlatSource::Refused => None,
             })
             .collect()
     }
 }
 
-/// What feeds an input.
+/// The source of an input.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Source<'t> {
+pub enum FlatSource<'t> {
     /// An output of a primitive.
     Output {
         /// Index of the primitive.
         primitive: usize,
-        /// The output, where its name stands.
+        /// The output, with the span of its name.
         port: &'t Key,
     },
-    /// Its fault is reported.
+    /// Refused; the error is reported.
     Refused,
 }
 
-/// A fragment in its place.
-struct Scope<'t> {
+/// A fragment at its place in the net.
+struct FragmentScope<'t> {
     parent: Option<usize>,
     path: Vec<String>,
-    names: HashMap<&'t str, (Target, Span)>,
-    outputs: HashMap<&'t str, (&'t text::Primitive, &'t Key)>,
-    arguments: &'t [Argument],
-    active: Option<&'t Argument>,
+    names: HashMap<&'t str, (NameTarget, Span)>,
+    outputs: HashMap<&'t str, (&'t text::AstPrimitive, &'t Key)>,
+    arguments: &'t [AstArgument],
+    active: Option<&'t AstArgument>,
 }
 
 #[derive(Clone, Copy)]
-enum Target {
+enum NameTarget {
     Primitive(usize),
     Scope(usize),
 }
 
 struct Flattener<'t, 'f> {
     faults: &'f mut Vec<Diagnostic>,
-    scopes: Vec<Scope<'t>>,
-    flat: Flat<'t>,
-    /// Arguments of each primitive with the scope that they stand in.
-    arguments: Vec<(usize, &'t [Argument])>,
-    /// How many faults were given a suggestion.
+    scopes: Vec<FragmentScope<'t>>,
+    flat: FlatNet<'t>,
+    /// Arguments of each primitive with the scope that contains them.
+    arguments: Vec<(usize, &'t [AstArgument])>,
+    /// Number of errors with a suggestion.
     suggestions: usize,
-    /// Primitives and fragments without a name, by the place of their node in the tree.
-    nameless: HashMap<*const text::Primitive, Target>,
+    /// Primitives and fragments without a name, by the address of their node in the tree.
+    nameless: HashMap<*const text::AstPrimitive, NameTarget>,
 }
 
-/// Takes a net apart. Everything is reported that names something which is not there.
-pub fn flatten<'t>(root: &'t Fragment, faults: &mut Vec<Diagnostic>) -> Flat<'t> {
+/// Flattens a net. Reports every name that does not resolve.
+pub fn flatten<'t>(root: &'t AstFragment, faults: &mut Vec<Diagnostic>) -> FlatNet<'t> {
     let mut flattener = Flattener {
         faults,
         scopes: Vec::new(),
-        flat: Flat::default(),
+        flat: FlatNet::default(),
         arguments: Vec::new(),
         suggestions: 0,
         nameless: HashMap::new(),
@@ -134,11 +134,11 @@ impl<'t> Flattener<'t, '_> {
         &mut self,
         parent: Option<usize>,
         path: Vec<String>,
-        fragment: &'t Fragment,
-        arguments: &'t [Argument],
+        fragment: &'t AstFragment,
+        arguments: &'t [AstArgument],
     ) -> usize {
         let number = self.scopes.len();
-        self.scopes.push(Scope {
+        self.scopes.push(FragmentScope {
             parent,
             path,
             names: HashMap::new(),
@@ -153,28 +153,28 @@ impl<'t> Flattener<'t, '_> {
         number
     }
 
-    /// What the arguments of a fragment say besides the links.
-    fn values(&mut self, parent: Option<usize>, scope: usize, arguments: &'t [Argument]) {
+    /// Handles the arguments of a fragment except for the links.
+    fn values(&mut self, parent: Option<usize>, scope: usize, arguments: &'t [AstArgument]) {
         for argument in arguments {
             self.flat.debug.extend(argument.debug);
             match &argument.value {
-                Value::Text(_, span) => {
+                AstValue::Text(_, span) => {
                     let message = format!("a fragment has no parameter `{}`", argument.name.name);
                     let fault = Diagnostic::error(fault::UNKNOWN_PARAMETER, *span, message);
                     self.faults
                         .push(fault.help("fragments have inputs and outputs only"));
                 }
-                Value::Link(primitive, _) => {
+                AstValue::Link(primitive, _) => {
                     let around = parent.unwrap_or(scope);
-                    self.nameless(around, primitive, &argument.name);
+                    self.define_nameless(around, primitive, &argument.name);
                 }
             }
         }
     }
 
-    fn item(&mut self, scope: usize, item: &'t Item) {
+    fn item(&mut self, scope: usize, item: &'t AstItem) {
         if let Some(port) = &item.port {
-            self.nameless(scope, &item.primitive, &item.name);
+            self.define_nameless(scope, &item.primitive, &item.name);
             let known = self
                 .scope_of(scope)
                 .outputs
@@ -190,7 +190,7 @@ impl<'t> Flattener<'t, '_> {
             return;
         }
         let target = match &item.primitive {
-            text::Primitive::Named(other) => {
+            text::AstPrimitive::Named(other) => {
                 let message = format!("`{}` is another name for `{}`", item.name.name, other.name);
                 let fault = Diagnostic::error(fault::WRONG_SHAPE, other.span, message);
                 self.faults.push(fault.help(format!(
@@ -219,30 +219,36 @@ impl<'t> Flattener<'t, '_> {
             .push(fault.help("rename one: the predecessor silently took the last one"));
     }
 
-    fn scope_of(&self, number: usize) -> &Scope<'t> {
-        // Scopes are numbered as they are made and never taken away.
+    fn scope_of(&self, number: usize) -> &FragmentScope<'t> {
+        // Scopes are numbered in the order of creation and never removed.
         &self.scopes[number]
     }
 
-    /// Makes what is defined where a link begins: the predecessor calls it `<consumer>.<port>.source`.
-    fn nameless(&mut self, scope: usize, primitive: &'t text::Primitive, port: &Key) {
-        if !matches!(primitive, text::Primitive::Named(_)) {
+    /// Creates a primitive that is defined inline as the source of a link. The predecessor names it
+    /// `<consumer>.<port>.source`.
+    fn define_nameless(&mut self, scope: usize, primitive: &'t text::AstPrimitive, port: &Key) {
+        if !matches!(primitive, text::AstPrimitive::Named(_)) {
             let target = self.target(scope, primitive, port);
             self.nameless.insert(std::ptr::from_ref(primitive), target);
         }
     }
 
-    /// Makes the primitive or fragment that is defined in `scope` under `name`.
-    fn target(&mut self, scope: usize, primitive: &'t text::Primitive, name: &Key) -> Target {
+    /// Creates the primitive or fragment that is defined in `scope` under `name`.
+    fn target(
+        &mut self,
+        scope: usize,
+        primitive: &'t text::AstPrimitive,
+        name: &Key,
+    ) -> NameTarget {
         let mut path = self.scope_of(scope).path.clone();
         path.push(name.name.clone());
         match primitive {
-            text::Primitive::Fragment(fragment, arguments, _) => {
-                Target::Scope(self.scope(Some(scope), path, fragment, arguments))
+            text::AstPrimitive::Fragment(fragment, arguments, _) => {
+                NameTarget::Scope(self.scope(Some(scope), path, fragment, arguments))
             }
-            text::Primitive::Typed(ty, arguments) => {
+            text::AstPrimitive::Typed(ty, arguments) => {
                 let number = self.flat.primitives.len();
-                self.flat.primitives.push(Primitive {
+                self.flat.primitives.push(FlatPrimitive {
                     path: path.clone(),
                     span: name.span,
                     ty,
@@ -252,30 +258,30 @@ impl<'t> Flattener<'t, '_> {
                 });
                 self.arguments.push((scope, arguments));
                 for argument in arguments {
-                    if let Value::Link(inner, _) = &argument.value
-                        && !matches!(**inner, text::Primitive::Named(_))
+                    if let AstValue::Link(inner, _) = &argument.value
+                        && !matches!(**inner, text::AstPrimitive::Named(_))
                     {
                         let name = Key {
                             name: format!("{}_{}", name.name, argument.name.name),
                             span: argument.name.span,
                         };
-                        self.nameless(scope, inner, &name);
+                        self.define_nameless(scope, inner, &name);
                     }
                 }
-                Target::Primitive(number)
+                NameTarget::Primitive(number)
             }
-            // Only definitions come here.
-            text::Primitive::Named(_) => Target::Primitive(usize::MAX),
+            // Called for definitions only.
+            text::AstPrimitive::Named(_) => NameTarget::Primitive(usize::MAX),
         }
     }
 
-    /// Follows the links of a primitive.
+    /// Resolves the links of a primitive.
     fn links(&mut self, number: usize) {
         let Some((scope, arguments)) = self.arguments.get(number).copied() else {
             return;
         };
         let mut parameters = Vec::new();
-        let mut inputs: Vec<(&'t Key, Source<'t>)> = Vec::new();
+        let mut inputs: Vec<(&'t Key, FlatSource<'t>)> = Vec::new();
         for argument in arguments {
             self.flat.debug.extend(argument.debug);
             let mut earlier = parameters.iter().map(|(key, ..): &(&Key, _, _)| *key);
@@ -292,8 +298,10 @@ impl<'t> Flattener<'t, '_> {
                     .push(Diagnostic::error(fault::DUPLICATE_KEY, span, message));
             }
             match &argument.value {
-                Value::Text(text, span) => parameters.push((&argument.name, text.as_str(), *span)),
-                Value::Link(primitive, port) => {
+                AstValue::Text(text, span) => {
+                    parameters.push((&argument.name, text.as_str(), *span))
+                }
+                AstValue::Link(primitive, port) => {
                     if let Some(source) = self.follow(scope, primitive, port) {
                         inputs.push((&argument.name, source));
                     }
@@ -308,15 +316,15 @@ impl<'t> Flattener<'t, '_> {
         }
     }
 
-    /// The conditions under which a scope is evaluated.
-    fn conditions(&mut self, scope: usize) -> Vec<Source<'t>> {
+    /// Returns the conditions under which a scope is evaluated.
+    fn conditions(&mut self, scope: usize) -> Vec<FlatSource<'t>> {
         let mut conditions = Vec::new();
         let mut next = Some(scope);
         while let Some(number) = next {
             let scope = self.scope_of(number);
             next = scope.parent;
             if let (Some(active), Some(parent)) = (scope.active, scope.parent)
-                && let Value::Link(primitive, port) = &active.value
+                && let AstValue::Link(primitive, port) = &active.value
             {
                 conditions.extend(self.follow(parent, primitive, port));
             }
@@ -325,35 +333,35 @@ impl<'t> Flattener<'t, '_> {
         conditions
     }
 
-    /// The primitive that feeds a link which stands in `scope`; `None`: an input that nobody feeds.
+    /// Returns the source of a link in `scope`; `None` if it leads to an input that is not connected.
     fn follow(
         &mut self,
         scope: usize,
-        primitive: &'t text::Primitive,
+        primitive: &'t text::AstPrimitive,
         port: &'t Key,
-    ) -> Option<Source<'t>> {
+    ) -> Option<FlatSource<'t>> {
         let (mut scope, mut primitive, mut port) = (scope, primitive, port);
         for _ in 0..BORDERS_MAX {
             let target = match primitive {
-                text::Primitive::Named(name) if name.name == "parent" => {
+                text::AstPrimitive::Named(name) if name.name == "parent" => {
                     let here = self.scope_of(scope);
                     let Some(parent) = here.parent else {
                         return self.not_there(&name.span, "the net as a whole has no inputs");
                     };
                     let mut arguments = here.arguments.iter();
                     match arguments.find(|argument| argument.name.name == port.name) {
-                        Some(Argument {
-                            value: Value::Link(outer, outer_port),
+                        Some(AstArgument {
+                            value: AstValue::Link(outer, outer_port),
                             ..
                         }) => {
                             (scope, primitive, port) = (parent, outer, outer_port);
                             continue;
                         }
-                        Some(_) => return Some(Source::Refused),
+                        Some(_) => return Some(FlatSource::Refused),
                         None => return None,
                     }
                 }
-                text::Primitive::Named(name) => {
+                text::AstPrimitive::Named(name) => {
                     match self.scope_of(scope).names.get(name.name.as_str()) {
                         Some((target, _)) => *target,
                         None => return self.unknown(scope, name),
@@ -361,15 +369,15 @@ impl<'t> Flattener<'t, '_> {
                 }
                 definition => match self.nameless.get(&std::ptr::from_ref(definition)) {
                     Some(target) => *target,
-                    // What stands in the argument of something refused is not made.
-                    None => return Some(Source::Refused),
+                    // Definitions in the argument of something refused are not created.
+                    None => return Some(FlatSource::Refused),
                 },
             };
             match target {
-                Target::Primitive(primitive) => {
-                    return Some(Source::Output { primitive, port });
+                NameTarget::Primitive(primitive) => {
+                    return Some(FlatSource::Output { primitive, port });
                 }
-                Target::Scope(inner) => {
+                NameTarget::Scope(inner) => {
                     let found = self.scope_of(inner).outputs.get(port.name.as_str());
                     let Some((inside, inside_port)) = found.copied() else {
                         return self.no_output(inner, port);
@@ -382,19 +390,19 @@ impl<'t> Flattener<'t, '_> {
         let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, port.span, message);
         self.faults
             .push(fault.help("let one of the fragments' outputs come from a primitive"));
-        Some(Source::Refused)
+        Some(FlatSource::Refused)
     }
 
-    fn not_there(&mut self, span: &Span, message: &str) -> Option<Source<'t>> {
+    fn not_there(&mut self, span: &Span, message: &str) -> Option<FlatSource<'t>> {
         self.faults.push(Diagnostic::error(
             fault::UNKNOWN_PRIMITIVE,
             *span,
             message.to_string(),
         ));
-        Some(Source::Refused)
+        Some(FlatSource::Refused)
     }
 
-    fn near(&mut self, name: &str, mut known: Vec<&str>) -> Option<String> {
+    fn suggest(&mut self, name: &str, mut known: Vec<&str>) -> Option<String> {
         self.suggestions += 1;
         if self.suggestions > SUGGESTIONS_MAX {
             return None;
@@ -403,21 +411,21 @@ impl<'t> Flattener<'t, '_> {
         Some(format!("did you mean `{}`?", closest(name, known)?))
     }
 
-    fn unknown(&mut self, scope: usize, name: &Key) -> Option<Source<'t>> {
+    fn unknown(&mut self, scope: usize, name: &Key) -> Option<FlatSource<'t>> {
         let names = self.scope_of(scope).names.keys().copied().collect();
-        let help = self.near(&name.name, names);
+        let help = self.suggest(&name.name, names);
         let message = format!("this fragment has no primitive `{}`", name.name);
         self.faults
             .push(Diagnostic::error(fault::UNKNOWN_PRIMITIVE, name.span, message).help_if(help));
-        Some(Source::Refused)
+        Some(FlatSource::Refused)
     }
 
-    fn no_output(&mut self, scope: usize, port: &Key) -> Option<Source<'t>> {
+    fn no_output(&mut self, scope: usize, port: &Key) -> Option<FlatSource<'t>> {
         let names = self.scope_of(scope).outputs.keys().copied().collect();
-        let help = self.near(&port.name, names);
+        let help = self.suggest(&port.name, names);
         let message = format!("the fragment has no output `{}`", port.name);
         self.faults
             .push(Diagnostic::error(fault::UNKNOWN_OUTPUT, port.span, message).help_if(help));
-        Some(Source::Refused)
+        Some(FlatSource::Refused)
     }
 }

@@ -1,5 +1,5 @@
-//! What becomes of each of the predecessor's types: one row a type, with its ports, its parameters and either a net of ours
-//! in its own notation or the reason why there is none. The loader's threads.
+//! The conversion of each of the predecessor's types: one row per type, with its ports, its parameters and either an
+//! RCC net in the predecessor's notation or the reason why there is none. Runs on the loader's threads.
 
 mod core;
 mod devices;
@@ -9,13 +9,13 @@ mod world;
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
-use super::text::{self, Fragment};
-use super::values::Type;
+use super::text::{self, AstFragment};
+use super::values::ForeignType;
 
-/// What a primitive of the predecessor is besides what its row says.
+/// The implied inputs of a primitive of the predecessor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Nothing.
+pub enum PrimitiveClass {
+    /// None.
     M,
     /// Active: it has the input `inActive`.
     A,
@@ -23,50 +23,50 @@ pub enum Kind {
     S,
 }
 
-/// What an input that is null does there.
+/// How the predecessor reads an input that is null.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reads {
-    /// The last value that was not null counts.
+pub enum NullReading {
+    /// As the last value that was not null.
     Last,
-    /// The parameter of the same name counts.
+    /// As the parameter of the same name.
     Parameter,
-    /// It is null.
+    /// As null.
     Null,
 }
 
-/// Why there is nothing of ours.
+/// Why a type has no counterpart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reason {
+pub enum NoCounterpart {
     /// No cell has such a device.
     Device,
-    /// It never worked there.
+    /// It never worked in the predecessor.
     Dead,
-    /// Nothing generates it, and it is made from other primitives.
+    /// No generator uses it, and it can be composed of other primitives.
     Rare,
-    /// A cycle looks at no clock.
+    /// It reads a clock, which a cycle must not do.
     Clock,
-    /// It does not belong into a net.
+    /// It belongs to safety hardware, not to a net.
     Safety,
-    /// It is said in another place.
+    /// RCC provides it in another way.
     Elsewhere,
-    /// Only a library has it.
+    /// Only a library of the predecessor has it.
     Library,
 }
 
-/// What needs more than a net.
+/// Conversions that a net cannot express.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Builtin {
+pub enum SpecialConversion {
     /// A delayed link.
     Pre,
     /// A constant list.
     Array,
     /// An element.
     ArrayGet,
-    /// A list with another element.
+    /// A list with one element replaced.
     ArraySet,
-    /// Some elements.
+    /// A range of elements.
     ArraySlice,
-    /// `IsNull` of any element.
+    /// `IsNull` of the array.
     ArrayIsNull,
     /// `NullIf` for a list.
     ArraySetNull,
@@ -74,11 +74,11 @@ pub enum Builtin {
     NetcommIn,
     /// A `Monitor` with the key as its id, or a `Publish`.
     NetcommOut,
-    /// A `Subscribe` to what another net gives.
+    /// A `Subscribe` to a value of another net.
     InterNetcommIn,
     /// A `Publish` for another net.
     InterNetcommOut,
-    /// Inverse kinematics as the hint wants it.
+    /// Inverse kinematics; the hint decides which primitive.
     InvKin,
     /// Elements of one `JointState`.
     JointMonitor,
@@ -86,148 +86,149 @@ pub enum Builtin {
     JointPosition,
 }
 
-/// What a type becomes.
+/// The counterpart of a type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum To {
-    /// A net of ours in the predecessor's notation, `parent` being the primitive's inputs and parameters. Three types
-    /// are not primitives; the port of all is `x`: `List(a=…,b=…)` is an array of its arguments, `At(of=…,index=…)` an
-    /// element, `Else(link=parent.…,otherwise=…)` the first if the primitive's input is linked.
+pub enum Counterpart {
+    /// An RCC net in the predecessor's notation, in which `parent` has the inputs and parameters of the primitive.
+    /// Three types are not primitives; each has the one port `x`: `List(a=…,b=…)` is an array of its arguments,
+    /// `At(of=…,index=…)` an element, `Else(link=parent.…,otherwise=…)` the first argument if the primitive's input is
+    /// connected, else the second one.
     Net(&'static str),
-    /// One net or another, as a parameter that is a truth value says.
+    /// One of two nets: the first if this Bool parameter is true, else the second.
     By(&'static str, &'static str, &'static str),
-    /// Something of our own.
-    Special(Builtin),
-    /// Nothing; the row's note says why.
-    None(Reason),
+    /// A conversion in code.
+    Special(SpecialConversion),
+    /// None; the row's note gives the reason.
+    None(NoCounterpart),
 }
 
-/// One of the predecessor's types.
+/// A type of the predecessor.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
-    /// Its name; in the families what stands behind `Core::Double` and the like.
+pub struct ConversionRow {
+    /// Its name; in the families the part after `Core::Double` and the like.
     pub name: &'static str,
-    /// What it is.
-    pub kind: Kind,
-    /// `name:type`, with `*` behind the name of what must be connected.
+    /// Its implied inputs.
+    pub kind: PrimitiveClass,
+    /// Inputs as `name:type`, with `*` after the name of a required one.
     pub inputs: &'static str,
-    /// `name:type`.
+    /// Outputs as `name:type`.
     pub outputs: &'static str,
-    /// `name:type=default`; without a default that of the type.
+    /// Parameters as `name:type=default`; without a default, that of the type.
     pub parameters: &'static str,
-    /// What null does at its inputs.
-    pub reads: Reads,
+    /// How it reads inputs that are null.
+    pub reads: NullReading,
     /// Its outputs can be null although its inputs are not.
     pub may_be_null: bool,
-    /// What it becomes.
-    pub to: To,
-    /// What differs, or why there is nothing; one sentence or nothing.
+    /// Its counterpart.
+    pub to: Counterpart,
+    /// The difference to the counterpart, or the reason why there is none; one sentence, or empty.
     pub note: &'static str,
 }
 
-impl Row {
+impl ConversionRow {
     const fn new(
         name: &'static str,
-        kind: Kind,
+        kind: PrimitiveClass,
         inputs: &'static str,
         outputs: &'static str,
         parameters: &'static str,
-    ) -> Row {
-        Row {
+    ) -> ConversionRow {
+        ConversionRow {
             name,
             kind,
             inputs,
             outputs,
             parameters,
-            reads: Reads::Last,
+            reads: NullReading::Last,
             may_be_null: false,
-            to: To::Net(""),
+            to: Counterpart::Net(""),
             note: "",
         }
     }
 
-    const fn to(self, reads: Reads, to: To) -> Row {
-        Row { reads, to, ..self }
+    const fn to(self, reads: NullReading, to: Counterpart) -> ConversionRow {
+        ConversionRow { reads, to, ..self }
     }
 
-    const fn may_be_null(self) -> Row {
-        Row {
+    const fn may_be_null(self) -> ConversionRow {
+        ConversionRow {
             may_be_null: true,
             ..self
         }
     }
 
-    const fn note(self, note: &'static str) -> Row {
-        Row { note, ..self }
+    const fn note(self, note: &'static str) -> ConversionRow {
+        ConversionRow { note, ..self }
     }
 }
 
 /// An input, output or parameter of a type.
 #[derive(Clone, Copy, Debug)]
-pub struct Port {
+pub struct ForeignPort {
     /// Its name.
     pub name: &'static str,
     /// Its type.
-    pub ty: Type,
-    /// It is an array of that type.
+    pub ty: ForeignType,
+    /// True for an array of that type.
     pub array: bool,
-    /// An input that must be connected.
+    /// True for an input that must be connected.
     pub required: bool,
-    /// What a parameter is if nobody gives it.
+    /// Default of a parameter.
     pub default: Option<&'static str>,
 }
 
 /// A type with its ports.
 #[derive(Debug)]
-pub struct Entry {
-    /// Its whole name.
+pub struct TypeEntry {
+    /// Its full name.
     pub name: String,
     /// Its row.
-    pub row: &'static Row,
+    pub row: &'static ConversionRow,
     /// Its inputs, with `inActive` and `inReset` if it has them.
-    pub inputs: Vec<Port>,
+    pub inputs: Vec<ForeignPort>,
     /// Its outputs.
-    pub outputs: Vec<Port>,
+    pub outputs: Vec<ForeignPort>,
     /// Its parameters.
-    pub parameters: Vec<Port>,
-    /// What it becomes, read: for `To::Net` one net, for `To::By` two.
-    pub nets: Vec<Fragment>,
+    pub parameters: Vec<ForeignPort>,
+    /// The parsed nets of the counterpart: one for `Counterpart::Net`, two for `Counterpart::By`.
+    pub nets: Vec<AstFragment>,
 }
 
-impl Entry {
-    /// An input by name.
+impl TypeEntry {
+    /// Returns an input by name.
     #[must_use]
-    pub fn input(&self, name: &str) -> Option<&Port> {
+    pub fn input(&self, name: &str) -> Option<&ForeignPort> {
         self.inputs.iter().find(|port| port.name == name)
     }
 
-    /// An output by name.
+    /// Returns an output by name.
     #[must_use]
-    pub fn output(&self, name: &str) -> Option<&Port> {
+    pub fn output(&self, name: &str) -> Option<&ForeignPort> {
         self.outputs.iter().find(|port| port.name == name)
     }
 
-    /// A parameter by name.
+    /// Returns a parameter by name.
     #[must_use]
-    pub fn parameter(&self, name: &str) -> Option<&Port> {
+    pub fn parameter(&self, name: &str) -> Option<&ForeignPort> {
         self.parameters.iter().find(|port| port.name == name)
     }
 }
 
-/// The element types that each family is made for, with what stands before the name.
-pub const FAMILIES: &[(&str, Type)] = &[
-    ("Core::Boolean", Type::Bool),
-    ("Core::Double", Type::Double),
-    ("Core::Int", Type::Int),
-    ("World::Frame", Type::Frame),
-    ("World::Twist", Type::Twist),
-    ("World::Wrench", Type::Wrench),
-    ("World::Vector", Type::Vector),
-    ("World::Rotation", Type::Rotation),
+/// The prefixes of the families, with their element types.
+pub const FAMILIES: &[(&str, ForeignType)] = &[
+    ("Core::Boolean", ForeignType::Bool),
+    ("Core::Double", ForeignType::Double),
+    ("Core::Int", ForeignType::Int),
+    ("World::Frame", ForeignType::Frame),
+    ("World::Twist", ForeignType::Twist),
+    ("World::Wrench", ForeignType::Wrench),
+    ("World::Vector", ForeignType::Vector),
+    ("World::Rotation", ForeignType::Rotation),
 ];
 
-/// The rows of all types, families first, each with the title of its group.
+/// Returns the rows of all types, families first, each group with its title.
 #[must_use]
-pub fn rows() -> [(&'static str, &'static [Row]); 4] {
+pub fn rows() -> [(&'static str, &'static [ConversionRow]); 4] {
     [
         ("Families", generic::ROWS),
         ("Logic, arithmetic, time, interpolation", core::ROWS),
@@ -236,10 +237,10 @@ pub fn rows() -> [(&'static str, &'static [Row]); 4] {
     ]
 }
 
-/// All types.
+/// Returns all types, by full name.
 #[must_use]
-pub fn all() -> &'static HashMap<String, Entry> {
-    static ALL: OnceLock<HashMap<String, Entry>> = OnceLock::new();
+pub fn all() -> &'static HashMap<String, TypeEntry> {
+    static ALL: OnceLock<HashMap<String, TypeEntry>> = OnceLock::new();
     ALL.get_or_init(|| {
         let mut all = HashMap::new();
         for row in generic::ROWS {
@@ -251,38 +252,43 @@ pub fn all() -> &'static HashMap<String, Entry> {
             .into_iter()
             .flatten()
         {
-            insert(&mut all, row.name.to_string(), row, Type::Any);
+            insert(&mut all, row.name.to_string(), row, ForeignType::Any);
         }
         all
     })
 }
 
-fn insert(all: &mut HashMap<String, Entry>, name: String, row: &'static Row, any: Type) {
+fn insert(
+    all: &mut HashMap<String, TypeEntry>,
+    name: String,
+    row: &'static ConversionRow,
+    any: ForeignType,
+) {
     let mut inputs = ports(row.inputs, any);
     let implied: &[&str] = match row.kind {
-        Kind::M => &[],
-        Kind::A => &["inActive"],
-        Kind::S => &["inActive", "inReset"],
+        PrimitiveClass::M => &[],
+        PrimitiveClass::A => &["inActive"],
+        PrimitiveClass::S => &["inActive", "inReset"],
     };
-    inputs.extend(implied.iter().map(|name| Port {
+    inputs.extend(implied.iter().map(|name| ForeignPort {
         name,
-        ty: Type::Bool,
+        ty: ForeignType::Bool,
         array: false,
         required: false,
         default: None,
     }));
     let nets = match row.to {
-        To::Net(net) => vec![net],
-        To::By(_, yes, no) => vec![yes, no],
-        To::Special(_) | To::None(_) => Vec::new(),
+        Counterpart::Net(net) => vec![net],
+        Counterpart::By(_, yes, no) => vec![yes, no],
+        Counterpart::Special(_) | Counterpart::None(_) => Vec::new(),
     };
-    let entry = Entry {
+    let entry = TypeEntry {
         name: name.clone(),
         row,
         inputs,
         outputs: ports(row.outputs, any),
         parameters: ports(row.parameters, any),
-        // A test reads every row's.
+        // A test parses the nets of all rows.
         nets: nets
             .into_iter()
             .filter_map(|net| Some(text::parse(net).ok()?.1))
@@ -291,8 +297,8 @@ fn insert(all: &mut HashMap<String, Entry>, name: String, row: &'static Row, any
     all.insert(name, entry);
 }
 
-/// Reads `name*:type[]=default name:type`.
-fn ports(text: &'static str, any: Type) -> Vec<Port> {
+/// Parses `name*:type[]=default name:type`.
+fn ports(text: &'static str, any: ForeignType) -> Vec<ForeignPort> {
     text.split_whitespace()
         .filter_map(|port| {
             let (name, rest) = port.split_once(':')?;
@@ -301,10 +307,10 @@ fn ports(text: &'static str, any: Type) -> Vec<Port> {
                 None => (rest, None),
             };
             let array = ty.ends_with("[]");
-            let ty = Type::named(ty.trim_end_matches("[]"))?;
-            Some(Port {
+            let ty = ForeignType::named(ty.trim_end_matches("[]"))?;
+            Some(ForeignPort {
                 name: name.trim_end_matches('*'),
-                ty: if ty == Type::Any { any } else { ty },
+                ty: if ty == ForeignType::Any { any } else { ty },
                 array,
                 required: name.ends_with('*'),
                 default,

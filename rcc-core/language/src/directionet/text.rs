@@ -1,5 +1,5 @@
-//! DirectIONet as it is written: its grammar turned into a tree in which everything has a place.
-//! Knows no types; everything behind the first mistake is unreadable, so there is one fault at most. The loader's threads.
+//! The parser of DirectIONet: a tree in which everything has a span. It knows no types. Text after the first syntax
+//! error is not parsed, so there is at most one diagnostic. Runs on the loader's threads.
 //!
 //! ```text
 //! fragment  = "{" [ item { "," item } ] "}"
@@ -15,18 +15,18 @@ use rcc_config::yaml::{BYTES_MAX, Key, TOO_LARGE};
 
 use crate::fault;
 
-/// Deepest nesting of fragments and primitives without a name.
+/// Deepest nesting of fragments and inline primitives.
 pub const DEPTH_MAX: usize = 64;
 
-/// A net or a part of one.
+/// A net, or a fragment of one.
 #[derive(Clone, Debug, Default)]
-pub struct Fragment {
-    /// What it contains and offers, in the order of the text.
-    pub items: Vec<Item>,
+pub struct AstFragment {
+    /// Its contents and outputs, in the order of the text.
+    pub items: Vec<AstItem>,
 }
 
-impl Fragment {
-    /// True if something in it reads `parent.port`.
+impl AstFragment {
+    /// Returns true if something in it reads `parent.port`.
     #[must_use]
     pub fn mentions(&self, port: &str) -> bool {
         let mut items = self.items.iter();
@@ -34,74 +34,76 @@ impl Fragment {
     }
 }
 
-impl Primitive {
+impl AstPrimitive {
     fn mentions(&self, port: &str, read: Option<&Key>) -> bool {
         let arguments = match self {
-            Primitive::Named(name) => {
+            AstPrimitive::Named(name) => {
                 return name.name == "parent" && read.is_some_and(|read| read.name == port);
             }
-            Primitive::Typed(_, arguments) | Primitive::Fragment(_, arguments, _) => arguments,
+            AstPrimitive::Typed(_, arguments) | AstPrimitive::Fragment(_, arguments, _) => {
+                arguments
+            }
         };
         arguments.iter().any(|argument| match &argument.value {
-            Value::Link(from, read) => from.mentions(port, Some(read)),
-            Value::Text(..) => false,
+            AstValue::Link(from, read) => from.mentions(port, Some(read)),
+            AstValue::Text(..) => false,
         })
     }
 }
 
-/// A primitive or fragment with a name, or an output of the fragment around.
+/// A named primitive or fragment, or an output of the enclosing fragment.
 #[derive(Clone, Debug)]
-pub struct Item {
+pub struct AstItem {
     /// Its name.
     pub name: Key,
-    /// What it is.
-    pub primitive: Primitive,
-    /// The port of `primitive` that the fragment offers under the name; `None`: the name is that of the primitive.
+    /// The primitive or fragment.
+    pub primitive: AstPrimitive,
+    /// The port of `primitive` that the fragment exports under the name; `None` if the name is that of the primitive.
     pub port: Option<Key>,
 }
 
-/// A primitive where one can stand.
+/// A primitive as the source of a link or as a definition.
 #[derive(Clone, Debug)]
-pub enum Primitive {
-    /// One that has a name in the same fragment, or `parent`: the fragment itself, seen from inside.
+pub enum AstPrimitive {
+    /// A reference to a name in the same fragment, or `parent`: the fragment itself, seen from inside.
     Named(Key),
     /// A primitive of a type.
-    Typed(Key, Vec<Argument>),
+    Typed(Key, Vec<AstArgument>),
     /// A fragment.
-    Fragment(Fragment, Vec<Argument>, Span),
+    Fragment(AstFragment, Vec<AstArgument>, Span),
 }
 
 /// A parameter or link of a primitive.
 #[derive(Clone, Debug)]
-pub struct Argument {
+pub struct AstArgument {
     /// Parameter or input.
     pub name: Key,
-    /// Where a history for debugging is asked for.
+    /// Span of a request for a debug history.
     pub debug: Option<Span>,
-    /// What it gets.
-    pub value: Value,
+    /// Its value.
+    pub value: AstValue,
 }
 
-/// What a parameter or input gets.
+/// The value of a parameter or input.
 #[derive(Clone, Debug)]
-pub enum Value {
-    /// A parameter's text without quotes, and the place inside of them.
+pub enum AstValue {
+    /// A parameter's text without quotes, and the span inside of them.
     Text(String, Span),
-    /// An output.
-    Link(Box<Primitive>, Key),
+    /// A link from an output.
+    Link(Box<AstPrimitive>, Key),
 }
 
-/// The lines `# key: value` before the net, which are ours: the predecessor had no comments.
+/// The header lines `# key: value` before the net. They are an RCC extension: the predecessor had no comments.
 #[derive(Clone, Debug, Default)]
-pub struct Header {
-    /// Key and value, each with its place.
+pub struct HeaderLines {
+    /// Keys and values with their spans.
     pub entries: Vec<(Key, Key)>,
 }
 
-/// True if a text begins as DirectIONet does and no YAML or JSON net can: `{`, a name, `=`.
+/// Returns true if a text begins as DirectIONet does and no YAML or JSON net can: `{`, a name, `=`.
 #[must_use]
 pub fn looks_like(text: &str) -> bool {
-    let mut reader = Reader::new(text);
+    let mut reader = TextParser::new(text);
     reader.header();
     if !reader.take(b'{') {
         return false;
@@ -112,11 +114,11 @@ pub fn looks_like(text: &str) -> bool {
     !name.name.is_empty() && (reader.debug().is_ok() && reader.take(b'='))
 }
 
-/// Reads a text.
+/// Parses a text.
 ///
 /// # Errors
-/// The first place that is not DirectIONet.
-pub fn parse(text: &str) -> Result<(Header, Fragment), Box<Diagnostic>> {
+/// Returns a diagnostic at the first position that is not DirectIONet.
+pub fn parse(text: &str) -> Result<(HeaderLines, AstFragment), Box<Diagnostic>> {
     if text.len() > BYTES_MAX {
         let message = format!(
             "the text has {} bytes, {BYTES_MAX} are possible",
@@ -126,7 +128,7 @@ pub fn parse(text: &str) -> Result<(Header, Fragment), Box<Diagnostic>> {
             Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere(),
         ));
     }
-    let mut reader = Reader::new(text);
+    let mut reader = TextParser::new(text);
     let header = reader.header();
     let fragment = reader.fragment(0)?;
     reader.blanks();
@@ -136,16 +138,16 @@ pub fn parse(text: &str) -> Result<(Header, Fragment), Box<Diagnostic>> {
     Ok((header, fragment))
 }
 
-type Read<T> = Result<T, Box<Diagnostic>>;
+type ParseResult<T> = Result<T, Box<Diagnostic>>;
 
-struct Reader<'t> {
+struct TextParser<'t> {
     text: &'t str,
     at: usize,
 }
 
-impl<'t> Reader<'t> {
-    fn new(text: &'t str) -> Reader<'t> {
-        Reader { text, at: 0 }
+impl<'t> TextParser<'t> {
+    fn new(text: &'t str) -> TextParser<'t> {
+        TextParser { text, at: 0 }
     }
 
     fn peek(&self) -> Option<u8> {
@@ -170,8 +172,8 @@ impl<'t> Reader<'t> {
         self.peek() == Some(byte)
     }
 
-    fn header(&mut self) -> Header {
-        let mut header = Header::default();
+    fn header(&mut self) -> HeaderLines {
+        let mut header = HeaderLines::default();
         while self.sees(b'#') {
             let rest = self.text.get(self.at..).unwrap_or_default();
             let line = rest.lines().next().unwrap_or_default();
@@ -191,7 +193,7 @@ impl<'t> Reader<'t> {
         header
     }
 
-    /// A fault here: `what` should stand where something else does.
+    /// Returns the diagnostic that `what` is expected here.
     fn wanted(&mut self, what: &str) -> Box<Diagnostic> {
         self.blanks();
         let found = self
@@ -207,7 +209,7 @@ impl<'t> Reader<'t> {
         Box::new(fault.help("DirectIONet: `{name=Type(inPort=other.outPort,Parameter='text'),outTerminate=name.outPort}`"))
     }
 
-    fn want(&mut self, byte: u8, what: &str) -> Read<()> {
+    fn want(&mut self, byte: u8, what: &str) -> ParseResult<()> {
         if self.take(byte) {
             return Ok(());
         }
@@ -228,7 +230,7 @@ impl<'t> Reader<'t> {
         })
     }
 
-    fn want_name(&mut self, what: &str) -> Read<Key> {
+    fn want_name(&mut self, what: &str) -> ParseResult<Key> {
         self.name().ok_or_else(|| self.wanted(what))
     }
 
@@ -240,7 +242,7 @@ impl<'t> Reader<'t> {
         self.at > start
     }
 
-    fn debug(&mut self) -> Read<Option<Span>> {
+    fn debug(&mut self) -> ParseResult<Option<Span>> {
         self.blanks();
         let start = self.at;
         if !self.take(b'[') {
@@ -259,7 +261,7 @@ impl<'t> Reader<'t> {
         Ok(Some(Span::new(start, self.at)))
     }
 
-    fn deeper(&mut self, depth: usize) -> Read<usize> {
+    fn deeper(&mut self, depth: usize) -> ParseResult<usize> {
         if depth < DEPTH_MAX {
             return Ok(depth + 1);
         }
@@ -268,10 +270,10 @@ impl<'t> Reader<'t> {
         Err(Box::new(Diagnostic::error(TOO_LARGE, span, message)))
     }
 
-    fn fragment(&mut self, depth: usize) -> Read<Fragment> {
+    fn fragment(&mut self, depth: usize) -> ParseResult<AstFragment> {
         let depth = self.deeper(depth)?;
         self.want(b'{', "`{`")?;
-        let mut fragment = Fragment::default();
+        let mut fragment = AstFragment::default();
         if self.take(b'}') {
             return Ok(fragment);
         }
@@ -284,9 +286,9 @@ impl<'t> Reader<'t> {
         }
     }
 
-    fn item(&mut self, depth: usize) -> Read<Item> {
+    fn item(&mut self, depth: usize) -> ParseResult<AstItem> {
         let name = self.want_name("the name of a primitive or output")?;
-        // Only meant for outputs, where it says no more than it would at an input.
+        // Intended for outputs, where it has no more meaning than at an input.
         self.debug()?;
         self.want(b'=', "`=`")?;
         let primitive = self.primitive(depth)?;
@@ -294,30 +296,34 @@ impl<'t> Reader<'t> {
             true => Some(self.want_name("the name of a port")?),
             false => None,
         };
-        Ok(Item {
+        Ok(AstItem {
             name,
             primitive,
             port,
         })
     }
 
-    fn primitive(&mut self, depth: usize) -> Read<Primitive> {
+    fn primitive(&mut self, depth: usize) -> ParseResult<AstPrimitive> {
         if self.sees(b'{') {
             let start = self.at;
             let fragment = self.fragment(depth)?;
             let span = Span::new(start, self.at);
             self.want(b'(', "`(` behind a fragment")?;
-            return Ok(Primitive::Fragment(fragment, self.arguments(depth)?, span));
+            return Ok(AstPrimitive::Fragment(
+                fragment,
+                self.arguments(depth)?,
+                span,
+            ));
         }
         let name = self.want_name("a primitive, a type or `{`")?;
         if self.take(b'(') {
-            return Ok(Primitive::Typed(name, self.arguments(depth)?));
+            return Ok(AstPrimitive::Typed(name, self.arguments(depth)?));
         }
-        Ok(Primitive::Named(name))
+        Ok(AstPrimitive::Named(name))
     }
 
-    /// What stands between `(`, which is read, and `)`.
-    fn arguments(&mut self, depth: usize) -> Read<Vec<Argument>> {
+    /// Parses the arguments up to `)`; the `(` is consumed already.
+    fn arguments(&mut self, depth: usize) -> ParseResult<Vec<AstArgument>> {
         let depth = self.deeper(depth)?;
         let mut arguments = Vec::new();
         if self.take(b')') {
@@ -328,7 +334,7 @@ impl<'t> Reader<'t> {
             let debug = self.debug()?;
             self.want(b'=', "`=`")?;
             let value = self.value(depth)?;
-            arguments.push(Argument { name, debug, value });
+            arguments.push(AstArgument { name, debug, value });
             if self.take(b')') {
                 return Ok(arguments);
             }
@@ -336,18 +342,18 @@ impl<'t> Reader<'t> {
         }
     }
 
-    fn value(&mut self, depth: usize) -> Read<Value> {
+    fn value(&mut self, depth: usize) -> ParseResult<AstValue> {
         if self.take(b'\'') {
             return self.quoted();
         }
         let primitive = self.primitive(depth)?;
         self.want(b'.', "`.` and the port that is read")?;
         let port = self.want_name("the name of a port")?;
-        Ok(Value::Link(Box::new(primitive), port))
+        Ok(AstValue::Link(Box::new(primitive), port))
     }
 
-    /// A text whose first quote is read.
-    fn quoted(&mut self) -> Read<Value> {
+    /// Parses a text up to the closing quote; the opening one is consumed already.
+    fn quoted(&mut self) -> ParseResult<AstValue> {
         let start = self.at;
         let mut text = String::new();
         let rest = self.text.get(start..).unwrap_or_default();
@@ -356,7 +362,7 @@ impl<'t> Reader<'t> {
             match c {
                 '\'' => {
                     self.at = start + offset + 1;
-                    return Ok(Value::Text(text, Span::new(start, start + offset)));
+                    return Ok(AstValue::Text(text, Span::new(start, start + offset)));
                 }
                 '\\' => match chars.next() {
                     Some((_, c @ ('\'' | '\\'))) => text.push(c),
@@ -392,19 +398,19 @@ mod tests {
         assert_eq!(header.entries[0].1.name, "a=b");
         assert_eq!(net.items.len(), 2);
         assert_eq!(net.items[1].port.as_ref().unwrap().name, "outY");
-        let Primitive::Fragment(fragment, arguments, _) = &net.items[0].primitive else {
+        let AstPrimitive::Fragment(fragment, arguments, _) = &net.items[0].primitive else {
             panic!("a fragment");
         };
         assert_eq!(fragment.items.len(), 2);
-        let Value::Link(primitive, port) = &arguments[0].value else {
+        let AstValue::Link(primitive, port) = &arguments[0].value else {
             panic!("a link");
         };
         assert_eq!(port.name, "outValue");
-        let Primitive::Typed(name, inner) = &**primitive else {
+        let AstPrimitive::Typed(name, inner) = &**primitive else {
             panic!("a primitive without a name");
         };
         assert_eq!(name.name, "Core::DoubleValue");
-        assert!(matches!(&inner[0].value, Value::Text(text, _) if text == "it's \\"));
+        assert!(matches!(&inner[0].value, AstValue::Text(text, _) if text == "it's \\"));
     }
 
     #[test]

@@ -1,19 +1,19 @@
-//! Parameters of the predecessor as constants of ours: `1.0E-4`, `true`, `{pos:{x:1},rot:{a:0.1}}`, `[1,2]`.
-//! What it took silently for 0 is refused here. The loader's threads.
+//! Parameters of the predecessor as constants: `1.0E-4`, `true`, `{pos:{x:1},rot:{a:0.1}}`, `[1,2]`. Malformed values,
+//! which the predecessor silently read as 0, are refused. Runs on the loader's threads.
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::pose::Pose;
-use rcc_core::types::Type as Ours;
+use rcc_core::types::Type as RccType;
 
 use crate::fault;
-use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::literal::{Literal, LiteralShape};
 
 /// A type of the predecessor's ports and parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Type {
+pub enum ForeignType {
     /// `bool`.
     Bool,
-    /// `int`; also the unsigned numbers of four types that it could not set.
+    /// `int`; also the unsigned parameters of four types, which the predecessor could not set.
     Int,
     /// `double`.
     Double,
@@ -33,73 +33,82 @@ pub enum Type {
     Wrench,
     /// The element type of a family.
     Any,
-    /// `matrix`, of which no net contains any.
+    /// `matrix`, which no net contains.
     Matrix,
 }
 
-impl Type {
-    /// By its name there, without `[]`.
+impl ForeignType {
+    /// Returns the type with this name, without `[]`.
     #[must_use]
-    pub fn named(name: &str) -> Option<Type> {
+    pub fn named(name: &str) -> Option<ForeignType> {
         Some(match name {
-            "bool" => Type::Bool,
-            "int" | "uint" => Type::Int,
-            "double" => Type::Double,
-            "string" => Type::Text,
-            "nsecs" => Type::Time,
-            "Vector" => Type::Vector,
-            "Rotation" => Type::Rotation,
-            "Frame" => Type::Frame,
-            "Twist" => Type::Twist,
-            "Wrench" => Type::Wrench,
-            "T" => Type::Any,
-            "matrix" => Type::Matrix,
+            "bool" => ForeignType::Bool,
+            "int" | "uint" => ForeignType::Int,
+            "double" => ForeignType::Double,
+            "string" => ForeignType::Text,
+            "nsecs" => ForeignType::Time,
+            "Vector" => ForeignType::Vector,
+            "Rotation" => ForeignType::Rotation,
+            "Frame" => ForeignType::Frame,
+            "Twist" => ForeignType::Twist,
+            "Wrench" => ForeignType::Wrench,
+            "T" => ForeignType::Any,
+            "matrix" => ForeignType::Matrix,
             _ => return None,
         })
     }
 
-    /// The type of ours; `None`: none of a port.
+    /// Returns the RCC type; `None` if it is not a port type.
     #[must_use]
-    pub fn ours(self) -> Option<Ours> {
+    pub fn rcc_type(self) -> Option<RccType> {
         Some(match self {
-            Type::Bool => Ours::Bool,
-            Type::Int => Ours::Int,
-            Type::Double | Type::Time => Ours::Real,
-            Type::Vector => Ours::Vector3,
-            Type::Rotation => Ours::Rotation,
-            Type::Frame => Ours::Pose,
-            Type::Twist => Ours::Twist,
-            Type::Wrench => Ours::Wrench,
-            Type::Text | Type::Any | Type::Matrix => return None,
+            ForeignType::Bool => RccType::Bool,
+            ForeignType::Int => RccType::Int,
+            ForeignType::Double | ForeignType::Time => RccType::Real,
+            ForeignType::Vector => RccType::Vector3,
+            ForeignType::Rotation => RccType::Rotation,
+            ForeignType::Frame => RccType::Pose,
+            ForeignType::Twist => RccType::Twist,
+            ForeignType::Wrench => RccType::Wrench,
+            ForeignType::Text | ForeignType::Any | ForeignType::Matrix => return None,
         })
     }
 
-    /// What it is where nothing says anything.
+    /// Returns the default value.
     #[must_use]
     pub fn zero(self, span: Span) -> Literal {
-        let real = |span| Literal::new(Shape::Real(0.0, None), span);
+        let real = |span| Literal::new(LiteralShape::Real(0.0, None), span);
         let shape = match self {
-            Type::Bool => Shape::Bool(false),
-            Type::Int => Shape::Int(0),
-            Type::Double | Type::Time | Type::Any | Type::Matrix => Shape::Real(0.0, None),
-            Type::Text => Shape::Text(String::new()),
-            Type::Vector => Shape::List(vec![real(span); 3]),
-            Type::Twist | Type::Wrench => Shape::List(vec![real(span); 6]),
-            Type::Rotation => Shape::Rotation([0.0, 0.0, 0.0, 1.0]),
-            Type::Frame => Shape::Pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+            ForeignType::Bool => LiteralShape::Bool(false),
+            ForeignType::Int => LiteralShape::Int(0),
+            ForeignType::Double | ForeignType::Time | ForeignType::Any | ForeignType::Matrix => {
+                LiteralShape::Real(0.0, None)
+            }
+            ForeignType::Text => LiteralShape::Text(String::new()),
+            ForeignType::Vector => LiteralShape::List(vec![real(span); 3]),
+            ForeignType::Twist | ForeignType::Wrench => LiteralShape::List(vec![real(span); 6]),
+            ForeignType::Rotation => LiteralShape::Rotation([0.0, 0.0, 0.0, 1.0]),
+            ForeignType::Frame => LiteralShape::Pose([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
         };
         Literal::new(shape, span)
     }
 }
 
-/// Reads a constant.
+/// Parses a constant.
 ///
 /// # Errors
-/// What is wrong, with the place in the text.
-pub fn read(text: &str, span: Span, ty: Type, array: bool) -> Result<Literal, Box<Diagnostic>> {
-    let mut reader = Reader { text, at: 0, span };
+/// Returns a diagnostic with the span in the text if the constant does not have the type.
+pub fn read(
+    text: &str,
+    span: Span,
+    ty: ForeignType,
+    array: bool,
+) -> Result<Literal, Box<Diagnostic>> {
+    let mut reader = ValueParser { text, at: 0, span };
     let shape = match (ty, array) {
-        (Type::Text, _) => return Ok(Literal::new(Shape::Text(text.to_string()), span)),
+        (ForeignType::Text, _) => {
+            return Ok(Literal::new(LiteralShape::Text(text.to_string()), span));
+        }
         (_, true) => reader.list(ty)?,
         (_, false) => reader.value(ty)?,
     };
@@ -110,24 +119,24 @@ pub fn read(text: &str, span: Span, ty: Type, array: bool) -> Result<Literal, Bo
     Ok(Literal::new(shape, span))
 }
 
-struct Reader<'t> {
+struct ValueParser<'t> {
     text: &'t str,
     at: usize,
     span: Span,
 }
 
-type Read<T> = Result<T, Box<Diagnostic>>;
+type ParseResult<T> = Result<T, Box<Diagnostic>>;
 
-impl<'t> Reader<'t> {
-    fn wrong(&self, ty: Type) -> Box<Diagnostic> {
+impl<'t> ValueParser<'t> {
+    fn wrong(&self, ty: ForeignType) -> Box<Diagnostic> {
         let wanted = match ty {
-            Type::Bool => "`true` or `false`",
-            Type::Int => "a whole number",
-            Type::Vector => "a vector such as `{x:1,y:2,z:3}`",
-            Type::Rotation => "a rotation such as `{a:1,b:2,c:3}`, rad",
-            Type::Frame => "a frame such as `{pos:{x:1,y:2,z:3},rot:{a:1,b:2,c:3}}`",
-            Type::Twist => "a twist such as `{vel:{x:1,y:2,z:3},rot:{x:1,y:2,z:3}}`",
-            Type::Wrench => "a wrench such as `{force:{x:1,y:2,z:3},torque:{x:1,y:2,z:3}}`",
+            ForeignType::Bool => "`true` or `false`",
+            ForeignType::Int => "a whole number",
+            ForeignType::Vector => "a vector such as `{x:1,y:2,z:3}`",
+            ForeignType::Rotation => "a rotation such as `{a:1,b:2,c:3}`, rad",
+            ForeignType::Frame => "a frame such as `{pos:{x:1,y:2,z:3},rot:{a:1,b:2,c:3}}`",
+            ForeignType::Twist => "a twist such as `{vel:{x:1,y:2,z:3},rot:{x:1,y:2,z:3}}`",
+            ForeignType::Wrench => "a wrench such as `{force:{x:1,y:2,z:3},torque:{x:1,y:2,z:3}}`",
             _ => "a number",
         };
         let message = format!("`{}` is not {wanted}", shortened(self.text));
@@ -163,23 +172,23 @@ impl<'t> Reader<'t> {
         word
     }
 
-    fn value(&mut self, ty: Type) -> Read<Shape> {
+    fn value(&mut self, ty: ForeignType) -> ParseResult<LiteralShape> {
         Ok(match ty {
-            Type::Bool => match self.word() {
-                "true" => Shape::Bool(true),
-                "false" => Shape::Bool(false),
+            ForeignType::Bool => match self.word() {
+                "true" => LiteralShape::Bool(true),
+                "false" => LiteralShape::Bool(false),
                 _ => return Err(self.wrong(ty)),
             },
-            Type::Int => match self.word().parse() {
-                Ok(value) => Shape::Int(value),
+            ForeignType::Int => match self.word().parse() {
+                Ok(value) => LiteralShape::Int(value),
                 Err(_) => return Err(self.wrong(ty)),
             },
-            Type::Vector => Shape::List(self.numbers(ty, &["x", "y", "z"])?),
-            Type::Rotation => {
+            ForeignType::Vector => LiteralShape::List(self.numbers(ty, &["x", "y", "z"])?),
+            ForeignType::Rotation => {
                 let [a, b, c] = self.three(ty, ["a", "b", "c"])?;
-                Shape::Rotation(Pose::from_xyz_rpy([0.0; 3], [c, b, a]).orientation)
+                LiteralShape::Rotation(Pose::from_xyz_rpy([0.0; 3], [c, b, a]).orientation)
             }
-            Type::Frame => {
+            ForeignType::Frame => {
                 let [mut position, mut rotation] = [[0.0; 3]; 2];
                 self.members(ty, |reader, name| {
                     match name {
@@ -192,25 +201,25 @@ impl<'t> Reader<'t> {
                 let [a, b, c] = rotation;
                 let pose = Pose::from_xyz_rpy(position, [c, b, a]);
                 let ([x, y, z], [qx, qy, qz, qw]) = (pose.position, pose.orientation);
-                Shape::Pose([x, y, z, qx, qy, qz, qw])
+                LiteralShape::Pose([x, y, z, qx, qy, qz, qw])
             }
-            Type::Twist => self.six(ty, "vel", "rot")?,
-            Type::Wrench => self.six(ty, "force", "torque")?,
+            ForeignType::Twist => self.six(ty, "vel", "rot")?,
+            ForeignType::Wrench => self.six(ty, "force", "torque")?,
             _ => {
                 let value = self.number(ty)?;
                 if value.is_nan() {
-                    Shape::Null
+                    LiteralShape::Null
                 } else {
-                    Shape::Real(value, None)
+                    LiteralShape::Real(value, None)
                 }
             }
         })
     }
 
-    /// A number as Java and C++ print it. NaN, which is null here, only where a number stands alone.
-    fn number(&mut self, ty: Type) -> Read<f64> {
+    /// Parses a number as Java and C++ print it. NaN, which is null here, is allowed only as a single number.
+    fn number(&mut self, ty: ForeignType) -> ParseResult<f64> {
         match self.word() {
-            "nan" | "NaN" if ty == Type::Double => Ok(f64::NAN),
+            "nan" | "NaN" if ty == ForeignType::Double => Ok(f64::NAN),
             word => match word.parse::<f64>() {
                 Ok(value) if value.is_finite() => Ok(value),
                 _ => Err(self.wrong(ty)),
@@ -218,12 +227,12 @@ impl<'t> Reader<'t> {
         }
     }
 
-    /// `{name: …, name: …}` in any order; what is left out keeps what it is.
+    /// Parses `{name: …, name: …}` in any order; members that are not given keep their defaults.
     fn members(
         &mut self,
-        ty: Type,
-        mut member: impl FnMut(&mut Self, &str) -> Read<()>,
-    ) -> Read<()> {
+        ty: ForeignType,
+        mut member: impl FnMut(&mut Self, &str) -> ParseResult<()>,
+    ) -> ParseResult<()> {
         if !self.take('{') {
             return Err(self.wrong(ty));
         }
@@ -238,7 +247,7 @@ impl<'t> Reader<'t> {
         Ok(())
     }
 
-    fn three(&mut self, ty: Type, names: [&str; 3]) -> Read<[f64; 3]> {
+    fn three(&mut self, ty: ForeignType, names: [&str; 3]) -> ParseResult<[f64; 3]> {
         let mut values = [0.0; 3];
         self.members(ty, |reader, name| {
             let place = names.iter().position(|known| *known == name);
@@ -251,12 +260,12 @@ impl<'t> Reader<'t> {
         Ok(values)
     }
 
-    fn numbers(&mut self, ty: Type, names: &[&str; 3]) -> Read<Vec<Literal>> {
+    fn numbers(&mut self, ty: ForeignType, names: &[&str; 3]) -> ParseResult<Vec<Literal>> {
         let values = self.three(ty, *names)?;
         Ok(reals(&values, self.span))
     }
 
-    fn six(&mut self, ty: Type, first: &str, second: &str) -> Read<Shape> {
+    fn six(&mut self, ty: ForeignType, first: &str, second: &str) -> ParseResult<LiteralShape> {
         let mut values = [[0.0; 3]; 2];
         let [linear, angular] = &mut values;
         self.members(ty, |reader, name| {
@@ -268,10 +277,10 @@ impl<'t> Reader<'t> {
             *place = reader.three(ty, ["x", "y", "z"])?;
             Ok(())
         })?;
-        Ok(Shape::List(reals(values.as_flattened(), self.span)))
+        Ok(LiteralShape::List(reals(values.as_flattened(), self.span)))
     }
 
-    fn list(&mut self, ty: Type) -> Read<Shape> {
+    fn list(&mut self, ty: ForeignType) -> ParseResult<LiteralShape> {
         if !self.take('[') {
             return Err(self.wrong(ty));
         }
@@ -285,16 +294,16 @@ impl<'t> Reader<'t> {
             elements.push(Literal::new(shape, self.span));
             self.take(',');
         }
-        Ok(Shape::List(elements))
+        Ok(LiteralShape::List(elements))
     }
 }
 
 fn reals(values: &[f64], span: Span) -> Vec<Literal> {
-    let real = |value: &f64| Literal::new(Shape::Real(*value, None), span);
+    let real = |value: &f64| Literal::new(LiteralShape::Real(*value, None), span);
     values.iter().map(real).collect()
 }
 
-/// At most 40 characters of a text.
+/// Returns at most 40 characters of a text.
 fn shortened(text: &str) -> String {
     match text.char_indices().nth(40) {
         Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),
@@ -306,7 +315,7 @@ fn shortened(text: &str) -> String {
 mod tests {
     use super::*;
 
-    fn shape(text: &str, ty: Type) -> Shape {
+    fn shape(text: &str, ty: ForeignType) -> LiteralShape {
         read(text, Span::default(), ty, false).unwrap().shape
     }
 
@@ -319,34 +328,34 @@ mod tests {
             ("+2.5e3", 2500.0),
         ] {
             assert_eq!(
-                shape(text, Type::Double),
-                Shape::Real(value, None),
+                shape(text, ForeignType::Double),
+                LiteralShape::Real(value, None),
                 "{text}"
             );
         }
-        assert_eq!(shape("nan", Type::Double), Shape::Null);
-        assert_eq!(shape("-12", Type::Int), Shape::Int(-12));
-        assert_eq!(shape("true", Type::Bool), Shape::Bool(true));
+        assert_eq!(shape("nan", ForeignType::Double), LiteralShape::Null);
+        assert_eq!(shape("-12", ForeignType::Int), LiteralShape::Int(-12));
+        assert_eq!(shape("true", ForeignType::Bool), LiteralShape::Bool(true));
     }
 
     #[test]
     fn composites_are_read_whatever_is_left_out() {
-        let Shape::List(vector) = shape("{x:1, z:3}", Type::Vector) else {
+        let LiteralShape::List(vector) = shape("{x:1, z:3}", ForeignType::Vector) else {
             panic!("a list");
         };
         let numbers: Vec<_> = vector.iter().filter_map(Literal::number).collect();
         assert_eq!(numbers, [1.0, 0.0, 3.0]);
         // A quarter turn about z.
-        let Shape::Pose([x, _, _, qx, qy, qz, qw]) = shape(
+        let LiteralShape::Pose([x, _, _, qx, qy, qz, qw]) = shape(
             "{pos:{x:0.5},rot:{a:1.5707963267948966,b:-0.0,c:0.0}}",
-            Type::Frame,
+            ForeignType::Frame,
         ) else {
             panic!("a pose");
         };
         let half = 0.5_f64.sqrt();
         assert!(x == 0.5 && qx.abs() + qy.abs() < 1e-15);
         assert!((qz - half).abs() < 1e-15 && (qw - half).abs() < 1e-15);
-        let Shape::List(twist) = shape("{rot:{y:2},vel:{x:1}}", Type::Twist) else {
+        let LiteralShape::List(twist) = shape("{rot:{y:2},vel:{x:1}}", ForeignType::Twist) else {
             panic!("a list");
         };
         let numbers: Vec<_> = twist.iter().filter_map(Literal::number).collect();
@@ -356,16 +365,16 @@ mod tests {
     #[test]
     fn what_the_predecessor_took_for_nothing_is_refused() {
         for (text, ty) in [
-            ("abc", Type::Double),
-            ("", Type::Double),
-            ("inf", Type::Double),
-            ("1.7", Type::Int),
-            ("yes", Type::Bool),
-            ("1 2", Type::Double),
-            ("{x:1,w:2}", Type::Vector),
-            ("{x:}", Type::Vector),
-            ("{x:1", Type::Vector),
-            ("{{", Type::Frame),
+            ("abc", ForeignType::Double),
+            ("", ForeignType::Double),
+            ("inf", ForeignType::Double),
+            ("1.7", ForeignType::Int),
+            ("yes", ForeignType::Bool),
+            ("1 2", ForeignType::Double),
+            ("{x:1,w:2}", ForeignType::Vector),
+            ("{x:}", ForeignType::Vector),
+            ("{x:1", ForeignType::Vector),
+            ("{{", ForeignType::Frame),
         ] {
             let fault = read(text, Span::new(3, 4), ty, false).unwrap_err();
             assert_eq!(
@@ -375,11 +384,11 @@ mod tests {
         }
         for text in ["[1", "[,]", "[:]", "1"] {
             assert!(
-                read(text, Span::default(), Type::Double, true).is_err(),
+                read(text, Span::default(), ForeignType::Double, true).is_err(),
                 "{text}"
             );
         }
-        let list = read("[1, 2 3]", Span::default(), Type::Double, true).unwrap();
-        assert!(matches!(list.shape, Shape::List(elements) if elements.len() == 3));
+        let list = read("[1, 2 3]", Span::default(), ForeignType::Double, true).unwrap();
+        assert!(matches!(list.shape, LiteralShape::List(elements) if elements.len() == 3));
     }
 }

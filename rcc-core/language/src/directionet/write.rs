@@ -1,5 +1,5 @@
-//! A net of ours in the predecessor's form, as far as each of its primitives has an exact counterpart there; everything that
-//! has none is told with its place. The threads of `rcc-cli convert`.
+//! Writes a net as DirectIONet, as far as each of its primitives has an exact counterpart there. Everything without one
+//! is reported with its span. Runs in `rcc-cli convert`.
 
 mod outside;
 
@@ -9,34 +9,34 @@ use std::fmt::Write as _;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::primitive::ChannelKind;
 
-use super::table::{self, Entry, FAMILIES, Kind};
-use super::text::{self, Argument};
-use super::values::Type;
+use super::table::{self, FAMILIES, PrimitiveClass, TypeEntry};
+use super::text::{self, AstArgument};
+use super::values::ForeignType;
 use crate::devices::DeviceTable;
 use crate::fault;
 use crate::names::{Names, PrimitiveNames};
-use crate::syntax::literal::{Literal, Shape};
-use crate::syntax::part::Part;
+use crate::syntax::literal::{Literal, LiteralShape};
+use crate::syntax::part::ValuePart;
 use crate::syntax::{Link, Net, Primitive, Source};
 
-/// A row of the table read backwards: what a primitive of ours was.
-struct Backwards {
-    entry: &'static Entry,
-    /// Our input or parameter, and theirs.
+/// A row of the table in reverse: the predecessor's type for an RCC primitive.
+struct ReverseRow {
+    entry: &'static TypeEntry,
+    /// RCC input or parameter, and its counterpart.
     arguments: Vec<(&'static str, &'static str)>,
-    /// Our output and theirs.
+    /// RCC output and its counterpart.
     outputs: Vec<(&'static str, &'static str)>,
 }
 
-struct Writer<'n, 'f> {
+struct TextWriter<'n, 'f> {
     net: &'n Net,
     names: HashMap<&'n str, &'n PrimitiveNames>,
     cell: &'n DeviceTable,
-    rows: HashMap<&'static str, Vec<Backwards>>,
+    rows: HashMap<&'static str, Vec<ReverseRow>>,
     faults: &'f mut Vec<Diagnostic>,
 }
 
-/// Writes a net that compiles; `names` are those of its plan. `None`: something has no counterpart.
+/// Writes a net that compiles; `names` are those of its plan. Returns `None` if something has no counterpart.
 #[must_use]
 pub fn text(
     net: &Net,
@@ -46,11 +46,11 @@ pub fn text(
 ) -> Option<String> {
     let before = faults.len();
     let names = names.primitives.iter().map(|row| (row.id.as_str(), row));
-    let mut writer = Writer {
+    let mut writer = TextWriter {
         net,
         names: names.collect(),
         cell,
-        rows: backwards(),
+        rows: reverse_rows(),
         faults,
     };
     if let Some(key) = net.uses.first() {
@@ -76,14 +76,15 @@ pub fn text(
     (writer.faults.len() == before).then(|| format!("{{{}}}", items.join(",")))
 }
 
-/// Every row that is one primitive of ours with nothing but inputs and parameters of theirs around it.
-fn backwards() -> HashMap<&'static str, Vec<Backwards>> {
-    let mut entries: Vec<&Entry> = table::all().values().collect();
+/// Returns, by RCC type, all rows that consist of one primitive with only `parent`'s inputs and parameters as
+/// arguments.
+fn reverse_rows() -> HashMap<&'static str, Vec<ReverseRow>> {
+    let mut entries: Vec<&TypeEntry> = table::all().values().collect();
     entries.sort_by_key(|entry| &entry.name);
-    let mut rows: HashMap<&str, Vec<Backwards>> = HashMap::new();
+    let mut rows: HashMap<&str, Vec<ReverseRow>> = HashMap::new();
     for entry in entries {
         if let [net] = entry.nets.as_slice()
-            && let Some((ours, row)) = backward(entry, net)
+            && let Some((ours, row)) = reverse_row(entry, net)
         {
             rows.entry(ours).or_default().push(row);
         }
@@ -91,14 +92,14 @@ fn backwards() -> HashMap<&'static str, Vec<Backwards>> {
     rows
 }
 
-fn backward(
-    entry: &'static Entry,
-    net: &'static text::Fragment,
-) -> Option<(&'static str, Backwards)> {
+fn reverse_row(
+    entry: &'static TypeEntry,
+    net: &'static text::AstFragment,
+) -> Option<(&'static str, ReverseRow)> {
     let mut found = None;
     let mut outputs = Vec::new();
     for item in &net.items {
-        if let text::Primitive::Typed(ty, arguments) = &item.primitive {
+        if let text::AstPrimitive::Typed(ty, arguments) = &item.primitive {
             if found.is_some() {
                 return None;
             }
@@ -111,19 +112,19 @@ fn backward(
     let (ty, arguments) = found?;
     let plain = arguments
         .iter()
-        .map(|Argument { name, value, .. }| match value {
-            text::Value::Link(from, port) => match &**from {
-                text::Primitive::Named(parent) if parent.name == "parent" => {
+        .map(|AstArgument { name, value, .. }| match value {
+            text::AstValue::Link(from, port) => match &**from {
+                text::AstPrimitive::Named(parent) if parent.name == "parent" => {
                     Some((name.name.as_str(), port.name.as_str()))
                 }
                 _ => None,
             },
-            text::Value::Text(..) => None,
+            text::AstValue::Text(..) => None,
         });
     let arguments = plain.collect::<Option<Vec<_>>>()?;
     Some((
         ty.name.as_str(),
-        Backwards {
+        ReverseRow {
             entry,
             arguments,
             outputs,
@@ -131,32 +132,32 @@ fn backward(
     ))
 }
 
-/// A type of ours by its name in [`Names`] as theirs.
-fn theirs(name: &str) -> Option<Type> {
+/// Returns the predecessor's type for an RCC type by its name in [`Names`].
+fn foreign_type(name: &str) -> Option<ForeignType> {
     Some(match name {
-        "Bool" => Type::Bool,
-        "Int" => Type::Int,
-        "Real" => Type::Double,
-        "Vector3" => Type::Vector,
-        "Rotation" => Type::Rotation,
-        "Pose" => Type::Frame,
-        "Twist" => Type::Twist,
-        "Wrench" => Type::Wrench,
+        "Bool" => ForeignType::Bool,
+        "Int" => ForeignType::Int,
+        "Real" => ForeignType::Double,
+        "Vector3" => ForeignType::Vector,
+        "Rotation" => ForeignType::Rotation,
+        "Pose" => ForeignType::Frame,
+        "Twist" => ForeignType::Twist,
+        "Wrench" => ForeignType::Wrench,
         _ => return None,
     })
 }
 
-fn family(ty: Type) -> Option<&'static str> {
+fn family(ty: ForeignType) -> Option<&'static str> {
     let row = FAMILIES.iter().find(|row| row.1 == ty);
     row.map(|row| row.0)
 }
 
-/// It comes from outside: of its outputs only the value has a counterpart.
-fn is_set(ty: &str) -> bool {
+/// Returns true for values from outside; only their output `value` has a counterpart.
+fn comes_from_outside(ty: &str) -> bool {
     matches!(ty, "Input" | "Subscribe")
 }
 
-impl Writer<'_, '_> {
+impl TextWriter<'_, '_> {
     fn refuse(&mut self, span: Span, what: String) {
         let message = format!("DirectIONet has no counterpart of {what}");
         let fault = Diagnostic::error(fault::NO_COUNTERPART, span, message);
@@ -164,12 +165,12 @@ impl Writer<'_, '_> {
             .push(fault.help("docs/from-the-predecessor.md says what there is"));
     }
 
-    /// The items that a primitive becomes.
+    /// Returns the items for a primitive.
     fn primitive(&mut self, primitive: &Primitive) -> Vec<String> {
         let id = &primitive.id.name;
         match primitive.type_name.name.as_str() {
             "Termination" => {
-                let done = self.input(primitive, "done", Type::Bool);
+                let done = self.input(primitive, "done", ForeignType::Bool);
                 vec![format!("outTerminate={}", done.unwrap_or_default())]
             }
             "Monitor" => self.keyed(primitive, "NetcommOut"),
@@ -177,7 +178,7 @@ impl Writer<'_, '_> {
             "Publish" => self.published(primitive),
             "Subscribe" => self.subscribed(primitive),
             "JointPositionCommand" => self.axes(primitive),
-            // Read by axis, where it is read.
+            // Read axis by axis, where it is used.
             "JointState" => Vec::new(),
             _ => {
                 let Some(arguments) = self.arguments(primitive) else {
@@ -189,19 +190,19 @@ impl Writer<'_, '_> {
         }
     }
 
-    fn type_of(&self, primitive: &str, port: &str) -> Option<Type> {
+    fn type_of(&self, primitive: &str, port: &str) -> Option<ForeignType> {
         let row = self.names.get(primitive)?;
         let mut ports = row.outputs.iter().chain(&row.inputs);
-        theirs(&ports.find(|known| known.name == port)?.type_name)
+        foreign_type(&ports.find(|known| known.name == port)?.type_name)
     }
 
-    /// The row whose types are those of a primitive.
-    fn row(&self, primitive: &Primitive) -> Option<&Backwards> {
+    /// Returns the row that matches the port types of a primitive.
+    fn row(&self, primitive: &Primitive) -> Option<&ReverseRow> {
         let rows = self.rows.get(primitive.type_name.name.as_str())?;
         let id = primitive.id.name.as_str();
         let names = self.names.get(id)?;
         rows.iter().find(|row| {
-            let fits = |ours: &str, ty: Type| {
+            let fits = |ours: &str, ty: ForeignType| {
                 let known = names
                     .inputs
                     .iter()
@@ -223,7 +224,7 @@ impl Writer<'_, '_> {
         })
     }
 
-    /// Type and arguments of a primitive that is a row read backwards.
+    /// Returns type and arguments of a primitive that a reversed row describes.
     fn arguments(&mut self, primitive: &Primitive) -> Option<(String, Vec<String>)> {
         let Some(row) = self.row(primitive) else {
             let what = format!("`{}`", primitive.type_name.name);
@@ -241,7 +242,7 @@ impl Writer<'_, '_> {
             let stem = theirs
                 .strip_prefix("in")
                 .and_then(|stem| entry.parameter(stem));
-            let ty = port.map_or(Type::Any, |port| port.ty);
+            let ty = port.map_or(ForeignType::Any, |port| port.ty);
             match (source, port, stem) {
                 (Source::Literal(literal), _, Some(parameter)) => {
                     let text = self.constant(literal, parameter.ty);
@@ -271,12 +272,12 @@ impl Writer<'_, '_> {
             }
         }
         if let Some(active) = &primitive.active {
-            if entry.row.kind == Kind::M {
+            if entry.row.kind == PrimitiveClass::M {
                 self.refuse(primitive.id.span, format!("a condition of {}", entry.name));
             }
             arguments.push(format!(
                 "inActive={}",
-                self.source(active, Type::Bool, false)
+                self.source(active, ForeignType::Bool, false)
             ));
         }
         Some((entry.name.clone(), arguments))
@@ -292,7 +293,7 @@ impl Writer<'_, '_> {
         let mut parameters = primitive.parameters.iter();
         let device = parameters.find(|(name, _)| name.name == "device");
         let number = device.and_then(|(_, device)| match (&device.shape, &channel.shape) {
-            (Shape::Text(device), Shape::Text(channel)) => {
+            (LiteralShape::Text(device), LiteralShape::Text(channel)) => {
                 let (_, device) = self.cell.find(device)?;
                 device
                     .channels_of(kind)
@@ -307,13 +308,13 @@ impl Writer<'_, '_> {
     fn robot(&mut self, primitive: &Primitive) -> Option<(String, u32)> {
         let mut parameters = primitive.parameters.iter();
         let (_, device) = parameters.find(|(name, _)| name.name == "device")?;
-        let Shape::Text(name) = &device.shape else {
+        let LiteralShape::Text(name) = &device.shape else {
             return None;
         };
         Some((name.clone(), self.cell.find(name)?.1.model.joints))
     }
 
-    /// One command an axis.
+    /// Returns one command per axis.
     fn axes(&mut self, primitive: &Primitive) -> Vec<String> {
         let Some((robot, joints)) = self.robot(primitive) else {
             return Vec::new();
@@ -328,16 +329,16 @@ impl Writer<'_, '_> {
                 Source::List(list) => list
                     .elements
                     .get(axis as usize)
-                    .map(|it| self.source(it, Type::Double, false)),
+                    .map(|it| self.source(it, ForeignType::Double, false)),
                 Source::Link(link) => {
                     let element = Link {
                         from: crate::syntax::reference::Reference {
-                            part: Some(Part::Element(axis)),
+                            part: Some(ValuePart::Element(axis)),
                             ..link.from.clone()
                         },
                         ..link.clone()
                     };
-                    Some(self.link(&element, Type::Double))
+                    Some(self.link(&element, ForeignType::Double))
                 }
                 _ => None,
             };
@@ -359,13 +360,13 @@ impl Writer<'_, '_> {
         items
     }
 
-    fn input(&mut self, primitive: &Primitive, name: &str, ty: Type) -> Option<String> {
+    fn input(&mut self, primitive: &Primitive, name: &str, ty: ForeignType) -> Option<String> {
         let mut inputs = primitive.inputs.iter();
         let (_, source) = inputs.find(|(key, _)| key.name == name)?;
         Some(self.source(source, ty, false))
     }
 
-    fn source(&mut self, source: &Source, ty: Type, array: bool) -> String {
+    fn source(&mut self, source: &Source, ty: ForeignType, array: bool) -> String {
         match source {
             Source::Link(link) => self.link(link, ty),
             Source::Literal(literal) if !array => {
@@ -394,7 +395,7 @@ impl Writer<'_, '_> {
         }
     }
 
-    fn link(&mut self, link: &Link, ty: Type) -> String {
+    fn link(&mut self, link: &Link, ty: ForeignType) -> String {
         let from = &link.from;
         let primitives = &self.net.primitives;
         let Some(primitive) = primitives.iter().find(|it| it.id.name == from.primitive) else {
@@ -402,7 +403,10 @@ impl Writer<'_, '_> {
             return String::new();
         };
         let text = self.output(primitive, link);
-        let initial = link.initial.as_ref().filter(|it| it.shape != Shape::Null);
+        let initial = link
+            .initial
+            .as_ref()
+            .filter(|it| it.shape != LiteralShape::Null);
         if let Some(initial) = initial {
             self.refuse(
                 initial.span,
@@ -418,13 +422,13 @@ impl Writer<'_, '_> {
         }
     }
 
-    /// What a link reads, without its delay.
+    /// Returns the source of a link without its delay.
     fn output(&mut self, primitive: &Primitive, link: &Link) -> String {
         let from = &link.from;
         let id = &from.primitive;
         let ty = primitive.type_name.name.as_str();
         match (ty, from.port.as_str(), from.part) {
-            ("JointState", "position" | "hold", Some(Part::Element(axis))) => {
+            ("JointState", "position" | "hold", Some(ValuePart::Element(axis))) => {
                 let robot = self
                     .robot(primitive)
                     .map_or_else(String::new, |(robot, _)| robot);
@@ -449,15 +453,15 @@ impl Writer<'_, '_> {
         });
         match (found, from.part) {
             (Some(port), None) => format!("{id}.{}", port.name),
-            (Some(port), Some(Part::Element(index))) if port.array => {
+            (Some(port), Some(ValuePart::Element(index))) if port.array => {
                 let (prefix, size) = (family(port.ty).unwrap_or("Core::Double"), size.unwrap_or(0));
                 format!(
                     "{prefix}ArrayGet(inArray={id}.{},Size='{size}',Index='{index}').outValue",
                     port.name
                 )
             }
-            // What has no counterpart at all is told where it stands.
-            (None, _) if self.row(primitive).is_none() && !is_set(ty) => String::new(),
+            // Without any counterpart it is reported at the primitive itself.
+            (None, _) if self.row(primitive).is_none() && !comes_from_outside(ty) => String::new(),
             _ => {
                 self.refuse(link.span, format!("`{from}`"));
                 String::new()
@@ -465,10 +469,10 @@ impl Writer<'_, '_> {
         }
     }
 
-    /// A constant as the predecessor writes it.
-    fn constant(&mut self, literal: &Literal, ty: Type) -> String {
+    /// Returns a constant in the predecessor's notation.
+    fn constant(&mut self, literal: &Literal, ty: ForeignType) -> String {
         let numbers = match &literal.shape {
-            Shape::List(elements) => elements
+            LiteralShape::List(elements) => elements
                 .iter()
                 .map(Literal::number)
                 .collect::<Option<Vec<_>>>(),
@@ -477,28 +481,30 @@ impl Writer<'_, '_> {
         let mut text = String::new();
         // Writing into a String cannot fail.
         let _ = match (&literal.shape, numbers.as_deref(), ty) {
-            (Shape::Bool(value), ..) => write!(text, "{value}"),
-            (Shape::Int(value), ..) => write!(text, "{value}"),
-            (Shape::Real(value, _), ..) => write!(text, "{value:?}"),
-            (Shape::Null, _, Type::Double | Type::Time) => write!(text, "nan"),
-            (Shape::Text(name), ..) => {
+            (LiteralShape::Bool(value), ..) => write!(text, "{value}"),
+            (LiteralShape::Int(value), ..) => write!(text, "{value}"),
+            (LiteralShape::Real(value, _), ..) => write!(text, "{value:?}"),
+            (LiteralShape::Null, _, ForeignType::Double | ForeignType::Time) => write!(text, "nan"),
+            (LiteralShape::Text(name), ..) => {
                 write!(text, "{}", name.replace('\\', "\\\\").replace('\'', "\\'"))
             }
-            (_, Some([x, y, z]), Type::Vector) => write!(text, "{{x:{x:?},y:{y:?},z:{z:?}}}"),
-            (_, Some([a, b, c, d, e, f]), Type::Twist) => {
+            (_, Some([x, y, z]), ForeignType::Vector) => {
+                write!(text, "{{x:{x:?},y:{y:?},z:{z:?}}}")
+            }
+            (_, Some([a, b, c, d, e, f]), ForeignType::Twist) => {
                 write!(
                     text,
                     "{{vel:{{x:{a:?},y:{b:?},z:{c:?}}},rot:{{x:{d:?},y:{e:?},z:{f:?}}}}}"
                 )
             }
-            (_, Some([a, b, c, d, e, f]), Type::Wrench) => {
+            (_, Some([a, b, c, d, e, f]), ForeignType::Wrench) => {
                 write!(
                     text,
                     "{{force:{{x:{a:?},y:{b:?},z:{c:?}}},torque:{{x:{d:?},y:{e:?},z:{f:?}}}}}"
                 )
             }
-            (Shape::Rotation(q), ..) => write!(text, "{{{}}}", angles(*q)),
-            (Shape::Pose([x, y, z, q @ ..]), ..) => {
+            (LiteralShape::Rotation(q), ..) => write!(text, "{{{}}}", angles(*q)),
+            (LiteralShape::Pose([x, y, z, q @ ..]), ..) => {
                 write!(
                     text,
                     "{{pos:{{x:{x:?},y:{y:?},z:{z:?}}},rot:{{{}}}}}",
@@ -514,7 +520,7 @@ impl Writer<'_, '_> {
     }
 }
 
-/// Turns about z, y, x of a rotation: `a:…,b:…,c:…`, rad.
+/// Returns the rotation as turns about z, y and x: `a:…,b:…,c:…`, rad.
 fn angles(orientation: [f64; 4]) -> String {
     let [roll, pitch, yaw] = rcc_core::rotation::to_rpy(orientation);
     format!("a:{yaw:?},b:{pitch:?},c:{roll:?}")

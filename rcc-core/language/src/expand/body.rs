@@ -1,5 +1,6 @@
-//! What a net or a fragment says of itself, whatever its instances set: names that lead somewhere, ports and parameters
-//! that are used, fragments that do not contain themselves. Told once, in the fragment. The loader's threads.
+//! Checks of a net or fragment as it is written, independent of its instances: references resolve, ports and parameters
+//! are used, and fragments do not contain themselves. Each error is reported once, in the fragment. Runs on the
+//! loader's threads.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
@@ -13,32 +14,32 @@ use crate::check::components::{Components, circle};
 use crate::fault;
 use crate::syntax::fragment::{Fragment, FragmentInput, FragmentOutput};
 use crate::syntax::reference::Reference;
-use crate::syntax::{Kind, Net, Primitive};
+use crate::syntax::{Net, Primitive, PrimitiveKind};
 
-/// Most names that one is compared with.
+/// Most names that a name is compared with for a suggestion.
 const COMPARED_MAX: usize = 100;
 
-/// A net or a fragment.
+/// The primitives of a net or fragment.
 pub struct Body<'a> {
-    /// `None`: the net.
+    /// The fragment; `None` for the net.
     pub fragment: Option<&'a Fragment>,
-    /// Its primitives and instances.
+    /// Primitives and instances.
     pub primitives: &'a [Primitive],
-    /// What it discards.
+    /// Discarded outputs.
     pub discard: &'a [Reference],
     members: HashMap<&'a str, &'a Primitive>,
     inputs: HashMap<&'a str, &'a FragmentInput>,
 }
 
-/// Where a name leads.
-pub enum Target<'a> {
-    /// To an input of the fragment.
+/// The target of a reference.
+pub enum ReferenceTarget<'a> {
+    /// An input of the fragment.
     Input(&'a FragmentInput),
-    /// To an output of an instance.
+    /// An output of an instance.
     Instance(&'a Primitive, &'a FragmentOutput),
-    /// To a primitive, or nowhere, which is found out in the flat net.
+    /// A primitive. Whether it exists is checked by the resolver, on the expanded net.
     Primitive,
-    /// Nowhere, which is reported here.
+    /// Unresolved, which is reported here.
     Refused,
 }
 
@@ -47,13 +48,13 @@ pub struct Bodies<'a> {
     /// The net.
     pub net: Body<'a>,
     fragments: Vec<(Body<'a>, &'a Fragment)>,
-    /// The first so many are the net's own.
+    /// Number of fragments that the net defines itself; they come first.
     own: usize,
     by_name: HashMap<&'a str, usize>,
-    /// By fragment: whether it contains itself.
+    /// Whether a fragment contains itself, by fragment.
     recursive: Vec<bool>,
-    /// By fragment: its outputs that show nothing.
-    bad: HashSet<(usize, &'a str)>,
+    /// Outputs that do not resolve: index of the fragment and name.
+    unresolved_outputs: HashSet<(usize, &'a str)>,
 }
 
 impl<'a> Body<'a> {
@@ -78,7 +79,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Every reference but those of `discard`.
+    /// Returns all references except those of `discard`.
     fn references(&self) -> impl Iterator<Item = &'a Reference> {
         let inputs = self.primitives.iter().flat_map(|primitive| {
             let inputs = primitive.inputs.iter().map(|(_, source)| source);
@@ -98,7 +99,7 @@ impl<'a> Body<'a> {
 }
 
 impl<'a> Bodies<'a> {
-    /// Of a net and the fragments of its libraries; of fragments with one name the first one counts.
+    /// Collects a net and the fragments of its libraries. Of several fragments with one name, the first is used.
     pub fn of(net: &'a Net, library: &'a [Fragment], faults: &mut Vec<Diagnostic>) -> Bodies<'a> {
         let mut by_name = HashMap::new();
         let mut fragments = Vec::new();
@@ -120,18 +121,18 @@ impl<'a> Bodies<'a> {
             fragments,
             own: net.fragments.len(),
             by_name,
-            bad: HashSet::new(),
+            unresolved_outputs: HashSet::new(),
         };
         bodies.find_recursion(faults);
-        bodies.find_bad_outputs();
+        bodies.find_unresolved_outputs();
         bodies
     }
 
-    /// The fragments that each fragment contains.
+    /// Finds fragments that contain themselves.
     fn find_recursion(&mut self, faults: &mut Vec<Diagnostic>) {
         let contained = self.fragments.iter().map(|(body, _)| {
             let instances = body.primitives.iter();
-            let instances = instances.filter(|primitive| primitive.kind == Kind::Fragment);
+            let instances = instances.filter(|primitive| primitive.kind == PrimitiveKind::Fragment);
             let numbers = instances.filter_map(|it| self.by_name.get(it.type_name.name.as_str()));
             numbers.copied().collect()
         });
@@ -141,7 +142,7 @@ impl<'a> Bodies<'a> {
                 self.recursive[*number] = true;
             }
             let mut circle = circle(&contained, &component);
-            // In the direction from what contains to what is contained.
+            // From the containing fragment to the contained one.
             circle.reverse();
             circle.extend(circle.first().copied());
             let names = circle.iter().map(|number| {
@@ -158,34 +159,32 @@ impl<'a> Bodies<'a> {
         }
     }
 
-    /// Outputs that lead nowhere: told in the fragment, and not again where they are read.
-    fn find_bad_outputs(&mut self) {
+    /// Finds outputs that do not resolve. They are reported in the fragment and not again where they are read.
+    fn find_unresolved_outputs(&mut self) {
         let mut bad = HashSet::new();
         for (number, (body, fragment)) in self.fragments.iter().enumerate() {
             for FragmentOutput { name, from, .. } in &fragment.outputs {
                 let good = match self.target(body, from) {
-                    Target::Primitive => {
-                        body.members
-                            .get(from.primitive.as_str())
-                            .is_some_and(|primitive| {
-                                let entry = primitives::find(&primitive.type_name.name);
-                                entry.is_none_or(|(_, entry)| {
-                                    entry.spec.output(&from.port).is_some()
-                                })
-                            })
-                    }
-                    Target::Instance(..) => true,
-                    Target::Input(_) | Target::Refused => false,
+                    ReferenceTarget::Primitive => body
+                        .members
+                        .get(from.primitive.as_str())
+                        .is_some_and(|primitive| {
+                            let entry = primitives::find(&primitive.type_name.name);
+                            entry.is_none_or(|(_, entry)| entry.spec.output(&from.port).is_some())
+                        }),
+                    ReferenceTarget::Instance(..) => true,
+                    ReferenceTarget::Input(_) | ReferenceTarget::Refused => false,
                 };
                 if !good {
                     bad.insert((number, name.name.as_str()));
                 }
             }
         }
-        self.bad = bad;
+        self.unresolved_outputs = bad;
     }
 
-    /// The fragment of an instance with its body; `None`: there is none, or it contains itself, which is reported.
+    /// Returns the fragment of an instance and its body, or `None` if it does not exist or contains itself, which is
+    /// reported.
     pub fn body_of(&self, instance: &Primitive) -> Option<(&Body<'a>, &'a Fragment)> {
         let number = *self.by_name.get(instance.type_name.name.as_str())?;
         let (body, fragment) = &self.fragments[number];
@@ -197,30 +196,36 @@ impl<'a> Bodies<'a> {
         Some((number, self.fragments[number].1))
     }
 
-    /// Where a reference in a body leads.
-    pub fn target<'b>(&'b self, body: &'b Body<'a>, reference: &Reference) -> Target<'a> {
+    /// Resolves a reference in a body.
+    pub fn target<'b>(&'b self, body: &'b Body<'a>, reference: &Reference) -> ReferenceTarget<'a> {
         let Reference {
             primitive, port, ..
         } = reference;
         let is_input = body.inputs.get(primitive.as_str());
         match (body.members.get(primitive.as_str()), is_input) {
-            (_, Some(input)) if port.is_empty() => Target::Input(input),
-            (Some(primitive), _) if primitive.kind == Kind::Type => Target::Primitive,
+            (_, Some(input)) if port.is_empty() => ReferenceTarget::Input(input),
+            (Some(primitive), _) if primitive.kind == PrimitiveKind::Type => {
+                ReferenceTarget::Primitive
+            }
             (Some(instance), _) => {
                 let output = self.fragment_of(instance).and_then(|(number, fragment)| {
                     let mut outputs = fragment.outputs.iter();
                     let output = outputs.find(|output| output.name.name == *port)?;
-                    let is_bad = self.bad.contains(&(number, port.as_str()));
+                    let is_bad = self.unresolved_outputs.contains(&(number, port.as_str()));
                     (!is_bad).then_some(output)
                 });
-                output.map_or(Target::Refused, |output| Target::Instance(instance, output))
+                output.map_or(ReferenceTarget::Refused, |output| {
+                    ReferenceTarget::Instance(instance, output)
+                })
             }
-            (None, None) if !port.is_empty() || body.fragment.is_none() => Target::Primitive,
-            (None, _) => Target::Refused,
+            (None, None) if !port.is_empty() || body.fragment.is_none() => {
+                ReferenceTarget::Primitive
+            }
+            (None, _) => ReferenceTarget::Refused,
         }
     }
 
-    /// Reports everything that is wrong with the net and its fragments as they are written.
+    /// Reports everything that is wrong in the net and its fragments as they are written.
     pub fn check(&self, faults: &mut Vec<Diagnostic>) {
         let fragments = self.fragments.iter().map(|(body, _)| body);
         for body in std::iter::once(&self.net).chain(fragments) {
@@ -238,7 +243,7 @@ impl<'a> Bodies<'a> {
     fn references_lead_somewhere(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
         let outputs = body.fragment.map_or(&[][..], |fragment| &fragment.outputs);
         for FragmentOutput { name, from, .. } in outputs {
-            if let Target::Input(input) = self.target(body, from) {
+            if let ReferenceTarget::Input(input) = self.target(body, from) {
                 let message = format!(
                     "the output `{}` is the input `{}`: an output comes from a primitive of the fragment",
                     name.name, input.name.name
@@ -248,19 +253,22 @@ impl<'a> Bodies<'a> {
             }
         }
         for reference in body.references().chain(body.discard) {
-            if !matches!(self.target(body, reference), Target::Refused) {
+            if !matches!(self.target(body, reference), ReferenceTarget::Refused) {
                 continue;
             }
             let id = reference.primitive.as_str();
             let Some(instance) = body.members.get(id) else {
-                faults.push(no_input(body, reference));
+                faults.push(unknown_input(body, reference));
                 continue;
             };
-            // An instance of no fragment is reported itself, and an output that leads nowhere in its fragment.
+            // An unknown fragment is reported at the instance, an unresolved output in its fragment.
             let Some((number, fragment)) = self.fragment_of(instance) else {
                 continue;
             };
-            if self.bad.contains(&(number, reference.port.as_str())) {
+            if self
+                .unresolved_outputs
+                .contains(&(number, reference.port.as_str()))
+            {
                 continue;
             }
             let name = &fragment.name.name;
@@ -283,7 +291,7 @@ impl<'a> Bodies<'a> {
 
     fn instances_fit_their_fragments(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
         let instances = body.primitives.iter();
-        for instance in instances.filter(|primitive| primitive.kind == Kind::Fragment) {
+        for instance in instances.filter(|primitive| primitive.kind == PrimitiveKind::Fragment) {
             let (id, of) = (&instance.id.name, &instance.type_name);
             let Some((_, fragment)) = self.fragment_of(instance) else {
                 let names = self.fragments.iter().map(|(_, fragment)| &fragment.name);
@@ -299,8 +307,8 @@ impl<'a> Bodies<'a> {
             let inputs = inputs.map(|it| (&it.name, &it.description, it.default.is_some()));
             let given = instance.parameters.iter().map(|(key, _)| key);
             let fed = instance.inputs.iter().map(|(key, _)| key);
-            fits(
-                Ports {
+            check_members(
+                InstanceMembers {
                     id,
                     of,
                     what: "parameter",
@@ -309,8 +317,8 @@ impl<'a> Bodies<'a> {
                 (given.collect(), parameters.collect()),
                 faults,
             );
-            fits(
-                Ports {
+            check_members(
+                InstanceMembers {
                     id,
                     of,
                     what: "input",
@@ -328,7 +336,7 @@ impl<'a> Bodies<'a> {
         let read: HashSet<(&str, &str)> = body.references().map(names).collect();
         let mut discarded = HashSet::new();
         for reference in body.discard {
-            let Target::Instance(..) = self.target(body, reference) else {
+            let ReferenceTarget::Instance(..) = self.target(body, reference) else {
                 continue;
             };
             let twice = !discarded.insert(names(reference));
@@ -351,7 +359,7 @@ impl<'a> Bodies<'a> {
         for instance in body
             .primitives
             .iter()
-            .filter(|it| it.kind == Kind::Fragment)
+            .filter(|it| it.kind == PrimitiveKind::Fragment)
         {
             let Some((number, fragment)) = self.fragment_of(instance) else {
                 continue;
@@ -362,8 +370,8 @@ impl<'a> Bodies<'a> {
                 .iter()
                 .map(|output| output.name.name.as_str());
             let forgotten = outputs
-                .filter(|output| !self.bad.contains(&(number, *output)))
-                .filter(|output| !self.bad.contains(&(number, *output)))
+                .filter(|output| !self.unresolved_outputs.contains(&(number, *output)))
+                .filter(|output| !self.unresolved_outputs.contains(&(number, *output)))
                 .filter(|output| {
                     !read.contains(&(id, *output)) && !discarded.contains(&(id, *output))
                 })
@@ -386,7 +394,7 @@ impl<'a> Bodies<'a> {
         let fragments = self.fragments.iter().map(|(body, _)| body);
         let all = std::iter::once(&self.net).chain(fragments);
         let instances = all.flat_map(|body| body.primitives);
-        let instances = instances.filter(|primitive| primitive.kind == Kind::Fragment);
+        let instances = instances.filter(|primitive| primitive.kind == PrimitiveKind::Fragment);
         let used: HashSet<&str> = instances.map(|it| it.type_name.name.as_str()).collect();
         for (_, fragment) in self.fragments.iter().take(self.own) {
             let name = &fragment.name;
@@ -402,8 +410,8 @@ impl<'a> Bodies<'a> {
     }
 }
 
-/// What of an instance is compared with its fragment.
-struct Ports<'a> {
+/// The kind of member that `check_members` compares: parameters or inputs of an instance.
+struct InstanceMembers<'a> {
     id: &'a str,
     of: &'a Key,
     what: &'static str,
@@ -411,14 +419,14 @@ struct Ports<'a> {
 }
 
 /// A port or parameter of a fragment: its name, its description, and whether it has a default.
-type Known<'a> = (&'a Key, &'a String, bool);
+type DeclaredMember<'a> = (&'a Key, &'a String, bool);
 
-fn fits(
-    ports: Ports<'_>,
-    (given, known): (Vec<&Key>, Vec<Known<'_>>),
+fn check_members(
+    ports: InstanceMembers<'_>,
+    (given, known): (Vec<&Key>, Vec<DeclaredMember<'_>>),
     faults: &mut Vec<Diagnostic>,
 ) {
-    let Ports {
+    let InstanceMembers {
         id,
         of,
         what,
@@ -462,8 +470,8 @@ fn fits(
     }
 }
 
-/// A word without a port is no input of the fragment, or an input is named with a port.
-fn no_input(body: &Body<'_>, reference: &Reference) -> Diagnostic {
+/// Reports a reference without a port that is not an input of the fragment, or an input referred to with a port.
+fn unknown_input(body: &Body<'_>, reference: &Reference) -> Diagnostic {
     let Reference {
         primitive, port, ..
     } = reference;
@@ -559,9 +567,9 @@ fn not_used(body: &Body<'_>, what: &str, name: &Key) -> Diagnostic {
     Diagnostic::error(fault::NOT_USED, name.span, message)
 }
 
-/// `did you mean …?`, or what there is.
+/// Returns `did you mean …?`, or the known names.
 fn nearest<'n>(name: &str, what: &str, known: impl Iterator<Item = &'n Key> + Clone) -> String {
-    // A text may have a hundred thousand names, and as many that are wrong.
+    // Limited, because a text may have a hundred thousand names and as many typing errors.
     let known = known.map(|key| key.name.as_str()).take(COMPARED_MAX);
     match closest(name, known.clone()) {
         Some(near) => format!("did you mean `{near}`?"),

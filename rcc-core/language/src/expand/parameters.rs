@@ -1,5 +1,5 @@
-//! `$parameters`: what an instance sets, put where the fragment names it.
-//! The loader's threads.
+//! `$parameters`: substitutes the values that an instance sets into the constants of its fragment. Runs on the loader's
+//! threads.
 
 use std::collections::HashMap;
 
@@ -8,9 +8,9 @@ use rcc_config::yaml::{Entry, Key, Node, Value};
 use rcc_core::types::Type;
 
 use crate::fault;
-use crate::sources::Shift;
+use crate::source_map::SpanShift;
 use crate::syntax::fragment::{Fragment, FragmentParameter};
-use crate::syntax::literal::{self, Literal, Shape};
+use crate::syntax::literal::{self, Literal, LiteralShape};
 use crate::syntax::{Primitive, Timing};
 
 /// The values of the parameters of an instance, by name.
@@ -20,36 +20,43 @@ pub struct Parameters<'a> {
 }
 
 impl<'a> Parameters<'a> {
-    /// What an instance sets, and the defaults of what it does not; what does not fit is reported and refused.
+    /// Binds the values that an instance sets, and the defaults of the others. A value of the wrong type or unit is
+    /// reported and refused.
     pub fn bind(
         fragment: &'a Fragment,
         mut given: HashMap<&str, Literal>,
-        shift: Shift,
+        shift: SpanShift,
         faults: &mut Vec<Diagnostic>,
     ) -> Parameters<'a> {
         let mut values = HashMap::new();
         for parameter in &fragment.parameters {
             let name = parameter.name.name.as_str();
             let default = || Some(shift.literal(parameter.default.as_ref()?));
-            // What is missing is reported where the fragment is used.
+            // A missing parameter is reported where the fragment is used.
             let Some(mut value) = given.remove(name).or_else(default) else {
                 continue;
             };
             if let Err(fault) = fit(fragment, parameter, &mut value) {
                 faults.push(*fault);
-                value.shape = Shape::Refused;
+                value.shape = LiteralShape::Refused;
             }
             values.insert(name, value);
         }
         Parameters { values }
     }
 
-    /// A constant of the fragment with these values in it. Alone, a parameter keeps the place where it was set.
-    pub fn fill(&self, constant: &Literal, shift: Shift, faults: &mut Vec<Diagnostic>) -> Literal {
-        let Shape::Open(node) = &constant.shape else {
+    /// Substitutes the parameters in a constant of the fragment. A constant that is nothing but a parameter keeps the
+    /// span of the value that the instance sets.
+    pub fn fill(
+        &self,
+        constant: &Literal,
+        shift: SpanShift,
+        faults: &mut Vec<Diagnostic>,
+    ) -> Literal {
+        let LiteralShape::Parameterised(node) = &constant.shape else {
             return shift.literal(constant);
         };
-        let refused = Literal::new(Shape::Refused, shift.span(constant.span));
+        let refused = Literal::new(LiteralShape::Refused, shift.span(constant.span));
         if let Some(name) = name_of(node) {
             return self.values.get(name).cloned().unwrap_or(refused);
         }
@@ -77,12 +84,12 @@ impl<'a> Parameters<'a> {
     }
 }
 
-/// `gain` of `$gain`.
+/// Returns `gain` for `$gain`.
 fn name_of(node: &Node) -> Option<&str> {
     node.text()?.strip_prefix('$')
 }
 
-/// A constant as it would be written; `None`: it was refused.
+/// Returns the node that a constant would be read from; `None` if the constant was refused.
 fn value_of(literal: &Literal, span: Span) -> Option<Value> {
     let number = |value: &f64| Node {
         value: Value::Real(*value),
@@ -99,17 +106,17 @@ fn value_of(literal: &Literal, span: Span) -> Option<Value> {
         },
     };
     Some(match &literal.shape {
-        Shape::Null => Value::Null,
-        Shape::Bool(value) => Value::Bool(*value),
-        Shape::Int(value) => Value::Int(*value),
-        Shape::Real(value, None) => Value::Real(*value),
-        Shape::Real(value, Some(unit)) => Value::Text(format!("{value} {unit}")),
-        Shape::Text(text) => Value::Text(text.clone()),
-        Shape::Rotation(quat) => Value::Map(vec![entry("quat", quat)]),
-        Shape::Pose([x, y, z, quat @ ..]) => {
+        LiteralShape::Null => Value::Null,
+        LiteralShape::Bool(value) => Value::Bool(*value),
+        LiteralShape::Int(value) => Value::Int(*value),
+        LiteralShape::Real(value, None) => Value::Real(*value),
+        LiteralShape::Real(value, Some(unit)) => Value::Text(format!("{value} {unit}")),
+        LiteralShape::Text(text) => Value::Text(text.clone()),
+        LiteralShape::Rotation(quat) => Value::Map(vec![entry("quat", quat)]),
+        LiteralShape::Pose([x, y, z, quat @ ..]) => {
             Value::Map(vec![entry("xyz", &[*x, *y, *z]), entry("quat", quat)])
         }
-        Shape::List(elements) => {
+        LiteralShape::List(elements) => {
             let nodes = elements.iter().map(|element| {
                 let value = value_of(element, span)?;
                 Some(Node { value, span })
@@ -120,7 +127,7 @@ fn value_of(literal: &Literal, span: Span) -> Option<Value> {
     })
 }
 
-/// A value is of the parameter's type and unit; a bare number gets the unit.
+/// Checks a value against the type and unit of the parameter; a bare number takes the unit.
 fn fit(
     fragment: &Fragment,
     parameter: &FragmentParameter,
@@ -135,7 +142,7 @@ fn fit(
     }
     if let Some((ty, _)) = parameter.ty {
         let fits = match ty {
-            Type::Text => matches!(value.shape, Shape::Text(_)),
+            Type::Text => matches!(value.shape, LiteralShape::Text(_)),
             ty => value.stored(ty).is_some(),
         };
         if !fits {
@@ -153,17 +160,17 @@ fn fit(
         return Err(Box::new(fault.help_if(said(&parameter.description))));
     }
     if let Some(number) = value.number() {
-        *value = Literal::new(Shape::Real(number, Some(unit)), value.span);
+        *value = Literal::new(LiteralShape::Real(number, Some(unit)), value.span);
     }
     Ok(())
 }
 
-/// A description as a remedy.
+/// Returns a description as help text; `None` if it is empty.
 fn said(description: &str) -> Option<String> {
     (!description.is_empty()).then(|| description.to_owned())
 }
 
-/// All constants of a primitive.
+/// Returns all constants of a primitive.
 pub fn constants(primitive: &Primitive) -> impl Iterator<Item = &Literal> {
     let parameters = primitive.parameters.iter().map(|(_, literal)| literal);
     let inputs = primitive.inputs.iter().map(|(_, source)| source);
@@ -172,15 +179,15 @@ pub fn constants(primitive: &Primitive) -> impl Iterator<Item = &Literal> {
     parameters.chain(sources)
 }
 
-/// True if a primitive has constants with parameters in them.
+/// Returns true if a constant of the primitive contains parameters.
 pub fn any_in(primitive: &Primitive) -> bool {
     let mut constants = constants(primitive);
-    constants.any(|literal| matches!(literal.shape, Shape::Open(_)))
+    constants.any(|literal| matches!(literal.shape, LiteralShape::Parameterised(_)))
 }
 
-/// The parameters that a constant names, with their places.
+/// Collects the parameters that a constant refers to, with their spans.
 pub fn named_in<'n>(literal: &'n Literal, names: &mut Vec<(&'n str, Span)>) {
-    if let Shape::Open(node) = &literal.shape {
+    if let LiteralShape::Parameterised(node) = &literal.shape {
         named_in_node(node, names);
     }
 }
@@ -197,13 +204,13 @@ fn named_in_node<'n>(node: &'n Node, names: &mut Vec<(&'n str, Span)>) {
     }
 }
 
-/// A fault: there is no such parameter here.
+/// Returns the diagnostic of an unknown parameter.
 pub fn unknown(name: &str, span: Span, help: String) -> Diagnostic {
     let message = format!("`${name}` is no parameter of a fragment around it");
     Diagnostic::error(fault::NO_SUCH_PARAMETER, span, message).help(help)
 }
 
-/// The period of a net is no parameter of a fragment.
+/// Refuses parameters in `period`, `rate` and `phase`: a net has no parameters.
 pub fn refuse_in_timing(timing: &mut Timing, faults: &mut Vec<Diagnostic>) {
     for place in [&mut timing.period, &mut timing.rate, &mut timing.phase] {
         let mut names = Vec::new();

@@ -1,33 +1,33 @@
-//! The arenas of a plan while they grow: variables one after the other, equal constants once.
-//! The loader's threads.
+//! Builds the initial arenas of a plan: variables in the order of allocation, equal constants once. Runs on the
+//! loader's threads.
 
 use std::collections::HashMap;
 
 use rcc_core::types::Store;
 
-use super::Slot;
-use crate::syntax::literal::Stored;
+use super::SlotRange;
+use crate::syntax::literal::StoredValue;
 
 /// The initial arenas.
 #[derive(Debug, Default)]
-pub struct Arena {
-    /// `Real` and composites.
+pub struct ArenaBuilder {
+    /// Arena of `Real` and composites.
     pub reals: Vec<f64>,
-    /// `Bool`.
+    /// Arena of `Bool`.
     pub bools: Vec<u8>,
-    /// `Int`.
+    /// Arena of `Int`.
     pub ints: Vec<i64>,
-    constants: HashMap<Bits, Slot>,
+    constants: HashMap<ValueBits, SlotRange>,
 }
 
-/// A value by its bits: those that are equal here are the same in a cycle.
+/// A value by its bits: values that are equal here are interchangeable in a cycle.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Bits {
-    /// One number.
+pub enum ValueBits {
+    /// A number.
     Real(u64),
-    /// One truth value.
+    /// A truth value.
     Bool(u8),
-    /// One whole number.
+    /// A whole number.
     Int(i64),
     /// A composite or an array of numbers.
     Reals(Vec<u64>),
@@ -37,57 +37,61 @@ pub enum Bits {
     Ints(Vec<i64>),
 }
 
-impl Bits {
-    /// Of a value.
-    pub fn of(value: &Stored) -> Bits {
+impl ValueBits {
+    /// Returns the bits of a value.
+    pub fn of(value: &StoredValue) -> ValueBits {
         match value {
-            Stored::Reals(values) => match values[..] {
-                [value] => Bits::Real(value.to_bits()),
-                _ => Bits::Reals(values.iter().map(|value| value.to_bits()).collect()),
+            StoredValue::Reals(values) => match values[..] {
+                [value] => ValueBits::Real(value.to_bits()),
+                _ => ValueBits::Reals(values.iter().map(|value| value.to_bits()).collect()),
             },
-            Stored::Bools(values) => match values[..] {
-                [value] => Bits::Bool(value),
-                _ => Bits::Bools(values.clone()),
+            StoredValue::Bools(values) => match values[..] {
+                [value] => ValueBits::Bool(value),
+                _ => ValueBits::Bools(values.clone()),
             },
-            Stored::Ints(values) => match values[..] {
-                [value] => Bits::Int(value),
-                _ => Bits::Ints(values.clone()),
+            StoredValue::Ints(values) => match values[..] {
+                [value] => ValueBits::Int(value),
+                _ => ValueBits::Ints(values.clone()),
             },
         }
     }
 
-    /// The value.
-    pub fn stored(&self) -> Stored {
+    /// Returns the value.
+    pub fn stored(&self) -> StoredValue {
         let real = |bits: &u64| f64::from_bits(*bits);
         match self {
-            Bits::Real(bits) => Stored::Reals(vec![real(bits)]),
-            Bits::Bool(value) => Stored::Bools(vec![*value]),
-            Bits::Int(value) => Stored::Ints(vec![*value]),
-            Bits::Reals(bits) => Stored::Reals(bits.iter().map(real).collect()),
-            Bits::Bools(values) => Stored::Bools(values.clone()),
-            Bits::Ints(values) => Stored::Ints(values.clone()),
+            ValueBits::Real(bits) => StoredValue::Reals(vec![real(bits)]),
+            ValueBits::Bool(value) => StoredValue::Bools(vec![*value]),
+            ValueBits::Int(value) => StoredValue::Ints(vec![*value]),
+            ValueBits::Reals(bits) => StoredValue::Reals(bits.iter().map(real).collect()),
+            ValueBits::Bools(values) => StoredValue::Bools(values.clone()),
+            ValueBits::Ints(values) => StoredValue::Ints(values.clone()),
         }
     }
 }
 
-impl Arena {
-    /// New slots that begin with these values.
-    pub fn variable(&mut self, initial: &Stored) -> Slot {
+impl ArenaBuilder {
+    /// Allocates slots with these initial values.
+    pub fn variable(&mut self, initial: &StoredValue) -> SlotRange {
         let (store, slot, width) = match initial {
-            Stored::Reals(values) => (Store::Real, extend(&mut self.reals, values), values.len()),
-            Stored::Bools(values) => (Store::Bool, extend(&mut self.bools, values), values.len()),
-            Stored::Ints(values) => (Store::Int, extend(&mut self.ints, values), values.len()),
+            StoredValue::Reals(values) => {
+                (Store::Real, extend(&mut self.reals, values), values.len())
+            }
+            StoredValue::Bools(values) => {
+                (Store::Bool, extend(&mut self.bools, values), values.len())
+            }
+            StoredValue::Ints(values) => (Store::Int, extend(&mut self.ints, values), values.len()),
         };
-        Slot {
+        SlotRange {
             store,
             slot,
             width: width as u32,
         }
     }
 
-    /// Slots that nobody writes; equal constants share them.
-    pub fn constant(&mut self, value: &Stored) -> Slot {
-        let key = Bits::of(value);
+    /// Returns slots that nothing writes; equal constants share them.
+    pub fn constant(&mut self, value: &StoredValue) -> SlotRange {
+        let key = ValueBits::of(value);
         if let Some(slot) = self.constants.get(&key) {
             return *slot;
         }
@@ -96,17 +100,17 @@ impl Arena {
         slot
     }
 
-    /// Changes the initial values from a slot on, in the arena of the value.
-    pub fn write(&mut self, slot: u32, value: &Stored) {
+    /// Overwrites the initial values from a slot on, in the arena of the value.
+    pub fn write(&mut self, slot: u32, value: &StoredValue) {
         match value {
-            Stored::Reals(values) => write(&mut self.reals, slot, values),
-            Stored::Bools(values) => write(&mut self.bools, slot, values),
-            Stored::Ints(values) => write(&mut self.ints, slot, values),
+            StoredValue::Reals(values) => write(&mut self.reals, slot, values),
+            StoredValue::Bools(values) => write(&mut self.bools, slot, values),
+            StoredValue::Ints(values) => write(&mut self.ints, slot, values),
         }
     }
 
-    /// Gives the slots from `to` on the initial values of others.
-    pub fn repeat(&mut self, from: Slot, to: u32) {
+    /// Copies the initial values of `from` to the slots from `to` on.
+    pub fn repeat(&mut self, from: SlotRange, to: u32) {
         let range = from.slot as usize..(from.slot + from.width) as usize;
         match from.store {
             Store::Real => repeat(&mut self.reals, range, to),
@@ -115,8 +119,8 @@ impl Arena {
         }
     }
 
-    /// The first of `count` new slots that begin with the first value of `one`.
-    pub fn repeated(&mut self, one: &Stored, count: u32) -> u32 {
+    /// Allocates `count` copies of the value, and returns the first slot.
+    pub fn repeated(&mut self, one: &StoredValue, count: u32) -> u32 {
         (0..count)
             .map(|_| self.variable(one).slot)
             .min()
@@ -136,7 +140,7 @@ fn repeat<T: Copy>(arena: &mut [T], range: std::ops::Range<usize>, to: u32) {
 }
 
 fn extend<T: Copy>(arena: &mut Vec<T>, values: &[T]) -> u32 {
-    // The plan's limit of 2^20 slots is checked in the end; a text of 4 MiB cannot ask for 2^32.
+    // The limit of 2^20 slots is checked at the end; a text of 4 MiB cannot ask for 2^32.
     let slot = arena.len() as u32;
     arena.extend_from_slice(values);
     slot

@@ -1,29 +1,29 @@
-//! The values that delayed links carry: each source is copied once, and neighbours together.
-//! The loader's threads.
+//! The values that delayed links carry: each source is copied once, and adjacent ranges together. Runs on the loader's
+//! threads.
 
 use std::collections::BTreeMap;
 
 use rcc_core::plan::Delay;
 
-use super::Slot;
-use super::arena::Bits;
+use super::SlotRange;
+use super::arena::ValueBits;
 
-/// What makes two delayed links the same; in the order of the sources.
+/// Identifies the copy that delayed links share; ordered by source.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct CopyKey {
-    /// Which arena.
+pub struct DelayKey {
+    /// Number of the arena.
     pub store: u8,
-    /// First element of the source.
+    /// First slot of the source.
     pub from: u32,
-    /// The first value; its length is the width.
-    pub initial: Bits,
+    /// Initial value; its length is the width.
+    pub initial: ValueBits,
 }
 
-/// Where the copies are.
-pub type Copies = BTreeMap<CopyKey, Slot>;
+/// Slots of the copies.
+pub type DelayCopies = BTreeMap<DelayKey, SlotRange>;
 
-/// The fewest copies that move every value: two of neighbours whose copies are neighbours too are one.
-pub fn ranges(copies: &Copies) -> Vec<Delay> {
+/// Returns the fewest copies that move every value: adjacent sources with adjacent copies are merged.
+pub fn ranges(copies: &DelayCopies) -> Vec<Delay> {
     let mut ranges: Vec<Delay> = Vec::new();
     for (key, copy) in copies {
         match ranges.last_mut() {
@@ -49,19 +49,19 @@ pub fn ranges(copies: &Copies) -> Vec<Delay> {
 mod tests {
     use rcc_core::types::Store;
 
-    use super::super::arena::Arena;
+    use super::super::arena::ArenaBuilder;
     use super::*;
-    use crate::syntax::literal::Stored;
+    use crate::syntax::literal::StoredValue;
 
     #[test]
     fn neighbours_are_copied_together() {
-        let (mut arena, mut copies) = (Arena::default(), Copies::new());
+        let (mut arena, mut copies) = (ArenaBuilder::default(), DelayCopies::new());
         for (from, initial) in [(3, 0.0), (4, 1.0), (6, 0.0)] {
-            let initial = Stored::Reals(vec![initial]);
-            let key = CopyKey {
+            let initial = StoredValue::Reals(vec![initial]);
+            let key = DelayKey {
                 store: Store::Real as u8,
                 from,
-                initial: Bits::of(&initial),
+                initial: ValueBits::of(&initial),
             };
             copies.insert(key, arena.variable(&initial));
         }

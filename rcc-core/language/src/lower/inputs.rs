@@ -1,21 +1,21 @@
-//! Values that come from outside: where the executor writes them, when they expire and within which bounds; and values for
-//! other nets. The loader's threads.
+//! Values that are set from outside: their slots, expiry and bounds; and values that are published for other nets. Runs
+//! on the loader's threads.
 
 use rcc_core::plan::{InputPoint, PublishPoint};
 use rcc_core::primitive::{Port, Role};
 use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Type};
 
-use super::{Lowering, Slot};
+use super::{Lowering, SlotRange};
 use crate::names::port_names;
-use crate::resolve::Item;
-use crate::syntax::literal::{Literal, Shape, Stored};
+use crate::resolve::ResolvedPrimitive;
+use crate::syntax::literal::{Literal, LiteralShape, StoredValue};
 
-/// So far a number of evaluations may be from a whole one and still be meant as it: times are written in decimals.
+/// Tolerance within which a number of evaluations counts as whole: times are written in decimals.
 const ROUNDING: f64 = 1e-6;
 
 impl Lowering<'_> {
-    /// By `Input` primitive, in the order of the text.
+    /// Returns the inputs, by `Input` or `Subscribe` primitive in the order of the text.
     pub(super) fn inputs(&mut self) -> Vec<InputPoint> {
         let items = 0..self.net.graph.items.len();
         items.filter_map(|number| self.input(number)).collect()
@@ -31,7 +31,7 @@ impl Lowering<'_> {
         }
         let (value, age) = (*value, age.slot);
         let ty = self.port_type(number, item.spec().outputs.first()?);
-        let since = self.arena.variable(&Stored::Ints(vec![NULL_INT])).slot;
+        let since = self.arena.variable(&StoredValue::Ints(vec![NULL_INT])).slot;
         Some(InputPoint {
             store: value.store,
             slot: value.slot,
@@ -45,11 +45,11 @@ impl Lowering<'_> {
         })
     }
 
-    /// By `Publish` primitive, in the order of the topics' keys.
+    /// Returns the published values, by `Publish` primitive in the order of the topics' keys.
     pub(super) fn publishes(&self) -> Vec<PublishPoint> {
         let items = self.net.graph.items.iter().enumerate();
         let items = items.filter(|(_, item)| item.spec().role == Role::Publish);
-        let point = |(number, item): (usize, &Item<'_>)| {
+        let point = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
             let slot = *self.slots.get(number)?.outputs.first()?;
             Some(PublishPoint {
                 topic: self.topic(number, item.spec().outputs.first()?, slot)?,
@@ -63,32 +63,32 @@ impl Lowering<'_> {
         points
     }
 
-    fn topic(&self, number: usize, port: &Port, slot: Slot) -> Option<Topic> {
+    fn topic(&self, number: usize, port: &Port, slot: SlotRange) -> Option<Topic> {
         let topic = self.item(number).topic()?;
         let names = port_names(self.net, number, port, slot);
         let unit = names.unit.unwrap_or_default();
         Some(Topic::new(topic, &names.type_name, &unit))
     }
 
-    /// Evaluations after which a value is null; 0 = never.
-    fn expires(&self, item: &Item<'_>) -> u32 {
+    /// Returns the number of evaluations after which the value becomes null; 0 for never.
+    fn expires(&self, item: &ResolvedPrimitive<'_>) -> u32 {
         let seconds = given(item, "expires").and_then(Literal::number);
         seconds.map_or(0, |seconds| {
             let evaluations = seconds * self.net.graph.evaluations_hz();
-            // A cast of what is larger gives the largest number: years.
+            // The cast saturates at the largest number, which is years.
             (evaluations - ROUNDING).ceil().max(1.0) as u32
         })
     }
 
-    fn bound(&mut self, item: &Item<'_>, name: &str, ty: Type) -> Option<Slot> {
+    fn bound(&mut self, item: &ResolvedPrimitive<'_>, name: &str, ty: Type) -> Option<SlotRange> {
         let stored = given(item, name)?.stored(ty)?;
         Some(self.arena.constant(&stored))
     }
 }
 
-/// A parameter that is given and not null.
-pub(crate) fn given<'a>(item: &Item<'a>, name: &str) -> Option<&'a Literal> {
+/// Returns a parameter that is given and not null.
+pub(crate) fn given<'a>(item: &ResolvedPrimitive<'a>, name: &str) -> Option<&'a Literal> {
     let mut rows = item.spec().parameters.iter().zip(&item.parameters);
     let (_, literal) = rows.find(|(parameter, _)| parameter.name == name)?;
-    literal.filter(|literal| literal.shape != Shape::Null)
+    literal.filter(|literal| literal.shape != LiteralShape::Null)
 }

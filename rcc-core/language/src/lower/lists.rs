@@ -1,77 +1,84 @@
-//! Lists of links: their elements must lie side by side. An output that only one list wants is computed right there;
-//! a constant lies there from the beginning; a delayed link ends there; what is left is copied before the reader runs.
-//! The loader's threads.
+//! Lists of links, whose elements must be adjacent in memory. An output that a list reads is computed directly in the
+//! list, unless another list has claimed it; a constant is part of the initial values; a delayed link is copied there;
+//! everything else is copied before the reader runs. Runs on the loader's threads.
 
 use std::collections::BTreeMap;
 
-use rcc_core::plan::{Delay, Run};
+use rcc_core::plan::{Delay, KernelRun};
 use rcc_core::primitive::{PortType, Role};
 use rcc_core::primitives;
 use rcc_core::types::Type;
 
-use super::{Lowering, Slot};
-use crate::resolve::{Leaf, List, Output, Wire};
-use crate::syntax::literal::Stored;
-use crate::syntax::part::Place;
+use super::{Lowering, SlotRange};
+use crate::resolve::{ListElement, OutputId, ResolvedLink, ResolvedList};
+use crate::syntax::literal::StoredValue;
+use crate::syntax::part::ListPosition;
 
-/// The list that feeds an input: item and input.
-type Key = (usize, usize);
+/// A list: item and input.
+type ListKey = (usize, usize);
 
-/// Where lists are, and what moves their elements there.
+/// Slots of the lists, and the copies of their elements.
 #[derive(Default)]
-pub struct Lists {
-    /// Outputs that are computed in a list, with the element's offset.
-    claimed: BTreeMap<Output, (Key, u32)>,
-    /// Where the lists are.
-    blocks: BTreeMap<Key, Slot>,
-    /// By item: elements to be copied before it runs.
-    copies: BTreeMap<usize, Vec<Move>>,
+pub struct ListLayout {
+    /// Outputs that are computed in a list, with the offset of the element.
+    claimed: BTreeMap<OutputId, (ListKey, u32)>,
+    /// Slots of each list.
+    blocks: BTreeMap<ListKey, SlotRange>,
+    /// Elements to copy before an item runs, by item.
+    copies: BTreeMap<usize, Vec<ElementCopy>>,
     /// Delayed links that end in lists.
     pub delays: Vec<Delay>,
 }
 
-/// Elements that are copied within an arena.
+/// A copy within an arena.
 #[derive(Clone, Copy)]
-struct Move {
-    from: Slot,
+struct ElementCopy {
+    from: SlotRange,
     to: u32,
 }
 
 impl<'a> Lowering<'a> {
-    /// Decides which outputs are computed in the list that reads them.
-    pub fn claim(&mut self) {
+    /// Decides which outputs are computed in the list that reads them; the first list wins.
+    pub fn claim_list_outputs(&mut self) {
         for (number, item) in self.net.graph.items.iter().enumerate() {
             for (input, list) in item.lists() {
                 for leaf in &list.leaves {
-                    let Leaf::Wire(wire) = leaf else { continue };
-                    let constant = self.item(wire.from.item).spec().role == Role::Constant;
-                    if wire.delayed || wire.part.is_some() || constant {
+                    let ListElement::Link(link) = leaf else {
+                        continue;
+                    };
+                    let constant = self.item(link.from.item).spec().role == Role::Constant;
+                    if link.delayed || link.part.is_some() || constant {
                         continue;
                     }
-                    let (offset, _) = self.place_in(number, input, wire.place);
+                    let (offset, _) = self.place_in(number, input, link.place);
                     let claimed = &mut self.lists.claimed;
                     claimed
-                        .entry(wire.from)
+                        .entry(link.from)
                         .or_insert(((number, input), offset));
                 }
             }
         }
     }
 
-    /// The slots of an output that is computed in a list; `None` if it is not.
-    pub fn claimed(&mut self, output: Output, ty: Type, initial: &Stored) -> Option<Slot> {
+    /// Returns the slots of an output that is computed in a list; `None` if it is not.
+    pub fn claimed_slot(
+        &mut self,
+        output: OutputId,
+        ty: Type,
+        initial: &StoredValue,
+    ) -> Option<SlotRange> {
         let (key, offset) = *self.lists.claimed.get(&output)?;
         let slot = self.block(key)?.slot + offset;
         self.arena.write(slot, initial);
-        Some(Slot {
+        Some(SlotRange {
             store: initial.store(),
             slot,
             width: ty.width(),
         })
     }
 
-    /// The slots of a list.
-    fn block(&mut self, key: Key) -> Option<Slot> {
+    /// Returns the slots of a list; allocates them on first use.
+    fn block(&mut self, key: ListKey) -> Option<SlotRange> {
         if let Some(block) = self.lists.blocks.get(&key) {
             return Some(*block);
         }
@@ -82,12 +89,12 @@ impl<'a> Lowering<'a> {
             PortType::Many(length) => self.net.inferred.length(number, length)?,
             _ => 1,
         };
-        let null = Stored::null(ty);
+        let null = StoredValue::null(ty);
         let first = self.arena.variable(&null);
         (1..values).for_each(|_| {
             self.arena.variable(&null);
         });
-        let block = Slot {
+        let block = SlotRange {
             width: first.width * u32::from(values),
             ..first
         };
@@ -95,9 +102,9 @@ impl<'a> Lowering<'a> {
         Some(block)
     }
 
-    /// Offset and type of a place in the list at an input.
-    fn place_in(&self, number: usize, input: usize, place: Place) -> (u32, Type) {
-        // The check refuses lists that do not fit their inputs.
+    /// Returns offset and type of a position in the list at an input.
+    fn place_in(&self, number: usize, input: usize, place: ListPosition) -> (u32, Type) {
+        // The checks refuse lists that do not fit their inputs.
         let nothing = (0, Type::Real);
         let Some(port) = self.item(number).spec().inputs.get(input) else {
             return nothing;
@@ -109,60 +116,71 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    /// Lays a list out once all outputs have their places.
-    pub fn place_list(&mut self, number: usize, input: usize, list: &List<'a>) -> Option<Slot> {
+    /// Lays out a list after all outputs have their slots.
+    pub fn place_list(
+        &mut self,
+        number: usize,
+        input: usize,
+        list: &ResolvedList<'a>,
+    ) -> Option<SlotRange> {
         let key = (number, input);
         let block = self.block(key)?;
         for leaf in &list.leaves {
             match leaf {
-                Leaf::Literal(literal, place) => {
+                ListElement::Literal(literal, place) => {
                     let (offset, ty) = self.place_in(number, input, *place);
                     if let Some(stored) = literal.stored(ty) {
                         self.arena.write(block.slot + offset, &stored);
                     }
                 }
-                Leaf::Wire(wire) => self.place_wire(key, block, wire),
+                ListElement::Link(link) => self.place_link(key, block, link),
             }
         }
         Some(block)
     }
 
-    fn place_wire(&mut self, key: Key, block: Slot, wire: &Wire<'a>) {
-        let (offset, ty) = self.place_in(key.0, key.1, wire.place);
+    fn place_link(&mut self, key: ListKey, block: SlotRange, link: &ResolvedLink<'a>) {
+        let (offset, ty) = self.place_in(key.0, key.1, link.place);
         let to = block.slot + offset;
-        let from = self.source(wire, ty);
-        if wire.delayed {
-            let initial = wire.initial.and_then(|initial| initial.stored(ty));
-            self.arena.write(to, &initial.unwrap_or(Stored::null(ty)));
+        let from = self.source(link, ty);
+        if link.delayed {
+            let initial = link.initial.and_then(|initial| initial.stored(ty));
+            self.arena
+                .write(to, &initial.unwrap_or(StoredValue::null(ty)));
             self.lists.delay(from, to);
-        } else if self.item(wire.from.item).spec().role == Role::Constant {
+        } else if self.item(link.from.item).spec().role == Role::Constant {
             self.arena.repeat(from, to);
         } else if from.slot != to {
             self.lists.copy(key.0, from, to);
         }
     }
 
-    /// The runs that bring the elements of an item's lists together.
-    pub fn copies_before(&mut self, number: usize, runs: &mut Vec<Run>, operands: &mut Vec<u32>) {
+    /// Appends the runs that copy the elements of an item's lists.
+    pub fn copies_before(
+        &mut self,
+        number: usize,
+        runs: &mut Vec<KernelRun>,
+        operands: &mut Vec<u32>,
+    ) {
         let Some(mut moves) = self.lists.copies.remove(&number) else {
             return;
         };
         let Some((row, entry)) = primitives::find("Copy") else {
             return;
         };
-        let kernel = |one: &Move| {
+        let kernel = |one: &ElementCopy| {
             let kernel = entry.kernel_for(Some(one.from.store), one.from.width);
             primitives::kernel_number(row, kernel.unwrap_or(0))
         };
-        // Stable: the same text gives the same bytes.
+        // A stable sort: the same text gives the same bytes.
         moves.sort_by_key(kernel);
         for group in moves.chunk_by(|a, b| kernel(a) == kernel(b)) {
             let first = operands.len() as u32;
-            for Move { from, to } in group {
+            for ElementCopy { from, to } in group {
                 operands.extend([from.slot, *to]);
                 operands.extend((from.width > 1).then_some(from.width));
             }
-            runs.push(Run {
+            runs.push(KernelRun {
                 kernel: group.first().map_or(0, kernel),
                 first,
                 operands: operands.len() as u32 - first,
@@ -170,14 +188,14 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    /// The items whose lists are still to be brought together: those without a kernel.
-    pub fn left_to_copy(&self) -> Vec<usize> {
+    /// Returns the items whose lists are not copied yet: those without a kernel.
+    pub fn items_with_pending_copies(&self) -> Vec<usize> {
         self.lists.copies.keys().copied().collect()
     }
 }
 
-impl Lists {
-    fn delay(&mut self, from: Slot, to: u32) {
+impl ListLayout {
+    fn delay(&mut self, from: SlotRange, to: u32) {
         match self.delays.last_mut() {
             Some(last)
                 if last.store == from.store
@@ -195,7 +213,7 @@ impl Lists {
         }
     }
 
-    fn copy(&mut self, item: usize, from: Slot, to: u32) {
+    fn copy(&mut self, item: usize, from: SlotRange, to: u32) {
         let moves = self.copies.entry(item).or_default();
         match moves.last_mut() {
             Some(last)
@@ -204,7 +222,7 @@ impl Lists {
             {
                 last.from.width += from.width;
             }
-            _ => moves.push(Move { from, to }),
+            _ => moves.push(ElementCopy { from, to }),
         }
     }
 }

@@ -1,7 +1,8 @@
-//! The order of evaluation: sources before readers, and as many primitives of one kernel in a row as that allows: each
-//! change of the kernel is a jump that the processor cannot foresee. Kahn, "Topological sorting of large networks",
-//! CACM 5 (1962), with one ready list a kernel; Hu, "Parallel sequencing and assembly line problems", Operations Research
-//! 9 (1961), for which list is next: the one whose first item has the longest way to go. The loader's threads.
+//! The order of evaluation: sources before readers, and as many consecutive primitives of one kernel as that allows,
+//! because each change of kernel is an unpredictable jump for the processor. Kahn, "Topological sorting of large
+//! networks", CACM 5 (1962), with a ready list for each kernel; the next list is chosen by Hu, "Parallel sequencing and
+//! assembly line problems", Operations Research 9 (1961): the one whose first item has the longest remaining path. Runs
+//! on the loader's threads.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,75 +11,75 @@ use rcc_core::primitives;
 use rcc_core::types::Type;
 
 use crate::check::Typed;
-use crate::resolve::Item;
+use crate::resolve::ResolvedPrimitive;
 
-/// Primitives of one kernel and one region in a row.
+/// Consecutive primitives of one kernel and one region.
 #[derive(Debug)]
 pub struct Batch {
     /// Number of the kernel.
     pub kernel: u16,
     /// Index of the region.
     pub region: Option<usize>,
-    /// Numbers of the items.
+    /// Indices of the items.
     pub items: Vec<usize>,
 }
 
-/// The index of the kernel that an item needs; `None` if it has none.
-fn kernel_of(net: Typed<'_>, number: usize, item: &Item<'_>) -> Option<usize> {
-    // Without an open port the kernel is for no arena.
+/// Returns the index of the kernel that an item needs; `None` if it has none.
+fn kernel_of(net: Typed<'_>, number: usize, item: &ResolvedPrimitive<'_>) -> Option<usize> {
+    // Without an open port the kernel is the same for all arenas.
     let open = item.spec().types().find(|port| port.is_open());
     let ty = open.and_then(|_| net.inferred.open_type(number));
     let width = ty.map_or(1, Type::width);
     item.entry.kernel_for(ty.and_then(Type::store), width)
 }
 
-/// Items of one kernel.
+/// The items of one kernel that are not scheduled yet.
 #[derive(Default)]
-struct Ready {
-    /// Those whose sources are all done, by their height, the highest first; then the first of the file.
+struct ReadyList {
+    /// Items whose sources are all scheduled, highest first, then in the order of the file.
     items: BTreeSet<(Reverse<u32>, usize)>,
-    /// How many are not done.
+    /// Number of items that are not scheduled.
     left: usize,
 }
 
-/// What may be in one batch: region and kernel.
-type Lot = (Option<usize>, u16);
+/// Items with the same key can be in one batch: region and kernel.
+type BatchKey = (Option<usize>, u16);
 
-/// What the schedule knows of the links.
-struct Links {
-    /// By item: sources that are not done.
+/// The dependencies between items within a cycle.
+struct Dependencies {
+    /// Number of sources that are not scheduled, by item.
     waits: Vec<usize>,
-    /// By item: those that read it in the same cycle.
+    /// Items that read it in the same cycle, by item.
     readers: Vec<Vec<usize>>,
 }
 
-fn links(net: Typed<'_>, kernels: &[Option<Lot>]) -> Links {
+fn dependencies(net: Typed<'_>, kernels: &[Option<BatchKey>]) -> Dependencies {
     let items = &net.graph.items;
-    let mut links = Links {
+    let mut dependencies = Dependencies {
         waits: vec![0; items.len()],
         readers: vec![Vec::new(); items.len()],
     };
     for (number, item) in items.iter().enumerate() {
-        // A primitive under a condition waits for it.
-        for (_, wire) in net.graph.links(item) {
-            let source = wire.from.item;
-            if !wire.delayed && kernels[source].is_some() {
-                links.waits[number] += 1;
-                links.readers[source].push(number);
+        // A primitive in a region waits for the condition.
+        for (_, link) in net.graph.dependencies(item) {
+            let source = link.from.item;
+            if !link.delayed && kernels[source].is_some() {
+                dependencies.waits[number] += 1;
+                dependencies.readers[source].push(number);
             }
         }
     }
-    links
+    dependencies
 }
 
-/// By item: the most changes of the kernel on any way from it to a result that nobody reads.
-fn heights(links: &Links, kernels: &[Option<Lot>]) -> Vec<u32> {
-    let mut waits = links.waits.clone();
+/// Returns the height by item: the most changes of kernel on any path from the item to a result that nothing reads.
+fn heights(dependencies: &Dependencies, kernels: &[Option<BatchKey>]) -> Vec<u32> {
+    let mut waits = dependencies.waits.clone();
     let mut order: Vec<usize> = (0..waits.len()).filter(|item| waits[*item] == 0).collect();
     let mut done = 0;
     while let Some(item) = order.get(done).copied() {
         done += 1;
-        for reader in &links.readers[item] {
+        for reader in &dependencies.readers[item] {
             waits[*reader] -= 1;
             if waits[*reader] == 0 {
                 order.push(*reader);
@@ -87,7 +88,7 @@ fn heights(links: &Links, kernels: &[Option<Lot>]) -> Vec<u32> {
     }
     let mut heights = vec![0; waits.len()];
     for item in order.into_iter().rev() {
-        let above = links.readers[item].iter().map(|reader| {
+        let above = dependencies.readers[item].iter().map(|reader| {
             let changes = kernels[*reader] != kernels[item];
             heights[*reader] + u32::from(changes)
         });
@@ -96,11 +97,12 @@ fn heights(links: &Links, kernels: &[Option<Lot>]) -> Vec<u32> {
     heights
 }
 
-/// Orders the items that have a kernel. Of the kernels with ready items that one comes first which is of the region at
-/// hand, then that which will be finished for good, then the one with the highest item, then that with most ready ones, then that of the smallest number.
+/// Orders the items that have a kernel. Of the kernels with ready items, the next one is chosen by these criteria, in
+/// order: same region as the previous batch; all its remaining items are ready; highest item; most ready items; smallest
+/// number.
 pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     let items = &net.graph.items;
-    let kernels: Vec<Option<Lot>> = items
+    let kernels: Vec<Option<BatchKey>> = items
         .iter()
         .enumerate()
         .map(|(number, item)| {
@@ -108,14 +110,14 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
             Some((item.region, primitives::kernel_number(item.row, kernel)))
         })
         .collect();
-    let mut links = links(net, &kernels);
-    let heights = heights(&links, &kernels);
-    let mut ready: BTreeMap<Lot, Ready> = BTreeMap::new();
+    let mut dependencies = dependencies(net, &kernels);
+    let heights = heights(&dependencies, &kernels);
+    let mut ready: BTreeMap<BatchKey, ReadyList> = BTreeMap::new();
     for (number, kernel) in kernels.iter().enumerate() {
         let Some(kernel) = kernel else { continue };
         let row = ready.entry(*kernel).or_default();
         row.left += 1;
-        if links.waits[number] == 0 {
+        if dependencies.waits[number] == 0 {
             row.items.insert((Reverse(heights[number]), number));
         }
     }
@@ -128,9 +130,9 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
         };
         while let Some(number) = take(&mut ready, kernel) {
             batch.items.push(number);
-            for reader in std::mem::take(&mut links.readers[number]) {
-                links.waits[reader] -= 1;
-                if links.waits[reader] == 0
+            for reader in std::mem::take(&mut dependencies.readers[number]) {
+                dependencies.waits[reader] -= 1;
+                if dependencies.waits[reader] == 0
                     && let Some(kernel) = kernels[reader]
                     && let Some(row) = ready.get_mut(&kernel)
                 {
@@ -143,7 +145,7 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     batches
 }
 
-fn next_kernel(ready: &BTreeMap<Lot, Ready>, region: Option<usize>) -> Option<Lot> {
+fn next_kernel(ready: &BTreeMap<BatchKey, ReadyList>, region: Option<usize>) -> Option<BatchKey> {
     let rated = ready.iter().filter_map(|(kernel, row)| {
         let (Reverse(height), _) = row.items.first()?;
         let finishes = row.items.len() == row.left;
@@ -156,7 +158,7 @@ fn next_kernel(ready: &BTreeMap<Lot, Ready>, region: Option<usize>) -> Option<Lo
     rated.max().map(|(_, kernel)| kernel)
 }
 
-fn take(ready: &mut BTreeMap<Lot, Ready>, kernel: Lot) -> Option<usize> {
+fn take(ready: &mut BTreeMap<BatchKey, ReadyList>, kernel: BatchKey) -> Option<usize> {
     let row = ready.get_mut(&kernel)?;
     let (_, number) = row.items.pop_first()?;
     row.left -= 1;

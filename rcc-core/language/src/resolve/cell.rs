@@ -1,5 +1,5 @@
-//! Parameters that are names: devices and channels, looked up in the cell, topics, types, units and words.
-//! The loader's threads.
+//! Resolves parameters that are names: devices and channels of the cell, topics, types, units and words. Runs on the
+//! loader's threads.
 
 use rcc_config::device::{CHANNEL_KINDS, kind_name};
 use rcc_config::diagnostic::Span;
@@ -7,35 +7,35 @@ use rcc_core::primitive::{ChannelKind, Parameter, ParameterKind, Spec};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use super::{Item, Resolver};
-use crate::devices::Device;
+use super::{ResolvedPrimitive, Resolver};
+use crate::devices::CellDevice;
 use crate::fault;
 use crate::syntax::fragment::{self, parse_type};
-use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::literal::{Literal, LiteralShape};
 
-/// A value without a unit needs none said.
-const SAID_UNITS: &str =
+/// Help text for an invalid unit.
+const DECLARED_UNITS_HELP: &str =
     "write a unit of the SI such as `m/s`, `N`, `rad`; a plain number needs no `unit`";
-/// Most characters of a topic's name.
+/// Longest name of a topic, characters.
 const TOPIC_MAX: usize = 64;
 
-/// The type that a literal names; `Text` is none of a port.
-fn said_type(literal: &Literal) -> Option<Type> {
+/// Returns the type that a literal names. `Text` is not a port type.
+fn declared_type(literal: &Literal) -> Option<Type> {
     match &literal.shape {
-        Shape::Text(name) => parse_type(name).filter(|ty| *ty != Type::Text),
+        LiteralShape::Text(name) => parse_type(name).filter(|ty| *ty != Type::Text),
         _ => None,
     }
 }
 
-/// The unit of the SI that a literal names.
-fn said_unit(literal: &Literal) -> Option<Unit> {
+/// Returns the SI unit that a literal names.
+fn declared_unit(literal: &Literal) -> Option<Unit> {
     match &literal.shape {
-        Shape::Text(name) => fragment::si_unit(name),
+        LiteralShape::Text(name) => fragment::si_unit(name),
         _ => None,
     }
 }
 
-impl Item<'_> {
+impl ResolvedPrimitive<'_> {
     fn said<T>(
         &self,
         is_it: impl Fn(ParameterKind) -> bool,
@@ -46,25 +46,25 @@ impl Item<'_> {
         read((*literal)?)
     }
 
-    /// The open type, if a parameter says it.
-    pub(crate) fn said_type(&self) -> Option<Type> {
-        self.said(|kind| kind == ParameterKind::Type, said_type)
+    /// Returns the open type, if a parameter declares it.
+    pub(crate) fn declared_type(&self) -> Option<Type> {
+        self.said(|kind| kind == ParameterKind::Type, declared_type)
     }
 
-    /// A unit variable and what a parameter says of it.
-    pub(crate) fn said_unit(&self) -> Option<(u8, Unit)> {
+    /// Returns a unit variable and the unit that a parameter declares for it.
+    pub(crate) fn declared_unit(&self) -> Option<(u8, Unit)> {
         let mut kinds = self.spec().parameters.iter().map(|row| row.kind);
         let variable = kinds.find_map(|kind| match kind {
             ParameterKind::Unit(variable) => Some(variable),
             _ => None,
         })?;
         let is_it = |kind| matches!(kind, ParameterKind::Unit(_));
-        Some((variable, self.said(is_it, said_unit)?))
+        Some((variable, self.said(is_it, declared_unit)?))
     }
 }
 
 impl<'a> Resolver<'a, '_> {
-    /// Index of the device and index and unit of the channel that the parameters of a primitive name.
+    /// Returns the index of the device, and index and unit of the channel, that the parameters of a primitive name.
     pub(super) fn device_and_channel(
         &mut self,
         spec: &Spec,
@@ -102,9 +102,9 @@ impl<'a> Resolver<'a, '_> {
         (device, channel)
     }
 
-    /// The text of a parameter that is a name.
+    /// Returns the text of a parameter that is a name.
     fn name(&mut self, parameter: &Parameter, literal: &'a Literal) -> Option<&'a str> {
-        if let Shape::Text(name) = &literal.shape {
+        if let LiteralShape::Text(name) = &literal.shape {
             return Some(name);
         }
         let message = format!("`{}` must be a name, not {literal}", parameter.name);
@@ -119,12 +119,12 @@ impl<'a> Resolver<'a, '_> {
         }
         let known = words.iter().copied();
         let help = match &literal.shape {
-            Shape::Text(name) => self.suggestions.word(name, "words", known, None),
+            LiteralShape::Text(name) => self.suggestions.word(name, "words", known, None),
             _ => format!("words: {}", words.join(", ")),
         };
         let message = format!("`{}` is a word, not {literal}", parameter.name);
         let message = match &literal.shape {
-            Shape::Text(name) => format!("`{}` cannot be `{name}`", parameter.name),
+            LiteralShape::Text(name) => format!("`{}` cannot be `{name}`", parameter.name),
             _ => message,
         };
         self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
@@ -145,19 +145,19 @@ impl<'a> Resolver<'a, '_> {
         }
     }
 
-    /// A type or a unit that is said.
+    /// Checks a declared type or unit.
     fn said(&mut self, parameter: &Parameter, literal: &'a Literal) {
         let (good, help) = match parameter.kind {
-            ParameterKind::Type => (said_type(literal).is_some(), fragment::TYPES),
-            _ => (said_unit(literal).is_some(), SAID_UNITS),
+            ParameterKind::Type => (declared_type(literal).is_some(), fragment::TYPES),
+            _ => (declared_unit(literal).is_some(), DECLARED_UNITS_HELP),
         };
-        if !good && literal.shape != Shape::Null {
+        if !good && literal.shape != LiteralShape::Null {
             let message = format!("{literal} is no {}", parameter.name);
             self.error(fault::WRONG_SHAPE, literal.span, message, Some(help.into()));
         }
     }
 
-    fn device(&mut self, name: &str, span: Span) -> Option<(usize, &'a Device)> {
+    fn device(&mut self, name: &str, span: Span) -> Option<(usize, &'a CellDevice)> {
         let found = self.cell.find(name);
         if found.is_none() {
             let names = self.cell.devices.iter().map(|device| device.name.as_str());
@@ -168,7 +168,7 @@ impl<'a> Resolver<'a, '_> {
         found
     }
 
-    fn is_arm(&mut self, spec: &Spec, device: &Device, span: Span) -> bool {
+    fn is_arm(&mut self, spec: &Spec, device: &CellDevice, span: Span) -> bool {
         let is_arm = device.model.arm.is_some();
         if !is_arm {
             let arms = self
@@ -191,7 +191,7 @@ impl<'a> Resolver<'a, '_> {
         &mut self,
         kind: ChannelKind,
         name: &str,
-        device: &Device,
+        device: &CellDevice,
         span: Span,
     ) -> Option<(u32, Unit)> {
         let channels = device.channels_of(kind);

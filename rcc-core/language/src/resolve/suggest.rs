@@ -1,5 +1,4 @@
-//! "Did you mean …?": the remedy of faults of names.
-//! The loader's threads.
+//! Suggestions for unknown names: "did you mean …?". Runs on the loader's threads.
 
 use rcc_config::diagnostic::closest;
 use rcc_core::primitive::{PortType, Spec, UnitRule};
@@ -7,20 +6,20 @@ use rcc_core::primitives::CATALOGUE;
 
 use crate::syntax::reference::Reference;
 
-/// After so many comparisons of names no other search is begun: a text may be wrong in a hundred thousand places and
-/// have as many names.
+/// Limit of comparisons, after which no further search begins: a text may have a hundred thousand names and as many
+/// typing errors.
 const COMPARISONS_MAX: usize = 200_000;
 /// Most names that are listed.
 const LISTED_MAX: usize = 16;
 
-/// Finds near names, not more often than is bearable.
+/// Finds similar names, with a limited total cost.
 #[derive(Debug, Default)]
 pub struct Suggestions {
     compared: usize,
 }
 
 impl Suggestions {
-    /// The name that may have been meant.
+    /// Returns the most similar name, if it is similar enough.
     pub fn near<'n>(
         &mut self,
         name: &str,
@@ -33,7 +32,7 @@ impl Suggestions {
         closest(name, known.inspect(|_| *compared += 1))
     }
 
-    /// A near name, or what the name is elsewhere, or all names.
+    /// Returns a similar name, or where the name is known, or all names.
     pub fn word<'n>(
         &mut self,
         name: &str,
@@ -50,16 +49,16 @@ impl Suggestions {
         }
     }
 
-    /// For a type that the catalogue does not have.
+    /// Suggests a type of the catalogue.
     pub fn primitive_type(&mut self, name: &str) -> String {
         let names = CATALOGUE.iter().map(|entry| entry.spec.name);
         match self.near(name, names) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => "`rcc-cli primitives` lists all types".to_string(),
+            None => "`rcc-cli primitives` lists all primitives types".to_string(),
         }
     }
 
-    /// For an output that a primitive does not have.
+    /// Suggests an output of a primitive.
     pub fn output(&mut self, reference: &Reference, spec: &Spec) -> String {
         let names = spec.outputs.iter().map(|port| port.name);
         let all = list("outputs", names.clone());
@@ -80,7 +79,7 @@ impl Suggestions {
     }
 }
 
-/// For a primitive that the net does not have, when `near` may have been meant.
+/// Suggests an output of the primitive `near`.
 pub fn primitive(near: &str, port: &str, spec: &Spec) -> String {
     let same = spec.outputs.iter().find(|output| output.name == port);
     match same.or(spec.outputs.first()) {
@@ -89,7 +88,7 @@ pub fn primitive(near: &str, port: &str, spec: &Spec) -> String {
     }
 }
 
-/// ` (Real, N)` of an output.
+/// Returns type and unit of an output, as in ` (Real, N)`.
 fn describe(spec: &Spec, output: &str) -> String {
     let Some((_, port)) = spec.output(output) else {
         return String::new();

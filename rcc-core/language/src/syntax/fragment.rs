@@ -1,5 +1,5 @@
-//! Fragments: sub-nets with parameters, inputs and outputs, in the file of a net or in a library. Read here as they are
-//! written; `crate::expand` puts a copy in place of each instance. The loader's threads.
+//! Fragments: sub-nets with parameters, inputs and outputs, in the file of a net or in a library. They are read as
+//! written; `crate::expand` replaces each instance by a copy. Runs on the loader's threads.
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{Entry, Key, Node, Value};
@@ -11,78 +11,78 @@ use super::reference::{self, Reference};
 use super::{Primitive, entries_of, report_bad_id, report_unknown_keys, shape};
 use crate::fault;
 
-/// A sub-net that is used by instances.
+/// A sub-net that instances refer to.
 #[derive(Clone, Debug)]
 pub struct Fragment {
-    /// Its name, and where that stands.
+    /// Name and its span.
     pub name: Key,
-    /// What people should know about it; may be empty.
+    /// Description for users; may be empty.
     pub description: String,
-    /// What its instances may set, in the order of the file: `$gain` within it.
+    /// Parameters, in the order of the file; `$gain` in the fragment.
     pub parameters: Vec<FragmentParameter>,
-    /// What its instances feed, in the order of the file: `x` within it.
+    /// Inputs, in the order of the file; `x` in the fragment.
     pub inputs: Vec<FragmentInput>,
-    /// What its instances offer, in the order of the file.
+    /// Outputs, in the order of the file.
     pub outputs: Vec<FragmentOutput>,
-    /// Its primitives, and instances of other fragments.
+    /// Primitives, and instances of other fragments.
     pub primitives: Vec<Primitive>,
-    /// Outputs within it that nobody reads.
+    /// Outputs in the fragment that nothing reads.
     pub discard: Vec<Reference>,
-    /// From the first to the last character of its text.
+    /// Span of the whole definition.
     pub span: Span,
 }
 
 /// A parameter of a fragment.
 #[derive(Clone, Debug)]
 pub struct FragmentParameter {
-    /// Its name, without `$`.
+    /// Name, without `$`.
     pub name: Key,
-    /// What it means; may be empty.
+    /// Description for users; may be empty.
     pub description: String,
-    /// What an instance may set it to; `None`: what its places take. Names of devices and channels are `Text`.
+    /// Type; `None` for that of the ports where the parameter is used. Names of devices and channels are `Text`.
     pub ty: Option<(Type, Span)>,
-    /// Its unit; `None`: that of its places.
+    /// Unit; `None` for that of the ports where the parameter is used.
     pub unit: Option<(Unit, Span)>,
-    /// Its value where an instance sets none; `None`: each must.
+    /// Default; `None` if every instance must set the parameter.
     pub default: Option<Literal>,
 }
 
 /// An input of a fragment.
 #[derive(Clone, Debug)]
 pub struct FragmentInput {
-    /// Its name.
+    /// Name.
     pub name: Key,
-    /// What it means; may be empty.
+    /// Description for users; may be empty.
     pub description: String,
-    /// Its type; `None`: each instance has that of what feeds it.
+    /// Type; `None` for that of each instance's source.
     pub ty: Option<(Type, Span)>,
-    /// Its unit; `None`: each instance has that of what feeds it.
+    /// Unit; `None` for that of each instance's source.
     pub unit: Option<(Unit, Span)>,
-    /// The constant that feeds it where an instance does not; `None`: each must.
+    /// Default; `None` if every instance must connect the input.
     pub default: Option<Literal>,
 }
 
 /// An output of a fragment.
 #[derive(Clone, Debug)]
 pub struct FragmentOutput {
-    /// Its name.
+    /// Name.
     pub name: Key,
-    /// What it means; may be empty.
+    /// Description for users; may be empty.
     pub description: String,
-    /// The output within the fragment that it shows, or one of its elements.
+    /// The output in the fragment that is exported, or an element of it.
     pub from: Reference,
 }
 
 /// A file of fragments.
 #[derive(Clone, Debug)]
 pub struct Library {
-    /// Its name.
+    /// Name.
     pub name: Key,
-    /// What people should know about it; may be empty.
+    /// Description for users; may be empty.
     pub description: String,
-    /// Other libraries that it uses, relative to its own file.
+    /// Paths of other libraries that it uses, relative to its own file.
     pub uses: Vec<Key>,
-    /// Its fragments in the order of the file.
+    /// Fragments, in the order of the file.
     pub fragments: Vec<Fragment>,
 }
 
@@ -133,7 +133,7 @@ pub fn read_library(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Library
     })
 }
 
-/// The libraries that a file names.
+/// Reads the paths of the libraries that a file uses.
 pub fn read_uses(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Key> {
     let Some(node) = root.get("use") else {
         return Vec::new();
@@ -156,7 +156,7 @@ pub fn read_uses(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Key> {
     uses
 }
 
-/// The fragments of a file.
+/// Reads the fragments of a file.
 pub fn read_all(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Fragment> {
     let entries = entries_of(root, "fragments", faults).iter();
     entries
@@ -195,7 +195,7 @@ fn read_fragment(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Option<Fragment
     })
 }
 
-/// What parameters and inputs of a fragment say.
+/// Members that parameters and inputs of a fragment have in common.
 struct Port {
     name: Key,
     description: String,
@@ -285,9 +285,9 @@ fn read_outputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentOutput
     outputs
 }
 
-/// The types of ports, for people.
+/// The types of ports, as help text.
 pub const TYPES: &str = "types: Bool, Int, Real, Vector3, Rotation, Pose, Twist, Wrench, Bool[n], Int[n], Real[n], Real[r,c]";
-/// Units, for people.
+/// Units, as help text.
 pub const UNITS: &str = "write a unit of the SI such as `m/s`, `N`, `rad`, or `1`";
 
 fn read_type(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Type, Span)> {
@@ -303,7 +303,7 @@ fn read_type(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Type, Span)> 
     Some((ty?, node.span))
 }
 
-/// Reads a type as it is printed: `Real`, `Real[7]`, `Real[4,4]`, `Pose`.
+/// Parses a type as it is printed: `Real`, `Real[7]`, `Real[4,4]`, `Pose`.
 #[must_use]
 pub fn parse_type(text: &str) -> Option<Type> {
     let text = text.trim();
@@ -336,7 +336,7 @@ pub fn parse_type(text: &str) -> Option<Type> {
     }
 }
 
-/// Reads a unit in which values travel: `m/s`, and not `mm/s`.
+/// Parses a coherent SI unit: `m/s`, but not `mm/s`.
 #[must_use]
 pub fn si_unit(text: &str) -> Option<Unit> {
     let (unit, factor) = Unit::parse(text)?;
@@ -447,7 +447,7 @@ fragments:
         let filter = &fragment.primitives[0];
         assert!(matches!(
             &filter.parameters[0].1.shape,
-            literal::Shape::Open(_)
+            literal::LiteralShape::Parameterised(_)
         ));
         assert!(filter.active.is_some());
         assert_eq!(fragment.discard.len(), 1);

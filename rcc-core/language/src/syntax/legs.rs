@@ -1,20 +1,20 @@
-//! Legs of a path as people write them: `- {lin: {xyz: …, rpy: …}, blend: 20 mm}`. They become rows of numbers, see
-//! `rcc_core::path::record`. The loader's threads.
+//! Legs of a path in their notation, `- {lin: {xyz: …, rpy: …}, blend: 20 mm}`, converted to rows of numbers, see
+//! `rcc_core::path::leg_row`. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_config::yaml::{Node, Value};
 use rcc_core::message::JOINTS_MAX;
-use rcc_core::path::record::{self, Row, WIDTH};
+use rcc_core::path::leg_row::{self, LegRow, WIDTH};
 use rcc_core::unit::Unit;
 
-use super::literal::{Literal, Shape};
+use super::literal::{Literal, LiteralShape};
 use super::{report_unknown_keys, shape};
 use crate::fault;
 
-/// What a leg is: each has one of these keys.
+/// Kinds of legs; each leg has exactly one of these keys.
 const KINDS: [&str; 4] = ["ptp", "lin", "circ", "spline"];
 
-/// Limits of the flange: key, column and unit.
+/// Blending and limits of the flange: key, column and unit.
 const LIMITS: [(&str, usize, Unit); 7] = [
     ("blend", 14, Unit::METRE),
     ("velocity", 15, Unit::METRE_PER_SECOND),
@@ -27,7 +27,7 @@ const LIMITS: [(&str, usize, Unit); 7] = [
 
 const SCALE: usize = 21;
 
-/// Keys beside the kind: of a leg of the flange, of one of the joints.
+/// Keys of a leg with a flange goal, the kind included.
 const FLANGE_KEYS: &[&str] = &[
     "lin",
     "circ",
@@ -46,13 +46,13 @@ const FLANGE_KEYS: &[&str] = &[
 ];
 const JOINT_KEYS: &[&str] = &["ptp", "blend", "scale", "relative"];
 
-/// True for a list of legs: its first element says what kind of leg it is.
+/// Returns true for a list of legs: its first element has a key of a kind.
 pub(super) fn are_legs(nodes: &[Node]) -> bool {
     let first = nodes.first();
     first.is_some_and(|node| KINDS.iter().any(|kind| node.get(kind).is_some()))
 }
 
-/// Rows of legs; `None` if one is refused, with its fault.
+/// Reads legs as rows; `None` if one is refused, with its diagnostic.
 pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<Literal>> {
     let before = faults.len();
     let mut rows = Vec::new();
@@ -60,7 +60,7 @@ pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<L
         leg(node, &mut rows, faults);
     }
     let blend = nodes.last().and_then(|node| node.get("blend"));
-    // A wrong one has its fault already.
+    // An invalid value is already reported.
     let is_zone = |node: &&Node| {
         let read = super::literal::read_quantity(node, &mut Vec::new());
         read.is_some_and(|blend| blend.value > 0.0)
@@ -73,17 +73,20 @@ pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<L
     (faults.len() == before).then_some(rows)
 }
 
-/// A row as a constant: null where it says nothing.
-fn row_literal(row: &Row, node: &Node) -> Literal {
+/// Returns a row as a constant; elements that are not given are null.
+fn row_literal(row: &LegRow, node: &Node) -> Literal {
     let number = |value: &f64| {
         let shape = if value.is_nan() {
-            Shape::Null
+            LiteralShape::Null
         } else {
-            Shape::Real(*value, None)
+            LiteralShape::Real(*value, None)
         };
         Literal::new(shape, node.span)
     };
-    Literal::new(Shape::List(row.iter().map(number).collect()), node.span)
+    Literal::new(
+        LiteralShape::List(row.iter().map(number).collect()),
+        node.span,
+    )
 }
 
 fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
@@ -127,7 +130,7 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
         row[24] = number(node, "`arm_angle`", Unit::RADIAN, faults);
     }
     if let Some(node) = node.get("elbow") {
-        row[25] = word(node, "elbow", record::ELBOWS, faults);
+        row[25] = word(node, "elbow", leg_row::ELBOWS, faults);
     }
     either(node, ["arm_angle", "elbow"], faults);
     match kind {
@@ -140,7 +143,7 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
             }
         }
         "lin" => {
-            row[0] = record::LIN;
+            row[0] = leg_row::LIN;
             pose(what, &mut row, faults);
         }
         "circ" => circ(what, &mut row, faults),
@@ -149,16 +152,16 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
     rows.push(row_literal(&row, node));
 }
 
-fn ptp(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
+fn ptp(node: &Node, row: &mut LegRow, faults: &mut Vec<Diagnostic>) {
     let Some(joints) = node.get("joints") else {
-        row[0] = record::PTP_POSE;
+        row[0] = leg_row::PTP_POSE;
         let keys = &["xyz", "rpy", "quat", "branch", "status", "turn"];
         report_unknown_keys(node, keys, "a `ptp`", faults);
         either(node, ["branch", "status"], faults);
         for (key, column, most) in [
             ("branch", 22, 7),
             ("status", 9, 31),
-            ("turn", record::TURN, 255),
+            ("turn", leg_row::TURN, 255),
         ] {
             if let Some(node) = node.get(key) {
                 row[column] = whole(node, key, most, faults);
@@ -166,7 +169,7 @@ fn ptp(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
         }
         return pose(&only(node, &["xyz", "rpy", "quat"]), row, faults);
     };
-    row[0] = record::PTP_JOINTS;
+    row[0] = leg_row::PTP_JOINTS;
     report_unknown_keys(node, &["joints"], "a `ptp` to joints", faults);
     let Some(joints) = joints.list().filter(|all| all.len() <= JOINTS_MAX) else {
         faults.push(shape(joints, "`joints`", "a list of angles, A1 first"));
@@ -177,8 +180,8 @@ fn ptp(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-fn circ(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
-    row[0] = record::CIRC;
+fn circ(node: &Node, row: &mut LegRow, faults: &mut Vec<Diagnostic>) {
+    row[0] = leg_row::CIRC;
     report_unknown_keys(
         node,
         &["via", "to", "angle", "orientation"],
@@ -209,12 +212,12 @@ fn circ(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
         row[13] = number(node, "`angle`", Unit::RADIAN, faults);
     }
     if let Some(node) = node.get("orientation") {
-        row[12] = word(node, "orientation", record::ORIENTATIONS, faults);
+        row[12] = word(node, "orientation", leg_row::ORIENTATIONS, faults);
     }
 }
 
-/// A row for each point.
-fn spline(node: &Node, row: &Row, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
+/// Adds a row for each point.
+fn spline(node: &Node, row: &LegRow, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
     let points = node.get("through").unwrap_or(node);
     if points.list().is_none() {
         report_unknown_keys(node, &["through"], "a `spline`", faults);
@@ -226,16 +229,16 @@ fn spline(node: &Node, row: &Row, rows: &mut Vec<Literal>, faults: &mut Vec<Diag
     for (number, point) in (1..).zip(points) {
         let mut row = *row;
         row[0] = if number == points.len() {
-            record::SPLINE
+            leg_row::SPLINE
         } else {
-            record::THROUGH
+            leg_row::THROUGH
         };
         pose(point, &mut row, faults);
         rows.push(row_literal(&row, point));
     }
 }
 
-/// A mapping with some of its entries.
+/// Returns a mapping reduced to the given keys.
 fn only(node: &Node, keys: &[&str]) -> Node {
     let mut node = node.clone();
     if let Value::Map(entries) = &mut node.value {
@@ -244,10 +247,10 @@ fn only(node: &Node, keys: &[&str]) -> Node {
     node
 }
 
-fn pose(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
+fn pose(node: &Node, row: &mut LegRow, faults: &mut Vec<Diagnostic>) {
     let before = faults.len();
     match super::literal::read(node, faults).shape {
-        Shape::Pose(elements) => {
+        LiteralShape::Pose(elements) => {
             for (place, element) in row[1..].iter_mut().zip(elements) {
                 *place = element;
             }
@@ -260,7 +263,7 @@ fn pose(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// A number in a unit, or bare.
+/// Reads a number, bare or in the given unit.
 fn number(node: &Node, what: &str, unit: Unit, faults: &mut Vec<Diagnostic>) -> f64 {
     let Some(quantity) = super::literal::read_quantity(node, faults) else {
         return f64::NAN;
@@ -272,7 +275,7 @@ fn number(node: &Node, what: &str, unit: Unit, faults: &mut Vec<Diagnostic>) -> 
     quantity.value
 }
 
-/// Of two keys one is given at most.
+/// Reports if both of two exclusive keys are given.
 fn either(node: &Node, keys: [&str; 2], faults: &mut Vec<Diagnostic>) {
     let [first, second] = keys;
     if let (Some(_), Some(other)) = (node.get(first), node.get(second)) {
@@ -282,7 +285,7 @@ fn either(node: &Node, keys: [&str; 2], faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// A number greater than 0 (or not less, unless `above`).
+/// Reads a number greater than 0, or at least 0 unless `above`.
 fn quantity(node: &Node, key: &str, unit: Unit, above: bool, faults: &mut Vec<Diagnostic>) -> f64 {
     let value = number(node, &format!("`{key}`"), unit, faults);
     if value < 0.0 || (above && value == 0.0) {
@@ -310,7 +313,7 @@ fn whole(node: &Node, key: &str, most: i64, faults: &mut Vec<Diagnostic>) -> f64
     }
 }
 
-/// The place of a word in a list; an empty word there is none.
+/// Reads one of `words` and returns its index; an empty word is a placeholder.
 fn word(node: &Node, key: &str, words: &[&str], faults: &mut Vec<Diagnostic>) -> f64 {
     let given = node.text().unwrap_or("");
     let found = (0u8..)
@@ -335,8 +338,8 @@ fn word(node: &Node, key: &str, words: &[&str], faults: &mut Vec<Diagnostic>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcc_core::path::record::leg;
-    use rcc_core::path::{ArcOrientation, Relative, Segment};
+    use rcc_core::path::leg_row::leg;
+    use rcc_core::path::{ArcOrientation, PathSegment, RelativeTo};
     use rcc_core::types::Type;
 
     fn literal(text: &str) -> (Literal, Vec<&'static str>) {
@@ -347,14 +350,14 @@ mod tests {
         (literal, codes)
     }
 
-    fn rows(text: &str) -> Vec<Row> {
+    fn rows(text: &str) -> Vec<LegRow> {
         let (literal, faults) = literal(text);
         assert_eq!(faults, Vec::<&str>::new(), "{text}");
-        let Shape::List(rows) = &literal.shape else {
+        let LiteralShape::List(rows) = &literal.shape else {
             panic!("{literal}")
         };
         let ty = Type::Matrix(rows.len() as u8, WIDTH as u8);
-        let Some(super::super::literal::Stored::Reals(values)) = literal.stored(ty) else {
+        let Some(super::super::literal::StoredValue::Reals(values)) = literal.stored(ty) else {
             panic!("{text}")
         };
         let (rows, rest) = values.as_chunks::<WIDTH>();
@@ -387,23 +390,23 @@ mod tests {
             panic!("{legs:?}")
         };
         assert!(
-            matches!(ptp.segment, Segment::Joints { to: [a, b, c, ..] } if a > 1.57 && b == 0.0 && c.is_nan())
+            matches!(ptp.segment, PathSegment::Joints { to: [a, b, c, ..] } if a > 1.57 && b == 0.0 && c.is_nan())
         );
         assert_eq!((ptp.scale, ptp.blend), (0.5, 0.0));
         assert!(matches!(
             pose.segment,
-            Segment::JointsToPose {
+            PathSegment::JointsToPose {
                 branch: Some(3),
                 turn: None,
                 ..
             }
         ));
-        assert!(matches!(lin.segment, Segment::Line { to } if to.position == [0.4, 0.0, 0.3]));
+        assert!(matches!(lin.segment, PathSegment::Line { to } if to.position == [0.4, 0.0, 0.3]));
         assert_eq!((lin.blend, lin.line.velocity), (0.02, 0.2));
-        assert!(lin.line.jerk.is_infinite() && lin.relative == Some(Relative::Tool));
+        assert!(lin.line.jerk.is_infinite() && lin.relative == Some(RelativeTo::Tool));
         assert!(matches!(
             circ.segment,
-            Segment::Circle {
+            PathSegment::Circle {
                 via: [0.0, 0.0, 1.0],
                 orientation: ArcOrientation::Path,
                 angle: Some(1.5),

@@ -1,5 +1,5 @@
-//! Constants of a net: numbers with and without units, truth values, null, poses, rotations, lists and names.
-//! Read without knowing the port; the port decides later what they become. The loader's threads.
+//! Constants of a net: numbers with and without units, truth values, null, poses, rotations, lists and names. Read
+//! independently of the port, which later determines the type. Runs on the loader's threads.
 
 use std::fmt;
 
@@ -14,45 +14,45 @@ use super::{legs, report_unknown_keys, shape};
 use crate::fault;
 use crate::write;
 
-/// A quaternion whose length differs from 1 by more was not meant to be one.
+/// A quaternion whose length deviates from 1 by more is refused as a mistake.
 const LENGTH_TOLERANCE: f64 = 1e-3;
-/// One whose length differs from 1 by no more is as good as it can be; it stays as it is, to the bit.
+/// A quaternion whose length deviates from 1 by no more is kept to the bit; normalising it would not improve it.
 const LENGTH_NOISE: f64 = 4.0 * f64::EPSILON;
 
-/// A constant and where it stands.
+/// A constant and its span.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Literal {
     /// The constant.
-    pub shape: Shape,
-    /// Its place.
+    pub shape: LiteralShape,
+    /// Span.
     pub span: Span,
-    /// How people wrote it, where the shape alone does not say that.
-    pub written: Written,
+    /// The notation, if the shape alone does not determine it.
+    pub written: Notation,
 }
 
-/// How a constant was written; the meaning is in its shape. What is made by a program is `Usual`.
+/// The notation of a constant; its meaning is in its shape. Generated constants are `Canonical`.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Written {
-    /// As the shape says: numbers in SI, with the unit if they have one.
-    Usual,
+pub enum Notation {
+    /// As the shape determines: numbers in SI units, with the unit if they have one.
+    Canonical,
     /// As a text: `deg(30)`, `100 Hz`.
     Text(String),
     /// As a mapping: `{xyz: …, rpy: …}`.
-    Parts(Vec<(String, Literal)>),
+    Mapping(Vec<(String, Literal)>),
     /// As a list of mappings: poses, or legs of a path.
     Rows(Node),
 }
 
-/// What a constant looks like.
+/// The kinds of constants.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
+pub enum LiteralShape {
     /// Null of any type.
     Null,
     /// A truth value.
     Bool(bool),
-    /// A whole number: an Int or a Real, as the port wants.
+    /// A whole number; the port decides whether it is an Int or a Real.
     Int(i64),
-    /// A number in SI units, with its unit if one is written.
+    /// A number in SI units, with its unit if one is given.
     Real(f64, Option<Unit>),
     /// A name, for parameters.
     Text(String),
@@ -62,16 +62,16 @@ pub enum Shape {
     Pose([f64; 7]),
     /// A list of constants of one kind.
     List(Vec<Literal>),
-    /// In a fragment: a constant that is or contains parameters of it (`$gain`, `[$x, 0, 0]`), as written. Instances have
-    /// none any more.
-    Open(Node),
-    /// Something that was refused; its fault is reported, and it fits everywhere.
+    /// In a fragment: a constant that is or contains parameters (`$gain`, `[$x, 0, 0]`), as written. It does not occur
+    /// after expansion.
+    Parameterised(Node),
+    /// Refused; the error is reported, and the constant fits every type.
     Refused,
 }
 
-/// A constant as it lies in an arena.
+/// A constant as it is stored in an arena.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Stored {
+pub enum StoredValue {
     /// In the arena of `Real`.
     Reals(Vec<f64>),
     /// In the arena of `Bool`.
@@ -80,184 +80,190 @@ pub enum Stored {
     Ints(Vec<i64>),
 }
 
-impl Stored {
-    /// The arena that it lies in.
+impl StoredValue {
+    /// Returns the arena.
     #[must_use]
     pub fn store(&self) -> Store {
         match self {
-            Stored::Reals(_) => Store::Real,
-            Stored::Bools(_) => Store::Bool,
-            Stored::Ints(_) => Store::Int,
+            StoredValue::Reals(_) => Store::Real,
+            StoredValue::Bools(_) => Store::Bool,
+            StoredValue::Ints(_) => Store::Int,
         }
     }
 
-    /// Number of elements.
+    /// Returns the number of elements.
     #[must_use]
     pub fn width(&self) -> u32 {
         let count = match self {
-            Stored::Reals(values) => values.len(),
-            Stored::Bools(values) => values.len(),
-            Stored::Ints(values) => values.len(),
+            StoredValue::Reals(values) => values.len(),
+            StoredValue::Bools(values) => values.len(),
+            StoredValue::Ints(values) => values.len(),
         };
         // Types have at most 2^16 elements.
         count as u32
     }
 
-    /// Null of a type.
+    /// Returns null of a type.
     #[must_use]
-    pub fn null(ty: Type) -> Stored {
+    pub fn null(ty: Type) -> StoredValue {
         let width = ty.width() as usize;
         match ty.store() {
-            Some(Store::Bool) => Stored::Bools(vec![NULL_BOOL; width]),
-            Some(Store::Int) => Stored::Ints(vec![NULL_INT; width]),
-            _ => Stored::Reals(vec![NULL_REAL; width]),
+            Some(Store::Bool) => StoredValue::Bools(vec![NULL_BOOL; width]),
+            Some(Store::Int) => StoredValue::Ints(vec![NULL_INT; width]),
+            _ => StoredValue::Reals(vec![NULL_REAL; width]),
         }
     }
 }
 
 impl Literal {
-    /// A constant that is written as its shape says.
+    /// Creates a constant in canonical notation.
     #[must_use]
-    pub fn new(shape: Shape, span: Span) -> Literal {
+    pub fn new(shape: LiteralShape, span: Span) -> Literal {
         Literal {
             shape,
             span,
-            written: Written::Usual,
+            written: Notation::Canonical,
         }
     }
 
-    /// True if its fault is already reported.
+    /// Returns true if the constant, or an element of it, is refused.
     #[must_use]
     pub fn is_refused(&self) -> bool {
         match &self.shape {
-            Shape::Refused => true,
-            Shape::List(elements) => elements.iter().any(Literal::is_refused),
+            LiteralShape::Refused => true,
+            LiteralShape::List(elements) => elements.iter().any(Literal::is_refused),
             _ => false,
         }
     }
 
-    /// The type that a constant has whatever its port says; `None` if the port decides.
+    /// Returns the type of the constant independent of its port; `None` if the port decides.
     #[must_use]
-    pub fn firm_type(&self) -> Option<Type> {
+    pub fn certain_type(&self) -> Option<Type> {
         match &self.shape {
-            Shape::Bool(_) => Some(Type::Bool),
-            Shape::Real(..) => Some(Type::Real),
-            Shape::Rotation(_) => Some(Type::Rotation),
-            Shape::Pose(_) => Some(Type::Pose),
-            Shape::List(elements) => match first_known(elements)? {
-                Shape::Bool(_) => Some(Type::Bools(length(elements))),
-                Shape::List(_) => matrix_type(elements),
+            LiteralShape::Bool(_) => Some(Type::Bool),
+            LiteralShape::Real(..) => Some(Type::Real),
+            LiteralShape::Rotation(_) => Some(Type::Rotation),
+            LiteralShape::Pose(_) => Some(Type::Pose),
+            LiteralShape::List(elements) => match first_known(elements)? {
+                LiteralShape::Bool(_) => Some(Type::Bools(length(elements))),
+                LiteralShape::List(_) => matrix_type(elements),
                 _ => None,
             },
             _ => None,
         }
     }
 
-    /// The type that it gets where nothing else decides; `None` for null and names.
+    /// Returns the type that the constant takes if nothing else determines it; `None` for null and names.
     #[must_use]
-    pub fn usual_type(&self) -> Option<Type> {
+    pub fn default_type(&self) -> Option<Type> {
         match &self.shape {
-            Shape::Int(_) => Some(Type::Real),
-            Shape::List(elements) => Some(match first_known(elements)? {
-                Shape::Bool(_) => Type::Bools(length(elements)),
-                Shape::List(_) => matrix_type(elements)?,
+            LiteralShape::Int(_) => Some(Type::Real),
+            LiteralShape::List(elements) => Some(match first_known(elements)? {
+                LiteralShape::Bool(_) => Type::Bools(length(elements)),
+                LiteralShape::List(_) => matrix_type(elements)?,
                 _ => Type::Reals(length(elements)),
             }),
-            _ => self.firm_type(),
+            _ => self.certain_type(),
         }
     }
 
-    /// The units that are written in it, with their places.
+    /// Returns the units in the constant with their spans.
     pub fn units(&self) -> Vec<(Unit, Span)> {
         match &self.shape {
-            Shape::Real(_, Some(unit)) => vec![(*unit, self.span)],
-            Shape::List(elements) => elements.iter().flat_map(Literal::units).collect(),
+            LiteralShape::Real(_, Some(unit)) => vec![(*unit, self.span)],
+            LiteralShape::List(elements) => elements.iter().flat_map(Literal::units).collect(),
             _ => Vec::new(),
         }
     }
 
-    /// The constant as a value of a type; `None` if it is none of it.
+    /// Returns the constant as a value of the type; `None` if it does not fit.
     #[must_use]
-    pub fn stored(&self, ty: Type) -> Option<Stored> {
-        if matches!(self.shape, Shape::Null | Shape::Refused) {
-            return Some(Stored::null(ty));
+    pub fn stored(&self, ty: Type) -> Option<StoredValue> {
+        if matches!(self.shape, LiteralShape::Null | LiteralShape::Refused) {
+            return Some(StoredValue::null(ty));
         }
         match (ty, &self.shape) {
-            (Type::Bool, Shape::Bool(value)) => Some(Stored::Bools(vec![u8::from(*value)])),
-            (Type::Int, Shape::Int(value)) => Some(Stored::Ints(vec![*value])),
-            (Type::Real, _) => Some(Stored::Reals(vec![self.number()?])),
-            (Type::Pose, Shape::Pose(elements)) => Some(Stored::Reals(elements.to_vec())),
-            (Type::Rotation, Shape::Rotation(elements)) => Some(Stored::Reals(elements.to_vec())),
-            (_, Shape::List(elements)) => stored_list(ty, elements),
+            (Type::Bool, LiteralShape::Bool(value)) => {
+                Some(StoredValue::Bools(vec![u8::from(*value)]))
+            }
+            (Type::Int, LiteralShape::Int(value)) => Some(StoredValue::Ints(vec![*value])),
+            (Type::Real, _) => Some(StoredValue::Reals(vec![self.number()?])),
+            (Type::Pose, LiteralShape::Pose(elements)) => {
+                Some(StoredValue::Reals(elements.to_vec()))
+            }
+            (Type::Rotation, LiteralShape::Rotation(elements)) => {
+                Some(StoredValue::Reals(elements.to_vec()))
+            }
+            (_, LiteralShape::List(elements)) => stored_list(ty, elements),
             _ => None,
         }
     }
 
     fn number_or_null(&self) -> Option<f64> {
         match self.shape {
-            Shape::Null => Some(NULL_REAL),
+            LiteralShape::Null => Some(NULL_REAL),
             _ => self.number(),
         }
     }
 
-    /// The place of a word in a list of them.
+    /// Returns the index of the constant in a list of words.
     #[must_use]
     pub fn word(&self, words: &[&str]) -> Option<usize> {
         match &self.shape {
-            Shape::Text(text) => words.iter().position(|word| word == text),
+            LiteralShape::Text(text) => words.iter().position(|word| word == text),
             _ => None,
         }
     }
 
-    /// The number, if it is one.
+    /// Returns the number, if the constant is one.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self.shape {
             #[allow(clippy::cast_precision_loss)]
-            // Nobody writes 2^53 as a Real without meaning it.
-            Shape::Int(value) => Some(value as f64),
-            Shape::Real(value, _) => Some(value),
+            // A whole number above 2^53 loses precision as a Real.
+            LiteralShape::Int(value) => Some(value as f64),
+            LiteralShape::Real(value, _) => Some(value),
             _ => None,
         }
     }
 }
 
 impl Literal {
-    /// The numbers in it, in order; empty if it has none.
+    /// Returns all numbers in the constant, in order.
     #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
         match &self.shape {
-            Shape::List(elements) => elements.iter().flat_map(Literal::numbers).collect(),
+            LiteralShape::List(elements) => elements.iter().flat_map(Literal::numbers).collect(),
             _ => self.number().into_iter().collect(),
         }
     }
 }
 
-/// What the first element of a list that is not null looks like.
-fn first_known(elements: &[Literal]) -> Option<&Shape> {
+/// Returns the shape of the first element that is not null.
+fn first_known(elements: &[Literal]) -> Option<&LiteralShape> {
     let mut shapes = elements.iter().map(|element| &element.shape);
-    shapes.find(|shape| **shape != Shape::Null)
+    shapes.find(|shape| **shape != LiteralShape::Null)
 }
 
-/// The type of a list of rows; reading has refused rows of different lengths.
+/// Returns the type of a list of rows; rows of different lengths are refused when they are read.
 fn matrix_type(rows: &[Literal]) -> Option<Type> {
-    let Shape::List(first) = &rows.first()?.shape else {
+    let LiteralShape::List(first) = &rows.first()?.shape else {
         return None;
     };
     let count = |length: usize| u8::try_from(length).ok();
     Some(Type::Matrix(count(rows.len())?, count(first.len())?))
 }
 
-fn stored_list(ty: Type, elements: &[Literal]) -> Option<Stored> {
+fn stored_list(ty: Type, elements: &[Literal]) -> Option<StoredValue> {
     if let Type::Matrix(..) = ty {
         let rows = elements.iter().map(|row| match &row.shape {
-            Shape::List(row) => Some(row.iter()),
+            LiteralShape::List(row) => Some(row.iter()),
             _ => None,
         });
         let rows: Vec<_> = rows.collect::<Option<_>>()?;
         let values = rows.into_iter().flatten().map(Literal::number_or_null);
         let values: Vec<f64> = values.collect::<Option<_>>()?;
-        return (matrix_type(elements) == Some(ty)).then_some(Stored::Reals(values));
+        return (matrix_type(elements) == Some(ty)).then_some(StoredValue::Reals(values));
     }
     if ty.width() as usize != elements.len() {
         return None;
@@ -265,31 +271,31 @@ fn stored_list(ty: Type, elements: &[Literal]) -> Option<Stored> {
     match ty {
         Type::Bools(_) => {
             let value = |element: &Literal| match element.shape {
-                Shape::Bool(value) => Some(u8::from(value)),
-                Shape::Null => Some(NULL_BOOL),
+                LiteralShape::Bool(value) => Some(u8::from(value)),
+                LiteralShape::Null => Some(NULL_BOOL),
                 _ => None,
             };
             elements
                 .iter()
                 .map(value)
                 .collect::<Option<_>>()
-                .map(Stored::Bools)
+                .map(StoredValue::Bools)
         }
         Type::Ints(_) => {
             let value = |element: &Literal| match element.shape {
-                Shape::Int(value) => Some(value),
-                Shape::Null => Some(NULL_INT),
+                LiteralShape::Int(value) => Some(value),
+                LiteralShape::Null => Some(NULL_INT),
                 _ => None,
             };
             elements
                 .iter()
                 .map(value)
                 .collect::<Option<_>>()
-                .map(Stored::Ints)
+                .map(StoredValue::Ints)
         }
         Type::Reals(_) | Type::Vector3 | Type::Twist | Type::Wrench => {
             let values = elements.iter().map(Literal::number_or_null);
-            values.collect::<Option<_>>().map(Stored::Reals)
+            values.collect::<Option<_>>().map(StoredValue::Reals)
         }
         _ => None,
     }
@@ -303,28 +309,30 @@ fn length(elements: &[Literal]) -> u16 {
 impl fmt::Display for Literal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.shape {
-            Shape::Null => f.write_str("null"),
-            Shape::Bool(value) => write!(f, "{value}"),
-            Shape::Int(value) => write!(f, "{value}"),
-            Shape::Real(value, None) => write!(f, "{value}"),
-            Shape::Real(value, Some(unit)) => write!(f, "{value} {unit}"),
-            Shape::Text(text) => write!(f, "`{text}`"),
-            Shape::Rotation(_) => f.write_str("a rotation"),
-            Shape::Pose(_) => f.write_str("a pose"),
-            Shape::List(elements) => write!(f, "a list of {}", elements.len()),
-            Shape::Open(node) => write!(f, "`{}`", node.text().unwrap_or("parameters")),
-            Shape::Refused => f.write_str("something refused"),
+            LiteralShape::Null => f.write_str("null"),
+            LiteralShape::Bool(value) => write!(f, "{value}"),
+            LiteralShape::Int(value) => write!(f, "{value}"),
+            LiteralShape::Real(value, None) => write!(f, "{value}"),
+            LiteralShape::Real(value, Some(unit)) => write!(f, "{value} {unit}"),
+            LiteralShape::Text(text) => write!(f, "`{text}`"),
+            LiteralShape::Rotation(_) => f.write_str("a rotation"),
+            LiteralShape::Pose(_) => f.write_str("a pose"),
+            LiteralShape::List(elements) => write!(f, "a list of {}", elements.len()),
+            LiteralShape::Parameterised(node) => {
+                write!(f, "`{}`", node.text().unwrap_or("parameters"))
+            }
+            LiteralShape::Refused => f.write_str("something refused"),
         }
     }
 }
 
-/// True for `$gain`: a parameter of the fragment that it stands in.
+/// Returns true for `$gain`, a parameter of a fragment.
 #[must_use]
 pub fn is_parameter(text: &str) -> bool {
     text.starts_with('$')
 }
 
-/// True if a text is or contains parameters of a fragment.
+/// Returns true if the node is or contains parameters of a fragment.
 fn is_open(node: &Node) -> bool {
     match &node.value {
         Value::Text(text) => is_parameter(text),
@@ -334,36 +342,38 @@ fn is_open(node: &Node) -> bool {
     }
 }
 
-/// Reads a constant; text that is no quantity is taken as a name.
+/// Reads a constant; text that is not a quantity is a name.
 pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
     let shape = match &node.value {
-        _ if is_open(node) => Shape::Open(node.clone()),
-        Value::Null => Shape::Null,
-        Value::Bool(value) => Shape::Bool(*value),
-        Value::Int(value) => Shape::Int(*value),
-        Value::Real(value) => Shape::Real(*value, None),
-        Value::Text(text) if !quantity::looks_like(text) => Shape::Text(text.clone()),
-        Value::Text(_) => read_quantity(node, faults).map_or(Shape::Refused, |quantity| {
-            Shape::Real(quantity.value, quantity.unit)
+        _ if is_open(node) => LiteralShape::Parameterised(node.clone()),
+        Value::Null => LiteralShape::Null,
+        Value::Bool(value) => LiteralShape::Bool(*value),
+        Value::Int(value) => LiteralShape::Int(*value),
+        Value::Real(value) => LiteralShape::Real(*value, None),
+        Value::Text(text) if !quantity::looks_like(text) => LiteralShape::Text(text.clone()),
+        Value::Text(_) => read_quantity(node, faults).map_or(LiteralShape::Refused, |quantity| {
+            LiteralShape::Real(quantity.value, quantity.unit)
         }),
         Value::List(nodes) => read_list(node, nodes, faults),
-        Value::Map(_) => read_pose(node, faults).unwrap_or(Shape::Refused),
+        Value::Map(_) => read_pose(node, faults).unwrap_or(LiteralShape::Refused),
     };
     let usual = Literal::new(shape, node.span);
     let written = match &node.value {
-        _ if usual.is_refused() || matches!(usual.shape, Shape::Open(_)) => return usual,
-        Value::Text(text) if !matches!(usual.shape, Shape::Text(_)) => {
-            Written::Text(text.trim().to_string())
+        _ if usual.is_refused() || matches!(usual.shape, LiteralShape::Parameterised(_)) => {
+            return usual;
+        }
+        Value::Text(text) if !matches!(usual.shape, LiteralShape::Text(_)) => {
+            Notation::Text(text.trim().to_string())
         }
         Value::List(nodes) if nodes.iter().any(|node| node.map().is_some()) => {
-            Written::Rows(node.clone())
+            Notation::Rows(node.clone())
         }
         Value::Map(entries) => {
-            // They have been read without a fault.
+            // The entries have been read without an error.
             let part = |node| read(node, &mut Vec::new());
             let parts = entries.iter();
             let parts = parts.map(|entry| (entry.key.name.clone(), part(&entry.value)));
-            Written::Parts(parts.collect())
+            Notation::Mapping(parts.collect())
         }
         _ => return usual,
     };
@@ -371,7 +381,7 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
     let literal = Literal { written, ..usual };
     if write::literal_tree(&literal) == tree {
         return Literal {
-            written: Written::Usual,
+            written: Notation::Canonical,
             ..literal
         };
     }
@@ -390,64 +400,66 @@ pub(super) fn read_quantity(node: &Node, faults: &mut Vec<Diagnostic>) -> Option
         .ok()
 }
 
-fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Shape {
+fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> LiteralShape {
     if nodes.is_empty() || nodes.len() > usize::from(ELEMENTS_MAX) {
         let message = format!(
             "a list has 1 to {ELEMENTS_MAX} elements, this one has {}",
             nodes.len()
         );
         faults.push(Diagnostic::error(fault::WRONG_SHAPE, node.span, message));
-        return Shape::Refused;
+        return LiteralShape::Refused;
     }
     if legs::are_legs(nodes) {
-        return legs::read(nodes, faults).map_or(Shape::Refused, Shape::List);
+        return legs::read(nodes, faults).map_or(LiteralShape::Refused, LiteralShape::List);
     }
     let elements: Vec<Literal> = nodes.iter().map(|node| read(node, faults)).collect();
     if elements.iter().any(Literal::is_refused) {
-        return Shape::Refused;
+        return LiteralShape::Refused;
     }
     if let Some(rows) = pose_rows(&elements) {
-        return Shape::List(rows);
+        return LiteralShape::List(rows);
     }
     let kind = |element: &Literal| match &element.shape {
-        Shape::Bool(_) => ListOf::Bools,
-        Shape::Null => ListOf::Nulls,
-        Shape::List(row)
+        LiteralShape::Bool(_) => ElementKind::Bools,
+        LiteralShape::Null => ElementKind::NullAnalysis,
+        LiteralShape::List(row)
             if row
                 .iter()
-                .all(|x| x.number().is_some() || x.shape == Shape::Null) =>
+                .all(|x| x.number().is_some() || x.shape == LiteralShape::Null) =>
         {
-            ListOf::Rows(row.len())
+            ElementKind::Rows(row.len())
         }
-        _ if element.number().is_some() => ListOf::Numbers,
-        _ => ListOf::Nothing,
+        _ if element.number().is_some() => ElementKind::Numbers,
+        _ => ElementKind::Nothing,
     };
     let mut kinds = elements.iter().map(kind);
-    let first = kinds.find(|kind| *kind != ListOf::Nulls);
-    let first = first.unwrap_or(ListOf::Nothing);
-    let odd = elements.iter().zip(nodes).find(|(element, _)| {
+    let first = kinds.find(|kind| *kind != ElementKind::NullAnalysis);
+    let first = first.unwrap_or(ElementKind::Nothing);
+    let mismatch = elements.iter().zip(nodes).find(|(element, _)| {
         let kind = kind(element);
-        let null = kind == ListOf::Nulls && matches!(first, ListOf::Numbers | ListOf::Bools);
-        !null && (kind == ListOf::Nothing || kind != first)
+        let null = kind == ElementKind::NullAnalysis
+            && matches!(first, ElementKind::Numbers | ElementKind::Bools);
+        !null && (kind == ElementKind::Nothing || kind != first)
     });
-    if let Some((_, node)) = odd {
+    if let Some((_, node)) = mismatch {
         let wanted = match first {
-            ListOf::Bools => "a truth value as the first one".to_string(),
-            ListOf::Rows(length) => format!("a row of {length} numbers as the first one"),
+            ElementKind::Bools => "a truth value as the first one".to_string(),
+            ElementKind::Rows(length) => format!("a row of {length} numbers as the first one"),
             _ => "a number".to_string(),
         };
         faults.push(shape(node, "an element of a list", &wanted));
-        return Shape::Refused;
+        return LiteralShape::Refused;
     }
-    Shape::List(elements)
+    LiteralShape::List(elements)
 }
 
-/// Poses as rows of seven numbers; `None` if one of the elements is none.
+/// Returns poses as rows of seven numbers; `None` if an element is not a pose.
 fn pose_rows(elements: &[Literal]) -> Option<Vec<Literal>> {
     let row = |element: &Literal| match &element.shape {
-        Shape::Pose(numbers) => {
-            let number = |number: &f64| Literal::new(Shape::Real(*number, None), element.span);
-            let row = Shape::List(numbers.iter().map(number).collect());
+        LiteralShape::Pose(numbers) => {
+            let number =
+                |number: &f64| Literal::new(LiteralShape::Real(*number, None), element.span);
+            let row = LiteralShape::List(numbers.iter().map(number).collect());
             Some(Literal::new(row, element.span))
         }
         _ => None,
@@ -455,21 +467,21 @@ fn pose_rows(elements: &[Literal]) -> Option<Vec<Literal>> {
     elements.iter().map(row).collect()
 }
 
-/// What a list consists of.
+/// The kind of the elements of a list.
 #[derive(Clone, Copy, PartialEq)]
-enum ListOf {
+enum ElementKind {
     Bools,
     Numbers,
-    /// Lists of so many numbers.
+    /// Lists of this many numbers.
     Rows(usize),
-    /// Null, which goes with truth values and numbers.
-    Nulls,
+    /// Null, which mixes with truth values and numbers.
+    NullAnalysis,
     Nothing,
 }
 
 const POSE_KEYS: &[&str] = &["xyz", "rpy", "quat"];
 
-fn read_pose(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<Shape> {
+fn read_pose(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<LiteralShape> {
     let before = faults.len();
     report_unknown_keys(node, POSE_KEYS, "a pose", faults);
     if faults.len() > before {
@@ -493,11 +505,11 @@ fn read_pose(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<Shape> {
         }
     };
     let Some(xyz) = node.get("xyz") else {
-        return rotation.map(Shape::Rotation);
+        return rotation.map(LiteralShape::Rotation);
     };
     let position = read_numbers::<3>(xyz, "`xyz`", Unit::METRE, faults);
     let ([x, y, z], [qx, qy, qz, qw]) = (position?, rotation?);
-    Some(Shape::Pose([x, y, z, qx, qy, qz, qw]))
+    Some(LiteralShape::Pose([x, y, z, qx, qy, qz, qw]))
 }
 
 fn read_quaternion(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<[f64; 4]> {
@@ -515,7 +527,7 @@ fn read_quaternion(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<[f64; 4]
     None
 }
 
-/// `N` numbers, bare or in `unit`.
+/// Reads `N` numbers, bare or in `unit`.
 fn read_numbers<const N: usize>(
     node: &Node,
     what: &str,
@@ -562,7 +574,7 @@ mod tests {
 
     fn reals(text: &str, ty: Type) -> Option<Vec<f64>> {
         match literal(text).unwrap().stored(ty)? {
-            Stored::Reals(values) => Some(values),
+            StoredValue::Reals(values) => Some(values),
             _ => None,
         }
     }
@@ -571,7 +583,7 @@ mod tests {
     fn a_whole_number_becomes_what_the_port_wants() {
         assert_eq!(
             literal("3").unwrap().stored(Type::Int),
-            Some(Stored::Ints(vec![3]))
+            Some(StoredValue::Ints(vec![3]))
         );
         assert_eq!(reals("3", Type::Real), Some(vec![3.0]));
         assert_eq!(literal("3").unwrap().stored(Type::Bool), None);
@@ -589,7 +601,7 @@ mod tests {
         let bools = literal("[true, false]").unwrap();
         assert_eq!(
             bools.stored(Type::Bools(2)),
-            Some(Stored::Bools(vec![1, 0]))
+            Some(StoredValue::Bools(vec![1, 0]))
         );
         assert_eq!(literal("[true, 1]"), Err(vec![fault::WRONG_SHAPE]));
         assert_eq!(literal("[]"), Err(vec![fault::WRONG_SHAPE]));
@@ -600,7 +612,10 @@ mod tests {
         let text = "[[1, 2, 3], [4, 5, 6.5]]";
         let values = Some(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.5]);
         assert_eq!(reals(text, Type::Matrix(2, 3)), values);
-        assert_eq!(literal(text).unwrap().firm_type(), Some(Type::Matrix(2, 3)));
+        assert_eq!(
+            literal(text).unwrap().certain_type(),
+            Some(Type::Matrix(2, 3))
+        );
         for ty in [Type::Matrix(3, 2), Type::Reals(6), Type::Real] {
             assert_eq!(reals(text, ty), None, "{ty}");
         }

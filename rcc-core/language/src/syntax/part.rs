@@ -1,5 +1,5 @@
-//! Parts of values: `[2]`, `[2..5]`, `[1,2]`, `[1,..]` and `.x` behind the name of an output. A part lies where it lies in
-//! the whole value, so that reading it costs nothing. The loader's threads.
+//! Parts of values: `[2]`, `[2..5]`, `[1,2]`, `[1,..]` and `.x` after the name of an output. A part is a range of the
+//! slots of the whole value, so reading it costs nothing. Runs on the loader's threads.
 
 use std::fmt;
 
@@ -8,8 +8,8 @@ use rcc_core::unit::Unit;
 
 /// A part of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// `[i]`: one element of an array, or of a matrix row by row.
+pub enum ValuePart {
+    /// `[i]`: an element of an array, or of a matrix in row-major order.
     Element(u32),
     /// `[from..to]`: a shorter array, without element `to`.
     Slice(u32, u32),
@@ -21,8 +21,8 @@ pub enum Part {
     Member(&'static str),
 }
 
-/// Members of composites: name, where the composite has it, and what it is.
-const TABLE: &[(&str, Type, u32, Type)] = &[
+/// Members of composites: name, composite, offset, and type of the member.
+const MEMBERS: &[(&str, Type, u32, Type)] = &[
     ("x", Type::Vector3, 0, Type::Real),
     ("y", Type::Vector3, 1, Type::Real),
     ("z", Type::Vector3, 2, Type::Real),
@@ -41,17 +41,17 @@ const TABLE: &[(&str, Type, u32, Type)] = &[
     ("torque", Type::Wrench, 3, Type::Vector3),
 ];
 
-/// The member of this name, of whatever type.
+/// Returns the member with this name, of any type.
 #[must_use]
-pub fn member(name: &str) -> Option<Part> {
-    let row = TABLE.iter().find(|row| row.0 == name)?;
-    Some(Part::Member(row.0))
+pub fn member(name: &str) -> Option<ValuePart> {
+    let row = MEMBERS.iter().find(|row| row.0 == name)?;
+    Some(ValuePart::Member(row.0))
 }
 
-/// The parts that values of a type have, in words.
+/// Describes the parts of values of a type; `None` if it has none.
 #[must_use]
 pub fn parts_of(ty: Type) -> Option<String> {
-    let members = TABLE.iter().filter(|row| row.1 == ty);
+    let members = MEMBERS.iter().filter(|row| row.1 == ty);
     let members: Vec<String> = members.map(|row| format!("`.{}`", row.0)).collect();
     match ty {
         _ if !members.is_empty() => Some(format!("a {ty} has {}", members.join(", "))),
@@ -70,35 +70,35 @@ pub fn parts_of(ty: Type) -> Option<String> {
 /// The unit of a part of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PartUnit {
-    /// That of the whole value's port.
+    /// The unit of the port.
     Port,
-    /// This one.
+    /// This unit.
     Is(Unit),
-    /// Its own type says it, or its elements differ.
+    /// Implied by the type, or different between elements.
     None,
 }
 
-impl Part {
-    /// Where the part begins in a value of a type, and what it is; `None` if there is no such part.
+impl ValuePart {
+    /// Returns offset and type of the part in a value of type `ty`; `None` if there is no such part.
     #[must_use]
     pub fn of(self, ty: Type) -> Option<(u32, Type)> {
         match (self, ty) {
-            (Part::Member(name), _) => {
-                let row = TABLE.iter().find(|row| row.0 == name && row.1 == ty)?;
+            (ValuePart::Member(name), _) => {
+                let row = MEMBERS.iter().find(|row| row.0 == name && row.1 == ty)?;
                 Some((row.2, row.3))
             }
-            (Part::Element(index), _) if index < ty.width() => Some((index, ty.element()?)),
-            (Part::Slice(from, to), Type::Reals(_) | Type::Bools(_) | Type::Ints(_)) => {
+            (ValuePart::Element(index), _) if index < ty.width() => Some((index, ty.element()?)),
+            (ValuePart::Slice(from, to), Type::Reals(_) | Type::Bools(_) | Type::Ints(_)) => {
                 let length = u16::try_from(to.checked_sub(from)?).ok()?;
                 let fits = length > 0 && to <= ty.width();
                 fits.then_some((from, ty.scalar().array(length)?))
             }
-            (Part::Cell(row, column), Type::Matrix(rows, columns)) => {
+            (ValuePart::Cell(row, column), Type::Matrix(rows, columns)) => {
                 let (rows, columns) = (u32::from(rows), u32::from(columns));
                 let fits = row < rows && column < columns;
                 fits.then(|| (row * columns + column, Type::Real))
             }
-            (Part::Row(row), Type::Matrix(rows, columns)) => {
+            (ValuePart::Row(row), Type::Matrix(rows, columns)) => {
                 let fits = row < u32::from(rows);
                 fits.then(|| (row * u32::from(columns), Type::Reals(columns.into())))
             }
@@ -107,7 +107,7 @@ impl Part {
     }
 }
 
-/// The unit of the elements of a value of type `whole` that begin at `offset` and are a `part`.
+/// Returns the unit of a part of type `part` at `offset` in a value of type `whole`.
 #[must_use]
 pub fn unit_of(whole: Type, offset: u32, part: Type) -> PartUnit {
     let first = offset < 3;
@@ -126,30 +126,31 @@ pub fn unit_of(whole: Type, offset: u32, part: Type) -> PartUnit {
     }
 }
 
-/// A place in a list of links, from the outside in: index and count of each list.
+/// A position in a list of links, outermost list first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Place {
-    /// In the list, and in the row that is a list itself.
+pub struct ListPosition {
+    /// Index and count in the list, and in the row if the element is a list itself.
     pub steps: [Option<(u32, u32)>; 2],
 }
 
-impl Place {
-    /// The place of an element of a list of `count` at this place; `None` if it is too deep.
+impl ListPosition {
+    /// Returns the position of an element in a list of `count` elements at this position; `None` if it is nested too
+    /// deeply.
     #[must_use]
-    pub fn inside(self, index: u32, count: u32) -> Option<Place> {
+    pub fn inside(self, index: u32, count: u32) -> Option<ListPosition> {
         let step = Some((index, count));
         match self.steps {
-            [None, _] => Some(Place {
+            [None, _] => Some(ListPosition {
                 steps: [step, None],
             }),
-            [outer, None] => Some(Place {
+            [outer, None] => Some(ListPosition {
                 steps: [outer, step],
             }),
             _ => None,
         }
     }
 
-    /// Where it lies in a value of a type, and of which type it is there; `None` if the list does not fit the type.
+    /// Returns offset and type of the position in a value of a type; `None` if the list does not fit the type.
     #[must_use]
     pub fn of(self, ty: Type) -> Option<(u32, Type)> {
         let mut steps = self.steps.into_iter().flatten();
@@ -160,14 +161,14 @@ impl Place {
     }
 }
 
-impl fmt::Display for Part {
+impl fmt::Display for ValuePart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Part::Element(index) => write!(f, "[{index}]"),
-            Part::Slice(from, to) => write!(f, "[{from}..{to}]"),
-            Part::Cell(row, column) => write!(f, "[{row},{column}]"),
-            Part::Row(row) => write!(f, "[{row},..]"),
-            Part::Member(name) => write!(f, ".{name}"),
+            ValuePart::Element(index) => write!(f, "[{index}]"),
+            ValuePart::Slice(from, to) => write!(f, "[{from}..{to}]"),
+            ValuePart::Cell(row, column) => write!(f, "[{row},{column}]"),
+            ValuePart::Row(row) => write!(f, "[{row},..]"),
+            ValuePart::Member(name) => write!(f, ".{name}"),
         }
     }
 }
@@ -180,18 +181,30 @@ mod tests {
     fn a_part_is_where_it_lies_in_the_whole() {
         let vector = Type::Vector3;
         for (part, ty, want) in [
-            (Part::Element(2), Type::Reals(3), Some((2, Type::Real))),
-            (Part::Element(3), Type::Reals(3), None),
-            (Part::Slice(1, 3), Type::Ints(3), Some((1, Type::Ints(2)))),
-            (Part::Slice(1, 4), Type::Ints(3), None),
-            (Part::Slice(2, 2), Type::Ints(3), None),
-            (Part::Cell(1, 2), Type::Matrix(2, 3), Some((5, Type::Real))),
-            (Part::Cell(1, 3), Type::Matrix(2, 3), None),
-            (Part::Row(1), Type::Matrix(2, 3), Some((3, Type::Reals(3)))),
-            (Part::Member("position"), Type::Pose, Some((0, vector))),
-            (Part::Member("torque"), Type::Wrench, Some((3, vector))),
-            (Part::Member("w"), vector, None),
-            (Part::Element(0), vector, None),
+            (ValuePart::Element(2), Type::Reals(3), Some((2, Type::Real))),
+            (ValuePart::Element(3), Type::Reals(3), None),
+            (
+                ValuePart::Slice(1, 3),
+                Type::Ints(3),
+                Some((1, Type::Ints(2))),
+            ),
+            (ValuePart::Slice(1, 4), Type::Ints(3), None),
+            (ValuePart::Slice(2, 2), Type::Ints(3), None),
+            (
+                ValuePart::Cell(1, 2),
+                Type::Matrix(2, 3),
+                Some((5, Type::Real)),
+            ),
+            (ValuePart::Cell(1, 3), Type::Matrix(2, 3), None),
+            (
+                ValuePart::Row(1),
+                Type::Matrix(2, 3),
+                Some((3, Type::Reals(3))),
+            ),
+            (ValuePart::Member("position"), Type::Pose, Some((0, vector))),
+            (ValuePart::Member("torque"), Type::Wrench, Some((3, vector))),
+            (ValuePart::Member("w"), vector, None),
+            (ValuePart::Element(0), vector, None),
         ] {
             assert_eq!(part.of(ty), want, "{part} of {ty}");
         }
@@ -199,12 +212,15 @@ mod tests {
 
     #[test]
     fn a_place_in_lists_is_one_of_the_value() {
-        let place = Place::default().inside(1, 2).unwrap();
+        let place = ListPosition::default().inside(1, 2).unwrap();
         assert_eq!(place.of(Type::Matrix(2, 3)), Some((3, Type::Reals(3))));
         assert_eq!(place.of(Type::Vector3), None);
         let cell = place.inside(2, 3).unwrap();
         assert_eq!(cell.of(Type::Matrix(2, 3)), Some((5, Type::Real)));
         assert_eq!(cell.inside(0, 1), None);
-        assert_eq!(Place::default().of(Type::Pose), Some((0, Type::Pose)));
+        assert_eq!(
+            ListPosition::default().of(Type::Pose),
+            Some((0, Type::Pose))
+        );
     }
 }

@@ -1,29 +1,29 @@
-//! `primitive.port`, `primitive.port[index]` and `primitive.port.x`: how a net names an output or a part of its value.
-//! The loader's threads.
+//! `primitive.port`, `primitive.port[index]` and `primitive.port.x`: references to an output or a part of its value.
+//! Runs on the loader's threads.
 
 use std::fmt;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Node;
 
-use super::part::{self, Part};
+use super::part::{self, ValuePart};
 use crate::fault;
 
-/// The name of an output or of a part of its value; in a fragment also of an input of it, or of a part of that.
+/// A reference to an output or a part of its value; in a fragment also to an input of the fragment or a part of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reference {
     /// Id of the primitive, or name of the fragment's input.
     pub primitive: String,
-    /// Name of the output; empty for an input of a fragment, and if only a primitive is named, which is refused with a
+    /// Name of the output. Empty for an input of a fragment, and if only a primitive is named, which is refused with a
     /// list of its outputs.
     pub port: String,
-    /// The part of its value; `None`: all of it.
-    pub part: Option<Part>,
-    /// Where it stands.
+    /// The selected part of the value; `None` for all of it.
+    pub part: Option<ValuePart>,
+    /// Span of the reference.
     pub span: Span,
-    /// Where the primitive's id stands in it.
+    /// Span of the primitive's id.
     pub primitive_span: Span,
-    /// Where the port's name (with the part) stands in it.
+    /// Span of the port's name, with the part.
     pub port_span: Span,
 }
 
@@ -40,7 +40,7 @@ impl fmt::Display for Reference {
     }
 }
 
-/// Reads `text`, which is the text of `node`.
+/// Reads `text`, the text of `node`.
 pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Reference> {
     let parsed = parse(text, node.span);
     if parsed.is_none() {
@@ -72,7 +72,8 @@ fn parse(text: &str, span: Span) -> Option<Reference> {
     if !word(primitive) || !(word(port) || whole) {
         return None;
     }
-    // Quotes are in the place but not in the text; with escapes the parts have no places of their own.
+    // Quotes are in the span but not in the text. With escapes the positions do not correspond, so the whole span is
+    // used.
     let extra = (span.end - span.start).checked_sub(text.len());
     let split = match extra {
         Some(extra @ (0 | 2)) if !whole => {
@@ -96,8 +97,8 @@ fn parse(text: &str, span: Span) -> Option<Reference> {
     })
 }
 
-/// What stands in brackets.
-fn bracket(text: &str) -> Option<Part> {
+/// Parses the text in brackets.
+fn bracket(text: &str) -> Option<ValuePart> {
     let number = |text: &str| {
         let text = text.trim();
         let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
@@ -105,13 +106,13 @@ fn bracket(text: &str) -> Option<Part> {
     };
     if let Some((row, column)) = text.split_once(',') {
         return Some(match column.trim() {
-            ".." => Part::Row(number(row)?),
-            column => Part::Cell(number(row)?, number(column)?),
+            ".." => ValuePart::Row(number(row)?),
+            column => ValuePart::Cell(number(row)?, number(column)?),
         });
     }
     match text.split_once("..") {
-        Some((from, to)) => Some(Part::Slice(number(from)?, number(to)?)),
-        None => Some(Part::Element(number(text)?)),
+        Some((from, to)) => Some(ValuePart::Slice(number(from)?, number(to)?)),
+        None => Some(ValuePart::Element(number(text)?)),
     }
 }
 
@@ -129,15 +130,15 @@ mod tests {
                 reference.port.as_str(),
                 reference.part
             ),
-            ("traj", "q", Some(Part::Element(3)))
+            ("traj", "q", Some(ValuePart::Element(3)))
         );
         assert_eq!(reference.port_span, Span::new(15, 19));
         assert_eq!(reference.to_string(), "traj.q[3]");
         for (text, part) in [
-            ("a.b[1..3]", Part::Slice(1, 3)),
-            ("a.b[1,2]", Part::Cell(1, 2)),
-            ("a.b[1,..]", Part::Row(1)),
-            ("a.b.position", Part::Member("position")),
+            ("a.b[1..3]", ValuePart::Slice(1, 3)),
+            ("a.b[1,2]", ValuePart::Cell(1, 2)),
+            ("a.b[1,..]", ValuePart::Row(1)),
+            ("a.b.position", ValuePart::Member("position")),
         ] {
             let reference = place(text).unwrap();
             assert_eq!(

@@ -1,14 +1,16 @@
 //! Nets made from the catalogue's specs alone: texts of one primitive, and random nets of any size that are valid by
 //! construction. What is added to the catalogue is in them without an edit here. Code of tests.
 
-use rcc_core::primitive::{ChannelKind, Dim, Elements, Parameter, ParameterKind, PortType, Spec};
+use rcc_core::primitive::{
+    ChannelKind, Dim, ElementType, Parameter, ParameterKind, PortType, Spec,
+};
 use rcc_core::types::Type;
 
 #[allow(dead_code)] // Not every test makes whole nets.
 mod net;
 
 #[allow(unused_imports)] // Not every test makes whole nets.
-pub use net::{Shape, random_net};
+pub use net::{RandomNet, random_net};
 
 /// Lengths of arrays, by length variable.
 pub const LENGTHS: [u16; 4] = [3, 4, 2, 3];
@@ -28,9 +30,9 @@ pub const OPEN: [Type; 10] = [
 
 /// Chance with a seed: SplitMix64.
 #[derive(Clone, Debug)]
-pub struct Chance(pub u64);
+pub struct TestRandom(pub u64);
 
-impl Chance {
+impl TestRandom {
     /// 64 bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -89,8 +91,8 @@ pub fn type_of(ty: PortType, open: Type) -> Option<Type> {
             Type::Int | Type::Ints(_) => Type::Int,
             _ => Type::Real,
         }),
-        PortType::Array(Elements::Are(element), dim) => array(element, length(dim)?),
-        PortType::Array(Elements::Open, dim) => array(open, length(dim)?),
+        PortType::Array(ElementType::Are(element), dim) => array(element, length(dim)?),
+        PortType::Array(ElementType::Open, dim) => array(open, length(dim)?),
         PortType::Matrix(rows, columns) => {
             let (rows, columns) = (length(rows)?, length(columns)?);
             Some(Type::Matrix(rows as u8, columns as u8))
@@ -110,25 +112,25 @@ pub fn many(ty: PortType) -> Option<u16> {
 }
 
 /// A constant of a type as it is written.
-pub fn constant(ty: Type, chance: &mut Chance) -> String {
-    let real = |chance: &mut Chance| format!("{:.6}", chance.share() * 2.0 - 1.0);
-    let int = |chance: &mut Chance| chance.below(9).to_string();
-    let bool = |chance: &mut Chance| chance.once_in(2).to_string();
-    let three = |chance: &mut Chance| list(3, || real(chance));
+pub fn constant(ty: Type, random: &mut TestRandom) -> String {
+    let real = |random: &mut TestRandom| format!("{:.6}", random.share() * 2.0 - 1.0);
+    let int = |random: &mut TestRandom| random.below(9).to_string();
+    let bool = |random: &mut TestRandom| random.once_in(2).to_string();
+    let three = |random: &mut TestRandom| list(3, || real(random));
     match ty {
-        Type::Real => real(chance),
-        Type::Int => int(chance),
-        Type::Bool => bool(chance),
-        Type::Pose => format!("{{xyz: {}, rpy: {}}}", three(chance), three(chance)),
-        Type::Rotation => format!("{{rpy: {}}}", three(chance)),
+        Type::Real => real(random),
+        Type::Int => int(random),
+        Type::Bool => bool(random),
+        Type::Pose => format!("{{xyz: {}, rpy: {}}}", three(random), three(random)),
+        Type::Rotation => format!("{{rpy: {}}}", three(random)),
         Type::Matrix(rows, columns) => list(u32::from(rows), || {
-            list(u32::from(columns), || real(chance))
+            list(u32::from(columns), || real(random))
         }),
-        Type::Bools(n) => list(u32::from(n), || bool(chance)),
-        Type::Ints(n) => list(u32::from(n), || int(chance)),
+        Type::Bools(n) => list(u32::from(n), || bool(random)),
+        Type::Ints(n) => list(u32::from(n), || int(random)),
         Type::Text => "text".to_owned(),
         Type::Vector3 | Type::Twist | Type::Wrench | Type::Reals(_) => {
-            list(ty.width(), || real(chance))
+            list(ty.width(), || real(random))
         }
     }
 }
@@ -149,9 +151,9 @@ pub fn channel(kind: ChannelKind) -> (&'static str, &'static str) {
 }
 
 /// A number that the bounds of a parameter allow.
-fn bounded(parameter: &Parameter, chance: &mut Chance) -> f64 {
+fn bounded(parameter: &Parameter, random: &mut TestRandom) -> f64 {
     let low = parameter.at_least.or(parameter.above);
-    let share = chance.share() * 0.9 + 0.05;
+    let share = random.share() * 0.9 + 0.05;
     match (low, parameter.at_most) {
         (Some(low), Some(high)) => low + (high - low) * share,
         (Some(low), None) => low + share,
@@ -182,7 +184,7 @@ fn path(name: &str) -> Option<&'static str> {
 
 /// The parameters of a primitive in the golden cell (`tests/nets/cell.yaml`), as it is written in a net; `None`: they
 /// cannot be made up, the spec's first example has to say them.
-pub fn parameters(spec: &Spec, open: Type, chance: &mut Chance) -> Option<String> {
+pub fn parameters(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
     if let Some(path) = path(spec.name) {
         return Some(path.to_owned());
     }
@@ -204,37 +206,37 @@ pub fn parameters(spec: &Spec, open: Type, chance: &mut Chance) -> Option<String
             .value()
             .is_some_and(|(ty, _)| ty == PortType::Any);
         let says_type = open_value && parameter.name == "initial";
-        if optional && !says_type && (open_value || chance.once_in(2)) {
+        if optional && !says_type && (open_value || random.once_in(2)) {
             continue;
         }
         let value = match parameter.kind {
             ParameterKind::Value(ty, _) => {
                 let ty = type_of(ty, open);
                 match ty {
-                    Some(Type::Real) => Some(format!("{:?}", bounded(parameter, chance))),
-                    Some(Type::Int) => Some((bounded(parameter, chance).ceil() as i64).to_string()),
+                    Some(Type::Real) => Some(format!("{:?}", bounded(parameter, random))),
+                    Some(Type::Int) => Some((bounded(parameter, random).ceil() as i64).to_string()),
                     Some(Type::Reals(n)) if parameter.rising => {
                         let mut last = -1.0;
                         Some(list(u32::from(n), || {
-                            last += 0.1 + chance.share();
+                            last += 0.1 + random.share();
                             format!("{last:.6}")
                         }))
                     }
-                    Some(ty) => Some(constant(ty, chance)),
+                    Some(ty) => Some(constant(ty, random)),
                     None => None,
                 }
             }
-            ParameterKind::Start(ty, _) => Some(constant(ty, chance)),
-            ParameterKind::First(_) => Some(constant(open, chance)),
+            ParameterKind::Start(ty, _) => Some(constant(ty, random)),
+            ParameterKind::First(_) => Some(constant(open, random)),
             ParameterKind::Length(dim) => length(Dim::Var(dim)).map(|length| length.to_string()),
-            ParameterKind::Window => Some(format!("{} ms", 1 + chance.below(20))),
+            ParameterKind::Window => Some(format!("{} ms", 1 + random.below(20))),
             ParameterKind::Arm => Some("lwr".to_owned()),
             ParameterKind::Device => Some(channel.map_or("lwr", |(device, _)| device).to_owned()),
             ParameterKind::Channel(_) => channel.map(|(_, channel)| channel.to_owned()),
             ParameterKind::Rate => Some("100 Hz".to_owned()),
-            ParameterKind::Word(words) => chance.pick(words).map(|word| (*word).to_owned()),
+            ParameterKind::Word(words) => random.pick(words).map(|word| (*word).to_owned()),
             // No two of a net are the same.
-            ParameterKind::Topic => Some(format!("t/{}", chance.below(1 << 40))),
+            ParameterKind::Topic => Some(format!("t/{}", random.below(1 << 40))),
             // Links and values tell them.
             ParameterKind::Type | ParameterKind::Unit(_) => None,
             #[allow(unreachable_patterns)] // Kinds to come are told by their examples.

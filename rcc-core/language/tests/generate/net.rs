@@ -4,16 +4,18 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use rcc_core::primitive::{Dim, Entry, ParameterKind, Port, PortType, Role, Spec, UnitRule};
+use rcc_core::primitive::{
+    CatalogueEntry, Dim, ParameterKind, Port, PortType, Role, Spec, UnitRule,
+};
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use super::{Chance, OPEN, constant, many, parameters, type_of};
+use super::{OPEN, TestRandom, constant, many, parameters, type_of};
 
 /// A random net.
 #[derive(Debug)]
-pub struct Shape {
+pub struct RandomNet {
     /// Its text.
     pub text: String,
     /// Primitives in it.
@@ -22,7 +24,7 @@ pub struct Shape {
 }
 
 /// An output that can be read.
-struct Source {
+struct AvailableOutput {
     name: String,
     unit: Unit,
     read: bool,
@@ -30,9 +32,9 @@ struct Source {
 }
 
 #[derive(Default)]
-struct Growing {
+struct NetUnderConstruction {
     text: String,
-    sources: Vec<Source>,
+    sources: Vec<AvailableOutput>,
     /// By type: which sources are of it.
     of_type: HashMap<Type, Vec<usize>>,
     discard: Vec<String>,
@@ -41,17 +43,17 @@ struct Growing {
 }
 
 /// A net of about `size` primitives; the same for the same seed.
-pub fn random_net(size: usize, seed: u64) -> Shape {
-    let mut chance = Chance(seed);
-    let entries: Vec<&Entry> = CATALOGUE.iter().copied().filter(|e| grows(e)).collect();
-    let mut net = Growing::default();
+pub fn random_net(size: usize, seed: u64) -> RandomNet {
+    let mut random = TestRandom(seed);
+    let entries: Vec<&CatalogueEntry> = CATALOGUE.iter().copied().filter(|e| grows(e)).collect();
+    let mut net = NetUnderConstruction::default();
     while net.count < size {
         // Inputs first, then whatever can be fed.
-        let entry = match chance.pick(&entries) {
+        let entry = match random.pick(&entries) {
             Some(entry) => entry,
             None => break,
         };
-        net.add(entry, &mut chance);
+        net.add(entry, &mut random);
     }
     let discard = net.sources.iter().filter(|source| !source.read);
     let mut discard: Vec<&str> = discard.map(|source| source.name.as_str()).collect();
@@ -61,14 +63,14 @@ pub fn random_net(size: usize, seed: u64) -> Shape {
         net.text,
         discard.join(", ")
     );
-    Shape {
+    RandomNet {
         text,
         primitives: net.count + 1,
     }
 }
 
 /// What can be there any number of times.
-fn grows(entry: &Entry) -> bool {
+fn grows(entry: &CatalogueEntry) -> bool {
     let spec = &entry.spec;
     let devices = spec.parameters.iter().any(|parameter| {
         let kind = parameter.kind;
@@ -94,15 +96,15 @@ fn goes_outside(spec: &Spec) -> bool {
 }
 
 /// True if what the ports allow can be computed, too.
-fn has_kernel(entry: &Entry, open: Type) -> bool {
+fn has_kernel(entry: &CatalogueEntry, open: Type) -> bool {
     let mut stores = entry.kernels.iter().map(|kernel| kernel.store);
     entry.kernels.is_empty() || stores.any(|store| store.is_none() || store == open.store())
 }
 
-impl Growing {
-    fn add(&mut self, entry: &Entry, chance: &mut Chance) {
+impl NetUnderConstruction {
+    fn add(&mut self, entry: &CatalogueEntry, random: &mut TestRandom) {
         let spec = &entry.spec;
-        if goes_outside(spec) && (self.outside >= 20 || !chance.once_in(8)) {
+        if goes_outside(spec) && (self.outside >= 20 || !random.once_in(8)) {
             return;
         }
         let ports = || spec.inputs.iter().chain(spec.outputs);
@@ -111,42 +113,42 @@ impl Growing {
             .filter(|open| ports().all(|port| port.ty.admits(*open)))
             .filter(|open| has_kernel(entry, *open))
             .collect();
-        let Some(open) = chance.pick(&possible).copied() else {
+        let Some(open) = random.pick(&possible).copied() else {
             return;
         };
-        let Some(given) = parameters(spec, open, chance) else {
+        let Some(given) = parameters(spec, open, random) else {
             return;
         };
-        let mut feeds = Feeds {
+        let mut linked = LinkedInputs {
             delays: spec.role != Role::Monitor,
-            ..Feeds::default()
+            ..LinkedInputs::default()
         };
         let mut wires = Vec::new();
         for port in spec.inputs {
-            if port.default.is_some() && chance.once_in(2) {
+            if port.default.is_some() && random.once_in(2) {
                 continue;
             }
-            let Some(feed) = self.feed(port, open, &mut feeds, chance) else {
+            let Some(feed) = self.feed(port, open, &mut linked, random) else {
                 return;
             };
             wires.push(format!("{}: {feed}", port.name));
         }
         // Whole numbers, and lists of numbers, could be of several types.
-        if ports().any(|port| port.ty.is_open()) && !says_itself(open) && !feeds.open_wire {
+        if ports().any(|port| port.ty.is_open()) && !says_itself(open) && !linked.open_link {
             return;
         }
         // A number in rad has no root.
         let rooted = ports().filter_map(|port| match port.unit {
-            UnitRule::Root(variable) => Some(feeds.units.get(&variable)?.root().is_some()),
+            UnitRule::Root(variable) => Some(linked.units.get(&variable)?.root().is_some()),
             _ => None,
         });
         if rooted.into_iter().any(|possible| !possible) {
             return;
         }
-        for number in &feeds.read {
+        for number in &linked.read {
             self.sources[*number].read = true;
         }
-        let units = feeds.units;
+        let units = linked.units;
         let id = format!("p{}", self.count);
         writeln!(
             self.text,
@@ -163,7 +165,7 @@ impl Growing {
                 (Some(ty), Some(unit)) => {
                     let sources = &mut self.sources;
                     self.of_type.entry(ty).or_default().push(sources.len());
-                    sources.push(Source {
+                    sources.push(AvailableOutput {
                         name,
                         unit,
                         read: port.diagnostic,
@@ -181,11 +183,11 @@ impl Growing {
         &self,
         port: &Port,
         open: Type,
-        feeds: &mut Feeds,
-        chance: &mut Chance,
+        linked: &mut LinkedInputs,
+        random: &mut TestRandom,
     ) -> Option<String> {
         if let Some(count) = many(port.ty) {
-            let one = |_| self.one(open, port, feeds, chance);
+            let one = |_| self.one(open, port, linked, random);
             let words: Vec<String> = (0..count).map(one).collect();
             // Poses and lists within a list are links.
             let constant = |word: &String| {
@@ -198,24 +200,30 @@ impl Growing {
             }
             return Some(format!("[{}]", words.join(", ")));
         }
-        Some(self.one(type_of(port.ty, open)?, port, feeds, chance))
+        Some(self.one(type_of(port.ty, open)?, port, linked, random))
     }
 
-    fn one(&self, ty: Type, port: &Port, feeds: &mut Feeds, chance: &mut Chance) -> String {
+    fn one(
+        &self,
+        ty: Type,
+        port: &Port,
+        linked: &mut LinkedInputs,
+        random: &mut TestRandom,
+    ) -> String {
         let known = self.of_type.get(&ty).map(Vec::as_slice).unwrap_or_default();
         for _ in 0..8 {
-            let Some(number) = chance.pick(known).copied() else {
+            let Some(number) = random.pick(known).copied() else {
                 break;
             };
             let source = &self.sources[number];
             // A constant must be in the range of a port that has one.
-            if (source.constant && port.least.is_some()) || !feeds.fits(port.unit, source.unit) {
+            if (source.constant && port.least.is_some()) || !linked.fits(port.unit, source.unit) {
                 continue;
             }
-            feeds.read.push(number);
-            feeds.open_wire |= port.ty.is_open() && port.ty != PortType::Part;
-            let initial = constant(ty, chance);
-            return match feeds.delays && chance.once_in(10) {
+            linked.read.push(number);
+            linked.open_link |= port.ty.is_open() && port.ty != PortType::Part;
+            let initial = constant(ty, random);
+            return match linked.delays && random.once_in(10) {
                 false => source.name.clone(),
                 true => format!(
                     "{{from: {}, delayed: true, initial: {initial}}}",
@@ -224,28 +232,28 @@ impl Growing {
             };
         }
         // A bare number takes the unit of its place; one that nothing ties has none.
-        feeds.fits(port.unit, Unit::ONE);
+        linked.fits(port.unit, Unit::ONE);
         match (port.least, port.greatest) {
             (Some(least), Some(greatest)) => {
-                (least + chance.share() * (greatest - least)).to_string()
+                (least + random.share() * (greatest - least)).to_string()
             }
-            _ => constant(ty, chance),
+            _ => constant(ty, random),
         }
     }
 }
 
 /// What the inputs of a primitive have decided so far.
 #[derive(Default)]
-struct Feeds {
+struct LinkedInputs {
     units: HashMap<u8, Unit>,
     read: Vec<usize>,
     /// A monitor shows the values of its own cycle only.
     delays: bool,
     /// A link has decided the open type.
-    open_wire: bool,
+    open_link: bool,
 }
 
-impl Feeds {
+impl LinkedInputs {
     /// True if a value of this unit can be at a port; what the port leaves open is then decided.
     fn fits(&mut self, rule: UnitRule, unit: Unit) -> bool {
         match rule {

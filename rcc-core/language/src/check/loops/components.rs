@@ -1,17 +1,17 @@
-//! Strongly connected components and circles of a graph given by the sources of each node, without recursion: a net may
-//! be a chain of a hundred thousand. Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972).
-//! The loader's threads.
+//! Strongly connected components and cycles of a graph that is given by the sources of each node. Without recursion: a
+//! net may be a chain of a hundred thousand primitives. Tarjan, "Depth-first search and linear graph algorithms", SIAM
+//! J. Comput. 1 (1972). Runs on the loader's threads.
 
 use std::collections::{BTreeMap, VecDeque};
 
-/// Which nodes depend on each other.
+/// The strongly connected components of a graph.
 #[derive(Debug)]
 pub struct Components {
-    /// By node: the number of its component.
+    /// Number of the component, by node.
     of: Vec<usize>,
 }
 
-/// A node that has not been visited.
+/// Marks a node that has not been visited.
 const NEW: usize = usize::MAX;
 
 struct Search<'a> {
@@ -26,7 +26,7 @@ struct Search<'a> {
 }
 
 impl Components {
-    /// Finds them.
+    /// Computes the components.
     #[must_use]
     pub fn of(sources: &[Vec<usize>]) -> Components {
         let count = sources.len();
@@ -48,13 +48,13 @@ impl Components {
         Components { of: search.of }
     }
 
-    /// True if both nodes depend on each other, or are the same.
+    /// Returns true if both nodes depend on each other, or are the same node.
     #[must_use]
     pub fn same(&self, a: usize, b: usize) -> bool {
         self.of.get(a) == self.of.get(b)
     }
 
-    /// The components in which there is a circle, each in order of its nodes.
+    /// Returns the components that contain a cycle, each in order of its nodes.
     #[must_use]
     pub fn loops(&self, sources: &[Vec<usize>]) -> Vec<Vec<usize>> {
         let in_loops = self.in_loops(sources);
@@ -67,7 +67,7 @@ impl Components {
         loops.into_values().collect()
     }
 
-    /// By node: whether it is on a circle.
+    /// Returns, by node, whether it lies on a cycle.
     #[must_use]
     pub fn in_loops(&self, sources: &[Vec<usize>]) -> Vec<bool> {
         let on_circle = |(node, sources): (usize, &Vec<usize>)| {
@@ -124,13 +124,14 @@ impl Search<'_> {
     }
 }
 
-/// A shortest circle through the first node of a component that is a loop, in the direction from source to reader.
+/// Returns a shortest cycle through the first node of a component that is a loop, in the direction from source to
+/// reader.
 #[must_use]
 pub fn circle(sources: &[Vec<usize>], component: &[usize]) -> Vec<usize> {
     let Some(&first) = component.first() else {
         return Vec::new();
     };
-    // Goes back from the first node to its sources; `towards` leads forward again.
+    // Walks from the first node back to its sources; `towards` leads forward again.
     let mut towards: BTreeMap<usize, usize> = BTreeMap::new();
     let mut queue = VecDeque::from([first]);
     while let Some(node) = queue.pop_front() {

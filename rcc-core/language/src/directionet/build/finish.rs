@@ -1,20 +1,22 @@
-//! The net of ours as text says it: commands of whole arms, the end, ids, links, and what nobody reads.
-//! The loader's threads.
+//! Completes a conversion: commands of whole arms, termination, ids, links and discarded outputs. Runs on the loader's
+//! threads.
 
 use std::collections::{HashMap, HashSet};
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 
-use super::{Build, Ours, Value, Wire};
-use crate::directionet::flatten::Source;
+use super::{BuiltOutput, BuiltPrimitive, BuiltValue, Conversion};
+use crate::directionet::flatten::FlatSource;
 use crate::fault;
-use crate::syntax::literal::{Literal, Shape};
-use crate::syntax::part::Part;
+use crate::syntax::literal::{Literal, LiteralShape};
+use crate::syntax::part::ValuePart;
 use crate::syntax::reference::Reference;
-use crate::syntax::{Kind, Link, List, NAME_MAX, Net, Primitive, Source as Feed, Timing};
+use crate::syntax::{
+    Link, List, NAME_MAX, Net, Primitive, PrimitiveKind, Source as InputSource, Timing,
+};
 
-/// A name of the predecessor as an id of ours: small letters, digits and `_`, beginning with a letter.
+/// Converts a name of the predecessor to an id: lowercase letters, digits and `_`, beginning with a letter.
 #[must_use]
 pub fn id(name: &str) -> String {
     let mut id = String::new();
@@ -31,8 +33,8 @@ pub fn id(name: &str) -> String {
     id
 }
 
-impl Build<'_, '_> {
-    /// The id of a primitive of the text: its path.
+impl Conversion<'_, '_> {
+    /// Returns the id for a primitive of the text, derived from its path.
     pub(super) fn id_of(&self, number: usize) -> String {
         let primitive = self.flat.primitives.get(number);
         id(&primitive.map(|it| it.path.join("_")).unwrap_or_default())
@@ -48,10 +50,10 @@ impl Build<'_, '_> {
         let mut read = HashSet::new();
         let mut primitives = Vec::new();
         for made in &order {
-            let Some(ours) = self.ours.get(*made) else {
+            let Some(ours) = self.built.get(*made) else {
                 continue;
             };
-            let writer = Writer {
+            let writer = NetWriter {
                 ids: &ids,
                 delayed: &delayed,
             };
@@ -73,12 +75,12 @@ impl Build<'_, '_> {
         }
     }
 
-    fn add(&mut self, ours: Ours) -> usize {
-        self.ours.push(ours);
-        self.ours.len() - 1
+    fn add(&mut self, ours: BuiltPrimitive) -> usize {
+        self.built.push(ours);
+        self.built.len() - 1
     }
 
-    /// One command for all axes of each robot.
+    /// Adds one command for all axes of each robot.
     fn command_arms(&mut self) {
         for (device, arm) in std::mem::take(&mut self.arms) {
             let joints = self
@@ -102,7 +104,7 @@ impl Build<'_, '_> {
                 continue;
             }
             self.current = arm.made_for;
-            let made = self.add(Ours {
+            let made = self.add(BuiltPrimitive {
                 id: id(&format!("{device}_command")),
                 span: self.span(arm.made_for),
                 ty: "JointPositionCommand",
@@ -112,19 +114,19 @@ impl Build<'_, '_> {
                 made_for: arm.made_for,
             });
             let span = arm.axes.values().next().map_or(arm.span, |(_, span)| *span);
-            let list = Value::List(arm.axes.into_values().map(|(value, _)| value).collect());
+            let list = BuiltValue::List(arm.axes.into_values().map(|(value, _)| value).collect());
             let port = self.spec(made).and_then(|spec| spec.input("position"));
             let value = match port {
                 Some((_, port)) => self.fit(list, made, port),
-                None => Value::Refused,
+                None => BuiltValue::Refused,
             };
-            if let Some(ours) = self.ours.get_mut(made) {
+            if let Some(ours) = self.built.get_mut(made) {
                 ours.inputs = vec![("position", value, span)];
             }
         }
     }
 
-    /// `outTerminate` and the keys that are to end the net.
+    /// Adds the termination: `outTerminate`, and the keys given as ends.
     fn terminate(&mut self) {
         self.current = usize::MAX;
         let outputs = &self.flat.outputs;
@@ -140,11 +142,10 @@ impl Build<'_, '_> {
             return;
         };
         let mut done = self.value(source);
-        let mut never =
-            matches!(&done, Value::Constant(literal) if literal.shape == Shape::Bool(false));
+        let mut never = matches!(&done, BuiltValue::Constant(literal) if literal.shape == LiteralShape::Bool(false));
         let span = match source {
-            Source::Output { port, .. } => port.span,
-            Source::Refused => key.span,
+            FlatSource::Output { port, .. } => port.span,
+            FlatSource::Refused => key.span,
         };
         for (end, place) in &self.options.end {
             let found = self.keys.iter().find(|(key, _)| key == end);
@@ -156,7 +157,7 @@ impl Build<'_, '_> {
                 (done, never) = (value, false);
                 continue;
             }
-            let made = self.add(Ours {
+            let made = self.add(BuiltPrimitive {
                 id: id(&format!("end_{end}")),
                 span,
                 ty: "Or",
@@ -165,7 +166,7 @@ impl Build<'_, '_> {
                 active: None,
                 made_for: usize::MAX,
             });
-            done = self.wire(made, "out");
+            done = self.built_output(made, "out");
         }
         if never {
             let message = "the net never ends by itself: `outTerminate` is always false";
@@ -174,7 +175,7 @@ impl Build<'_, '_> {
                 "the predecessor's application ended it when a result came: name these results, `# end: _1, _2`, or abort it",
             ));
         }
-        self.add(Ours {
+        self.add(BuiltPrimitive {
             id: "end".to_string(),
             span,
             ty: "Termination",
@@ -214,8 +215,8 @@ impl Build<'_, '_> {
         ));
     }
 
-    /// What each `Pre` delays, as a plain number.
-    fn delayed_values(&mut self) -> Vec<Value> {
+    /// Returns the source of each `Pre` as a plain number.
+    fn delayed_values(&mut self) -> Vec<BuiltValue> {
         let mut values = Vec::new();
         for (number, active) in self.delayed.clone() {
             self.current = number;
@@ -225,52 +226,53 @@ impl Build<'_, '_> {
             let (value, span) = self.argument(number, entry, "inValue");
             let value = self.in_unit(value, rcc_core::unit::Unit::ONE);
             let reset = self.given(number, "inReset");
-            let is_place = matches!(value, Value::Wire(_) | Value::Refused);
+            let is_place = matches!(value, BuiltValue::Output(_) | BuiltValue::Refused);
             if is_place && active.is_none() && reset.is_none() {
                 values.push(value);
                 continue;
             }
-            // A constant, what is delayed already, and what is not always stored need a place of their own.
-            let never = Value::Constant(Literal::new(Shape::Bool(false), span));
+            // A constant, a value that is delayed already, and a value that is not always stored each need a primitive
+            // of their own.
+            let never = BuiltValue::Constant(Literal::new(LiteralShape::Bool(false), span));
             let reset = reset.map_or(never, |(_, source)| self.value(source));
             let inputs = vec![("in", value, span), ("condition", reset, span)];
             let made = self.one(number, "NullIf", inputs);
-            self.ours[made].active = active;
-            values.push(self.wire(made, "out"));
+            self.built[made].active = active;
+            values.push(self.built_output(made, "out"));
         }
         values
     }
 
-    /// Ours as their causes stand in the text; what serves many stands before the first that it serves.
+    /// Returns the primitives in the order of the text; a shared primitive comes before its first user.
     fn order_of_the_text(&self) -> Vec<usize> {
-        let mut place: Vec<usize> = self.ours.iter().map(|ours| ours.made_for).collect();
-        for (made, ours) in self.ours.iter().enumerate().rev() {
+        let mut place: Vec<usize> = self.built.iter().map(|ours| ours.made_for).collect();
+        for (made, ours) in self.built.iter().enumerate().rev() {
             let Some(at) = place.get(made).copied() else {
                 continue;
             };
             for (_, value, _) in &ours.inputs {
-                for wire in wires(value) {
+                for output in outputs_in(value) {
                     let is_shared = self
-                        .ours
-                        .get(wire.primitive)
+                        .built
+                        .get(output.primitive)
                         .is_some_and(|it| it.made_for == usize::MAX);
-                    if let Some(place) = place.get_mut(wire.primitive).filter(|_| is_shared) {
+                    if let Some(place) = place.get_mut(output.primitive).filter(|_| is_shared) {
                         *place = at.min(*place);
                     }
                 }
             }
         }
-        let mut order: Vec<usize> = (0..self.ours.len()).collect();
+        let mut order: Vec<usize> = (0..self.built.len()).collect();
         order.sort_by_key(|made| place.get(*made).copied());
         order
     }
 
-    /// Ids that differ, and that are not too long.
+    /// Returns unique ids of limited length.
     fn ids(&self, order: &[usize]) -> Vec<String> {
-        let mut ids = vec![String::new(); self.ours.len()];
+        let mut ids = vec![String::new(); self.built.len()];
         let mut taken: HashMap<String, usize> = HashMap::new();
         for made in order {
-            let Some(ours) = self.ours.get(*made) else {
+            let Some(ours) = self.built.get(*made) else {
                 continue;
             };
             let mut name: String = ours.id.chars().take(NAME_MAX).collect();
@@ -288,7 +290,7 @@ impl Build<'_, '_> {
         ids
     }
 
-    /// Every output that nobody reads and that must be named then.
+    /// Returns all outputs that nothing reads and that must be discarded.
     fn discard(
         &self,
         order: &[usize],
@@ -297,13 +299,13 @@ impl Build<'_, '_> {
     ) -> Vec<Reference> {
         let mut discard = Vec::new();
         for made in order {
-            let (Some(spec), Some(ours)) = (self.spec(*made), self.ours.get(*made)) else {
+            let (Some(spec), Some(ours)) = (self.spec(*made), self.built.get(*made)) else {
                 continue;
             };
             for port in spec.outputs {
                 if !port.diagnostic && !read.contains(&(*made, port.name)) {
-                    let wire = (*made, port.name, None);
-                    discard.push(reference(ids, wire, ours.span));
+                    let output = (*made, port.name, None);
+                    discard.push(reference(ids, output, ours.span));
                 }
             }
         }
@@ -312,13 +314,13 @@ impl Build<'_, '_> {
 }
 
 fn text(text: &str, span: Span) -> Literal {
-    Literal::new(Shape::Text(text.to_string()), span)
+    Literal::new(LiteralShape::Text(text.to_string()), span)
 }
 
-fn wires(value: &Value) -> Vec<Wire> {
+fn outputs_in(value: &BuiltValue) -> Vec<BuiltOutput> {
     match value {
-        Value::Wire(wire) => vec![*wire],
-        Value::List(values) => values.iter().flat_map(wires).collect(),
+        BuiltValue::Output(output) => vec![*output],
+        BuiltValue::List(values) => values.iter().flat_map(outputs_in).collect(),
         _ => Vec::new(),
     }
 }
@@ -331,24 +333,24 @@ fn reference(
     Reference {
         primitive: ids.get(primitive).cloned().unwrap_or_default(),
         port: port.to_string(),
-        part: index.map(Part::Element),
+        part: index.map(ValuePart::Element),
         span,
         primitive_span: span,
         port_span: span,
     }
 }
 
-/// Turns what was made into the text's model.
-struct Writer<'b> {
+/// Converts the built primitives to the syntax model.
+struct NetWriter<'b> {
     ids: &'b [String],
-    delayed: &'b [Value],
+    delayed: &'b [BuiltValue],
 }
 
-impl Writer<'_> {
+impl NetWriter<'_> {
     fn primitive(
         &self,
         made: usize,
-        ours: &Ours,
+        ours: &BuiltPrimitive,
         read: &mut HashSet<(usize, &'static str)>,
     ) -> Primitive {
         let key = |name: &str, span: Span| Key {
@@ -362,7 +364,7 @@ impl Writer<'_> {
         let active = ours.active.as_ref();
         Primitive {
             id: key(self.ids.get(made).map_or("", String::as_str), ours.span),
-            kind: Kind::Type,
+            kind: PrimitiveKind::Type,
             type_name: key(ours.ty, ours.span),
             parameters: ours
                 .parameters
@@ -376,15 +378,15 @@ impl Writer<'_> {
 
     fn link(
         &self,
-        wire: &Wire,
+        output: &BuiltOutput,
         initial: Option<Literal>,
         span: Span,
         read: &mut HashSet<(usize, &'static str)>,
-    ) -> Feed {
-        read.insert((wire.primitive, wire.port));
-        let wire = (wire.primitive, wire.port, wire.index);
-        Feed::Link(Link {
-            from: reference(self.ids, wire, span),
+    ) -> InputSource {
+        read.insert((output.primitive, output.port));
+        let output = (output.primitive, output.port, output.index);
+        InputSource::Link(Link {
+            from: reference(self.ids, output, span),
             delayed: initial.is_some(),
             initial,
             span,
@@ -393,30 +395,32 @@ impl Writer<'_> {
 
     fn feed(
         &self,
-        value: &Value,
+        value: &BuiltValue,
         span: Span,
         delayed: bool,
         read: &mut HashSet<(usize, &'static str)>,
-    ) -> Feed {
+    ) -> InputSource {
         match value {
-            Value::Wire(wire) => {
-                let null = || Literal::new(Shape::Null, span);
-                self.link(wire, delayed.then(null), span, read)
+            BuiltValue::Output(output) => {
+                let null = || Literal::new(LiteralShape::Null, span);
+                self.link(output, delayed.then(null), span, read)
             }
-            Value::Before(wire, initial) => self.link(wire, Some(initial.clone()), span, read),
-            Value::Constant(literal) => Feed::Literal(literal.clone()),
-            Value::Delayed(number) => match self.delayed.get(*number) {
+            BuiltValue::Before(output, initial) => {
+                self.link(output, Some(initial.clone()), span, read)
+            }
+            BuiltValue::Constant(literal) => InputSource::Literal(literal.clone()),
+            BuiltValue::Delayed(number) => match self.delayed.get(*number) {
                 Some(value) => self.feed(value, span, true, read),
-                None => Feed::Refused,
+                None => InputSource::Refused,
             },
-            Value::List(elements) => Feed::List(List {
+            BuiltValue::List(elements) => InputSource::List(List {
                 elements: elements
                     .iter()
                     .map(|element| self.feed(element, span, delayed, read))
                     .collect(),
                 span,
             }),
-            Value::Refused => Feed::Refused,
+            BuiltValue::Refused => InputSource::Refused,
         }
     }
 }

@@ -1,20 +1,20 @@
-//! The order of the text's primitives: what feeds comes before what is fed, but for `Pre`, which gives the value of the
-//! cycle before. The loader's threads.
+//! The order of the text's primitives: sources before readers, except for `Pre`, which gives the value of the previous
+//! cycle. Runs on the loader's threads.
 
 use std::collections::VecDeque;
 
 use rcc_config::diagnostic::Diagnostic;
 
-use super::Build;
-use crate::directionet::flatten::Source;
-use crate::directionet::table::{Builtin, To};
+use super::Conversion;
+use crate::directionet::flatten::FlatSource;
+use crate::directionet::table::{Counterpart, SpecialConversion};
 use crate::fault;
 
-/// Most primitives of a circle that a fault names.
+/// Most primitives of a cycle that a message names.
 const NAMED_MAX: usize = 8;
 
-impl Build<'_, '_> {
-    /// All primitives in an order of evaluation; a circle is reported, and its primitives are left out.
+impl Conversion<'_, '_> {
+    /// Returns all primitives in an order of evaluation. A cycle is reported, and its primitives are left out.
     pub(super) fn order(&mut self) -> Vec<usize> {
         let count = self.flat.primitives.len();
         let mut readers = vec![Vec::new(); count];
@@ -22,7 +22,7 @@ impl Build<'_, '_> {
         for (number, primitive) in self.flat.primitives.iter().enumerate() {
             let links = primitive.inputs.iter().map(|(_, source)| source);
             for source in links.chain(&primitive.active) {
-                if let Source::Output { primitive, .. } = source
+                if let FlatSource::Output { primitive, .. } = source
                     && !self.is_pre(*primitive)
                     && let (Some(readers), Some(missing)) =
                         (readers.get_mut(*primitive), missing.get_mut(number))
@@ -54,10 +54,10 @@ impl Build<'_, '_> {
 
     pub(super) fn is_pre(&self, number: usize) -> bool {
         let entry = self.entries.get(number).copied().flatten();
-        entry.is_some_and(|entry| entry.row.to == To::Special(Builtin::Pre))
+        entry.is_some_and(|entry| entry.row.to == Counterpart::Special(SpecialConversion::Pre))
     }
 
-    /// Walks against the links from one primitive that waits, until one is met again: that is a circle.
+    /// Follows the links backwards from a primitive that waits until one is met again, which closes the cycle.
     fn report_circle(&mut self, missing: &[usize]) {
         let waits = |number: usize| missing.get(number).is_some_and(|missing| *missing > 0);
         let Some(mut number) = (0..missing.len()).find(|number| waits(*number)) else {
@@ -75,7 +75,7 @@ impl Build<'_, '_> {
             let next = links
                 .chain(&primitive.active)
                 .find_map(|source| match source {
-                    Source::Output { primitive, .. }
+                    FlatSource::Output { primitive, .. }
                         if waits(*primitive) && !self.is_pre(*primitive) =>
                     {
                         Some(*primitive)

@@ -1,63 +1,68 @@
-//! What needs more than a net of ours: arrays, values from and to outside, and the axes of robots, which are commanded one
-//! by one there and all at once here. The loader's threads.
+//! Conversions that a net cannot express: arrays, values from and to the outside, and the axes of robots, which the
+//! predecessor commands one by one and RCC all at once. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Span;
 use rcc_core::unit::Unit;
 
-use super::{Build, Ours, Value};
-use crate::directionet::table::{Builtin, Entry};
+use super::{BuiltPrimitive, BuiltValue, Conversion};
+use crate::directionet::table::{SpecialConversion, TypeEntry};
 use crate::fault;
-use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::literal::{Literal, LiteralShape};
 
-impl Build<'_, '_> {
+impl Conversion<'_, '_> {
     pub(super) fn special(
         &mut self,
         number: usize,
-        entry: &'static Entry,
-        builtin: Builtin,
-        active: Option<&Value>,
+        entry: &'static TypeEntry,
+        conversion: SpecialConversion,
+        active: Option<&BuiltValue>,
     ) {
-        match builtin {
-            // What it gives was known from the beginning: it may be read before it is made.
-            Builtin::Pre => {
+        match conversion {
+            // Its value is known from the beginning, so it may be read before it is converted.
+            SpecialConversion::Pre => {
                 let mut delayed = self.delayed.iter_mut();
                 if let Some(pre) = delayed.find(|pre| pre.0 == number) {
                     pre.1 = active.cloned();
                 }
             }
-            Builtin::Array | Builtin::ArrayGet | Builtin::ArraySet | Builtin::ArraySlice => {
-                self.array(number, entry, builtin);
+            SpecialConversion::Array
+            | SpecialConversion::ArrayGet
+            | SpecialConversion::ArraySet
+            | SpecialConversion::ArraySlice => {
+                self.array(number, entry, conversion);
             }
-            Builtin::ArrayIsNull => self.array_is_null(number, entry),
-            Builtin::ArraySetNull => self.array_set_null(number, entry),
-            Builtin::NetcommIn => self.set_from_outside(number, entry),
-            Builtin::NetcommOut => self.shown_outside(number, entry),
-            Builtin::InterNetcommIn => self.subscribed(number, entry),
-            Builtin::InterNetcommOut => self.given_to_another(number, entry),
-            Builtin::InvKin => self.inverse_kinematics(number, entry),
-            Builtin::JointMonitor => self.joint_monitor(number, entry),
-            Builtin::JointPosition => self.joint_position(number, entry, active),
+            SpecialConversion::ArrayIsNull => self.array_is_null(number, entry),
+            SpecialConversion::ArraySetNull => self.array_set_null(number, entry),
+            SpecialConversion::NetcommIn => self.input_from_application(number, entry),
+            SpecialConversion::NetcommOut => self.output_to_application(number, entry),
+            SpecialConversion::InterNetcommIn => self.subscribed(number, entry),
+            SpecialConversion::InterNetcommOut => self.publish_to_net(number, entry),
+            SpecialConversion::InvKin => self.inverse_kinematics(number, entry),
+            SpecialConversion::JointMonitor => self.joint_monitor(number, entry),
+            SpecialConversion::JointPosition => self.joint_position(number, entry, active),
         }
     }
 
-    pub(super) fn put(&mut self, number: usize, port: &'static str, value: Value) {
+    pub(super) fn put(&mut self, number: usize, port: &'static str, value: BuiltValue) {
         if let Some(values) = self.values.get_mut(number) {
             values.insert(port, value);
         }
     }
 
-    /// The elements of an array of the text, of which there are `length`.
-    fn elements(&mut self, value: Value, length: u32, span: Span) -> Vec<Value> {
-        let index = |index: u32| Value::Constant(Literal::new(Shape::Int(i64::from(index)), span));
+    /// Returns the first `length` elements of an array of the text.
+    fn elements(&mut self, value: BuiltValue, length: u32, span: Span) -> Vec<BuiltValue> {
+        let index = |index: u32| {
+            BuiltValue::Constant(Literal::new(LiteralShape::Int(i64::from(index)), span))
+        };
         (0..length)
             .map(|it| match value {
-                Value::Refused => Value::Refused,
+                BuiltValue::Refused => BuiltValue::Refused,
                 _ => self.element(value.clone(), &index(it), span),
             })
             .collect()
     }
 
-    fn array(&mut self, number: usize, entry: &'static Entry, builtin: Builtin) {
+    fn array(&mut self, number: usize, entry: &'static TypeEntry, conversion: SpecialConversion) {
         let Some(size) = self.count(number, entry, "Size").filter(|size| *size > 0) else {
             return self.bad_size(number, 0);
         };
@@ -65,17 +70,17 @@ impl Build<'_, '_> {
             return self.bad_size(number, size);
         }
         let span = self.span(number);
-        if builtin == Builtin::Array {
+        if conversion == SpecialConversion::Array {
             let element = entry.outputs.first().map(|port| port.ty.zero(span));
-            let element = element.map_or(Value::Refused, Value::Constant);
+            let element = element.map_or(BuiltValue::Refused, BuiltValue::Constant);
             return self.put(
                 number,
                 "outArray",
-                Value::List(vec![element; size as usize]),
+                BuiltValue::List(vec![element; size as usize]),
             );
         }
         let (array, at) = self.argument(number, entry, "inArray");
-        let name = if builtin == Builtin::ArraySlice {
+        let name = if conversion == SpecialConversion::ArraySlice {
             "Start"
         } else {
             "Index"
@@ -83,13 +88,13 @@ impl Build<'_, '_> {
         let Some(index) = self.count(number, entry, name) else {
             return;
         };
-        match builtin {
-            Builtin::ArrayGet => {
-                let literal = Literal::new(Shape::Int(i64::from(index)), span);
-                let value = self.element(array, &Value::Constant(literal), at);
+        match conversion {
+            SpecialConversion::ArrayGet => {
+                let literal = Literal::new(LiteralShape::Int(i64::from(index)), span);
+                let value = self.element(array, &BuiltValue::Constant(literal), at);
                 self.put(number, "outValue", value);
             }
-            Builtin::ArraySet => {
+            SpecialConversion::ArraySet => {
                 let (value, _) = self.argument(number, entry, "inValue");
                 let mut elements = self.elements(array, size, at);
                 match elements.get_mut(index as usize) {
@@ -99,13 +104,13 @@ impl Build<'_, '_> {
                         self.error(fault::BAD_ELEMENT, span, message, None);
                     }
                 }
-                self.put(number, "outArray", Value::List(elements));
+                self.put(number, "outArray", BuiltValue::List(elements));
             }
             _ => {
-                // Both are u32; what is too far out is reported with the element that is missing.
+                // Both are u32; an index out of range is reported with the missing element.
                 let end = index.saturating_add(size);
                 let elements = self.elements(array, end, at).split_off(index as usize);
-                self.put(number, "outArray", Value::List(elements));
+                self.put(number, "outArray", BuiltValue::List(elements));
             }
         }
     }
@@ -116,23 +121,23 @@ impl Build<'_, '_> {
         self.error(fault::OUT_OF_RANGE, self.span(number), message, None);
     }
 
-    fn array_is_null(&mut self, number: usize, entry: &'static Entry) {
+    fn array_is_null(&mut self, number: usize, entry: &'static TypeEntry) {
         let (value, span) = self.argument(number, entry, "inValue");
         let made = self.one(number, "IsNull", vec![("in", value, span)]);
-        let value = self.wire(made, "out");
+        let value = self.built_output(made, "out");
         self.put(number, "outValue", value);
     }
 
-    fn array_set_null(&mut self, number: usize, entry: &'static Entry) {
+    fn array_set_null(&mut self, number: usize, entry: &'static TypeEntry) {
         let (value, span) = self.argument(number, entry, "inValue");
         let (condition, at) = self.argument(number, entry, "inNull");
         let inputs = vec![("in", value, span), ("condition", condition, at)];
         let made = self.one(number, "NullIf", inputs);
         let size = self.count(number, entry, "Size");
-        let value = match self.wire(made, "out") {
-            Value::Wire(wire) => Value::Wire(super::Wire {
+        let value = match self.built_output(made, "out") {
+            BuiltValue::Output(output) => BuiltValue::Output(super::BuiltOutput {
                 length: size,
-                ..wire
+                ..output
             }),
             value => value,
         };
@@ -143,10 +148,10 @@ impl Build<'_, '_> {
         &mut self,
         number: usize,
         ty: &'static str,
-        inputs: Vec<(&'static str, Value, Span)>,
+        inputs: Vec<(&'static str, BuiltValue, Span)>,
     ) -> usize {
-        let made = self.ours.len();
-        self.ours.push(Ours {
+        let made = self.built.len();
+        self.built.push(BuiltPrimitive {
             id: self.id_of(number),
             span: self.span(number),
             ty,
@@ -158,11 +163,16 @@ impl Build<'_, '_> {
         made
     }
 
-    /// A parameter that is a name, and must be given.
-    fn text(&mut self, number: usize, entry: &'static Entry, name: &str) -> Option<(String, Span)> {
+    /// Returns a required parameter that is a name.
+    fn text(
+        &mut self,
+        number: usize,
+        entry: &'static TypeEntry,
+        name: &str,
+    ) -> Option<(String, Span)> {
         let literal = self.parameter(number, entry, name)?;
         match literal.shape {
-            Shape::Text(text) if !text.is_empty() => Some((text, literal.span)),
+            LiteralShape::Text(text) if !text.is_empty() => Some((text, literal.span)),
             _ => {
                 let message = format!("{} needs a `{name}`", entry.name);
                 self.error(fault::MISSING_PARAMETER, self.span(number), message, None);
@@ -171,15 +181,15 @@ impl Build<'_, '_> {
         }
     }
 
-    /// Several primitives with one key share one value.
-    fn set_from_outside(&mut self, number: usize, entry: &'static Entry) {
+    /// Converts a value from the application; several primitives with one key share one `Input`.
+    fn input_from_application(&mut self, number: usize, entry: &'static TypeEntry) {
         let Some((key, _)) = self.text(number, entry, "Key") else {
             return;
         };
         let Some(initial) = self.parameter(number, entry, "Value") else {
             return;
         };
-        if matches!(&initial.shape, Shape::List(elements) if elements.is_empty()) {
+        if matches!(&initial.shape, LiteralShape::List(elements) if elements.is_empty()) {
             let message = "an array from outside of length 0 never gets a value".to_string();
             let help = Some("give `Value` as many elements as it has: `[0,0,0]`".to_string());
             return self.error(fault::OUT_OF_RANGE, initial.span, message, help);
@@ -193,87 +203,87 @@ impl Build<'_, '_> {
             vec![("initial", initial)],
             Vec::new(),
         );
-        let value = self.wire(made, "value");
+        let value = self.built_output(made, "value");
         self.put(number, "outValue", value);
     }
 
-    /// What is given to the application or to another net, as one value.
-    fn one_value(&mut self, number: usize, entry: &'static Entry) -> (Value, Span) {
+    /// Returns the value sent to the application or to another net, as one output.
+    fn one_value(&mut self, number: usize, entry: &'static TypeEntry) -> (BuiltValue, Span) {
         let (value, span) = self.argument(number, entry, "inValue");
         let value = match value {
-            // A list of one's own is made into a value by what reads it.
-            Value::List(_) | Value::Delayed(_) => self.pass(value),
+            // A list needs a primitive that makes it one value.
+            BuiltValue::List(_) | BuiltValue::Delayed(_) => self.pass(value),
             value => value,
         };
         (value, span)
     }
 
-    fn shown_outside(&mut self, number: usize, entry: &'static Entry) {
+    fn output_to_application(&mut self, number: usize, entry: &'static TypeEntry) {
         let Some((key, _)) = self.text(number, entry, "Key") else {
             return;
         };
         let (value, span) = self.one_value(number, entry);
         let report = self.parameter(number, entry, "Report");
         let id = super::finish::id(&format!("out{key}"));
-        if report.is_some_and(|report| report.shape == Shape::Bool(false)) {
-            // The application never saw it: it is there for other nets.
+        if report.is_some_and(|report| report.shape == LiteralShape::Bool(false)) {
+            // The application never received it: it is meant for other nets.
             let topic = format!("{}/out{key}", self.options.name);
             self.publish(number, topic, value.clone(), span, id);
         } else {
             let made = self.one(number, "Monitor", vec![("value", value.clone(), span)]);
-            if let Some(ours) = self.ours.get_mut(made) {
+            if let Some(ours) = self.built.get_mut(made) {
                 ours.id = id;
             }
         }
         self.keys.push((key, value));
     }
 
-    fn publish(&mut self, number: usize, topic: String, value: Value, span: Span, id: String) {
+    fn publish(&mut self, number: usize, topic: String, value: BuiltValue, span: Span, id: String) {
         let made = self.one(number, "Publish", vec![("in", value, span)]);
-        let topic = Literal::new(Shape::Text(topic), span);
-        if let Some(ours) = self.ours.get_mut(made) {
+        let topic = Literal::new(LiteralShape::Text(topic), span);
+        if let Some(ours) = self.built.get_mut(made) {
             ours.id = id;
             ours.parameters.push(("topic", topic));
         }
     }
 
-    /// `<RemoteNet>/<prefix><RemoteKey>`.
+    /// Returns the topic `<RemoteNet>/<prefix><RemoteKey>`.
     fn remote(
         &mut self,
         number: usize,
-        entry: &'static Entry,
+        entry: &'static TypeEntry,
         prefix: &str,
     ) -> Option<(String, Span)> {
         let [net, key] = ["RemoteNet", "RemoteKey"].map(|name| self.text(number, entry, name));
         let ((net, span), (key, _)) = (net?, key?);
-        // As the net is named that is read from the file of this name.
+        // The name that the net gets when it is read from the file of this name.
         let net = crate::directionet::net_name(&net);
         Some((format!("{net}/{prefix}{key}"), span))
     }
 
-    /// Several primitives with one topic share one value.
-    fn subscribed(&mut self, number: usize, entry: &'static Entry) {
+    /// Converts a value from another net; several primitives with one topic share one `Subscribe`.
+    fn subscribed(&mut self, number: usize, entry: &'static TypeEntry) {
         let Some((topic, span)) = self.remote(number, entry, "out") else {
             return self.refuse(number, entry);
         };
         let name = super::finish::id(&topic);
         let shared = format!("topic {topic}");
-        let mut parameters = vec![("topic", Literal::new(Shape::Text(topic), span))];
+        let mut parameters = vec![("topic", Literal::new(LiteralShape::Text(topic), span))];
         let ty = entry.outputs.iter().find(|port| port.name == "outValue");
-        // Nothing says how long an array is but what reads it.
+        // The length of an array is determined by its reader only.
         let ty = ty
             .filter(|port| !port.array)
-            .and_then(|port| port.ty.ours());
+            .and_then(|port| port.ty.rcc_type());
         parameters.extend(ty.map(|ty| {
-            let name = Shape::Text(ty.to_string());
+            let name = LiteralShape::Text(ty.to_string());
             ("type", Literal::new(name, span))
         }));
         let made = self.shared(shared, "Subscribe", &name, parameters, Vec::new());
-        let value = self.wire(made, "value");
+        let value = self.built_output(made, "value");
         self.put(number, "outValue", value);
     }
 
-    fn given_to_another(&mut self, number: usize, entry: &'static Entry) {
+    fn publish_to_net(&mut self, number: usize, entry: &'static TypeEntry) {
         let Some((topic, span)) = self.remote(number, entry, "in") else {
             return;
         };
@@ -282,9 +292,9 @@ impl Build<'_, '_> {
         self.publish(number, topic, value, span, id);
     }
 
-    fn robot(&mut self, number: usize, entry: &'static Entry) -> Option<(String, u32, Span)> {
+    fn robot(&mut self, number: usize, entry: &'static TypeEntry) -> Option<(String, u32, Span)> {
         let robot = self.parameter(number, entry, "Robot")?;
-        let Shape::Text(name) = &robot.shape else {
+        let LiteralShape::Text(name) = &robot.shape else {
             return None;
         };
         let device = self.device(name, true, robot.span)?;
@@ -304,20 +314,20 @@ impl Build<'_, '_> {
         Some((device, axis, robot.span))
     }
 
-    /// The one primitive of a type that a robot has.
+    /// Returns the one primitive of a type that a robot has.
     fn of_robot(&mut self, ty: &'static str, name: &str, device: &str, span: Span) -> usize {
-        let literal = Literal::new(Shape::Text(device.to_string()), span);
+        let literal = Literal::new(LiteralShape::Text(device.to_string()), span);
         let name = super::finish::id(&format!("{device}_{name}"));
         let parameters = vec![("device", literal)];
         let key = format!("{ty} {device}");
         self.shared(key, ty, &name, parameters, Vec::new())
     }
 
-    fn joint_monitor(&mut self, number: usize, entry: &'static Entry) {
+    fn joint_monitor(&mut self, number: usize, entry: &'static TypeEntry) {
         let Some((device, axis, span)) = self.robot(number, entry) else {
             return self.refuse(number, entry);
         };
-        let index = Value::Constant(Literal::new(Shape::Int(i64::from(axis)), span));
+        let index = BuiltValue::Constant(Literal::new(LiteralShape::Int(i64::from(axis)), span));
         for (theirs, ty, name, port) in [
             ("outMeasuredPosition", "JointState", "state", "position"),
             ("outCommandedPosition", "JointState", "state", "hold"),
@@ -334,28 +344,29 @@ impl Build<'_, '_> {
                 "commanded",
             ),
         ] {
-            // Only what is read is made: most nets read one of them.
+            // Only outputs that are read are converted: most nets read one of them.
             if self.is_read(number, theirs) {
                 let made = self.of_robot(ty, name, &device, span);
-                let all = self.wire(made, port);
+                let all = self.built_output(made, port);
                 let value = self.element(all, &index, span);
                 self.put(number, theirs, value);
             }
         }
-        self.put(number, "outError", constant(Shape::Int(0), span));
+        self.put(number, "outError", constant(LiteralShape::Int(0), span));
     }
 
-    /// True if something of the text reads an output.
+    /// Returns true if something in the text reads an output.
     fn is_read(&self, number: usize, output: &str) -> bool {
         self.read.contains(&(number, output.to_string()))
     }
 
-    /// With the robot's own position as the hint the arm angle stays that of the start; with any other it is the hint's.
-    fn inverse_kinematics(&mut self, number: usize, entry: &'static Entry) {
+    /// Converts inverse kinematics. With the robot's own position as the hint, the arm angle stays that of the start;
+    /// otherwise it is the hint's.
+    fn inverse_kinematics(&mut self, number: usize, entry: &'static TypeEntry) {
         let Some(robot) = self.parameter(number, entry, "Robot") else {
             return self.refuse(number, entry);
         };
-        let Shape::Text(name) = &robot.shape else {
+        let LiteralShape::Text(name) = &robot.shape else {
             return self.refuse(number, entry);
         };
         let Some(device) = self.device(name, true, robot.span) else {
@@ -366,69 +377,76 @@ impl Build<'_, '_> {
         let parameter = || {
             vec![(
                 "device",
-                Literal::new(Shape::Text(device.clone()), robot.span),
+                Literal::new(LiteralShape::Text(device.clone()), robot.span),
             )]
         };
         let made = if self.is_own_position(&hint, &device) {
             let made = self.one(number, "InverseKinematics", vec![("pose", pose, span)]);
-            self.ours[made].parameters = parameter();
+            self.built[made].parameters = parameter();
             made
         } else {
             let angle = self.one(number, "ArmAngle", Vec::new());
-            self.ours[angle].parameters = parameter();
+            self.built[angle].parameters = parameter();
             let made = self.one(number, "InverseKinematicsNear", Vec::new());
-            self.ours[made].parameters = parameter();
+            self.built[made].parameters = parameter();
             let hint = self.in_unit(hint, Unit::RADIAN);
-            self.ours[angle].id.push_str("_angle");
-            self.ours[angle].inputs = vec![("joints", hint.clone(), at)];
-            let arm_angle = self.wire(angle, "angle");
-            self.ours[made].inputs = vec![
+            self.built[angle].id.push_str("_angle");
+            self.built[angle].inputs = vec![("joints", hint.clone(), at)];
+            let arm_angle = self.built_output(angle, "angle");
+            self.built[made].inputs = vec![
                 ("pose", pose, span),
                 ("arm_angle", arm_angle, at),
                 ("hint", hint, at),
             ];
             made
         };
-        let joints = self.wire(made, "joints");
+        let joints = self.built_output(made, "joints");
         self.put(number, "outJoints", joints);
     }
 
-    /// True for a list of all positions of a robot, measured or commanded, in order.
-    fn is_own_position(&self, hint: &Value, device: &str) -> bool {
-        let Value::List(elements) = hint else {
+    /// Returns true for a list of all joint positions of a robot, measured or commanded, in order.
+    fn is_own_position(&self, hint: &BuiltValue, device: &str) -> bool {
+        let BuiltValue::List(elements) = hint else {
             return false;
         };
         elements
             .iter()
             .zip(0..)
             .all(|(element, index)| match element {
-                Value::Wire(wire) => self.ours.get(wire.primitive).is_some_and(|ours| {
-                    let own = ours
-                        .parameters
-                        .iter()
-                        .any(|(_, it)| it.shape == Shape::Text(device.to_string()));
-                    ours.ty == "JointState" && own && wire.index == Some(index)
-                }),
+                BuiltValue::Output(output) => {
+                    self.built.get(output.primitive).is_some_and(|ours| {
+                        let own = ours
+                            .parameters
+                            .iter()
+                            .any(|(_, it)| it.shape == LiteralShape::Text(device.to_string()));
+                        ours.ty == "JointState" && own && output.index == Some(index)
+                    })
+                }
                 _ => false,
             })
     }
 
-    /// What is read of a primitive whose fault is reported.
-    fn refuse(&mut self, number: usize, entry: &'static Entry) {
+    /// Marks the outputs of a primitive whose error is reported as refused.
+    fn refuse(&mut self, number: usize, entry: &'static TypeEntry) {
         for port in &entry.outputs {
-            self.put(number, port.name, Value::Refused);
+            self.put(number, port.name, BuiltValue::Refused);
         }
     }
 
-    fn joint_position(&mut self, number: usize, entry: &'static Entry, active: Option<&Value>) {
+    fn joint_position(
+        &mut self,
+        number: usize,
+        entry: &'static TypeEntry,
+        active: Option<&BuiltValue>,
+    ) {
         let span = self.span(number);
-        self.put(number, "outError", constant(Shape::Int(0), span));
+        self.put(number, "outError", constant(LiteralShape::Int(0), span));
         for port in [
             "outErrorConcurrentAccess",
             "outErrorIllegalPosition",
             "outErrorJointFailed",
         ] {
-            self.put(number, port, constant(Shape::Bool(false), span));
+            self.put(number, port, constant(LiteralShape::Bool(false), span));
         }
         let Some((device, axis, robot)) = self.robot(number, entry) else {
             return;
@@ -437,11 +455,11 @@ impl Build<'_, '_> {
         let arm = self
             .arms
             .entry(device.clone())
-            .or_insert_with(|| super::Arm {
+            .or_insert_with(|| super::ArmAxes {
                 span: robot,
                 active: active.cloned(),
                 made_for: number,
-                ..super::Arm::default()
+                ..super::ArmAxes::default()
             });
         let same = format!("{:?}", arm.active) == format!("{active:?}");
         let earlier = arm.axes.insert(axis, (value, at)).is_some();
@@ -459,6 +477,6 @@ impl Build<'_, '_> {
     }
 }
 
-fn constant(shape: Shape, span: Span) -> Value {
-    Value::Constant(Literal::new(shape, span))
+fn constant(shape: LiteralShape, span: Span) -> BuiltValue {
+    BuiltValue::Constant(Literal::new(shape, span))
 }

@@ -1,4 +1,4 @@
-//! The net of a row put in place of a primitive. The loader's threads.
+//! Replaces a primitive by the net of its row. Runs on the loader's threads.
 
 use std::collections::HashMap;
 
@@ -7,24 +7,29 @@ use rcc_config::yaml::Key;
 use rcc_core::primitive::{ChannelKind, ParameterKind, Spec};
 use rcc_core::primitives;
 
-use super::{Build, Ours, Value, Wire};
-use crate::directionet::table::Entry;
-use crate::directionet::text::{self, Argument, Fragment, Primitive};
+use super::{BuiltOutput, BuiltPrimitive, BuiltValue, Conversion};
+use crate::directionet::table::TypeEntry;
+use crate::directionet::text::{self, AstArgument, AstFragment, AstPrimitive};
 use crate::fault;
-use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::literal::{Literal, LiteralShape};
 
-/// The place where the net of a row is put.
-struct Place<'r> {
+/// The expansion of a row's net for one primitive.
+struct RowExpansion<'r> {
     number: usize,
-    entry: &'static Entry,
+    entry: &'static TypeEntry,
     names: HashMap<&'r str, usize>,
     made: Vec<usize>,
 }
 
-impl Build<'_, '_> {
-    /// Puts `net` in place of primitive `number`.
-    pub(super) fn expand(&mut self, number: usize, entry: &'static Entry, net: &'static Fragment) {
-        let mut place = Place {
+impl Conversion<'_, '_> {
+    /// Replaces primitive `number` by `net`.
+    pub(super) fn expand(
+        &mut self,
+        number: usize,
+        entry: &'static TypeEntry,
+        net: &'static AstFragment,
+    ) {
+        let mut place = RowExpansion {
             number,
             entry,
             names: HashMap::new(),
@@ -32,7 +37,7 @@ impl Build<'_, '_> {
         };
         for item in &net.items {
             let Some(port) = &item.port else {
-                if let Primitive::Typed(ty, arguments) = &item.primitive {
+                if let AstPrimitive::Typed(ty, arguments) = &item.primitive {
                     let made = self.make(&mut place, ty, arguments, &item.name.name);
                     place
                         .names
@@ -46,10 +51,10 @@ impl Build<'_, '_> {
                 values.insert(output.name, value);
             }
         }
-        // What the text calls `x` is called so here, if it is one thing; else its last part is.
+        // The last primitive of the expansion takes the id of the primitive in the text.
         if let [.., last] = place.made.as_slice() {
             let id = self.id_of(number);
-            if let Some(ours) = self.ours.get_mut(*last) {
+            if let Some(ours) = self.built.get_mut(*last) {
                 ours.id = id;
             }
         }
@@ -57,117 +62,131 @@ impl Build<'_, '_> {
 
     fn evaluate(
         &mut self,
-        place: &mut Place<'_>,
-        primitive: &'static Primitive,
+        place: &mut RowExpansion<'_>,
+        primitive: &'static AstPrimitive,
         port: &Key,
-    ) -> (Value, Span) {
+    ) -> (BuiltValue, Span) {
         let span = self.span(place.number);
         match primitive {
-            Primitive::Named(name) if name.name == "parent" => {
+            AstPrimitive::Named(name) if name.name == "parent" => {
                 self.argument(place.number, place.entry, &port.name)
             }
-            Primitive::Named(name) => {
+            AstPrimitive::Named(name) => {
                 let made = place.names.get(name.name.as_str()).copied();
                 (self.output(made, &port.name), span)
             }
-            Primitive::Typed(ty, arguments) if ty.name == "List" => {
+            AstPrimitive::Typed(ty, arguments) if ty.name == "List" => {
                 let elements = arguments
                     .iter()
                     .map(|argument| self.source(place, argument).0);
-                (Value::List(elements.collect()), span)
+                (BuiltValue::List(elements.collect()), span)
             }
-            Primitive::Typed(ty, arguments) if ty.name == "Else" => {
+            AstPrimitive::Typed(ty, arguments) if ty.name == "Else" => {
                 let [link, otherwise] = arguments.as_slice() else {
-                    return (Value::Refused, span);
+                    return (BuiltValue::Refused, span);
                 };
                 let is_given = match &link.value {
-                    text::Value::Link(_, input) => self.given(place.number, &input.name).is_some(),
-                    text::Value::Text(..) => false,
+                    text::AstValue::Link(_, input) => {
+                        self.given(place.number, &input.name).is_some()
+                    }
+                    text::AstValue::Text(..) => false,
                 };
                 self.source(place, if is_given { link } else { otherwise })
             }
-            Primitive::Typed(ty, arguments) if ty.name == "At" => {
+            AstPrimitive::Typed(ty, arguments) if ty.name == "At" => {
                 let [of, index] = arguments.as_slice() else {
-                    return (Value::Refused, span);
+                    return (BuiltValue::Refused, span);
                 };
                 let (of, _) = self.source(place, of);
                 let (index, at) = self.source(place, index);
                 (self.element(of, &index, at), span)
             }
-            Primitive::Typed(ty, arguments) => {
+            AstPrimitive::Typed(ty, arguments) => {
                 let name = format!("{}", place.made.len() + 1);
                 let made = self.make(place, ty, arguments, &name);
                 (self.output(made, &port.name), span)
             }
-            Primitive::Fragment(..) => (Value::Refused, span),
+            AstPrimitive::Fragment(..) => (BuiltValue::Refused, span),
         }
     }
 
-    fn output(&self, made: Option<usize>, port: &str) -> Value {
+    fn output(&self, made: Option<usize>, port: &str) -> BuiltValue {
         let found = made.and_then(|made| Some((made, self.spec(made)?.output(port)?.1.name)));
-        found.map_or(Value::Refused, |(made, port)| self.wire(made, port))
+        found.map_or(BuiltValue::Refused, |(made, port)| {
+            self.built_output(made, port)
+        })
     }
 
-    /// Element `index` of an array or vector.
-    pub(super) fn element(&mut self, of: Value, index: &Value, span: Span) -> Value {
+    /// Returns element `index` of an array or vector.
+    pub(super) fn element(&mut self, of: BuiltValue, index: &BuiltValue, span: Span) -> BuiltValue {
         let index = match index {
-            Value::Constant(literal) => match literal.shape {
-                Shape::Int(index) => u32::try_from(index).ok(),
+            BuiltValue::Constant(literal) => match literal.shape {
+                LiteralShape::Int(index) => u32::try_from(index).ok(),
                 _ => None,
             },
             _ => None,
         };
         let Some(index) = index else {
-            return Value::Refused;
+            return BuiltValue::Refused;
         };
         let known = match &of {
-            Value::List(elements) => elements.get(index as usize).cloned(),
-            Value::Constant(Literal {
-                shape: Shape::List(elements),
+            BuiltValue::List(elements) => elements.get(index as usize).cloned(),
+            BuiltValue::Constant(Literal {
+                shape: LiteralShape::List(elements),
                 ..
-            }) => elements.get(index as usize).cloned().map(Value::Constant),
-            Value::Wire(wire)
-                if wire.index.is_none() && wire.length.is_none_or(|it| index < it) =>
+            }) => elements
+                .get(index as usize)
+                .cloned()
+                .map(BuiltValue::Constant),
+            BuiltValue::Output(output)
+                if output.index.is_none() && output.length.is_none_or(|it| index < it) =>
             {
-                Some(Value::Wire(Wire {
+                Some(BuiltValue::Output(BuiltOutput {
                     index: Some(index),
                     length: None,
                     is_vector: false,
-                    ..*wire
+                    ..*output
                 }))
             }
-            Value::Delayed(_) => match self.pass(of.clone()) {
-                Value::Wire(wire) => Some(Value::Wire(Wire {
+            BuiltValue::Delayed(_) => match self.pass(of.clone()) {
+                BuiltValue::Output(output) => Some(BuiltValue::Output(BuiltOutput {
                     index: Some(index),
-                    ..wire
+                    ..output
                 })),
                 _ => None,
             },
             _ => None,
         };
-        if known.is_none() && !matches!(of, Value::Refused) {
+        if known.is_none() && !matches!(of, BuiltValue::Refused) {
             let message = format!("there is no element {index}");
             self.error(fault::BAD_ELEMENT, span, message, None);
         }
-        known.unwrap_or(Value::Refused)
+        known.unwrap_or(BuiltValue::Refused)
     }
 
-    fn source(&mut self, place: &mut Place<'_>, argument: &'static Argument) -> (Value, Span) {
+    fn source(
+        &mut self,
+        place: &mut RowExpansion<'_>,
+        argument: &'static AstArgument,
+    ) -> (BuiltValue, Span) {
         match &argument.value {
-            text::Value::Link(primitive, port) => self.evaluate(place, primitive, port),
-            text::Value::Text(text, _) => {
+            text::AstValue::Link(primitive, port) => self.evaluate(place, primitive, port),
+            text::AstValue::Text(text, _) => {
                 let span = self.span(place.number);
-                (Value::Constant(Literal::new(constant(text), span)), span)
+                (
+                    BuiltValue::Constant(Literal::new(constant(text), span)),
+                    span,
+                )
             }
         }
     }
 
-    /// Makes a primitive of ours from one of a row's net.
+    /// Creates an RCC primitive from one of a row's net.
     fn make(
         &mut self,
-        place: &mut Place<'_>,
+        place: &mut RowExpansion<'_>,
         ty: &'static Key,
-        arguments: &'static [Argument],
+        arguments: &'static [AstArgument],
         name: &str,
     ) -> Option<usize> {
         let span = self.span(place.number);
@@ -193,8 +212,8 @@ impl Build<'_, '_> {
                 inputs.push((port, value, span));
             } else if let Some(parameter) = parameter {
                 let literal = match value {
-                    Value::Constant(literal) => Some(literal),
-                    Value::Refused => None,
+                    BuiltValue::Constant(literal) => Some(literal),
+                    BuiltValue::Refused => None,
                     _ => {
                         self.must_be_constant(place.entry, parameter.name, span);
                         None
@@ -206,8 +225,8 @@ impl Build<'_, '_> {
                 parameters.extend(literal.map(|literal| (parameter.name, literal)));
             }
         }
-        let made = self.ours.len();
-        self.ours.push(Ours {
+        let made = self.built.len();
+        self.built.push(BuiltPrimitive {
             id: format!("{}_{name}", self.id_of(place.number)),
             span,
             ty: spec.name,
@@ -221,13 +240,13 @@ impl Build<'_, '_> {
             .into_iter()
             .map(|(port, value, span)| (port.name, self.fit(value, made, port), span))
             .collect();
-        if let Some(ours) = self.ours.get_mut(made) {
+        if let Some(ours) = self.built.get_mut(made) {
             ours.inputs = inputs;
         }
         Some(made)
     }
 
-    fn must_be_constant(&mut self, entry: &Entry, parameter: &str, span: Span) {
+    fn must_be_constant(&mut self, entry: &TypeEntry, parameter: &str, span: Span) {
         let message = format!(
             "this is connected, and what becomes of {} takes it as the constant `{parameter}`",
             entry.name
@@ -236,28 +255,28 @@ impl Build<'_, '_> {
         self.error(fault::NO_COUNTERPART, span, message, help);
     }
 
-    /// A parameter that names a device or counts its channels, in the words of the cell.
+    /// Converts a parameter that names a device or counts its channels to the names of the cell.
     fn device_literal(
         &mut self,
         literal: Literal,
         kind: ParameterKind,
         spec: &Spec,
         parameters: &[(&'static str, Literal)],
-        entry: &Entry,
+        entry: &TypeEntry,
     ) -> Option<Literal> {
         match (kind, &literal.shape) {
-            (ParameterKind::Arm | ParameterKind::Device, Shape::Text(name)) => {
+            (ParameterKind::Arm | ParameterKind::Device, LiteralShape::Text(name)) => {
                 let name = self.device(name, kind == ParameterKind::Arm, literal.span)?;
                 Some(Literal {
-                    shape: Shape::Text(name),
+                    shape: LiteralShape::Text(name),
                     ..literal
                 })
             }
-            (ParameterKind::Channel(kind), Shape::Int(number)) => {
+            (ParameterKind::Channel(kind), LiteralShape::Int(number)) => {
                 let device = parameters
                     .iter()
                     .find_map(|(_, literal)| match &literal.shape {
-                        Shape::Text(device) => Some(device.clone()),
+                        LiteralShape::Text(device) => Some(device.clone()),
                         _ => None,
                     })?;
                 self.channel(&device, kind, *number, entry, spec, literal.span)
@@ -266,7 +285,7 @@ impl Build<'_, '_> {
         }
     }
 
-    /// The cell's name for a device of the text; reports it once if there is none.
+    /// Returns the cell's name for a device of the text; reports an unknown device once.
     pub(super) fn device(&mut self, name: &str, is_arm: bool, span: Span) -> Option<String> {
         let mapped = self.options.device(name).to_string();
         let found = self.cell.find(&mapped);
@@ -305,7 +324,7 @@ impl Build<'_, '_> {
         device: &str,
         kind: ChannelKind,
         number: i64,
-        entry: &Entry,
+        entry: &TypeEntry,
         spec: &Spec,
         span: Span,
     ) -> Option<Literal> {
@@ -319,7 +338,7 @@ impl Build<'_, '_> {
             .and_then(|number| channels.get(number));
         let channel = if named.is_some() { by_name } else { by_number };
         if let Some(channel) = channel {
-            return Some(Literal::new(Shape::Text(channel.name.clone()), span));
+            return Some(Literal::new(LiteralShape::Text(channel.name.clone()), span));
         }
         let listed: Vec<String> = channels
             .iter()
@@ -328,7 +347,7 @@ impl Build<'_, '_> {
             .collect();
         let message = format!("`{device}` has no channel {number} for {}", spec.name);
         let help = format!(
-            "it has: {}; or say which one it is: `# channels: {device}.{theirs}=NAME` before the net",
+            "available devices: {}; or say which one it is: `# channels: {device}.{theirs}=NAME` before the net",
             listed.join(", ")
         );
         self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));
@@ -336,16 +355,16 @@ impl Build<'_, '_> {
     }
 }
 
-/// A constant in the net of a row.
-fn constant(text: &str) -> Shape {
+/// Parses a constant in the net of a row.
+fn constant(text: &str) -> LiteralShape {
     match text {
-        "true" => Shape::Bool(true),
-        "false" => Shape::Bool(false),
-        "null" => Shape::Null,
+        "true" => LiteralShape::Bool(true),
+        "false" => LiteralShape::Bool(false),
+        "null" => LiteralShape::Null,
         text => match (text.parse::<i64>(), text.parse::<f64>()) {
-            (Ok(value), _) => Shape::Int(value),
-            (_, Ok(value)) => Shape::Real(value, None),
-            _ => Shape::Text(text.to_string()),
+            (Ok(value), _) => LiteralShape::Int(value),
+            (_, Ok(value)) => LiteralShape::Real(value, None),
+            _ => LiteralShape::Text(text.to_string()),
         },
     }
 }

@@ -1,5 +1,5 @@
-//! Units: the predecessor's ports have none, so values travel as plain numbers and get one where a port of ours has one.
-//! A unit is put on or taken off by multiplying with 1 of it, which changes no bit. The loader's threads.
+//! Units: the predecessor's ports have none, so values are plain numbers, and get a unit where an RCC port has one. A
+//! unit is added or removed by multiplication with 1 of it, which changes no bit. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Span;
 use rcc_core::primitive::{Port, PortType, Spec, UnitRule};
@@ -7,23 +7,23 @@ use rcc_core::primitives;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use super::{Build, Value, Wire};
-use crate::directionet::values::Type as Theirs;
-use crate::syntax::literal::{Literal, Shape};
+use super::{BuiltOutput, BuiltValue, Conversion};
+use crate::directionet::values::ForeignType;
+use crate::syntax::literal::{Literal, LiteralShape};
 
-impl Build<'_, '_> {
+impl Conversion<'_, '_> {
     pub(super) fn spec(&self, made: usize) -> Option<&'static Spec> {
-        let ours = self.ours.get(made)?;
+        let ours = self.built.get(made)?;
         Some(&primitives::find(ours.ty)?.1.spec)
     }
 
-    /// An output of a primitive of ours.
-    pub(super) fn wire(&self, primitive: usize, port: &'static str) -> Value {
+    /// Returns an output of an RCC primitive.
+    pub(super) fn built_output(&self, primitive: usize, port: &'static str) -> BuiltValue {
         let found = self.spec(primitive).and_then(|spec| spec.output(port));
         let Some((_, port)) = found else {
-            return Value::Refused;
+            return BuiltValue::Refused;
         };
-        Value::Wire(Wire {
+        BuiltValue::Output(BuiltOutput {
             primitive,
             port: port.name,
             index: None,
@@ -33,7 +33,7 @@ impl Build<'_, '_> {
         })
     }
 
-    /// The unit of a port, every unit that is open being that of a plain number.
+    /// Returns the unit of a port; a unit that the spec leaves open is that of a plain number.
     fn unit_of(&self, primitive: usize, port: &Port) -> Unit {
         match port.unit {
             UnitRule::Is(unit) => unit,
@@ -45,7 +45,7 @@ impl Build<'_, '_> {
         }
     }
 
-    /// The number of elements of an array output.
+    /// Returns the number of elements of an array output.
     fn length_of(&self, primitive: usize, port: &Port) -> Option<u32> {
         match port.ty {
             PortType::Is(Type::Reals(length) | Type::Bools(length) | Type::Ints(length)) => {
@@ -60,8 +60,8 @@ impl Build<'_, '_> {
         match port.ty {
             PortType::Is(ty) => matches!(ty, Type::Vector3 | Type::Twist | Type::Wrench),
             PortType::Joints | PortType::JointColumns(_) => false,
-            // The same as what feeds it, or as what it begins with.
-            _ => self.ours.get(primitive).is_some_and(|ours| {
+            // It has the type of its sources, or of its initial value.
+            _ => self.built.get(primitive).is_some_and(|ours| {
                 let inputs = ours.inputs.iter().map(|(_, value, _)| value);
                 let begins = ours.parameters.iter().map(|(_, literal)| literal);
                 inputs.into_iter().any(|value| self.is_vector_value(value))
@@ -70,26 +70,31 @@ impl Build<'_, '_> {
         }
     }
 
-    fn is_vector_value(&self, value: &Value) -> bool {
+    fn is_vector_value(&self, value: &BuiltValue) -> bool {
         match value {
-            Value::Wire(wire) | Value::Before(wire, _) => wire.is_vector && wire.index.is_none(),
-            Value::Constant(literal) => is_vector_literal(literal),
-            Value::Delayed(number) => {
+            BuiltValue::Output(output) | BuiltValue::Before(output, _) => {
+                output.is_vector && output.index.is_none()
+            }
+            BuiltValue::Constant(literal) => is_vector_literal(literal),
+            BuiltValue::Delayed(number) => {
                 let pre = self.delayed.get(*number).map(|(primitive, _)| *primitive);
                 let entry = pre.and_then(|pre| self.entries.get(pre).copied().flatten());
                 let port = entry.and_then(|entry| entry.output("outValue"));
                 port.is_some_and(|port| {
-                    matches!(port.ty, Theirs::Vector | Theirs::Twist | Theirs::Wrench)
+                    matches!(
+                        port.ty,
+                        ForeignType::Vector | ForeignType::Twist | ForeignType::Wrench
+                    )
                 })
             }
-            Value::List(_) | Value::Refused => false,
+            BuiltValue::List(_) | BuiltValue::Refused => false,
         }
     }
 
     fn text_parameter(&self, primitive: usize, name: &str) -> Option<&str> {
-        let mut parameters = self.ours.get(primitive)?.parameters.iter();
+        let mut parameters = self.built.get(primitive)?.parameters.iter();
         match &parameters.find(|(key, _)| *key == name)?.1.shape {
-            Shape::Text(text) => Some(text),
+            LiteralShape::Text(text) => Some(text),
             _ => None,
         }
     }
@@ -108,8 +113,8 @@ impl Build<'_, '_> {
         Some(channels.find(|channel| channel.name == name)?.unit)
     }
 
-    /// A value as an input of ours takes it.
-    pub(super) fn fit(&mut self, value: Value, primitive: usize, port: &Port) -> Value {
+    /// Converts a value to the unit of an input.
+    pub(super) fn fit(&mut self, value: BuiltValue, primitive: usize, port: &Port) -> BuiltValue {
         if port.unit == UnitRule::Typed {
             return value;
         }
@@ -117,18 +122,18 @@ impl Build<'_, '_> {
         self.in_unit(value, unit)
     }
 
-    /// A value in a unit.
-    pub(super) fn in_unit(&mut self, value: Value, unit: Unit) -> Value {
+    /// Converts a value to a unit.
+    pub(super) fn in_unit(&mut self, value: BuiltValue, unit: Unit) -> BuiltValue {
         match value {
-            Value::Wire(wire) if wire.unit != unit => self.cast(wire, unit),
+            BuiltValue::Output(output) if output.unit != unit => self.cast(output, unit),
             // A delayed value is a plain number.
-            Value::Delayed(pre) if unit != Unit::ONE => {
-                let pass = self.pass(Value::Delayed(pre));
+            BuiltValue::Delayed(pre) if unit != Unit::ONE => {
+                let pass = self.pass(BuiltValue::Delayed(pre));
                 self.in_unit(pass, unit)
             }
-            Value::List(elements) => {
+            BuiltValue::List(elements) => {
                 let elements = elements.into_iter();
-                Value::List(
+                BuiltValue::List(
                     elements
                         .map(|element| self.in_unit(element, unit))
                         .collect(),
@@ -138,56 +143,56 @@ impl Build<'_, '_> {
         }
     }
 
-    fn cast(&mut self, wire: Wire, unit: Unit) -> Value {
-        if let (Some(length), None) = (wire.length, wire.index) {
-            let element = |index| Wire {
+    fn cast(&mut self, output: BuiltOutput, unit: Unit) -> BuiltValue {
+        if let (Some(length), None) = (output.length, output.index) {
+            let element = |index| BuiltOutput {
                 index: Some(index),
                 length: None,
-                ..wire
+                ..output
             };
             let elements = (0..length).map(|index| self.cast(element(index), unit));
-            return Value::List(elements.collect());
+            return BuiltValue::List(elements.collect());
         }
         let span = self.span(self.current);
-        let one = Literal::new(Shape::Real(1.0, Some(unit.per(wire.unit))), span);
+        let one = Literal::new(LiteralShape::Real(1.0, Some(unit.per(output.unit))), span);
         let name = if unit == Unit::ONE { "bare" } else { "unit" };
-        let key = format!("cast {wire:?} {unit:?}");
-        let (ty, inputs): (_, [&'static str; 2]) = if wire.is_vector && wire.index.is_none() {
+        let key = format!("cast {output:?} {unit:?}");
+        let (ty, inputs): (_, [&'static str; 2]) = if output.is_vector && output.index.is_none() {
             ("Scale", ["in", "factor"])
         } else {
             ("Multiply", ["a", "b"])
         };
         let [value, factor] = inputs;
         let inputs = vec![
-            (value, Value::Wire(wire), span),
-            (factor, Value::Constant(one), span),
+            (value, BuiltValue::Output(output), span),
+            (factor, BuiltValue::Constant(one), span),
         ];
         let made = self.shared(key, ty, name, Vec::new(), inputs);
-        match self.wire(made, "out") {
-            Value::Wire(out) => Value::Wire(Wire {
+        match self.built_output(made, "out") {
+            BuiltValue::Output(out) => BuiltValue::Output(BuiltOutput {
                 unit,
-                is_vector: wire.is_vector && wire.index.is_none(),
+                is_vector: output.is_vector && output.index.is_none(),
                 ..out
             }),
             other => other,
         }
     }
 
-    /// The same value at an output of a primitive of its own: what is delayed twice needs one.
-    pub(super) fn pass(&mut self, value: Value) -> Value {
+    /// Returns the value as an output of a primitive of its own, which a value that is delayed twice needs.
+    pub(super) fn pass(&mut self, value: BuiltValue) -> BuiltValue {
         let span = self.span(self.current);
         let key = format!("pass {value:?}");
-        let never = Literal::new(Shape::Bool(false), Span::default());
+        let never = Literal::new(LiteralShape::Bool(false), Span::default());
         let inputs = vec![
             ("in", value, span),
-            ("condition", Value::Constant(never), span),
+            ("condition", BuiltValue::Constant(never), span),
         ];
         let made = self.shared(key, "NullIf", "before", Vec::new(), inputs);
-        self.wire(made, "out")
+        self.built_output(made, "out")
     }
 }
 
-/// True for a list, which multiplication by a number wants as a whole.
+/// Returns true for a list, which is multiplied by a number as a whole.
 fn is_vector_literal(literal: &Literal) -> bool {
-    matches!(&literal.shape, Shape::List(elements) if elements.iter().all(|it| it.number().is_some()))
+    matches!(&literal.shape, LiteralShape::List(elements) if elements.iter().all(|it| it.number().is_some()))
 }

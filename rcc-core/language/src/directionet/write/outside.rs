@@ -1,12 +1,12 @@
-//! Values from and to the application, and from net to net. The threads of `rcc-cli convert`.
+//! Values from and to the application, and between nets. Runs in `rcc-cli convert`.
 
-use super::{Writer, family};
-use crate::directionet::values::Type;
+use super::{TextWriter, family};
+use crate::directionet::values::ForeignType;
 use crate::syntax::Primitive;
-use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::literal::{Literal, LiteralShape};
 
-impl Writer<'_, '_> {
-    /// A value from or to the application, its id as the key.
+impl TextWriter<'_, '_> {
+    /// Returns the item of a value from or to the application; its id is the key.
     pub(super) fn keyed(&mut self, primitive: &Primitive, suffix: &str) -> Vec<String> {
         let id = &primitive.id.name;
         let Some((ty, prefix)) = self.family_of(primitive, "value") else {
@@ -16,9 +16,9 @@ impl Writer<'_, '_> {
         for (name, literal) in &primitive.parameters {
             match name.name.as_str() {
                 "initial" => arguments.push(format!("Value='{}'", self.constant(literal, ty))),
-                // How often a value is shown is the server's business there.
+                // The server decides how often a value is sent.
                 "rate" => {}
-                // The family says it, and there are no units.
+                // The family implies the type, and there are no units.
                 "type" | "unit" => {}
                 other => self.refuse(name.span, format!("the parameter `{other}`")),
             }
@@ -30,7 +30,8 @@ impl Writer<'_, '_> {
         vec![format!("{id}={prefix}{suffix}({})", arguments.join(","))]
     }
 
-    /// A value for other nets: of this net by its name, or for what the topic names.
+    /// Returns the item of a value for other nets: of this net under its name, or of another net's input as the topic
+    /// says.
     pub(super) fn published(&mut self, primitive: &Primitive) -> Vec<String> {
         let Some((ty, prefix, topic)) = self.topic(primitive, "out") else {
             return Vec::new();
@@ -51,7 +52,7 @@ impl Writer<'_, '_> {
         vec![format!("{id}={prefix}{what},inValue={value})")]
     }
 
-    /// A value of another net.
+    /// Returns the item of a value from another net.
     pub(super) fn subscribed(&mut self, primitive: &Primitive) -> Vec<String> {
         let Some((_, prefix, topic)) = self.topic(primitive, "value") else {
             return Vec::new();
@@ -72,12 +73,16 @@ impl Writer<'_, '_> {
         )]
     }
 
-    /// Their type of a port, the prefix of its family, and the topic of the primitive.
-    fn topic(&mut self, primitive: &Primitive, port: &str) -> Option<(Type, &'static str, String)> {
+    /// Returns the predecessor's type of a port, the prefix of its family, and the topic of the primitive.
+    fn topic(
+        &mut self,
+        primitive: &Primitive,
+        port: &str,
+    ) -> Option<(ForeignType, &'static str, String)> {
         let mut parameters = primitive.parameters.iter();
         let (_, topic) = parameters.find(|(name, _)| name.name == "topic")?;
         let Literal {
-            shape: Shape::Text(topic),
+            shape: LiteralShape::Text(topic),
             ..
         } = topic
         else {
@@ -87,8 +92,12 @@ impl Writer<'_, '_> {
         Some((ty, prefix, topic.clone()))
     }
 
-    /// Their type of a port, and the prefix of its family.
-    fn family_of(&mut self, primitive: &Primitive, port: &str) -> Option<(Type, &'static str)> {
+    /// Returns the predecessor's type of a port, and the prefix of its family.
+    fn family_of(
+        &mut self,
+        primitive: &Primitive,
+        port: &str,
+    ) -> Option<(ForeignType, &'static str)> {
         let ty = self.type_of(&primitive.id.name, port);
         let found = ty.and_then(|ty| Some((ty, family(ty)?)));
         if found.is_none() {

@@ -1,34 +1,34 @@
-//! Constants in a few characters, for pictures and tables: enough to recognise them, not to read them back.
-//! Pure; run by the command line.
+//! Short labels of constants for diagrams and tables: recognisable, but not meant to be read back. Runs in the command
+//! line.
 
-use crate::syntax::literal::{Literal, Shape, Written};
+use crate::syntax::literal::{Literal, LiteralShape, Notation};
 
-/// Most characters of a text.
+/// Longest text, characters.
 const TEXT_MAX: usize = 24;
-/// Most elements of a list that are shown.
+/// Most elements shown of a list.
 const ELEMENTS_MAX: usize = 4;
 
-/// A constant as a label.
+/// Returns a constant as a label.
 #[must_use]
-pub fn short(literal: &Literal) -> String {
-    if let (Shape::Real(..), Written::Text(text)) = (&literal.shape, &literal.written)
+pub fn literal_label(literal: &Literal) -> String {
+    if let (LiteralShape::Real(..), Notation::Text(text)) = (&literal.shape, &literal.written)
         && text.chars().count() <= TEXT_MAX
     {
         return text.clone();
     }
     match &literal.shape {
-        Shape::Real(value, unit) => match unit {
+        LiteralShape::Real(value, unit) => match unit {
             Some(unit) if unit.to_string() != "1" => format!("{} {unit}", number(*value)),
             _ => number(*value),
         },
-        Shape::Text(text) if text.chars().count() > TEXT_MAX => {
+        LiteralShape::Text(text) if text.chars().count() > TEXT_MAX => {
             text.chars().take(TEXT_MAX - 1).chain(['…']).collect()
         }
-        Shape::Text(text) => text.clone(),
-        Shape::Rotation(elements) => format!("quat [{}]", numbers(elements)),
-        Shape::Pose([x, y, z, ..]) => format!("xyz [{}]", numbers(&[*x, *y, *z])),
-        Shape::List(elements) => {
-            let shown = elements.iter().take(ELEMENTS_MAX).map(short);
+        LiteralShape::Text(text) => text.clone(),
+        LiteralShape::Rotation(elements) => format!("quat [{}]", numbers(elements)),
+        LiteralShape::Pose([x, y, z, ..]) => format!("xyz [{}]", numbers(&[*x, *y, *z])),
+        LiteralShape::List(elements) => {
+            let shown = elements.iter().take(ELEMENTS_MAX).map(literal_label);
             let more = (elements.len() > ELEMENTS_MAX).then(|| "…".to_owned());
             let shown: Vec<String> = shown.chain(more).collect();
             format!("[{}]", shown.join(", "))
@@ -42,14 +42,14 @@ fn numbers(values: &[f64]) -> String {
     shown.join(", ")
 }
 
-/// Four digits, without needless zeros.
+/// Formats a number with four significant digits, without trailing zeros.
 fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
     }
     let size = value.abs().log10().floor();
     if (-4.0..6.0).contains(&size) {
-        // From 0 to 7 by the range above.
+        // From 0 to 7 in this range.
         let places = (3.0 - size).max(0.0) as usize;
         let text = format!("{value:.places$}");
         match text.contains('.') {

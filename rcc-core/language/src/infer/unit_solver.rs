@@ -1,37 +1,37 @@
-//! A small solver: variables that become known once, and constraints that carry what is known from one to another.
-//! Linear in the number of constraints, and the same for the same text. The loader's threads.
+//! A small constraint solver: variables are assigned once, and constraints propagate known units. Linear in the number
+//! of constraints, and deterministic. Runs on the loader's threads.
 
 use std::collections::VecDeque;
 
 use rcc_core::unit::Unit;
 
-use super::Term;
+use super::UnitTerm;
 
-/// What ties terms together.
+/// A constraint between terms.
 #[derive(Clone, Copy, Debug)]
-pub enum Constraint {
-    /// Both are the same; the first one is the source.
-    Equal(Term, Term),
-    /// The third one is the product of the others.
-    Product(Term, Term, Term),
+pub enum UnitConstraint {
+    /// Both units are equal; the first term is the source.
+    Equal(UnitTerm, UnitTerm),
+    /// The third unit is the product of the first two.
+    Product(UnitTerm, UnitTerm, UnitTerm),
 }
 
 /// Variables and constraints.
 #[derive(Debug)]
-pub struct Solver {
-    /// What is known.
+pub struct UnitSolver {
+    /// Units of the variables; `None` while unknown.
     pub values: Vec<Option<Unit>>,
-    constraints: Vec<Constraint>,
-    /// By variable: the constraints that it occurs in.
+    constraints: Vec<UnitConstraint>,
+    /// Indices of the constraints that contain a variable, by variable.
     users: Vec<Vec<usize>>,
     queue: VecDeque<usize>,
     backwards: bool,
 }
 
-impl Solver {
-    /// With this many variables.
-    pub fn new(variables: usize) -> Solver {
-        Solver {
+impl UnitSolver {
+    /// Creates a solver with `variables` unknown units.
+    pub fn new(variables: usize) -> UnitSolver {
+        UnitSolver {
             values: vec![None; variables],
             constraints: Vec::new(),
             users: vec![Vec::new(); variables],
@@ -41,14 +41,14 @@ impl Solver {
     }
 
     /// Adds a constraint.
-    pub fn add(&mut self, constraint: Constraint) {
+    pub fn add(&mut self, constraint: UnitConstraint) {
         let number = self.constraints.len();
         let terms = match constraint {
-            Constraint::Equal(a, b) => [a, b, Term::None],
-            Constraint::Product(a, b, c) => [a, b, c],
+            UnitConstraint::Equal(a, b) => [a, b, UnitTerm::None],
+            UnitConstraint::Product(a, b, c) => [a, b, c],
         };
         for term in terms {
-            if let Term::Open(variable) = term
+            if let UnitTerm::Variable(variable) = term
                 && let Some(users) = self.users.get_mut(variable)
             {
                 users.push(number);
@@ -57,8 +57,8 @@ impl Solver {
         self.constraints.push(constraint);
     }
 
-    /// Carries on what is known: first only from sources to sinks, so that a fault is found where two sources meet and
-    /// not somewhere before, then in all directions.
+    /// Propagates what is known: first only from sources to sinks, so that a conflict is reported where two sources
+    /// meet and not somewhere before, then in both directions.
     pub fn solve(&mut self) {
         for backwards in [false, true] {
             self.backwards = backwards;
@@ -67,10 +67,10 @@ impl Solver {
         }
     }
 
-    /// Decides a variable that is still open, and what follows from it.
+    /// Assigns a variable that is still unknown, and propagates it.
     pub fn decide(&mut self, variable: usize, value: Unit) {
         if self.values.get(variable) == Some(&None) {
-            self.set(Term::Open(variable), value);
+            self.set(UnitTerm::Variable(variable), value);
             self.run();
         }
     }
@@ -78,21 +78,21 @@ impl Solver {
     fn run(&mut self) {
         while let Some(number) = self.queue.pop_front() {
             if let Some(constraint) = self.constraints.get(number).copied() {
-                self.carry(constraint);
+                self.propagate(constraint);
             }
         }
     }
 
-    fn carry(&mut self, constraint: Constraint) {
+    fn propagate(&mut self, constraint: UnitConstraint) {
         match constraint {
-            Constraint::Equal(a, b) => {
+            UnitConstraint::Equal(a, b) => {
                 if let Some(value) = self.get(a) {
                     self.set(b, value);
                 } else if let (Some(value), true) = (self.get(b), self.backwards) {
                     self.set(a, value);
                 }
             }
-            Constraint::Product(a, b, c) => match (self.get(a), self.get(b), self.get(c)) {
+            UnitConstraint::Product(a, b, c) => match (self.get(a), self.get(b), self.get(c)) {
                 (Some(a), Some(b), None) => self.set(c, a.times(b)),
                 (Some(a), None, Some(c)) if self.backwards => self.set(b, c.per(a)),
                 (None, Some(b), Some(c)) => self.set(a, c.per(b)),
@@ -106,16 +106,16 @@ impl Solver {
         }
     }
 
-    fn get(&self, term: Term) -> Option<Unit> {
+    fn get(&self, term: UnitTerm) -> Option<Unit> {
         match term {
-            Term::Fixed(value) => Some(value),
-            Term::Open(variable) => self.values.get(variable).copied().flatten(),
-            Term::None => None,
+            UnitTerm::Fixed(value) => Some(value),
+            UnitTerm::Variable(variable) => self.values.get(variable).copied().flatten(),
+            UnitTerm::None => None,
         }
     }
 
-    fn set(&mut self, term: Term, value: Unit) {
-        if let Term::Open(variable) = term
+    fn set(&mut self, term: UnitTerm, value: Unit) {
+        if let UnitTerm::Variable(variable) = term
             && let Some(place @ None) = self.values.get_mut(variable)
         {
             *place = Some(value);

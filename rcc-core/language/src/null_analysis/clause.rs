@@ -1,15 +1,18 @@
-//! The clauses of `Spec::undefined`: which of them can come true at one primitive of a net, as far as its constants and
-//! the ranges of the ports that it reads tell. The loader's threads and the command line.
+//! The clauses of `Spec::undefined`: which of them can become true for one primitive of a net, given its constants and
+//! the ranges of the ports that it reads. Runs on the loader's threads and in the command line.
 
-use rcc_core::primitive::{Literal as Default, Role};
+use rcc_core::primitive::{DefaultValue as Default, Role};
 
-use crate::resolve::{Feed, Graph, Item, Output};
+use crate::resolve::{InputSource, NetGraph, OutputId, ResolvedPrimitive};
 
-/// What begins so is never counted.
+/// Clauses that begin with this word are ignored.
 const OVERFLOW: &str = "overflow";
 
-/// The clauses of an item's spec that nothing rules out.
-pub fn clauses(graph: &Graph<'_>, item: &Item<'_>) -> impl Iterator<Item = &'static str> {
+/// Returns the clauses of an item's spec that cannot be ruled out.
+pub fn clauses(
+    graph: &NetGraph<'_>,
+    item: &ResolvedPrimitive<'_>,
+) -> impl Iterator<Item = &'static str> {
     let clauses = item.spec().undefined.split("; ").map(str::trim);
     clauses.filter(|clause| {
         !clause.is_empty()
@@ -18,13 +21,13 @@ pub fn clauses(graph: &Graph<'_>, item: &Item<'_>) -> impl Iterator<Item = &'sta
     })
 }
 
-/// Numbers from the first to the second one.
+/// A closed interval: least and greatest value.
 type Range = [f64; 2];
 
 const ANY: Range = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// False if a comparison of ports and numbers cannot come true; `None`: the clause is none.
-fn comparison(graph: &Graph<'_>, item: &Item<'_>, clause: &str) -> Option<bool> {
+/// Returns false if a comparison between ports and numbers cannot be true; `None` if the clause is not a comparison.
+fn comparison(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>, clause: &str) -> Option<bool> {
     let mut words = clause.split_whitespace();
     let (left, operator, right) = (words.next()?, words.next()?, words.next()?);
     if words.next().is_some() {
@@ -45,8 +48,8 @@ fn comparison(graph: &Graph<'_>, item: &Item<'_>, clause: &str) -> Option<bool> 
     }
 }
 
-/// What a port of an item can be: an input, or a parameter that is a number.
-fn range(graph: &Graph<'_>, item: &Item<'_>, name: &str) -> Option<Range> {
+/// Returns the range of an input or of a numeric parameter.
+fn range(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>, name: &str) -> Option<Range> {
     let spec = item.spec();
     if let Some((place, _)) = spec.input(name) {
         return Some(
@@ -68,16 +71,16 @@ fn range(graph: &Graph<'_>, item: &Item<'_>, name: &str) -> Option<Range> {
     })
 }
 
-fn of_feed(graph: &Graph<'_>, feed: &Feed<'_>) -> Range {
+fn of_feed(graph: &NetGraph<'_>, feed: &InputSource<'_>) -> Range {
     let constant = |number: Option<f64>| number.map_or(ANY, |number| [number, number]);
     match feed {
-        Feed::Literal(literal) => constant(literal.number()),
-        Feed::Default(value) => constant(number(*value)),
-        Feed::Wire(wire) => {
-            let [least, greatest] = of_output(graph, wire.from);
-            match wire
+        InputSource::Literal(literal) => constant(literal.number()),
+        InputSource::Default(value) => constant(number(*value)),
+        InputSource::Link(link) => {
+            let [least, greatest] = of_output(graph, link.from);
+            match link
                 .initial
-                .filter(|_| wire.delayed)
+                .filter(|_| link.delayed)
                 .map(|initial| initial.number())
             {
                 Some(Some(first)) => [least.min(first), greatest.max(first)],
@@ -88,7 +91,7 @@ fn of_feed(graph: &Graph<'_>, feed: &Feed<'_>) -> Range {
     }
 }
 
-fn of_output(graph: &Graph<'_>, output: Output) -> Range {
+fn of_output(graph: &NetGraph<'_>, output: OutputId) -> Range {
     let Some(item) = graph.items.get(output.item) else {
         return ANY;
     };
@@ -109,7 +112,7 @@ fn of_output(graph: &Graph<'_>, output: Output) -> Range {
 fn number(value: Default) -> Option<f64> {
     match value {
         Default::Real(value) => Some(value),
-        // Near enough for a comparison with what a spec says.
+        // Exact enough for a comparison with a bound of a spec.
         Default::Int(value) => Some(value as f64),
         _ => None,
     }

@@ -1,130 +1,136 @@
-//! The texts of a net and of its libraries behind each other, as one row of bytes, and behind them a copy of a fragment
-//! for each instance of it: so a place alone says in which file something stands and in which instance. (Compilers do the
-//! same with files and expanded macros.) The loader's threads.
+//! The source map: the texts of a net and of its libraries in one address space of bytes, followed by a copy of a
+//! fragment for each instance of it. A span therefore identifies the file and the instance. Compilers treat files and
+//! expanded macros the same way. Runs on the loader's threads.
 
 use std::collections::HashMap;
 
-use rcc_config::diagnostic::{Diagnostic, Faults, Source, Span, UsedAt};
+use rcc_config::diagnostic::{Diagnostic, Faults, SourceText, Span, UseSite};
 use rcc_config::yaml::{Key, Node, Value};
 
 use crate::fault;
 use crate::syntax::fragment::Fragment;
-use crate::syntax::literal::{Literal, Shape, Written};
+use crate::syntax::literal::{Literal, LiteralShape, Notation};
 use crate::syntax::reference::Reference;
 
 /// All texts of a net.
 #[derive(Clone, Debug)]
-pub struct Sources {
-    /// Where each begins; the net's own is the first one and begins at 0.
-    files: Vec<(usize, Source)>,
-    /// In the order of their places, all behind the files.
-    copies: Vec<Copy>,
-    /// Behind everything.
+pub struct SourceMap {
+    /// Start and text of each file; the net's own file is the first one and starts at 0.
+    files: Vec<(usize, SourceText)>,
+    /// In the order of their positions, all after the files.
+    copies: Vec<FragmentCopy>,
+    /// Position after the last copy.
     end: usize,
 }
 
-/// The text of a fragment in an instance of it.
+/// The text of a fragment in one of its instances.
 #[derive(Clone, Debug)]
-struct Copy {
+struct FragmentCopy {
     base: usize,
-    /// Where the fragment itself begins.
+    /// Start of the fragment itself.
     origin: usize,
-    /// Id of the instance: `a/b`.
+    /// Id of the instance, such as `a/b`.
     path: String,
-    /// Where the instance stands, perhaps in another copy.
+    /// Span of the instance, which may be in another copy.
     site: Span,
 }
 
-/// How far places are moved.
+/// Offset between two positions of the same text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Shift {
+pub struct SpanShift {
     from: usize,
     to: usize,
 }
 
-impl Sources {
-    /// Of a net alone.
+impl SourceMap {
+    /// Creates the source map of a net without libraries.
     #[must_use]
-    pub fn new(name: &str, text: &str) -> Sources {
-        let source = Source {
+    pub fn new(name: &str, text: &str) -> SourceMap {
+        let source = SourceText {
             name: name.to_owned(),
             text: text.to_owned(),
         };
-        Sources {
+        SourceMap {
             end: text.len() + 1,
             files: vec![(0, source)],
             copies: Vec::new(),
         }
     }
 
-    /// Adds a library, before any copy is; what is read from it is moved by the result.
-    pub fn add(&mut self, name: &str, text: String) -> Shift {
+    /// Adds a library and returns the shift of its spans. All libraries are added before the first copy.
+    pub fn add(&mut self, name: &str, text: String) -> SpanShift {
         debug_assert!(self.copies.is_empty());
         let base = self.end;
         self.end += text.len() + 1;
         let name = name.to_owned();
-        self.files.push((base, Source { name, text }));
-        Shift { from: 0, to: base }
+        self.files.push((base, SourceText { name, text }));
+        SpanShift { from: 0, to: base }
     }
 
-    /// Number of the file that a place is in, for faults of the whole file.
+    /// Returns the number of the file that contains a span, for diagnostics about the file as a whole.
     #[must_use]
     pub fn file_of(&self, span: Span) -> u32 {
         self.file(span).0
     }
 
-    /// A new copy of a fragment for the instance `path` that stands at `site`.
-    pub fn copy(&mut self, fragment: &Fragment, path: &str, site: Span) -> Shift {
+    /// Adds a copy of a fragment for the instance `path` at `site`.
+    pub fn copy(&mut self, fragment: &Fragment, path: &str, site: Span) -> SpanShift {
         let base = self.end;
         let Span { start, end } = fragment.span;
         self.end += end.saturating_sub(start) + 1;
-        self.copies.push(Copy {
+        self.copies.push(FragmentCopy {
             base,
             origin: start,
             path: path.to_owned(),
             site,
         });
-        Shift {
+        SpanShift {
             from: start,
             to: base,
         }
     }
 
-    fn copy_of(&self, span: Span) -> Option<&Copy> {
+    fn copy_of(&self, span: Span) -> Option<&FragmentCopy> {
         let after = self.copies.partition_point(|copy| copy.base <= span.start);
         self.copies.get(after.checked_sub(1)?)
     }
 
-    /// The file and the place in it of a place that is in no copy.
+    /// Returns the number of the file and the span in it, for a span that is not in a copy.
     fn file(&self, span: Span) -> (u32, Span) {
         let after = self.files.partition_point(|(base, _)| *base <= span.start);
         let number = after.saturating_sub(1);
         let base = self.files.get(number).map_or(0, |(base, _)| *base);
         let place = Span::new(span.start - base, span.end.saturating_sub(base));
-        // Nobody has 2^32 files.
+        // There are fewer than 2^32 files.
         (number as u32, place)
     }
 
-    /// The file and the place in it where something is written, whatever instance it belongs to.
+    /// Returns the number of the file and the span in it where something is written, whichever instance the span
+    /// belongs to.
     #[must_use]
     pub fn written(&self, span: Span) -> (u32, Span) {
-        self.file(self.copy_of(span).map_or(span, |copy| out_of(copy, span)))
+        self.file(
+            self.copy_of(span)
+                .map_or(span, |copy| to_original(copy, span)),
+        )
     }
 
-    /// The outermost instance around a copy: where it stands in the net's own file.
-    fn outermost(&self, copy: &Copy) -> Span {
+    /// Returns the span of the outermost instance around a copy, in the net's own file.
+    fn outermost(&self, copy: &FragmentCopy) -> Span {
         let mut site = copy.site;
-        // A copy is made after the one that its instance stands in, so this comes to an end.
+        // A copy is added after the one that contains its instance, so the loop ends.
         while let Some(around) = self.copy_of(site) {
             site = around.site;
         }
         site
     }
 
-    /// Gives every fault its place in a file and its remedy; what a fragment has been told once for all its instances.
+    /// Maps every diagnostic to its file and adds the general help text. An error in a fragment is reported once for
+    /// all its instances.
     #[must_use]
-    pub fn finished(&self, faults: Vec<Diagnostic>) -> Faults {
-        let mut told: Vec<(Diagnostic, Option<&Copy>, usize)> = Vec::with_capacity(faults.len());
+    pub fn finish(&self, faults: Vec<Diagnostic>) -> Faults {
+        let mut kept: Vec<(Diagnostic, Option<&FragmentCopy>, usize)> =
+            Vec::with_capacity(faults.len());
         let mut known = HashMap::new();
         for mut fault in faults {
             let copy = fault.place.and_then(|span| self.copy_of(span));
@@ -134,15 +140,15 @@ impl Sources {
             }
             if copy.is_some() {
                 let key = (fault.code, fault.file, fault.place);
-                let first = *known.entry(key).or_insert(told.len());
-                if let Some((_, _, count)) = told.get_mut(first) {
+                let first = *known.entry(key).or_insert(kept.len());
+                if let Some((_, _, count)) = kept.get_mut(first) {
                     *count += 1;
                     continue;
                 }
             }
-            told.push((fault, copy, 0));
+            kept.push((fault, copy, 0));
         }
-        let finished = told.into_iter().map(|(fault, copy, others)| match copy {
+        let finished = kept.into_iter().map(|(fault, copy, others)| match copy {
             Some(copy) => self.in_instance(fault, copy, others),
             None => fault,
         });
@@ -159,13 +165,13 @@ impl Sources {
         }
     }
 
-    /// A fault of a fragment as it is told: with names as the fragment knows them, and where an instance stands.
-    fn in_instance(&self, mut fault: Diagnostic, copy: &Copy, others: usize) -> Diagnostic {
-        if !ACROSS.contains(&fault.code) {
+    /// Converts an error in a copy: names are relative to the fragment, and a label shows where the instance is.
+    fn in_instance(&self, mut fault: Diagnostic, copy: &FragmentCopy, others: usize) -> Diagnostic {
+        if !CODES_WITH_FULL_NAMES.contains(&fault.code) {
             let prefix = format!("{}/", copy.path);
-            fault.message = without(&fault.message, &prefix);
-            fault.label = without(&fault.label, &prefix);
-            fault.help = fault.help.map(|help| without(&help, &prefix));
+            fault.message = strip_name_prefix(&fault.message, &prefix);
+            fault.label = strip_name_prefix(&fault.label, &prefix);
+            fault.help = fault.help.map(|help| strip_name_prefix(&help, &prefix));
         }
         let (file, place) = self.file(self.outermost(copy));
         let label = match others {
@@ -173,13 +179,13 @@ impl Sources {
             1 => format!("in the instance `{}`, and in another one", copy.path),
             _ => format!("in the instance `{}`, and in {others} others", copy.path),
         };
-        fault.used_at = Some(Box::new(UsedAt { place, file, label }));
+        fault.used_at = Some(Box::new(UseSite { place, file, label }));
         fault
     }
 }
 
-/// Faults that name primitives in and outside of a fragment: their names stay whole.
-const ACROSS: &[&str] = &[
+/// Diagnostics that name primitives inside and outside of a fragment, so their names keep the full path.
+const CODES_WITH_FULL_NAMES: &[&str] = &[
     fault::LOOP_WITHOUT_DELAY,
     fault::LOOP_WITHOUT_INITIAL,
     fault::NULL_FOR_EVER,
@@ -188,19 +194,19 @@ const ACROSS: &[&str] = &[
     fault::MANY_TERMINATIONS,
 ];
 
-fn out_of(copy: &Copy, span: Span) -> Span {
+fn to_original(copy: &FragmentCopy, span: Span) -> Span {
     let back = |at: usize| at.saturating_sub(copy.base) + copy.origin;
     Span::new(back(span.start), back(span.end))
 }
 
-/// The text without a prefix of names.
-fn without(text: &str, prefix: &str) -> String {
+/// Removes a prefix from the names in a text.
+fn strip_name_prefix(text: &str, prefix: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut done = 0;
     for (at, _) in text.match_indices(prefix) {
         let (before, after) = (&text[..at], at + prefix.len());
-        let in_a_name = |c: char| c.is_alphanumeric() || c == '_' || c == '/';
-        if !before.ends_with(in_a_name) {
+        let is_name_character = |c: char| c.is_alphanumeric() || c == '_' || c == '/';
+        if !before.ends_with(is_name_character) {
             out.push_str(&text[done..at]);
             done = after;
         }
@@ -209,18 +215,18 @@ fn without(text: &str, prefix: &str) -> String {
     out
 }
 
-impl Shift {
-    /// A place, moved.
+impl SpanShift {
+    /// Shifts a span.
     #[must_use]
     pub fn span(self, span: Span) -> Span {
         let moved = |at: usize| at.saturating_sub(self.from) + self.to;
-        if self == Shift::default() {
+        if self == SpanShift::default() {
             return span;
         }
         Span::new(moved(span.start), moved(span.end))
     }
 
-    /// A key, moved.
+    /// Shifts the span of a key.
     #[must_use]
     pub fn key(self, key: &Key) -> Key {
         Key {
@@ -229,7 +235,7 @@ impl Shift {
         }
     }
 
-    /// A reference, moved.
+    /// Shifts the spans of a reference.
     #[must_use]
     pub fn reference(self, reference: &Reference) -> Reference {
         Reference {
@@ -240,35 +246,35 @@ impl Shift {
         }
     }
 
-    /// A constant, moved.
+    /// Shifts the spans of a constant.
     #[must_use]
     pub fn literal(self, literal: &Literal) -> Literal {
-        if self == Shift::default() {
+        if self == SpanShift::default() {
             return literal.clone();
         }
         let shape = match &literal.shape {
-            Shape::List(elements) => {
+            LiteralShape::List(elements) => {
                 let elements = elements.iter().map(|element| self.literal(element));
-                Shape::List(elements.collect())
+                LiteralShape::List(elements.collect())
             }
-            Shape::Open(node) => {
+            LiteralShape::Parameterised(node) => {
                 let mut node = node.clone();
                 self.node(&mut node);
-                Shape::Open(node)
+                LiteralShape::Parameterised(node)
             }
             shape => shape.clone(),
         };
         Literal {
             written: match &literal.written {
-                // With places of their own; a copy is not written out again.
-                Written::Parts(_) => Written::Usual,
+                // The parts have spans of their own; the notation is not needed, because a copy is not written out.
+                Notation::Mapping(_) => Notation::Canonical,
                 written => written.clone(),
             },
             ..Literal::new(shape, self.span(literal.span))
         }
     }
 
-    /// Moves a tree.
+    /// Shifts the spans of a tree.
     pub fn node(self, node: &mut Node) {
         node.span = self.span(node.span);
         match &mut node.value {
@@ -290,7 +296,7 @@ mod tests {
 
     #[test]
     fn a_prefix_is_taken_off_whole_names_only() {
-        let text = without("`a/b.x`, a/c.y and ba/d.z of a/a/e", "a/");
+        let text = strip_name_prefix("`a/b.x`, a/c.y and ba/d.z of a/a/e", "a/");
         assert_eq!(text, "`b.x`, c.y and ba/d.z of a/e");
     }
 }

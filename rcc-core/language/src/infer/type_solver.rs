@@ -1,30 +1,30 @@
-//! Types of ports: each item has one open type and a few open lengths, and links and literals tell what they are.
-//! Linear in the number of links, and the same for the same text. The loader's threads.
+//! Inference of port types: each item has one open type and a few open lengths, determined by links and literals.
+//! Linear in the number of links, and deterministic. Runs on the loader's threads.
 
 use std::collections::VecDeque;
 
 use rcc_core::linear::SIDE_MAX;
-use rcc_core::primitive::{DIMS_MAX, Dim, Elements, ParameterKind, PortType, Spec};
+use rcc_core::primitive::{DIMS_MAX, Dim, ElementType, ParameterKind, PortType, Spec};
 use rcc_core::types::Type;
 
-use crate::resolve::{Feed, Graph, Item, Leaf, Wire};
-use crate::syntax::literal::{Literal, Shape};
-use crate::syntax::part::{Part, Place};
+use crate::resolve::{InputSource, ListElement, NetGraph, ResolvedLink, ResolvedPrimitive};
+use crate::syntax::literal::{Literal, LiteralShape};
+use crate::syntax::part::{ListPosition, ValuePart};
 
 /// What is known of the open type and the open lengths of one item.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Open {
+pub struct TypeVariables {
     ty: Option<Type>,
     dims: [Option<u16>; DIMS_MAX],
 }
 
-impl Open {
-    /// The open type.
+impl TypeVariables {
+    /// Returns the open type.
     pub fn open(&self) -> Option<Type> {
         self.ty
     }
 
-    /// The type of a port; `None` if it is not known.
+    /// Returns the type of a port; `None` if it is not known.
     pub fn port(&self, joints: Option<u16>, ty: PortType) -> Option<Type> {
         match ty {
             PortType::Is(ty) => Some(ty),
@@ -37,8 +37,8 @@ impl Open {
             PortType::Part => self.ty.map(Type::scalar),
             PortType::Array(elements, length) => {
                 let element = match elements {
-                    Elements::Are(ty) => ty,
-                    Elements::Open => self.ty?,
+                    ElementType::Are(ty) => ty,
+                    ElementType::Open => self.ty?,
                 };
                 element.array(self.dim(length)?)
             }
@@ -51,7 +51,7 @@ impl Open {
         }
     }
 
-    /// A length; `None` if it is not known.
+    /// Returns a length; `None` if it is not known.
     pub fn dim(&self, dim: Dim) -> Option<u16> {
         let get = |index: u8| self.dims.get(usize::from(index)).copied().flatten();
         match dim {
@@ -61,7 +61,7 @@ impl Open {
         }
     }
 
-    /// Learns from the type that a port has; false if that says nothing new.
+    /// Learns from the type of a port; returns false if nothing new is learned.
     fn learn(&mut self, spec: &Spec, port: PortType, ty: Type) -> bool {
         match port {
             PortType::Is(_) | PortType::Joints | PortType::JointColumns(_) | PortType::Part => {
@@ -79,9 +79,9 @@ impl Open {
                     return false;
                 };
                 match elements {
-                    Elements::Are(element) if element != of => false,
-                    Elements::Are(_) => self.learn_length(length, count),
-                    Elements::Open => {
+                    ElementType::Are(element) if element != of => false,
+                    ElementType::Are(_) => self.learn_length(length, count),
+                    ElementType::Open => {
                         let new = self.learn_type(spec, of);
                         self.learn_length(length, count) || new
                     }
@@ -138,46 +138,46 @@ fn array_length(ty: Type) -> Option<u16> {
 
 /// A port of an item.
 #[derive(Clone, Copy)]
-struct At {
+struct PortSite {
     item: usize,
     port: PortType,
 }
 
-/// A link: what a part of an output is, a place of an input is.
+/// A link as a constraint: a part of an output has the type of a position of an input.
 #[derive(Clone, Copy)]
-struct Tie {
-    source: At,
-    part: Option<Part>,
-    sink: At,
-    place: Place,
+struct LinkTie {
+    source: PortSite,
+    part: Option<ValuePart>,
+    sink: PortSite,
+    place: ListPosition,
 }
 
-/// Finds the open types and lengths of all items.
-pub fn infer(graph: &Graph<'_>, joints: &[Option<u16>]) -> Vec<Open> {
-    let mut solver = Solver {
+/// Infers the open types and lengths of all items.
+pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables> {
+    let mut solver = TypeSolver {
         graph,
         joints,
-        open: vec![Open::default(); graph.items.len()],
+        open: vec![TypeVariables::default(); graph.items.len()],
         ties: Vec::new(),
         users: vec![Vec::new(); graph.items.len()],
         queue: VecDeque::new(),
         backwards: false,
     };
     for (number, item) in graph.items.iter().enumerate() {
-        for (port, wire) in item.wires() {
+        for (port, link) in item.links() {
             let sink = item.spec().inputs.get(port);
-            if let (Some(from), Some(sink)) = (super::port_of(graph, wire.from), sink) {
-                solver.tie(Tie {
-                    source: At {
-                        item: wire.from.item,
+            if let (Some(from), Some(sink)) = (super::port_of(graph, link.from), sink) {
+                solver.tie(LinkTie {
+                    source: PortSite {
+                        item: link.from.item,
                         port: from.ty,
                     },
-                    part: wire.part,
-                    sink: At {
+                    part: link.part,
+                    sink: PortSite {
                         item: number,
                         port: sink.ty,
                     },
-                    place: wire.place,
+                    place: link.place,
                 });
             }
         }
@@ -186,20 +186,20 @@ pub fn infer(graph: &Graph<'_>, joints: &[Option<u16>]) -> Vec<Open> {
     solver.open
 }
 
-struct Solver<'g, 'a> {
-    graph: &'g Graph<'a>,
-    /// By item: joints of its device.
+struct TypeSolver<'g, 'a> {
+    graph: &'g NetGraph<'a>,
+    /// Number of joints of its device, by item.
     joints: &'g [Option<u16>],
-    open: Vec<Open>,
-    ties: Vec<Tie>,
-    /// By item: the links that begin or end at it.
+    open: Vec<TypeVariables>,
+    ties: Vec<LinkTie>,
+    /// The links that begin or end at it, by item.
     users: Vec<Vec<usize>>,
     queue: VecDeque<usize>,
     backwards: bool,
 }
 
-impl Solver<'_, '_> {
-    fn tie(&mut self, tie: Tie) {
+impl TypeSolver<'_, '_> {
+    fn tie(&mut self, tie: LinkTie) {
         let number = self.ties.len();
         for item in [tie.source.item, tie.sink.item] {
             if let Some(users) = self.users.get_mut(item) {
@@ -209,32 +209,32 @@ impl Solver<'_, '_> {
         self.ties.push(tie);
     }
 
-    /// Carries on what is known: first only from sources to sinks, so that a fault is found where two sources meet and
-    /// not somewhere before, then in all directions. What is still open then is what is usual.
+    /// Propagates what is known: first only from sources to sinks, so that a conflict is reported where two sources
+    /// meet and not somewhere before, then in both directions. What is still open then takes its default.
     fn solve(&mut self) {
         let items = self.graph.items.iter().enumerate();
-        for pin in &self.graph.pins {
-            let item = self.graph.items.get(pin.item);
-            let port = item.and_then(|item| item.spec().inputs.get(pin.input));
-            if let (Some(port), Some((ty, _))) = (port, pin.said.ty) {
-                self.learn(pin.item, port.ty, ty);
+        for declared in &self.graph.declarations {
+            let item = self.graph.items.get(declared.item);
+            let port = item.and_then(|item| item.spec().inputs.get(declared.input));
+            if let (Some(port), Some((ty, _))) = (port, declared.declaration.ty) {
+                self.learn(declared.item, port.ty, ty);
             }
         }
         for (number, item) in items.clone() {
-            if let Some(ty) = item.said_type() {
+            if let Some(ty) = item.declared_type() {
                 self.learn(number, PortType::Any, ty);
             }
             self.learn_lengths(number, item);
         }
         self.run_all();
         for (number, item) in items.clone() {
-            self.learn_firm(number, item);
+            self.learn_certain(number, item);
         }
         self.run();
         self.backwards = true;
         self.run_all();
         for region in &self.graph.regions {
-            let Feed::Wire(Wire {
+            let InputSource::Link(ResolvedLink {
                 from, part: None, ..
             }) = &region.condition
             else {
@@ -247,7 +247,7 @@ impl Solver<'_, '_> {
             }
         }
         for (number, item) in items.clone() {
-            if let Some((port, ty)) = self.usual(item) {
+            if let Some((port, ty)) = self.default_type(item) {
                 self.learn(number, port, ty);
                 self.run();
             }
@@ -269,17 +269,17 @@ impl Solver<'_, '_> {
     fn run(&mut self) {
         while let Some(number) = self.queue.pop_front() {
             if let Some(tie) = self.ties.get(number).copied() {
-                self.carry(tie);
+                self.propagate(tie);
             }
         }
     }
 
-    fn type_at(&self, at: At) -> Option<Type> {
+    fn type_at(&self, at: PortSite) -> Option<Type> {
         let joints = self.joints.get(at.item).copied().flatten();
         self.open.get(at.item)?.port(joints, at.port)
     }
 
-    fn carry(&mut self, tie: Tie) {
+    fn propagate(&mut self, tie: LinkTie) {
         let source = self.type_at(tie.source);
         let part = match tie.part {
             None => source,
@@ -299,7 +299,7 @@ impl Solver<'_, '_> {
     }
 
     fn learn(&mut self, number: usize, port: PortType, ty: Type) {
-        let spec = self.graph.items.get(number).map(Item::spec);
+        let spec = self.graph.items.get(number).map(ResolvedPrimitive::spec);
         if let (Some(open), Some(spec)) = (self.open.get_mut(number), spec)
             && open.learn(spec, port, ty)
         {
@@ -316,8 +316,8 @@ impl Solver<'_, '_> {
         }
     }
 
-    /// The lengths that parameters and lists of values say.
-    fn learn_lengths(&mut self, number: usize, item: &Item<'_>) {
+    /// Learns lengths from parameters and from lists of values.
+    fn learn_lengths(&mut self, number: usize, item: &ResolvedPrimitive<'_>) {
         for (port, list) in item.lists() {
             let port = item.spec().inputs.get(port).map(|port| port.ty);
             if let (Some(PortType::Many(length)), Some(open)) = (port, self.open.get_mut(number)) {
@@ -330,10 +330,10 @@ impl Solver<'_, '_> {
             };
             let given = given.and_then(Literal::number);
             let default = match parameter.default {
-                Some(rcc_core::primitive::Literal::Int(length)) => Some(length as f64),
+                Some(rcc_core::primitive::DefaultValue::Int(length)) => Some(length as f64),
                 _ => None,
             };
-            // A length that is none of 1 to the most is out of its range, which is reported.
+            // A length out of 1 to the maximum is reported as out of range.
             let length = given.or(default).map_or(0, |length| length as u16);
             if let Some(open) = self.open.get_mut(number) {
                 open.learn_length(Dim::Var(dim), length);
@@ -341,18 +341,18 @@ impl Solver<'_, '_> {
         }
     }
 
-    /// What constants and first values of delayed links say for certain.
-    fn learn_firm(&mut self, number: usize, item: &Item<'_>) {
+    /// Learns what constants and initial values of delayed links determine.
+    fn learn_certain(&mut self, number: usize, item: &ResolvedPrimitive<'_>) {
         for (literal, port, _) in super::literals(item) {
-            if let Some(ty) = firm(literal, port) {
+            if let Some(ty) = certain_port_type(literal, port) {
                 self.learn(number, port, ty);
             }
         }
-        for (port, wire) in item.wires() {
+        for (port, link) in item.links() {
             let sink = item.spec().inputs.get(port);
-            if let (Some(initial), Some(sink)) = (wire.initial, sink)
-                && let Some(ty) = firm(initial, sink.ty)
-                && let Some(whole) = whole_of(wire.place, sink.ty, ty)
+            if let (Some(initial), Some(sink)) = (link.initial, sink)
+                && let Some(ty) = certain_port_type(initial, sink.ty)
+                && let Some(whole) = whole_of(link.place, sink.ty, ty)
             {
                 self.learn(number, sink.ty, whole);
             }
@@ -362,8 +362,8 @@ impl Solver<'_, '_> {
                 continue;
             };
             for leaf in &list.leaves {
-                if let Leaf::Literal(literal, place) = leaf
-                    && let Some(ty) = literal.firm_type()
+                if let ListElement::Literal(literal, place) = leaf
+                    && let Some(ty) = literal.certain_type()
                     && let Some(whole) = whole_of(*place, sink.ty, ty)
                 {
                     self.learn(number, sink.ty, whole);
@@ -372,20 +372,20 @@ impl Solver<'_, '_> {
         }
     }
 
-    /// The type that an open port gets from its constants and lists where nothing else decides.
-    fn usual(&self, item: &Item<'_>) -> Option<(PortType, Type)> {
+    /// Returns the type that an open port takes from its constants and lists if nothing else determines it.
+    fn default_type(&self, item: &ResolvedPrimitive<'_>) -> Option<(PortType, Type)> {
         let literals = super::literals(item).filter(|(_, port, _)| port.is_open());
         let literals =
-            literals.filter_map(|(literal, port, _)| Some((port, literal.usual_type()?)));
+            literals.filter_map(|(literal, port, _)| Some((port, literal.default_type()?)));
         let feeds = item.inputs.iter().zip(item.spec().inputs);
         let lists = feeds.filter_map(|(feed, port)| match feed {
-            Feed::List(list) if port.ty.is_open() => {
+            InputSource::List(list) if port.ty.is_open() => {
                 let types = list.leaves.iter().filter_map(|leaf| match leaf {
-                    Leaf::Literal(literal, place) => Some((*place, literal.usual_type()?)),
-                    Leaf::Wire(wire) => Some((wire.place, self.wire_type(wire)?)),
+                    ListElement::Literal(literal, place) => Some((*place, literal.default_type()?)),
+                    ListElement::Link(link) => Some((link.place, self.link_type(link)?)),
                 });
-                // What a wire is says more than what a number may be.
-                let mut types: Vec<(Place, Type)> = types.collect();
+                // A link determines a type, but a number may still be of another one, so Real comes last.
+                let mut types: Vec<(ListPosition, Type)> = types.collect();
                 types.sort_by_key(|(_, ty)| *ty == Type::Real);
                 let whole = types.iter().find_map(|(place, ty)| place_in(*place, *ty));
                 Some((port.ty, whole?))
@@ -395,44 +395,44 @@ impl Solver<'_, '_> {
         literals.chain(lists).next()
     }
 
-    fn wire_type(&self, wire: &crate::resolve::Wire<'_>) -> Option<Type> {
-        let port = super::port_of(self.graph, wire.from)?.ty;
-        let ty = self.type_at(At {
-            item: wire.from.item,
+    fn link_type(&self, link: &crate::resolve::ResolvedLink<'_>) -> Option<Type> {
+        let port = super::port_of(self.graph, link.from)?.ty;
+        let ty = self.type_at(PortSite {
+            item: link.from.item,
             port,
         })?;
-        match wire.part {
+        match link.part {
             None => Some(ty),
             Some(part) => part.of(ty).map(|(_, ty)| ty),
         }
     }
 }
 
-/// What a constant says for certain about a port: of an array at least the length.
-fn firm(literal: &Literal, port: PortType) -> Option<Type> {
+/// Returns the type that a constant determines for a port: for an array at least the length.
+fn certain_port_type(literal: &Literal, port: PortType) -> Option<Type> {
     match (port, &literal.shape) {
-        (PortType::Array(Elements::Are(element), _), Shape::List(elements)) => {
+        (PortType::Array(ElementType::Are(element), _), LiteralShape::List(elements)) => {
             element.array(u16::try_from(elements.len()).ok()?)
         }
         (PortType::Many(_), _) => None,
-        _ => literal.firm_type(),
+        _ => literal.certain_type(),
     }
 }
 
-/// What the whole value of a port is if at `place` of its list there is a `ty`; `None` if that does not say it: a list of
-/// three numbers may be an array or a vector.
-fn whole_of(place: Place, port: PortType, ty: Type) -> Option<Type> {
+/// Returns the type of a port's whole value if the element at `place` of its list is a `ty`. Returns `None` if that
+/// does not determine it: a list of three numbers may be an array or a vector.
+fn whole_of(place: ListPosition, port: PortType, ty: Type) -> Option<Type> {
     let certain = matches!(port, PortType::Array(..) | PortType::Matrix(..));
     match port {
-        _ if place == Place::default() => Some(ty),
+        _ if place == ListPosition::default() => Some(ty),
         PortType::Many(_) => Some(ty),
         _ if certain => place_in(place, ty),
         _ => None,
     }
 }
 
-/// The array or matrix that has a `ty` at `place` of its list.
-fn place_in(place: Place, ty: Type) -> Option<Type> {
+/// Returns the array or matrix that has a `ty` at `place` of its list.
+fn place_in(place: ListPosition, ty: Type) -> Option<Type> {
     let count = |count: u32| u8::try_from(count).ok();
     match (place.steps, ty) {
         ([Some((_, rows)), Some((_, columns))], _) => {

@@ -1,5 +1,5 @@
-//! What a client sets: a mapping from names of `Input`s to constants of the language, checked for type, unit and range.
-//! Run by blocking threads of the server; nothing here is real-time.
+//! Values that a client sets: a mapping from names of `Input`s to constants of the language, checked for type, unit and
+//! range. Runs on blocking threads of the server; not real-time.
 
 use rcc_config::diagnostic::{Diagnostic, Faults, Severity, closest};
 use rcc_config::yaml::{self, Entry, Value};
@@ -10,12 +10,12 @@ use rcc_ipc::control::{InputValue, SET_ELEMENTS_MAX, SET_MAX};
 use crate::check::literal_fits;
 use crate::fault;
 use crate::names::{InputNames, Names};
-use crate::syntax::literal::{self, Literal, Stored};
+use crate::syntax::literal::{self, Literal, StoredValue};
 
-/// Reads what is to be set in the net with these names; `file` is how faults name the text.
+/// Reads the values to be set in the net with these names. `file` is the name that diagnostics show.
 ///
 /// # Errors
-/// All faults of the text.
+/// Returns all errors of the text.
 pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<InputValue>, Faults> {
     let (root, mut faults) = yaml::read(text);
     let mut values = Vec::new();
@@ -114,7 +114,7 @@ fn unknown(entry: &Entry, names: &Names) -> Diagnostic {
     Diagnostic::error(fault::UNKNOWN_PRIMITIVE, entry.key.span, message).help(help)
 }
 
-/// Each element is in the input's range.
+/// Checks that each element is within the bounds of the input.
 fn within(input: &InputNames, literal: &Literal, faults: &mut Vec<Diagnostic>) {
     let unit = input
         .unit
@@ -140,16 +140,16 @@ fn within(input: &InputNames, literal: &Literal, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// One word an element, as in [`InputValue`].
-fn words(stored: &Stored) -> Vec<u64> {
+/// Returns one word for each element, as in [`InputValue`].
+fn words(stored: &StoredValue) -> Vec<u64> {
     match stored {
-        Stored::Reals(values) => values.iter().map(|value| value.to_bits()).collect(),
-        Stored::Bools(values) => values.iter().map(|value| u64::from(*value)).collect(),
-        Stored::Ints(values) => values.iter().map(|value| value.cast_unsigned()).collect(),
+        StoredValue::Reals(values) => values.iter().map(|value| value.to_bits()).collect(),
+        StoredValue::Bools(values) => values.iter().map(|value| u64::from(*value)).collect(),
+        StoredValue::Ints(values) => values.iter().map(|value| value.cast_unsigned()).collect(),
     }
 }
 
-/// The type of this name, as it is printed.
+/// Returns the type with this printed name.
 #[must_use]
 pub fn type_of(name: &str) -> Option<Type> {
     let single = [
