@@ -90,7 +90,7 @@ pub fn load(
                 return Err(Failure::new(
                     codes::LOADER_SILENT,
                     format!("command {id} is still loading after {LOAD_LIMIT:?}"),
-                    "look at it with `rcc-cli state`",
+                    "check it with `rcc-cli state`",
                 ));
             }
             "rejected" => {
@@ -198,7 +198,7 @@ pub fn judge(command: &CommandView, asked: RequestedEnd) -> Result<(), Failure> 
         print_note(&format!("{title}: {}", fault.words));
     } else if code == exit::CANCELED {
         print_note(&format!(
-            "{title} was canceled before it had finished, and not by this command (`rcc-cli events` says more); exit code {code}"
+            "{title} was canceled before it finished, and not by this command (see `rcc-cli events`); exit code {code}"
         ));
     }
     Err(Failure::said(code))

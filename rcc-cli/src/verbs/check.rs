@@ -131,8 +131,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let folders_only = arguments.files.iter().all(|file| Path::new(file).is_dir());
     if folders_only && summary.valid + summary.invalid == 0 && summary.unreadable.is_none() {
-        let message = format!("no net is in {}", arguments.files.join(", "));
-        let help = "a net is a .yaml, .yml or .json file with `net:`; name the file to see what is wrong with it";
+        let message = format!("no nets found in {}", arguments.files.join(", "));
+        let help = "a net is a .yaml, .yml or .json file with a `net:` entry; name the file to see its errors";
         return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
     match summary {
@@ -266,7 +266,7 @@ impl CheckSummary {
         }
         if self.others > 0 {
             words.push_str(&format!(
-                "; {} passed over, no nets",
+                "; {} skipped (not a net)",
                 counted(self.others, "file", "files")
             ));
         }
@@ -323,7 +323,7 @@ pub(super) fn require_valid_settings(config: &CellConfig) -> Result<(), Failure>
     let mut failure = Failure::new(
         codes::BAD_REQUEST,
         format!("{}: {wrong}", config.source.display()),
-        "correct it in the cell's configuration; `rcc-cli up` refuses it, too",
+        "correct it in the cell's configuration; `rcc-cli up` rejects it as well",
     );
     failure.exit = exit::INVALID;
     Err(failure)
@@ -358,7 +358,7 @@ mod tests {
         summary.others = 1;
         assert_eq!(
             summary.words(0.5),
-            "3 nets: 2 valid, 1 not, 2 errors, 2 warnings; 1 file passed over, no nets; 0.50 s"
+            "3 nets: 2 valid, 1 not, 2 errors, 2 warnings; 1 file skipped (not a net); 0.50 s"
         );
     }
 

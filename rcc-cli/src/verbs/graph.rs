@@ -62,7 +62,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         GraphFormat::Mermaid => mermaid(&structure, values),
         GraphFormat::Svg => {
             let scene = scene(&structure, values).map_err(|many| {
-                let message = format!("the net would be {} boxes, {BOXES_MAX} are a picture", many.boxes);
+                let message = format!("the net has {} boxes; at most {BOXES_MAX} can be drawn as SVG", many.boxes);
                 let help = "use `--format dot`, which Graphviz draws at any size (`sfdp`), or `rcc-cli explain`";
                 Failure::new(codes::BAD_REQUEST, message, help)
             })?;

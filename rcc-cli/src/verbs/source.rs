@@ -77,6 +77,6 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
 /// A name that is no file, and no cell to ask.
 fn no_such(net: &str, failure: &Failure) -> Failure {
     let mut failure = failure.clone();
-    failure.body.message = format!("there is no file {net}, and {}", failure.body.message);
+    failure.body.message = format!("file `{net}` not found, and {}", failure.body.message);
     failure
 }
