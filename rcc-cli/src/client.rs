@@ -65,12 +65,12 @@ impl RemoteLoader {
         token: Option<&str>,
     ) -> Result<RemoteLoader, Failure> {
         let bad = |help: &str| {
-            let message = format!("`{url}` is no address of a loader");
+            let message = format!("invalid loader address `{url}`");
             Failure::new(codes::BAD_REQUEST, message, help)
         };
         if url.starts_with("https:") {
             return Err(bad(
-                "the loader speaks no TLS: `ssh -L 7425:127.0.0.1:7425 HOST`, then http://127.0.0.1:7425",
+                "the loader does not support TLS: run `ssh -L 7425:127.0.0.1:7425 HOST` and use http://127.0.0.1:7425",
             ));
         }
         let authority = url
@@ -198,7 +198,7 @@ impl Client {
                 return Err(Failure::new(
                     codes::LOADER_SILENT,
                     format!(
-                        "the loader of cell '{}' did not answer within {:?}",
+                        "the loader of cell `{}` did not answer within {:?}",
                         self.cell, self.timeout
                     ),
                     silent(path),
@@ -243,9 +243,9 @@ impl Client {
             Endpoint::Socket(socket) if cause.kind() == io::ErrorKind::PermissionDenied => {
                 Failure::new(
                     codes::NOT_PERMITTED,
-                    format!("{} may not be used by you", socket.display()),
+                    format!("permission denied: {}", socket.display()),
                     format!(
-                        "cell '{cell}' belongs to another user: work as that user, or join the group that its `access` names"
+                        "cell `{cell}` belongs to another user: work as that user, or join the group named by its `access` setting"
                     ),
                 )
             }
@@ -253,7 +253,7 @@ impl Client {
             Endpoint::Tcp(remote) => Failure::new(
                 codes::NO_LOADER,
                 format!("no loader answers at {} ({cause})", remote.authority),
-                "its cell must run and have `access: {tcp: …}`; through a firewall use ssh -L",
+                "start the cell with `access: {tcp: …}`; use `ssh -L` through a firewall",
             ),
         }
     }
@@ -263,11 +263,11 @@ impl Client {
 fn silent(path: &str) -> &'static str {
     match is_stop(path) {
         true => {
-            "it was sent and is not confirmed yet: the loader carries it out as soon as it can, also now that nobody waits; \
-             `rcc-cli state NAME` tells, and asking again does no harm"
+            "the request was sent but is not confirmed yet: the loader still carries it out as soon as it can; \
+             check with `rcc-cli state NAME`; repeating the request is harmless"
         }
         false => {
-            "unless the loader had begun it, it is not done any more: `rcc-cli state` tells; give it more time with --timeout"
+            "the request is dropped unless the loader had already started it: check with `rcc-cli state`; allow more time with --timeout"
         }
     }
 }
@@ -306,16 +306,16 @@ async fn send(
 pub fn no_loader(cell: &str, cause: &str) -> Failure {
     Failure::new(
         codes::NO_LOADER,
-        format!("the loader of cell '{cell}' cannot be reached{cause}"),
-        "start the cell with `rcc-cli up FILE`, or name another one with --cell (RCC_CELL)",
+        format!("cannot reach the loader of cell `{cell}`{cause}"),
+        "start the cell with `rcc-cli up FILE`, or name another cell with --cell (RCC_CELL)",
     )
 }
 
 fn other_build(error: &dyn std::fmt::Display) -> Failure {
     Failure::new(
         codes::OTHER_BUILD,
-        format!("the loader's answer is not understood: {error}"),
-        "install the command line and the loader from one build",
+        format!("cannot parse the loader's answer: {error}"),
+        "install rcc-cli and rcc-loader from the same build",
     )
 }
 
@@ -349,7 +349,7 @@ mod tests {
             assert!(silent(path).contains("not confirmed yet"), "{path}");
         }
         for path in ["/commands/7/start", "/commands", "/switch"] {
-            assert!(silent(path).contains("not done any more"), "{path}");
+            assert!(silent(path).contains("the request is dropped"), "{path}");
         }
     }
 

@@ -56,7 +56,7 @@ impl Context {
         let name = self.cell_name();
         let socket = match Cell::find(name) {
             Ok(Some(cell)) => cell.socket(),
-            Ok(None) => return Err(no_loader(name, ": there is no such cell")),
+            Ok(None) => return Err(no_loader(name, ": no such cell")),
             // Another user's: whether his `access` lets us in, the socket tells.
             Err(CellError::NotOurs { .. }) => base_dir().join(name).join("loader.sock"),
             Err(error) => return Err(of_cell(&error)),

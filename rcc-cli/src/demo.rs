@@ -141,7 +141,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
 }
 
 fn is_trouble(what: &str) -> bool {
-    ["died", "failed", "starting again", "  |", "left behind"]
+    ["died", "failed", "restarting", "  |", "left behind"]
         .iter()
         .any(|begin| what.starts_with(begin))
 }
@@ -197,7 +197,7 @@ impl DemoArm {
             Failure::new(
                 codes::BAD_REQUEST,
                 format!("{} has no {what}", prepared.path.display()),
-                "the demo needs the demo's configuration (RCC_CONFIGS)",
+                "use the demo's own configuration (RCC_CONFIGS)",
             )
         };
         let (_, device) = config.device(ARM).ok_or_else(|| lacks("device `lwr`"))?;
@@ -253,7 +253,7 @@ fn measure(
         }
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
         runner.printer.print_note(&format!(
-            "  measured again, as the executor was late in {late} cycles meanwhile or the connection was lost ({})",
+            "  repeating the measurement: {late} late cycles, or the connection was lost ({})",
             whats.join("; ")
         ));
     }
@@ -272,8 +272,8 @@ fn go_to(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Failure> {
     }
     Err(Failure::new(
         codes::PROCESS_FAILED,
-        format!("the way to a figure's start ended {words}, {APPROACHES} times"),
-        "the demo needs a machine that is not busy with something else",
+        format!("the approach to a figure's start pose ended {words}, {APPROACHES} times"),
+        "the demo needs an otherwise idle machine",
     ))
 }
 
@@ -364,7 +364,7 @@ fn report(context: &Context, results: &FigureResults, status: &StatusView, clean
         print_line(&value.to_string());
         return;
     }
-    print_line("\nVerified from what was recorded and from what went over the wire:");
+    print_line("\nVerified against the recorded values and the datagrams on the wire:");
     for (title, checks) in results {
         print_line(&format!("  {title}"));
         for check in checks {
@@ -386,7 +386,7 @@ fn report(context: &Context, results: &FigureResults, status: &StatusView, clean
     let end = if clean {
         "no process and no file left behind"
     } else {
-        "something was left behind"
+        "some files or processes were left behind"
     };
     print_line(&format!("  {held} of {all} hold; {end}; {seconds:.1} s"));
 }

@@ -65,9 +65,9 @@ impl Failure {
     pub fn unreadable(path: &str, error: &std::io::Error) -> Failure {
         let permission = error.kind() == std::io::ErrorKind::PermissionDenied;
         let (code, help) = if permission {
-            (codes::NOT_PERMITTED, "allow yourself to read it")
+            (codes::NOT_PERMITTED, "grant yourself read permission")
         } else {
-            (codes::BAD_REQUEST, "name a file that is there")
+            (codes::BAD_REQUEST, "name an existing file")
         };
         Failure::new(code, format!("{path}: {error}"), help)
     }

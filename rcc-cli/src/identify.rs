@@ -62,18 +62,18 @@ pub struct Identified {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum IdentifyError {
     /// A reading is not finite, or its rotation has no direction.
-    #[error("reading {number} is not finite, or its rotation has no direction")]
+    #[error("reading {number} is not finite, or its rotation is zero")]
     Reading {
         /// Counted from 1.
         number: usize,
     },
     /// Gravity has no direction.
-    #[error("gravity must be finite and not 0")]
+    #[error("gravity must be finite and nonzero")]
     Gravity,
     /// Not enough orientations.
     #[error(
-        "{orientations} different orientations among {readings} readings, at least {ORIENTATIONS_MIN} are needed: turn the \
-         sensor so that gravity comes from other sides (to turn about the vertical changes nothing)"
+        "{orientations} different orientations among {readings} readings; at least {ORIENTATIONS_MIN} are required: rotate the \
+         sensor so that gravity acts along other axes (rotating about the vertical does not help)"
     )]
     TooFew {
         /// Different ones.
@@ -83,8 +83,8 @@ pub enum IdentifyError {
     },
     /// They do not separate the unknowns.
     #[error(
-        "the orientations are too similar: their spread is {spread:.3}, at least {SPREAD_MIN} is needed to tell weight from \
-         offset: have gravity come along all three axes of the sensor, from both sides if possible"
+        "the orientations are too similar: their spread is {spread:.3}; at least {SPREAD_MIN} is required to separate weight \
+         and offset: let gravity act along all three axes of the sensor, in both directions if possible"
     )]
     TooSimilar {
         /// See [`Identified::spread`].
@@ -92,8 +92,8 @@ pub enum IdentifyError {
     },
     /// The mass is not above what is left.
     #[error(
-        "the mass comes out as {mass:.6} kg, with a standard deviation of {deviation:.6} kg: nothing hangs on the sensor, \
-         or it does not say what the tool exerts on it (a negative mass: opposite sign, or the inverse rotation)"
+        "the estimated mass is {mass:.6} kg with a standard deviation of {deviation:.6} kg: the sensor carries no load, \
+         or it does not report the force of the tool on the sensor (negative mass: opposite sign, or inverse rotation)"
     )]
     Mass {
         /// kg.
@@ -103,8 +103,8 @@ pub enum IdentifyError {
     },
     /// The readings are not those of one mass on a good sensor.
     #[error(
-        "the readings do not fit one mass: {left:.2} N are left over of a weight of {weight:.2} N, most by reading {number} \
-         ({most:.2} N): leave that reading out if it was disturbed (motion, a touch); otherwise the sensor's scale, its axes or \
+        "the readings do not fit a single mass: the residual is {left:.2} N for a weight of {weight:.2} N, largest in reading {number} \
+         ({most:.2} N): remove that reading if it was disturbed (motion, contact); otherwise the sensor's scale, its axes or \
          the rotations are wrong"
     )]
     Misfit {

@@ -54,8 +54,8 @@ fn exit_code_of(error: &io::Error) -> u8 {
         return exit::READER_GONE;
     }
     print_note(&format!(
-        "error {}: standard output: {error}\n       help: what was asked for may be done, but what is to be said about \
-         it is lost: make room, or print elsewhere",
+        "error {}: cannot write to standard output: {error}\n       help: the operation may have been carried out, but its result \
+         is lost: free disk space, or redirect the output elsewhere",
         codes::NOT_STORED.code
     ));
     codes::NOT_STORED.exit
@@ -166,7 +166,7 @@ fn print_all(texts: &Receiver<PrintJob>, write: &mut dyn FnMut(Stream, &str) -> 
                     && !told
                 {
                     told = true;
-                    let words = format!("standard output: {error}: going on without it\n");
+                    let words = format!("cannot write to standard output: {error}: going on without it\n");
                     // Neither of the two takes anything: there is nobody to tell.
                     let _ = write(Stream::Err, &words);
                 }

@@ -94,7 +94,7 @@ pub struct Plot {
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("the picture cannot be drawn: {0}")]
+#[error("cannot draw the plot: {0}")]
 pub struct PlotError(String);
 
 type Area<B> = DrawingArea<B, Shift>;

@@ -73,7 +73,7 @@ pub enum SimulateError {
     #[error("the net is refused: {0:?}")]
     Refused(Refusal),
     /// The table cannot be written.
-    #[error("the values cannot be written: {0}")]
+    #[error("cannot write the values: {0}")]
     Write(#[from] io::Error),
     /// The engine did not answer; it always does.
     #[error("the engine gave no answer")]

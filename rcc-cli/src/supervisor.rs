@@ -154,8 +154,8 @@ impl Supervisor {
                 let names = waiting.join(", ");
                 return Err(Failure::new(
                     codes::PROCESS_FAILED,
-                    format!("cell '{}' did not come up: {names}", self.cell.name()),
-                    "the lines above say why",
+                    format!("cell `{}` did not start: {names}", self.cell.name()),
+                    "see the lines above for the reason",
                 ));
             }
             std::thread::sleep(POLL_INTERVAL);
@@ -248,7 +248,7 @@ impl Supervisor {
         let name = child.spec.name.clone();
         if let Some(status) = child.ended() {
             let words = match child.hung {
-                Some(_) => format!("killed, because it hung ({})", child::describe(status)),
+                Some(_) => format!("killed because it hung ({})", child::describe(status)),
                 None => child::describe(status),
             };
             self.handle_death(index, now, &words, child::remedy(status));
@@ -258,7 +258,7 @@ impl Supervisor {
             let silence = silence.as_secs_f64();
             let status = child.notices.as_ref().map_or("", notify::NotifySocket::status);
             let words = format!(
-                "hangs: no progress for {silence:.1} s, it is killed; it said last: {status}"
+                "hangs: no progress for {silence:.1} s, killing it; last status: {status}"
             );
             let pid = child.pid().unwrap_or(0);
             self.report(&name, &words);
@@ -272,7 +272,7 @@ impl Supervisor {
         match std::mem::replace(&mut child.state, ProcessState::Failed) {
             ProcessState::Down(at) if at <= now => {
                 if let Err(error) = child.start() {
-                    let remedy = "allow it, or install all programs again";
+                    let remedy = "grant the permission, or reinstall all programs";
                     self.handle_death(index, now, &error.to_string(), Some(remedy));
                 }
             }
@@ -332,7 +332,7 @@ impl Supervisor {
                 let (most, window) = self.allowed();
                 self.report(
                     &name,
-                    &format!("starting again ({nth}/{most} in {window} s)"),
+                    &format!("restarting ({nth}/{most} in {window} s)"),
                 );
                 self.record(EventKind::ProcessRestart {
                     process: name,
@@ -352,13 +352,13 @@ impl Supervisor {
         let (most, window) = self.allowed();
         let rest = match is_executor {
             true => "the cell ends",
-            false => "the rest of the cell goes on",
+            false => "the rest of the cell keeps running",
         };
         let remedy = remedy.map_or_else(
-            || format!("it died more than {most} times in {window} s; find out why from the lines above, then start the cell again"),
+            || format!("it died more than {most} times in {window} s: fix the cause given above, then restart the cell"),
             str::to_owned,
         );
-        self.report(&name, &format!("failed: it is not started again ({words})"));
+        self.report(&name, &format!("failed: not restarted ({words})"));
         self.report(&name, &format!("  > {rest}; {remedy}"));
         self.record(EventKind::ProcessFailed {
             process: name,
@@ -473,18 +473,18 @@ fn claim(cell: &Cell, config: &CellConfig) -> Result<Announced, Failure> {
         match &error {
             WipeError::Living { role: Role::Cli, pid, .. } => Failure::new(
                 codes::CELL_LIVES,
-                format!("cell '{name}' is up: `rcc-cli up` (process {pid}) supervises it"),
+                format!("cell `{name}` is already running: `rcc-cli up` (process {pid}) supervises it"),
                 format!(
-                    "`rcc-cli --cell {name} status` looks at it, Ctrl-C there or `kill {pid}` ends it; \
-                     --cell NAME starts another one beside it"
+                    "inspect it with `rcc-cli --cell {name} status`, end it with Ctrl-C there or `kill {pid}`; \
+                     --cell NAME starts another cell beside it"
                 ),
             ),
             WipeError::Living { role, label, pid, .. } => Failure::new(
                 codes::CELL_LIVES,
-                format!("cell '{name}' is alive: its {role} '{label}' (process {pid}) runs without `rcc-cli up`"),
+                format!("cell `{name}` is in use: its {role} `{label}` (process {pid}) runs without `rcc-cli up`"),
                 format!(
-                    "end what runs it (`systemctl stop rcc-*@{name}`, or `kill {pid}`); a moment after `rcc-cli up` was \
-                     killed its processes still bring the devices to rest; --cell NAME starts another one beside it"
+                    "end it (`systemctl stop rcc-*@{name}`, or `kill {pid}`); for a moment after `rcc-cli up` was \
+                     killed, its processes still bring the devices to rest; --cell NAME starts another cell beside it"
                 ),
             ),
             WipeError::InUse { .. } => Failure::new(codes::CELL_LIVES, error.to_string(), ""),

@@ -162,7 +162,7 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         "ms" => 1e-3,
         "s" | "" => 1.0,
         "min" => 60.0,
-        _ => return Err(format!("`{text}` is no time: write 500ms, 2s or 1min")),
+        _ => return Err(format!("invalid duration `{text}`: write 500ms, 2s or 1min")),
     };
     number
         .parse::<f64>()
@@ -170,7 +170,7 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         .map(|value| value * factor)
         .filter(|seconds| (1e-3..=86_400.0).contains(seconds))
         .map(Duration::from_secs_f64)
-        .ok_or_else(|| format!("`{text}` is no time from 1ms to 1440min"))
+        .ok_or_else(|| format!("invalid duration `{text}`: must be between 1ms and 1440min"))
 }
 
 #[cfg(test)]

@@ -113,7 +113,7 @@ fn a_folder_is_told_in_one_line_and_what_is_wrong_by_itself() {
     let (code, out, err) = run(&["check", folder.path()]);
     assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
     assert!(
-        out.starts_with("2 nets: all valid; 1 file passed over, no nets; "),
+        out.starts_with("2 nets: all valid; 1 file skipped (not a net); "),
         "{out}"
     );
     folder.write("c.yaml", BAD);
@@ -233,6 +233,6 @@ fn a_net_that_is_not_there_is_refused_with_words() {
     for verb in ["explain", "graph"] {
         let (code, _, err) = run(&[verb, "nowhere"]);
         assert_eq!(code, Some(4), "{err}");
-        assert!(err.contains("there is no file nowhere"), "{err}");
+        assert!(err.contains("file `nowhere` not found"), "{err}");
     }
 }

@@ -209,7 +209,7 @@ fn somebody_elses_unit_is_never_touched() {
     let output = root.install("lwr.yaml", &[]);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(5), "{said}");
-    assert!(said.contains("rcc.target is there and not ours"), "{said}");
+    assert!(said.contains("rcc.target exists and was not written by RCC"), "{said}");
     assert_eq!(root.files().len(), 1, "nothing was written");
 }
 

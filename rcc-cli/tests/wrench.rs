@@ -322,7 +322,7 @@ fn what_is_not_understood_is_told_by_its_line() {
     for (text, part) in [
         ("", "line 1"),
         ("a,b\n1\n", "line 2"),
-        ("a,b\n1,x\n", "`x` is no number"),
+        ("a,b\n1,x\n", "`x` is not a number"),
         ("{\"name\": \n", "line 1"),
         ("a,b\n1,2\n", "a, b"),
     ] {

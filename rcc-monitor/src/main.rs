@@ -97,10 +97,10 @@ fn duration(text: &str) -> Result<Duration, String> {
         "ms" => 1e-3,
         "s" | "" => 1.0,
         "min" => 60.0,
-        _ => return Err(format!("`{text}` is no time: write 500ms, 2s or 1min")),
+        _ => return Err(format!("invalid duration `{text}`: write 500ms, 2s or 1min")),
     };
     let seconds = number.parse::<f64>().ok().map(|value| value * factor);
     seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        .ok_or_else(|| format!("`{text}` is no time: write 500ms, 2s or 1min"))
+        .ok_or_else(|| format!("invalid duration `{text}`: write 500ms, 2s or 1min"))
 }

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
-use rcc_drivers::fri_lwr::wire::{ControlStrategy, MeasurementDatagram, SessionState};
+use rcc_drivers::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
 use rcc_ipc::Role;
 use rcc_tests::place::Place;
 use rcc_tests::processes::signal;
@@ -88,7 +88,7 @@ fn while_sending<T>(place: &Place, from: &str, bytes: &[u8], what: impl FnOnce()
 fn datagram() -> Vec<u8> {
     MeasurementDatagram {
         state: SessionState::Monitor,
-        control: ControlStrategy::Position,
+        control: FriControlStrategy::Position,
         measurement_period: 0.001,
         power: 0x7f,
         ..MeasurementDatagram::default()
@@ -102,7 +102,10 @@ fn silence_is_found_without_a_driver() {
     let place = stopped(None);
     let (stage, words) = failure(&place);
     assert_eq!(stage, "datagrams", "{words}");
-    assert!(words.contains("nobody sends to 127.0.0.1"), "{words}");
+    assert!(
+        words.contains("no datagrams arrive at 127.0.0.1"),
+        "{words}"
+    );
 }
 
 #[test]
@@ -123,7 +126,7 @@ fn a_sender_at_another_address_is_named() {
     let (stage, words) = while_sending(&place, "127.0.0.2:0", &datagram(), || failure(&place));
     assert_eq!(stage, "sender", "{words}");
     assert!(
-        words.contains("came from 127.0.0.2:") && words.contains("127.0.0.1:49938 only"),
+        words.contains("came from 127.0.0.2:") && words.contains("accepts only 127.0.0.1:49938"),
         "{words}"
     );
 }
@@ -151,7 +154,7 @@ fn a_controller_that_sends_is_good_although_nobody_answers() {
         report["failed"].is_null() && report["history"].is_null(),
         "{report}"
     );
-    assert!(report.to_string().contains("nobody answers"), "{report}");
+    assert!(report.to_string().contains("no driver answers"), "{report}");
 }
 
 #[test]
@@ -242,7 +245,7 @@ fn what_a_dead_cell_left_is_found_and_removed() {
     assert!(out.contains("removed  cell test"), "{out}");
     assert_eq!(other.device("lwr").expect("a row")["losses"], 0);
     let (out, _) = cell.cli_exits(0, &["doctor", "--clean"]);
-    assert!(out.contains("nothing is left"), "{out}");
+    assert!(out.contains("no leftovers"), "{out}");
     assert!(cell.cell().leftovers().expect("a list").is_empty());
 }
 

@@ -150,20 +150,20 @@ fn check_usable(joint: &UrdfJoint, is_only_one: bool) -> Result<(), ImportError>
         })
     };
     if !is_only_one {
-        return unusable("is there twice: rename one of the two".to_owned());
+        return unusable("is defined twice: rename one of the two".to_owned());
     }
     if joint.kind == JointKind::Fixed {
         return Ok(());
     }
     if let Some(mimic) = &joint.mimic {
         return unusable(format!(
-            "follows `{}` (`mimic`): joints of an arm are commanded one by one; take `mimic` out if this one is, too",
+            "follows `{}` (`mimic`): joints of an arm are commanded individually; remove `mimic` if this joint is as well",
             mimic
         ));
     }
     let length = joint.axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length.is_nan() || length < 1e-9 {
-        return unusable("has an axis without direction: give `<axis xyz=\"0 0 1\"/>`".to_owned());
+        return unusable("has a zero axis: write a direction such as `<axis xyz=\"0 0 1\"/>`".to_owned());
     }
     let ([lower, upper], velocity) = (joint.range, joint.velocity);
     let are_finite = [lower, upper, velocity]
@@ -171,7 +171,7 @@ fn check_usable(joint: &UrdfJoint, is_only_one: bool) -> Result<(), ImportError>
         .all(|number| number.is_finite());
     if !are_finite || velocity < 0.0 {
         return unusable(format!(
-            "has limits that are none: lower {lower}, upper {upper} rad, velocity {velocity} rad/s; without an end it is `continuous`"
+            "has invalid limits: lower {lower}, upper {upper} rad, velocity {velocity} rad/s; a joint without limits is `continuous`"
         ));
     }
     Ok(())
@@ -196,7 +196,7 @@ fn within_soft_limits(
         false => Err(ImportError::Unusable {
             joint: joint.name.clone(),
             what: format!(
-                "has soft limits from {from} to {to} rad, which leave nothing of {lower} to {upper}"
+                "has soft limits from {from} to {to} rad, which do not overlap its range of {lower} to {upper} rad"
             ),
         }),
     }

@@ -51,7 +51,7 @@ impl fmt::Display for GeometryMismatch {
             GeometryMismatch::Beside { by, point } => {
                 write!(f, "its axis misses {point} by {:.6} mm", by * 1e3)
             }
-            GeometryMismatch::NoLength { between } => write!(f, "there is no length between {between}"),
+            GeometryMismatch::NoLength { between } => write!(f, "the distance between {between} is zero"),
         }
     }
 }

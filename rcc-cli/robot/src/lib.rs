@@ -37,10 +37,10 @@ pub struct Imported {
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// The text is no URDF.
-    #[error("it cannot be read as URDF: {0}")]
+    #[error("invalid URDF: {0}")]
     NotUrdf(#[from] UrdfError),
     /// A link is not there.
-    #[error("there is no link `{link}`; the links are {links}")]
+    #[error("link `{link}` not found; available links: {links}")]
     UnknownLink {
         /// The link.
         link: String,
@@ -65,17 +65,17 @@ pub enum ImportError {
     },
     /// No link begins or ends the robot.
     #[error(
-        "no link could be the {what}: the joints go round in a loop; an arm is a chain from its base to its flange"
+        "no link can be the {what}: the joints form a loop; an arm is a chain from its base to its flange"
     )]
     Loop {
         /// `base` or `tip`.
         what: &'static str,
     },
     /// A text from which URDF is made.
-    #[error("this is xacro, from which URDF is made: expand it first (`xacro FILE -o robot.urdf`)")]
+    #[error("this is a xacro file: expand it first (`xacro FILE -o robot.urdf`)")]
     Xacro,
     /// A joint of the chain that is no hinge.
-    #[error("joint `{joint}` is {kind}; an arm has hinges only")]
+    #[error("joint `{joint}` is {kind}; an arm has revolute joints only")]
     NotRevolute {
         /// The joint.
         joint: String,
@@ -92,7 +92,7 @@ pub enum ImportError {
     },
     /// The range of a joint ends before it begins.
     #[error(
-        "joint `{joint}`: its range goes from {lower} to {upper} rad: exchange `lower` and `upper` in the URDF"
+        "joint `{joint}`: its range goes from {lower} to {upper} rad: swap `lower` and `upper` in the URDF"
     )]
     Reversed {
         /// The joint.
@@ -104,7 +104,7 @@ pub enum ImportError {
     },
     /// The number of hinges fits no arm.
     #[error(
-        "the chain has {count} hinges ({joints}); the core knows arms of 6 (ortho-parallel) and 7 (S-R-S)"
+        "the chain has {count} revolute joints ({joints}); supported arms have 6 (ortho-parallel) or 7 (S-R-S)"
     )]
     Count {
         /// How many.
@@ -130,7 +130,7 @@ pub enum ImportError {
     },
     /// Everything fits, but not exactly enough.
     #[error(
-        "the arm that was found differs from the URDF by up to {difference:.1e} m or rad (allowed: {TOLERANCE:.0e}): the URDF's numbers are rounded; write them with all digits (π/2 is 1.5707963267948966)"
+        "the recognised arm differs from the URDF by up to {difference:.1e} m or rad (allowed: {TOLERANCE:.0e}): the URDF's numbers are rounded; write them with all digits (π/2 is 1.5707963267948966)"
     )]
     Differs {
         /// By so much.

@@ -15,7 +15,7 @@ const NODES_MAX: u32 = 500_000;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UrdfError {
     /// It is too long.
-    #[error("it has {size} bytes, at most {BYTES_MAX} are read")]
+    #[error("it has {size} bytes; at most {BYTES_MAX} are allowed")]
     TooLarge {
         /// Its bytes.
         size: usize,
@@ -36,13 +36,13 @@ pub enum UrdfError {
     #[error("{0}")]
     NotXml(#[from] roxmltree::Error),
     /// Another kind of XML.
-    #[error("its root is `{root}`; a URDF begins with `<robot name=…>`")]
+    #[error("the root element is `{root}`; a URDF starts with `<robot name=…>`")]
     NotRobot {
         /// Its root element.
         root: String,
     },
     /// Something that must be there.
-    #[error("line {line}: `{element}` lacks `{what}`")]
+    #[error("line {line}: `{element}` has no `{what}`")]
     Missing {
         /// Where.
         line: u32,
@@ -151,7 +151,7 @@ fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<UrdfJoint, UrdfError
     let written = required(node, "type")?;
     let kind = KINDS.iter().find(|(name, _)| *name == written.trim());
     let Some((_, kind)) = kind else {
-        let what = "a type of joints: fixed, revolute, continuous, prismatic, floating, planar or spherical";
+        let what = "a joint type: fixed, revolute, continuous, prismatic, floating, planar or spherical";
         return Err(malformed(node, "type", written, what));
     };
     let link = |what: &'static str| match element(node, what) {
@@ -199,14 +199,14 @@ fn origin(node: Node<'_, '_>, version: (u32, u32)) -> Result<Isometry3<f64>, Urd
     let quaternion = node.attribute("quat_xyzw").filter(|_| version >= (1, 1));
     let rotation = match quaternion {
         Some(text) if node.has_attribute("rpy") => {
-            let what = "possible beside `rpy`: keep one of them";
+            let what = "allowed beside `rpy`: keep one of them";
             return Err(malformed(node, "quat_xyzw", text, what));
         }
         Some(text) => {
             let [x, y, z, w] = numbers(text)
                 .ok_or_else(|| malformed(node, "quat_xyzw", text, "a quaternion: four numbers"))?;
             let quaternion = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-9);
-            quaternion.ok_or_else(|| malformed(node, "quat_xyzw", text, "a rotation: it is 0"))?
+            quaternion.ok_or_else(|| malformed(node, "quat_xyzw", text, "a rotation: it is zero"))?
         }
         None => {
             let [roll, pitch, yaw] = vector(node, "rpy", [0.0; 3])?;

@@ -34,7 +34,7 @@ pub fn read(name: &str, text: &str) -> Result<MotionFacts, Failure> {
     let strange = |what: &str| {
         Failure::new(
             codes::BAD_REQUEST,
-            format!("{name}: the demo needs {what} of the primitive `{MOTION}`"),
+            format!("{name}: the demo needs {what} in the primitive `{MOTION}`"),
             "use the nets that come with RCC (RCC_CONFIGS)",
         )
     };

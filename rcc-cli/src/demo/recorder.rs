@@ -51,7 +51,7 @@ impl Recorder {
         let service = announced
             .as_ref()
             .and_then(|announced| announced.services.get(RECORDS))
-            .ok_or_else(|| failed(format!("cell '{}' has no stream of records", cell.name())))?;
+            .ok_or_else(|| failed(format!("cell `{}` has no record stream", cell.name())))?;
         let session =
             Session::join(cell, Role::Cli, "demo").map_err(|error| failed(error.to_string()))?;
         let subscriber = session

@@ -138,7 +138,7 @@ impl DemoRunner<'_> {
                 return Err(Failure::new(
                     codes::DEVICE_NOT_READY,
                     format!("{} is {} ({})", device.name, device.state, device.reason),
-                    "the demo needs a machine that is not busy with something else",
+                    "the demo needs an otherwise idle machine",
                 ));
             }
             self.pause()?;

@@ -79,7 +79,7 @@ pub struct LinkHistory {
     pub quality_mean_permille: u32,
     /// Late or lost answers in it.
     pub late: u64,
-    /// Late or lost answers since the driver began.
+    /// Late or lost answers since the driver started.
     pub late_total: u64,
     /// When the driver began, seconds since the epoch.
     pub since: u64,

@@ -143,7 +143,7 @@ impl LinkReport {
         let mut text: String = self.findings.iter().map(super::report::lines).collect();
         if let Some(history) = &self.history {
             text.push_str(&format!(
-                "\nlast {} s  {}\n           quality mean {} min {}   late or lost answers {} ({} since the driver began, {} ago)\n",
+                "\nlast {} s  {}\n           quality mean {} min {}   late or lost answers {} ({} since the driver started, {} ago)\n",
                 history.seconds,
                 history.sparkline,
                 percent(history.quality_mean_permille),
@@ -156,10 +156,10 @@ impl LinkReport {
         let name = &self.device;
         text.push_str(&match (self.failed, &self.history) {
             (Some(stage), _) => {
-                format!("\n{name} does not work: {stage}. What comes after it was not looked at.\n")
+                format!("\n{name} does not work: stage `{stage}` failed; later stages were not checked.\n")
             }
             (None, Some(_)) => format!("\n{name} works\n"),
-            (None, None) => format!("\n{name} is reached; the rest shows when its driver runs\n"),
+            (None, None) => format!("\n{name} is reachable; the remaining stages need a running driver\n"),
         });
         text
     }
@@ -180,14 +180,14 @@ fn configuration(facts: &LinkFacts) -> Option<HealthFinding> {
     Some(
         HealthFinding::fail(
             format!(
-                "the cell does not run, and its file leaves the number of {ports} to the start"
+                "the cell does not run, and its file assigns {ports} automatically at start"
             ),
             format!(
-                "start the cell (rcc-cli up {}), or give numbers in its `ports`",
+                "start the cell (`rcc-cli up {}`), or set fixed numbers in its `ports`",
                 facts.source
             ),
         )
-        .cause("without the number there is nothing to listen to"),
+        .cause("the port to listen on is unknown"),
     )
 }
 
@@ -196,17 +196,17 @@ fn driver(facts: &LinkFacts) -> Option<HealthFinding> {
     let pid = facts.pid?;
     let Some(told) = &facts.driver_status else {
         return Some(HealthFinding::fail(
-            format!("the driver runs (pid {pid}) and has told nothing yet"),
-            "ask again in two seconds; if it stays so, look at its log",
+            format!("the driver runs (pid {pid}) but has not reported its status yet"),
+            "retry in two seconds; if it persists, check the driver's log",
         ));
     };
     if told.history().stale {
         return Some(
             HealthFinding::fail(
-                format!("the driver (pid {pid}) has told nothing for {} s", super::driver_status::now().saturating_sub(told.at)),
-                format!("continue or restart it: kill -CONT {pid}; `rcc-cli up` and systemd restart what hangs"),
+                format!("the driver (pid {pid}) has not reported its status for {} s", super::driver_status::now().saturating_sub(told.at)),
+                format!("continue or restart it: kill -CONT {pid}; `rcc-cli up` and systemd restart hung processes"),
             )
-            .cause("it is stopped, or hangs"),
+            .cause("it is stopped or hung"),
         );
     }
     Some(HealthFinding::ok(format!(
@@ -233,7 +233,7 @@ mod tests {
             (report.failed, report.findings.len()),
             (Some("configuration"), 1)
         );
-        assert!(report.human().contains("lwr does not work: configuration"));
+        assert!(report.human().contains("lwr does not work: stage `configuration`"));
     }
 
     #[test]
@@ -251,7 +251,7 @@ mod tests {
             ..DriverStatus::default()
         });
         let found = driver(&facts);
-        assert!(found.is_some_and(|found| found.what.contains("has told nothing for")));
+        assert!(found.is_some_and(|found| found.what.contains("has not reported its status for")));
         facts.driver_status = Some(DriverStatus {
             at: super::super::driver_status::now(),
             ..DriverStatus::default()

@@ -78,7 +78,7 @@ pub fn measure(plan: MeasurementPlan) -> io::Result<WakeUpMeasurement> {
         })?;
     let result = told
         .recv()
-        .map_err(|_| io::Error::other("the measuring thread ended"))?;
+        .map_err(|_| io::Error::other("the measuring thread panicked"))?;
     // It has sent its result and ends by itself.
     let _ = thread.join();
     result

@@ -74,7 +74,7 @@ impl GradeRecord {
     /// There is no folder for it, or it cannot be written.
     pub fn store(&self) -> io::Result<PathBuf> {
         let folder =
-            state_dir().ok_or_else(|| io::Error::other("no home folder; set RCC_STATE_DIR"))?;
+            state_dir().ok_or_else(|| io::Error::other("no home folder: set RCC_STATE_DIR"))?;
         self.store_in(&folder)
     }
 
@@ -110,7 +110,7 @@ impl GradeRecord {
             .core
             .map_or_else(|| "any core".to_owned(), |core| format!("core {core}"));
         let doubt = if self.kernel != kernel {
-            format!("; under kernel {}: measure again", self.kernel)
+            format!("; under another kernel ({}): measure again", self.kernel)
         } else if self.boot != boot {
             "; before the last start of this machine".to_owned()
         } else {
@@ -211,7 +211,7 @@ mod tests {
         assert!(
             record
                 .words_at(1400, "x", "6.2")
-                .ends_with("under kernel 6.1: measure again")
+                .ends_with("under another kernel (6.1): measure again")
         );
     }
 

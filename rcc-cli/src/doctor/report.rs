@@ -79,7 +79,7 @@ impl DoctorReport {
     /// For people.
     #[must_use]
     pub fn human(&self) -> String {
-        let mut text = format!("asked for by: {}\n", self.asked.source);
+        let mut text = format!("requirements from: {}\n", self.asked.source);
         for finding in &self.findings {
             text.push_str(&lines(finding));
             if finding.check == "wake-up"
@@ -107,12 +107,12 @@ impl DoctorReport {
                 grade.allows(),
                 time(stale_ns)
             ),
-            _ => "not graded: wake-ups were not measured".to_owned(),
+            _ => "not graded: wake-up latency was not measured".to_owned(),
         };
         let rest = match (count(FindingLevel::Fail), count(FindingLevel::Warn)) {
-            (0, 0) => "nothing to improve".to_owned(),
-            (0, warnings) => format!("a cell runs here; {warnings} things to improve"),
-            (fails, warnings) => format!("{fails} things prevent a cell; {warnings} to improve"),
+            (0, 0) => "no problems found".to_owned(),
+            (0, warnings) => format!("cells can run here; {warnings} warnings"),
+            (fails, warnings) => format!("{fails} problems prevent cells from running; {warnings} warnings"),
         };
         format!("{machine}\n{rest}\n")
     }
@@ -209,7 +209,7 @@ mod tests {
         let report = DoctorReport::of(&MachineFacts::default());
         assert_eq!(report.worst, FindingLevel::Fail);
         assert!(
-            report.human().contains("prevent a cell"),
+            report.human().contains("prevent cells"),
             "{}",
             report.human()
         );

@@ -40,7 +40,7 @@ impl Default for MachineRequirements {
             period_ns: 1_000_000,
             stale_after_ns: None,
             required: false,
-            source: "defaults (name a cell's file with --cell)".to_owned(),
+            source: "defaults (select a cell's file with --cell)".to_owned(),
         }
     }
 }
@@ -87,8 +87,8 @@ pub fn select(context: &Context) -> Result<Option<SelectedCell>, Failure> {
             None if is_known(name) => Ok(None),
             None => Err(Failure::new(
                 codes::NO_LOADER,
-                format!("there is no cell '{name}'"),
-                "start it (`rcc-cli up FILE`), or name its file: --cell FILE.yaml",
+                format!("cell `{name}` not found"),
+                "start it (`rcc-cli up FILE`), or select its file: --cell FILE.yaml",
             )),
         },
         None => of_running(context.cell_name()),

@@ -21,7 +21,7 @@ pub struct ReadingSelection {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ReadingsError {
     /// It is empty, or begins as nothing we know.
-    #[error("line {line}: neither a table with a line of names nor lines of JSON: {cause}")]
+    #[error("line {line}: neither a CSV table with a header line nor lines of JSON: {cause}")]
     Form {
         /// Counted from 1.
         line: usize,
@@ -29,7 +29,7 @@ pub enum ReadingsError {
         cause: String,
     },
     /// Nothing or more than one thing is the wrench or the pose.
-    #[error("{found} of {what} that may be the {role}, one is needed: {names}")]
+    #[error("expected one {role}, found {found} {what}: {names}")]
     Choice {
         /// `wrench` or `pose`.
         role: &'static str,
@@ -42,7 +42,7 @@ pub enum ReadingsError {
     },
     /// There is a line of names and nothing that has both.
     #[error(
-        "there is no line in which wrench and pose are both known: let their monitors have the same rate"
+        "no line contains both wrench and pose: give their monitors the same rate"
     )]
     Nothing,
 }
@@ -148,7 +148,7 @@ fn table(text: &str) -> Result<ReadingTable, ReadingsError> {
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
         if cells.len() != columns.len() {
             let cause = format!(
-                "{} cells, the line of names has {}",
+                "found {} cells, but the header line has {}",
                 cells.len(),
                 columns.len()
             );
@@ -160,7 +160,7 @@ fn table(text: &str) -> Result<ReadingTable, ReadingsError> {
                 "" | "null" => None,
                 text => Some(
                     text.parse::<f64>()
-                        .map_err(|_| form(number, &format!("`{text}` is no number")))?,
+                        .map_err(|_| form(number, &format!("`{text}` is not a number")))?,
                 ),
             };
             let all = row[*column].take();

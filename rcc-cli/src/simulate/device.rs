@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease, RobotConfig, SimulatorConfig};
 use rcc_core::guard::Guard;
-use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlStrategy};
+use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlMode};
 use rcc_core::kinematics::Arm as Kinematics;
 use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
@@ -147,7 +147,7 @@ impl SimulatedDevice {
             return;
         }
         if let (Some(known), Some(limits), true) = (
-            ControlStrategy::from_number(strategy),
+            ControlMode::from_number(strategy),
             self.limits,
             self.impedance.strategy != strategy,
         ) {
@@ -231,10 +231,10 @@ fn springs(
     normal: Vector,
 ) -> Option<FlangeCompliance> {
     // How the flange moves with each spring.
-    let columns: Vec<Vector> = match ControlStrategy::from_number(impedance.strategy)? {
-        ControlStrategy::Position => return None,
-        ControlStrategy::CartesianImpedance => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        ControlStrategy::JointImpedance => {
+    let columns: Vec<Vector> = match ControlMode::from_number(impedance.strategy)? {
+        ControlMode::Position => return None,
+        ControlMode::CartesianImpedance => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        ControlMode::JointImpedance => {
             let jacobian = arm.jacobian(joints);
             let column = |joint: usize| [0, 1, 2].map(|row| jacobian[row][joint]);
             (0..arm.joints()).map(column).collect()
@@ -274,17 +274,17 @@ pub(super) fn value_of<'a>(arguments: &[&'a str], option: &str) -> Option<&'a st
 }
 
 /// Control strategies as `--strategy=` names them.
-pub(super) const STRATEGIES: [(&str, ControlStrategy); 3] = [
-    ("position", ControlStrategy::Position),
-    ("cartesian-impedance", ControlStrategy::CartesianImpedance),
-    ("joint-impedance", ControlStrategy::JointImpedance),
+pub(super) const STRATEGIES: [(&str, ControlMode); 3] = [
+    ("position", ControlMode::Position),
+    ("cartesian-impedance", ControlMode::CartesianImpedance),
+    ("joint-impedance", ControlMode::JointImpedance),
 ];
 
 /// The control strategy that a simulator's arguments choose.
-fn strategy(arguments: &[&str]) -> ControlStrategy {
+fn strategy(arguments: &[&str]) -> ControlMode {
     let chosen = value_of(arguments, "--strategy=");
     let row = STRATEGIES.iter().find(|(word, _)| Some(*word) == chosen);
-    row.map_or(ControlStrategy::Position, |(_, strategy)| *strategy)
+    row.map_or(ControlMode::Position, |(_, strategy)| *strategy)
 }
 
 /// The lowest bits, so many of them.

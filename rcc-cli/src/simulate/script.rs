@@ -34,7 +34,7 @@ pub enum ScriptError {
         text: String,
     },
     /// There is no such device.
-    #[error("`{text}`: there is no device `{device}`; there are {known}")]
+    #[error("`{text}`: device `{device}` not found; available devices: {known}")]
     SimulatedDevice {
         /// As given.
         text: String,
@@ -44,7 +44,7 @@ pub enum ScriptError {
         known: String,
     },
     /// The device has no such input.
-    #[error("`{text}`: {device} has no input `{channel}`; it has {known}")]
+    #[error("`{text}`: device `{device}` has no input `{channel}`; available inputs: {known}")]
     Channel {
         /// As given.
         text: String,

@@ -30,14 +30,14 @@ fn of_driver(device: &DeviceConfig, robot: &RobotConfig) -> Option<String> {
         .flat_map(|map| map.keys());
     if let Some(name) = names.find(|name| !KNOWN.contains(&name.as_str())) {
         return Some(format!(
-            "{IDEAL_ARM} has no setting `{name}`: it has {}",
+            "unknown setting `{name}` of {IDEAL_ARM}; available settings: {}",
             KNOWN.join(" and ")
         ));
     }
     let start = device.settings.get("start")?;
     robot.positions(start).is_none().then(|| {
         format!(
-            "`start: {start}` must be {} joint positions inside of their ranges, such as [0, \"-30 deg\", 0.5] (rad, or with a unit)",
+            "`start: {start}` must be {} joint positions within their ranges, such as [0, \"-30 deg\", 0.5] (rad, or with a unit)",
             robot.joints.len()
         )
     })
@@ -57,7 +57,7 @@ fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
             numbers.len() == robot.joints.len() && start.split(',').count() == numbers.len();
         if !whole || !ranges.all(inside) {
             return Some(format!(
-                "`--start={start}` must be {} joint positions inside of their ranges, rad",
+                "`--start={start}` must be {} joint positions within their ranges, rad",
                 robot.joints.len()
             ));
         }

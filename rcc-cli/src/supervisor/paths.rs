@@ -29,7 +29,7 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
     found(&looked).ok_or_else(|| {
         Failure::new(
             codes::PROCESS_FAILED,
-            format!("the program {name} is not at {}", listed(&looked)),
+            format!("program `{name}` not found at {}", listed(&looked)),
             "build all programs (`cargo build --release`) or install them in one folder",
         )
     })
@@ -58,10 +58,10 @@ pub fn config(relative: &str) -> Result<PathBuf, Failure> {
         Failure::new(
             codes::BAD_REQUEST,
             format!(
-                "{relative} is not among the configurations: {}",
+                "configuration `{relative}` not found at {}",
                 listed(&looked)
             ),
-            "set RCC_CONFIGS to the folder `configs` of RCC",
+            "set RCC_CONFIGS to RCC's `configs` folder",
         )
     })
 }

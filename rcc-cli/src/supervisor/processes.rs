@@ -109,8 +109,8 @@ pub fn prepare(path: &Path) -> Result<PreparedCell, Failure> {
         let port = free_port(protocol).map_err(|error| {
             Failure::new(
                 codes::PROCESS_FAILED,
-                format!("no port for `{name}`: {error}"),
-                "close programs that hold many ports on 127.0.0.1",
+                format!("no free port for `{name}`: {error}"),
+                "close programs that occupy many ports on 127.0.0.1",
             )
         })?;
         ports.insert(name, port);

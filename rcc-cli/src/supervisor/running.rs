@@ -59,13 +59,13 @@ pub fn read(cell: &Cell) -> Result<CellConfig, Failure> {
     let text = file::read(&path, RUNNING_MAX).map_err(|_| {
         Failure::new(
             codes::NO_LOADER,
-            format!("cell '{}' has not told its configuration", cell.name()),
+            format!("the configuration of cell `{}` is unknown", cell.name()),
             "start it with `rcc-cli up FILE`",
         )
     })?;
     let running: Running = serde_json::from_slice(&text).map_err(|error| {
         let words = format!("{}: {error}", path.display());
-        Failure::new(codes::BAD_REQUEST, words, "start the cell again")
+        Failure::new(codes::BAD_REQUEST, words, "restart the cell")
     })?;
     CellConfig::load(&running.config, &running.ports)
         .map_err(|faults| Failure::of_faults("the configuration is not valid", &faults))

@@ -27,7 +27,7 @@ impl Supervisor {
     /// Ctrl-C does not wait. True when nothing was left behind and no process had to be killed.
     pub fn stop(mut self, interrupts: &Interrupts) -> bool {
         self.record(EventKind::CellStopping {
-            why: "asked to (Ctrl-C, SIGTERM, or the end of its task)".to_owned(),
+            why: "requested (Ctrl-C, SIGTERM, or end of its task)".to_owned(),
         });
         let asked = interrupts.count();
         let is_impatient = || interrupts.count() > asked;
@@ -123,7 +123,7 @@ impl Supervisor {
             }
         }
         for name in &killed {
-            self.report(name, "did not end and was killed");
+            self.report(name, "did not terminate and was killed");
         }
         killed.is_empty()
     }

@@ -14,7 +14,7 @@ pub struct Cores(BTreeSet<usize>);
 
 /// Text that is no list of cores.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{given}' is no list of cores: write numbers and ranges, for example 0-2,5")]
+#[error("invalid list of cores `{given}`: write numbers and ranges, for example 0-2,5")]
 pub struct CoresError {
     /// What was given.
     pub given: String,

@@ -61,10 +61,10 @@ fn judge(root: &Path, file: &UnitFile) -> Result<FileChange, Failure> {
         Some(_) => Err(Failure::new(
             codes::CELL_LIVES,
             format!(
-                "{} is there and not ours; nothing was written",
+                "{} exists and was not written by RCC; nothing was changed",
                 path.display()
             ),
-            "move it away, or write a drop-in of your own beside it",
+            "move it away, or add your own drop-in beside it",
         )),
     }
 }
@@ -156,7 +156,7 @@ fn refused(path: &Path, error: &io::Error) -> Failure {
     let (code, help) = match error.kind() {
         io::ErrorKind::PermissionDenied => (
             codes::NOT_PERMITTED,
-            "run it with sudo, or write elsewhere with --root DIR",
+            "run with sudo, or write below another folder with --root DIR",
         ),
         _ => (codes::NOT_STORED, ""),
     };

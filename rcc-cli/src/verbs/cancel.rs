@@ -39,7 +39,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 let (title, state) = (follow::title(command), follow::state_words(command));
                 let passed = begun.elapsed().as_secs_f64();
                 let first = match command.reason.as_deref() {
-                    Some("finished") => ", it was done before it could be canceled",
+                    Some("finished") => ", before it could be canceled",
                     _ => "",
                 };
                 format!("{title}  {state}  after {passed:.2} s{first}")
@@ -51,7 +51,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             return Err(Failure::new(
                 codes::LOADER_SILENT,
                 format!("{title} is still {} after {patience:?}", command.state),
-                format!("give it more time, or end it at once: `rcc-cli abort {title}`"),
+                format!("allow more time, or end it at once with `rcc-cli abort {title}`"),
             ));
         }
         std::thread::sleep(follow::POLL);

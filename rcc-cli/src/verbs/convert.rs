@@ -82,7 +82,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
             Failure::new(
                 codes::BAD_REQUEST,
                 format!("{}: {error}", path.display()),
-                "name a file that can be written",
+                "name a writable file",
             )
         })?,
     }
@@ -98,7 +98,7 @@ fn header(arguments: &Arguments) -> Result<String, Failure> {
         ("end", &arguments.end),
     ] {
         if let Some(bad) = values.iter().find(|value| value.contains('\n')) {
-            let message = format!("`{bad}` is more than a line");
+            let message = format!("`{bad}` spans more than one line");
             return Err(Failure::new(codes::BAD_REQUEST, message, "give names only"));
         }
         if !values.is_empty() {

@@ -152,7 +152,7 @@ fn connections(rows: &[DeviceRow]) -> String {
 fn last_lost(history: &LinkHistory, lost: Option<&LastLoss>, now: [u64; 2]) -> String {
     let [now, now_ns] = now;
     if history.stale {
-        return "its driver tells nothing any more".to_owned();
+        return "its driver stopped reporting".to_owned();
     }
     if let Some(LastLoss {
         cycle: Some(cycle),
@@ -237,6 +237,6 @@ mod tests {
         let text = list(&[row(Some(history.clone()))], false);
         assert!(text.contains("█▇") && text.contains("1 (12)"), "{text}");
         history.stale = true;
-        assert!(last_lost(&history, None, now).contains("nothing any more"));
+        assert!(last_lost(&history, None, now).contains("stopped reporting"));
     }
 }

@@ -73,7 +73,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if let Some(measured) = &facts.measured {
         match GradeRecord::of(measured).store() {
             Ok(path) => report.kept_in = Some(path.display().to_string()),
-            Err(error) => print_note(&format!("the grade is not kept for `status`: {error}")),
+            Err(error) => print_note(&format!("cannot store the grade for `status`: {error}")),
         }
     }
     context.print(&report, DoctorReport::human);
@@ -85,11 +85,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 
 fn device(context: &Context, selected: Option<SelectedCell>, name: &str) -> Result<(), Failure> {
     let selected = selected.ok_or_else(|| {
-        let what = format!("no process of a cell '{}' runs", context.cell_name());
+        let what = format!("cell `{}` does not run", context.cell_name());
         Failure::new(
             codes::NO_LOADER,
             what,
-            "start it (rcc-cli up FILE), or name its file: --cell FILE.yaml",
+            "start it (`rcc-cli up FILE`), or select its file: --cell FILE.yaml",
         )
     })?;
     let config = &selected.config;
@@ -99,11 +99,11 @@ fn device(context: &Context, selected: Option<SelectedCell>, name: &str) -> Resu
             .iter()
             .map(|device| device.name.as_str())
             .collect();
-        let what = format!("{} has no device '{name}'", config.source.display());
+        let what = format!("{} has no device `{name}`", config.source.display());
         Failure::new(
             codes::BAD_REQUEST,
             what,
-            format!("it has: {}", names.join(", ")),
+            format!("available devices: {}", names.join(", ")),
         )
     })?;
     let report = LinkReport::of(&gather(&selected, device));
@@ -163,7 +163,7 @@ fn remove_leftovers(context: &Context, strays: bool) -> Result<(), Failure> {
             print_line(&format!("left     {line}"));
         }
         if cleaned.removed.is_empty() && cleaned.refused.is_empty() {
-            print_line("nothing is left of dead cells");
+            print_line("no leftovers of dead cells");
         }
     }
     if cleaned.refused.is_empty() {

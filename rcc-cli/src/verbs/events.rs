@@ -44,8 +44,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = cell.ok_or_else(|| {
         Failure::new(
             codes::NO_LOADER,
-            format!("there is no cell '{name}', and no log of it: an orderly end takes it away"),
-            "start one with `rcc-cli up FILE`, or name another one with --cell (RCC_CELL)",
+            format!("cell `{name}` not found; its event log is removed when the cell ends normally"),
+            "start it with `rcc-cli up FILE`, or name another cell with --cell (RCC_CELL)",
         )
     })?;
     let interrupts = Interrupts::listen()?;
@@ -65,7 +65,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             return Err(Failure::interrupted());
         }
         if !cell.runtime_dir().is_dir() {
-            print_line("the cell has ended, and its log with it");
+            print_line("the cell has ended and removed its log");
             break;
         }
         std::thread::sleep(POLL_INTERVAL);
@@ -73,7 +73,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     if reader.unreadable() > 0 {
         print_note(&format!(
-            "{} lines of the log are torn or no events",
+            "skipped {} truncated or invalid lines of the log",
             reader.unreadable()
         ));
     }
@@ -245,7 +245,7 @@ fn since(text: Option<&str>) -> Result<Since, Failure> {
         Err(words) => Err(Failure::new(
             codes::BAD_REQUEST,
             words,
-            "--since takes a time (10s, 10min) or the number of a cycle",
+            "--since takes a duration (10s, 10min) or a cycle number",
         )),
     }
 }

@@ -45,7 +45,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let (target, effect) = in_order(arguments)?;
     let name = context.cell_name();
     let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
-    let cell = cell.ok_or_else(|| no_loader(name, ": there is no such cell"))?;
+    let cell = cell.ok_or_else(|| no_loader(name, ": no such cell"))?;
     let config = running::read(&cell)?;
     let (action, words) = action(&effect);
     match action {
@@ -54,8 +54,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let done = json!({"target": target, "what": words});
     context.print(&done, |_| match effect {
-        FaultEffect::Clear { .. } | FaultEffect::Ack => format!("{target}: faults ended"),
-        _ => format!("{target}: done; `rcc-cli events` tells what follows"),
+        FaultEffect::Clear { .. } | FaultEffect::Ack => format!("{target}: faults cleared"),
+        _ => format!("{target}: done; see `rcc-cli events` for the effects"),
     });
     Ok(())
 }
@@ -70,7 +70,7 @@ fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, FaultEff
         (Some(target), None) | (None, Some(target)) => Ok((target, effect)),
         _ => Err(Failure::new(
             codes::BAD_REQUEST,
-            "one device or process is broken at a time",
+            "name exactly one device or process",
             "`rcc-cli fault DEVICE EFFECT`, for example `rcc-cli fault lwr estop`",
         )),
     }
@@ -91,7 +91,7 @@ fn is_simulated(config: &CellConfig, device: &str) -> bool {
 fn not_simulated(what: &str) -> Failure {
     Failure::new(
         codes::NOT_PERMITTED,
-        format!("{what} is not simulated in this cell: nothing real is broken on purpose"),
+        format!("{what} is not simulated in this cell: faults are injected into simulated devices only"),
         "start a cell with simulators (`simulators:` with `device:`), for example configs/cells/demo.yaml",
     )
 }
@@ -119,7 +119,7 @@ fn command_simulator(
         Failure::new(
             codes::PROCESS_FAILED,
             format!("the simulator of {device} at {}: {error}", path.display()),
-            "not every simulator knows every fault; `rcc-cli fault DEVICE --help` says which is for what",
+            "not every simulator supports every fault; see `rcc-cli fault DEVICE --help`",
         )
     };
     let mut simulator = Simulator::connect(&path).map_err(failed)?;
@@ -143,7 +143,7 @@ fn unknown(config: &CellConfig, target: &str) -> Failure {
     let devices: Vec<&str> = config.devices.iter().map(|one| one.name.as_str()).collect();
     Failure::new(
         codes::BAD_REQUEST,
-        format!("this cell has no `{target}`"),
+        format!("unknown target `{target}`"),
         format!(
             "name a device ({}) or a process: driver/DEVICE, executor, loader",
             devices.join(", ")
@@ -177,7 +177,7 @@ fn send(
     let found = found.map_err(|error| not_known(error.to_string()))?;
     if let Some(Liveness::Unknown(error)) = found.as_ref().map(|found| found.liveness()) {
         return Err(not_known(format!(
-            "whether {target} runs is not known: {error}"
+            "cannot tell whether {target} runs: {error}"
         )));
     }
     let announced = found
@@ -185,7 +185,7 @@ fn send(
         .ok_or_else(|| {
             Failure::new(
                 codes::PROCESS_FAILED,
-                format!("{target} does not run"),
+                format!("{target} is not running"),
                 "`rcc-cli status` shows the processes of the cell",
             )
         })?;
@@ -195,7 +195,7 @@ fn send(
         Failure::new(
             codes::NOT_PERMITTED,
             format!("{target} (pid {pid}): {error}"),
-            "work as the cell's user",
+            "run as the cell's user",
         )
     })?;
     // The first one only takes away the handler with which Rust tells of a full stack.
@@ -210,7 +210,7 @@ fn send(
     if signal == Signal::SIGSEGV && announced.liveness().is_alive() {
         return Err(Failure::new(
             codes::PROCESS_FAILED,
-            format!("{target} (pid {pid}) still lives after {SEGV_TRIES} signals"),
+            format!("{target} (pid {pid}) is still alive after {SEGV_TRIES} signals"),
             format!("`rcc-cli fault {target} kill`"),
         ));
     }

@@ -70,8 +70,8 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
     }
     if context.format == Format::Human {
         match (changed, arguments.check) {
-            (true, true) => print_line(&format!("{name}: `rcc-cli fmt` lays it out otherwise")),
-            (true, false) => print_line(&format!("{name}: laid out")),
+            (true, true) => print_line(&format!("{name}: not formatted (run `rcc-cli fmt`)")),
+            (true, false) => print_line(&format!("{name}: formatted")),
             (false, _) => {}
         }
     } else {
@@ -85,7 +85,7 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
 }
 
 fn refused(name: &str, error: FormatError) -> Failure {
-    let what = format!("{name} is left as it is: {error}");
+    let what = format!("{name} is unchanged: {error}");
     match error {
         FormatError::Faulty(faults) | FormatError::WouldLose(faults) => {
             Failure::of_faults(&what, &faults)
@@ -95,7 +95,7 @@ fn refused(name: &str, error: FormatError) -> Failure {
             ..Failure::new(
                 codes::BAD_REQUEST,
                 what,
-                "nothing needs to be done; people write YAML",
+                "JSON needs no formatting; write nets by hand in YAML",
             )
         },
     }

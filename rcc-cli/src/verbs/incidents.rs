@@ -75,9 +75,9 @@ fn of(context: &Context) -> Result<PathBuf, Failure> {
         Failure::new(
             codes::NO_LOADER,
             format!(
-                "there is no cell '{name}', and no incident of it: an orderly end takes them away"
+                "cell `{name}` not found; its incidents are removed when the cell ends normally"
             ),
-            "look elsewhere with --folder; `recorder: {folder: …}` in the configuration keeps them",
+            "name another folder with --folder; `recorder: {folder: …}` in the configuration keeps incidents",
         )
     })?;
     Ok(cell.incidents_dir())
@@ -164,7 +164,7 @@ fn record(context: &Context) -> Result<(), Failure> {
     if context.remote.is_some() {
         context.print(&frozen, |frozen| {
             format!(
-                "frozen at cycle {}; the file is on the cell's machine",
+                "recording frozen at cycle {}; the file is on the cell's machine",
                 table::grouped(frozen.cycle)
             )
         });
@@ -179,7 +179,7 @@ fn record(context: &Context) -> Result<(), Failure> {
         });
         if let Some(row) = written {
             context.print(&row, |row| {
-                format!("{:.1} s are in {}", row.span_s, row.file.display())
+                format!("recorded {:.1} s in {}", row.span_s, row.file.display())
             });
             return Ok(());
         }
@@ -187,7 +187,7 @@ fn record(context: &Context) -> Result<(), Failure> {
     }
     Err(Failure::new(
         codes::EXECUTOR_SILENT,
-        format!("no file was written within {WRITTEN_WITHIN:?}"),
-        "`rcc-cli events` says whether it could not be; `rcc-cli incidents` lists what comes later",
+        format!("no incident file was written within {WRITTEN_WITHIN:?}"),
+        "see `rcc-cli events` for a failure; `rcc-cli incidents` lists files written later",
     ))
 }

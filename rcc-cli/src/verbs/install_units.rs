@@ -129,10 +129,10 @@ fn chosen(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, F
     Err(Failure::new(
         codes::BAD_REQUEST,
         format!(
-            "services need fixed ports, the configuration leaves open: {}",
+            "services need fixed ports, but the configuration assigns these automatically: {}",
             missing.join(", ")
         ),
-        format!("write numbers into its `ports`, or: {}", sample.join(" ")),
+        format!("set numbers in its `ports`, or pass {}", sample.join(" ")),
     ))
 }
 
@@ -149,7 +149,7 @@ fn real(config: &CellConfig, arguments: &Arguments) -> Result<(), Failure> {
     Err(Failure::new(
         codes::BAD_REQUEST,
         format!(
-            "the configuration has simulators ({}): it is not for production",
+            "the configuration has simulators ({}) and is not meant for production",
             names.join(", ")
         ),
         "remove `simulators` and give the devices their real addresses, or add --simulators to run them as services",
@@ -169,8 +169,8 @@ fn programs(given: Option<&Path>, elsewhere: bool) -> Result<PathBuf, Failure> {
     if let Some(name) = missing {
         return Err(Failure::new(
             codes::BAD_REQUEST,
-            format!("{name} is not in {}", folder.display()),
-            "install all programs in one folder and name it: --programs DIR",
+            format!("{name} not found in {}", folder.display()),
+            "install all programs in one folder and pass it with --programs DIR",
         ));
     }
     visible(&folder, "the folder of the programs", elsewhere)?;
@@ -183,7 +183,7 @@ fn visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failure> {
         Some(folder) if !elsewhere => Err(Failure::new(
             codes::BAD_REQUEST,
             format!(
-                "{what} is {}, but services do not see {folder}",
+                "{what} is {}, but services cannot access {folder}",
                 path.display()
             ),
             "sudo install -m755 target/release/rcc-* /usr/local/bin/; sudo mkdir -p /etc/rcc; sudo cp -r configs/* /etc/rcc/",
@@ -201,9 +201,9 @@ fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Fai
         return Err(Failure::new(
             codes::BAD_REQUEST,
             format!(
-                "core {core} is the executor's (`executor: {{core: {core}}}`): nothing else should run there"
+                "core {core} is reserved for the executor (`executor: {{core: {core}}}`)"
             ),
-            "leave it out of --cpus",
+            "remove it from --cpus",
         ));
     }
     let count = std::thread::available_parallelism().map_or(1, usize::from);

@@ -105,7 +105,7 @@ pub(super) fn write(path: &Path, picture: &Plot) -> Result<(), Failure> {
         Failure::new(
             codes::PROCESS_FAILED,
             message,
-            "is there room on the disk? otherwise report it",
+            "check the free disk space; otherwise report it as a bug",
         )
     };
     match name {
@@ -116,11 +116,11 @@ pub(super) fn write(path: &Path, picture: &Plot) -> Result<(), Failure> {
             written.map_err(|error| not_written(path, &error))
         }
         _ => {
-            let message = format!("{} names no kind of picture", path.display());
+            let message = format!("unsupported plot format: {}", path.display());
             Err(Failure::new(
                 codes::BAD_REQUEST,
                 message,
-                "end its name in .svg or .png",
+                "use a file name that ends in .svg or .png",
             ))
         }
     }

@@ -61,7 +61,7 @@ fn of_group(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Fai
         .cloned()
         .collect();
     if found.is_empty() {
-        let message = format!("there is no group `{word}`");
+        let message = format!("group `{word}` not found");
         let help = format!("groups: {}", GROUPS.join(", "));
         return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
@@ -87,10 +87,10 @@ fn with_word(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Fa
     let known = all.iter().map(|view| view.name.as_str());
     let closest = rcc_config::diagnostic::closest(word, known);
     let help = closest.map_or_else(
-        || "`rcc-cli primitives` lists all".to_owned(),
+        || "`rcc-cli primitives` lists all primitives".to_owned(),
         |closest| format!("did you mean {closest}?"),
     );
-    let message = format!("there is no primitive `{word}`");
+    let message = format!("primitive `{word}` not found");
     Err(Failure::new(codes::BAD_REQUEST, message, help))
 }
 
@@ -120,10 +120,10 @@ fn one(view: &PrimitiveView) -> String {
         text = format!("{text}  formula: {}\n", view.formula);
     }
     if view.remembers {
-        text.push_str("  it remembers from cycle to cycle\n");
+        text.push_str("  keeps state from cycle to cycle\n");
     }
     if view.unique {
-        text.push_str("  a unique resource: one net at a time\n");
+        text.push_str("  exclusive: one net at a time\n");
     }
     for (head, more, ports) in [
         ("INPUT", "DEFAULT", &view.inputs),

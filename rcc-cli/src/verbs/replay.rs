@@ -97,7 +97,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         Failure::new(
             codes::NOT_STORED,
             format!("{}: {error}", what.display()),
-            "make room there",
+            "free disk space there",
         )
     })?;
     tell(context, &incident, &results, &named)
@@ -162,8 +162,8 @@ fn tell(
     match rows.iter().filter(|row| row.different > 0).count() {
         0 if !rows.is_empty() && rows.iter().all(|row| row.compared == 0) => Err(Failure::new(
             codes::NOT_COMPARED,
-            "no cycle of any net can be compared",
-            "the lines above say why; `recorder: {memory: …}` in the cell's configuration records more",
+            "no cycle of any net could be compared",
+            "see the lines above for the reason; `recorder: {memory: …}` in the cell's configuration records more",
         )),
         0 => Ok(()),
         different => Err(Failure::new(
@@ -172,7 +172,7 @@ fn tell(
                 "{different} of {} nets differ from what was recorded",
                 rows.len()
             ),
-            "same plan and inputs must give the same bits: report it with the file",
+            "the same plan and inputs must give the same bits: report this as a bug, with the file",
         )),
     }
 }
@@ -185,14 +185,14 @@ fn result_of(result: &NetReplayResult, named: &IncidentNet) -> ReplayResult {
     let words = match (&result.mismatch, result.compared) {
         (Some(mismatch), _) => mismatch_words(mismatch, result, named),
         (None, 0) if !result.has_plan => {
-            "not compared: it was unloaded so early that its plan is not in the file".to_owned()
+            "not compared: its plan is not in the file because it was unloaded too early".to_owned()
         }
         (None, 0) if result.too_large > 0 => format!(
-            "not compared: its beginning is overwritten, and a snapshot of {} MB does not fit; give the recorder more \
+            "not compared: its start is overwritten, and a snapshot of {} MB does not fit; give the recorder more \
              memory",
             (result.too_large * 8) >> 20
         ),
-        (None, 0) => "not compared: neither its beginning nor a snapshot is recorded".to_owned(),
+        (None, 0) => "not compared: neither its start nor a snapshot was recorded".to_owned(),
         (None, _) => "identical".to_owned(),
     };
     ReplayResult {
@@ -215,7 +215,7 @@ fn mismatch_words(mismatch: &Mismatch, result: &NetReplayResult, named: &Inciden
     let what = match mismatch.what {
         MismatchKind::Slots => String::new(),
         MismatchKind::Evaluation { recorded, replayed } => {
-            format!(", it {} then and {} now", ended(recorded), ended(replayed))
+            format!(", it {} in the recording and {} in the replay", ended(recorded), ended(replayed))
         }
         MismatchKind::Cycles { recorded, replayed } => {
             format!(", its cycle {recorded} is cycle {replayed} of the replay: records are missing")
@@ -230,7 +230,7 @@ fn mismatch_words(mismatch: &Mismatch, result: &NetReplayResult, named: &Inciden
     if let Some(slot) = &mismatch.slot {
         let value = |bits| text(&value_of(slot.store, bits), "null");
         words.push_str(&format!(
-            "; at the snapshot of cycle {} {} was {} and is {} now",
+            "; in the snapshot of cycle {}, {} was {} and is {} in the replay",
             grouped(slot.cycle),
             named.slot(slot),
             value(slot.recorded),
@@ -242,8 +242,8 @@ fn mismatch_words(mismatch: &Mismatch, result: &NetReplayResult, named: &Inciden
 
 fn ended(evaluation: Evaluation) -> String {
     match evaluation {
-        Evaluation::Running => "went on".to_owned(),
-        Evaluation::Terminated => "was over".to_owned(),
+        Evaluation::Running => "continued".to_owned(),
+        Evaluation::Terminated => "had terminated".to_owned(),
         Evaluation::Fault(code) => format!("ended by a fault ({})", code.name()),
     }
 }
@@ -297,16 +297,16 @@ impl ValuePrinter {
             let names: Vec<&str> = named.values().map(|named| named.net.as_str()).collect();
             return Err(Failure::new(
                 codes::BAD_REQUEST,
-                "no port of a recorded net fits --show",
+                "no port of a recorded net matches --show",
                 format!(
-                    "the nets are: {}; write net/primitive.port, * and ? are allowed",
+                    "recorded nets: {}; write net/primitive.port, with * and ? as wildcards",
                     names.join(", ")
                 ),
             ));
         }
         if let Some(path) = &arguments.csv {
             let failed = |error| {
-                let help = "name a file that can be written";
+                let help = "name a writable file";
                 Failure::new(
                     codes::NOT_STORED,
                     format!("{}: {error}", path.display()),

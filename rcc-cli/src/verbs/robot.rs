@@ -47,7 +47,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::unreadable(&shown, &error))?;
     let imported = rcc_robot::import(&text, import.base.as_deref(), import.tip.as_deref());
     let imported = imported.map_err(|error| {
-        let help = "--base and --tip name the links of the arm; docs/robots.md says which arms the core knows";
+        let help = "name the arm's links with --base and --tip; see docs/robots.md for the supported arms";
         Failure::new(codes::BAD_REQUEST, format!("{shown}: {error}"), help)
     })?;
     let name = Path::new(&import.file).file_name();
@@ -60,7 +60,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
             Failure::new(
                 codes::BAD_REQUEST,
                 message,
-                "name a file that can be written",
+                "name a writable file",
             )
         })?,
     }

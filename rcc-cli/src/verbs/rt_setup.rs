@@ -43,7 +43,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     ];
     let (held, line) = match arguments.hold {
         true => latency(&arguments.root),
-        false => (None, "sleep states: not touched without --hold".to_owned()),
+        false => (None, "sleep states: unchanged without --hold".to_owned()),
     };
     lines.push(line);
     lines.iter().for_each(|line| print_line(line));
@@ -110,8 +110,8 @@ fn outcome(
         format!(" ({}: {error})", path.display())
     });
     match (files, taken) {
-        (0, _) => format!("{what}: this machine has none to set"),
-        (_, 0) => format!("{what}: nothing set{but}"),
+        (0, _) => format!("{what}: not available on this machine"),
+        (_, 0) => format!("{what}: not set{but}"),
         _ => format!("{what}: {done} for {taken} of {files}{but}"),
     }
 }
@@ -134,12 +134,12 @@ fn interrupts(root: &Path, cores: &BTreeSet<usize>) -> String {
     let what = "interrupts";
     if cores.is_empty() {
         return format!(
-            "{what}: left where they are, no core is reserved (`executor: {{core: …}}`, or --cores)"
+            "{what}: not moved, no core is reserved (`executor: {{core: …}}`, or --cores)"
         );
     }
     let count = numbered(&root.join("sys/devices/system/cpu"), "cpu", "").len();
     let Some(rest) = Cores::all_but(count, cores) else {
-        return format!("{what}: left where they are, there is no other core");
+        return format!("{what}: not moved, there is no other core");
     };
     let files = numbered(&root.join("proc/irq"), "", "smp_affinity_list");
     // Those of a single core cannot be moved: they refuse.
@@ -157,10 +157,10 @@ fn latency(root: &Path) -> (Option<File>, String) {
     let path = root.join("dev/cpu_dma_latency");
     let opened = OpenOptions::new().write(true).open(&path);
     match opened.and_then(|mut file| file.write_all(&0_i32.to_ne_bytes()).map(|()| file)) {
-        Ok(file) => (Some(file), "sleep states: none while this runs".to_owned()),
+        Ok(file) => (Some(file), "sleep states: disabled while this runs".to_owned()),
         Err(error) => (
             None,
-            format!("sleep states: not touched ({}: {error})", path.display()),
+            format!("sleep states: unchanged ({}: {error})", path.display()),
         ),
     }
 }
@@ -220,17 +220,17 @@ mod tests {
         let nowhere = Path::new("/nowhere");
         assert_eq!(
             governor(nowhere),
-            "frequency governor: this machine has none to set"
+            "frequency governor: not available on this machine"
         );
         let line = interrupts(nowhere, &BTreeSet::from([0]));
         assert_eq!(
             line,
-            "interrupts: left where they are, there is no other core"
+            "interrupts: not moved, there is no other core"
         );
         assert!(
             latency(nowhere)
                 .1
-                .starts_with("sleep states: not touched (/nowhere/dev/cpu_dma_latency")
+                .starts_with("sleep states: unchanged (/nowhere/dev/cpu_dma_latency")
         );
     }
 }

@@ -76,22 +76,22 @@ fn line(pair: &str) -> Result<String, Failure> {
         )
     };
     let Some((name, value)) = pair.split_once('=') else {
-        return Err(usage(format!("`{pair}` sets nothing")));
+        return Err(usage(format!("`{pair}` is not an assignment")));
     };
     let (name, value) = (name.trim(), value.trim());
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-/.".contains(c);
     if name.is_empty() || !name.chars().all(plain) {
-        return Err(usage(format!("`{name}` is no name of an input")));
+        return Err(usage(format!("invalid input name `{name}`")));
     }
     if value.is_empty() || value.contains(char::is_control) {
-        return Err(usage(format!("`{name}` needs a value of one line")));
+        return Err(usage(format!("`{name}` needs a single-line value")));
     }
     Ok(format!("{name}: {value}\n"))
 }
 
 fn list(inputs: &[&InputNames], values: &ValuesView) -> String {
     if inputs.is_empty() {
-        return "the net has no Input: nothing can be set".to_owned();
+        return "the net has no Input primitive: nothing can be set".to_owned();
     }
     let mut rows = table::table(&["INPUT", "TYPE", "UNIT", "RANGE", "EXPIRES", "VALUE", "AGE"]);
     for (number, input) in inputs.iter().enumerate() {

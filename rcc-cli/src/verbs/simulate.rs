@@ -140,7 +140,7 @@ impl SimulationScenario {
             (EndReason::None, Some(_)) => exit::OK,
             (EndReason::None, None) => {
                 print_note(&format!(
-                    "it is not over after {LIMIT:?}: --for TIME says how long"
+                    "still running after {LIMIT:?}: set the simulated time with --for TIME"
                 ));
                 exit::TIMEOUT
             }
@@ -182,7 +182,7 @@ impl SimulationScenario {
         let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
         let steps = self.input.iter().map(|text| ScriptStep::parse(text, config));
         let steps = steps.collect::<Result<_, _>>().map_err(|error| {
-            let help = "`rcc-cli simulate --help` shows how";
+            let help = "see `rcc-cli simulate --help`";
             Failure::new(codes::BAD_REQUEST, error.to_string(), help)
         })?;
         Ok(SimulationOptions {
@@ -200,7 +200,7 @@ pub(super) fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
 }
 
 pub(super) fn not_written(path: &Path, error: &std::io::Error) -> Failure {
-    let message = format!("{} cannot be written: {error}", path.display());
+    let message = format!("cannot write {}: {error}", path.display());
     Failure::new(codes::NOT_STORED, message, "name another file")
 }
 
@@ -231,7 +231,7 @@ pub(super) fn failure(
         }
         SimulateError::Write(error) => not_written(csv.unwrap_or(Path::new("the table")), error),
         SimulateError::Silent => {
-            Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it")
+            Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it as a bug")
         }
     }
 }

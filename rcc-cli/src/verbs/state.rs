@@ -55,9 +55,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 #[must_use]
 pub fn shown(values: &ValuesView, style: Style) -> String {
     let of = match values.net_cycle {
-        0 => "not yet evaluated: these are its first values".to_owned(),
+        0 => "not yet evaluated: showing initial values".to_owned(),
         cycles => format!(
-            "cycle {}, its {}. after {:.3} s",
+            "cycle {}, net cycle {}, {:.3} s after its start",
             grouped(values.cycle),
             grouped(cycles),
             values.time_s

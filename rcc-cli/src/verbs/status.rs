@@ -74,7 +74,7 @@ fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
         clock(&executor.clock),
         executor.grade,
         measured.map_or_else(
-            || "not graded yet: rcc-cli doctor".to_owned(),
+            || "not graded yet: run `rcc-cli doctor`".to_owned(),
             GradeRecord::words
         )
     );
@@ -200,7 +200,7 @@ fn clock(clock: &ClockView) -> String {
             clock.jitter_ns * 1e-3,
             clock.error_ns * 1e-3
         ),
-        "unfit" => "not followed: its period is no multiple of the cell's".to_owned(),
+        "unfit" => "not followed: its period is not a multiple of the cell's".to_owned(),
         _ => "searching: the executor runs on its own clock".to_owned(),
     };
     format!("clock     {device}: {words}; lost {} times\n", clock.losses)

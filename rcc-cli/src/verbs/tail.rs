@@ -45,6 +45,6 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Err(Failure::new(
         codes::PROCESS_FAILED,
         format!("{}: {error}", program.display()),
-        "install it anew",
+        "reinstall it",
     ))
 }

@@ -74,7 +74,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     // However it ended; a terminal that is gone needs nothing any more.
     let _ = ratatui::try_restore();
     shown.map_err(|error| {
-        let help = "rcc-cli top --once prints it as text";
+        let help = "use `rcc-cli top --once` for plain text";
         Failure::new(
             codes::PROCESS_FAILED,
             format!("the terminal: {error}"),

@@ -22,7 +22,7 @@ pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
 
 fn list(topics: &[TopicView]) -> String {
     if topics.is_empty() {
-        return "no net that is ready or runs publishes or subscribes to anything".to_owned();
+        return "no loaded net publishes or subscribes to a topic".to_owned();
     }
     let mut rows = table::table(&["TOPIC", "TYPE", "UNIT", "PUBLISHED BY", "SUBSCRIBED BY"]);
     for topic in topics {

@@ -46,8 +46,8 @@ pub struct Arguments {
 /// Not reachable, no such net or port, Ctrl-C, or a net that ended otherwise than `finished`.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if !(arguments.rate > 0.0 && arguments.rate <= RATE_MAX) {
-        let message = format!("{} samples a second are not possible", arguments.rate);
-        let help = "more than 0 and at most 100; a Monitor in the net shows every cycle";
+        let message = format!("invalid rate: {} samples per second", arguments.rate);
+        let help = "must be more than 0 and at most 100; a Monitor in the net records every cycle";
         return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
     let interrupts = Interrupts::listen()?;

@@ -58,7 +58,7 @@ fn three(text: &str) -> Result<[f64; 3], String> {
     let count = numbers.len();
     numbers
         .try_into()
-        .map_err(|_| format!("`{text}` has {count} numbers, three are needed: 0,0,-9.81"))
+        .map_err(|_| format!("expected three numbers, found {count} in `{text}`: write 0,0,-9.81"))
 }
 
 /// Does it.
@@ -78,7 +78,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let readings = readings::read(&text, &wanted).map_err(|error| {
         refused(
             error.to_string(),
-            "name them with --wrench and --pose; see docs/force.md",
+            "select them with --wrench and --pose; see docs/force.md",
         )
     })?;
     let gravity = asked.gravity.unwrap_or([0.0, 0.0, -GRAVITY]);

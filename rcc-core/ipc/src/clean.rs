@@ -1,5 +1,5 @@
-//! Cleaning after dead processes: half-created shared memory, dead nodes (in a process of its own), whole dead cells.
-//! Run by supervisors and by `rcc-janitor`, never by a real-time thread.
+//! Cleans up after dead processes: half-created shared memory, dead nodes (in a separate process) and whole dead cells.
+//! Runs in supervisors and in `rcc-janitor`, never on a real-time thread.
 
 use std::fs;
 use std::io::{self, Write};
@@ -24,90 +24,90 @@ mod janitor;
 pub use half_created::{HALF_CREATED_AFTER, remove_half_created};
 pub use janitor::clean_as_janitor;
 
-/// How long a janitor may take, unless the caller says otherwise: 34 ms were the most ever seen.
+/// Default time limit of a janitor; the longest run ever measured took 34 ms.
 pub const JANITOR_TIMEOUT: Duration = Duration::from_secs(1);
 
 const JANITOR: &str = "rcc-janitor";
-/// How often a child that should end soon is looked at.
+/// Polling interval for a child that should end soon.
 const WAIT_STEP: Duration = Duration::from_millis(2);
 
-/// What one run of the janitor did.
+/// Result of one run of the janitor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct CleanReport {
-    /// Half-created shared-memory files removed before cleaning.
+    /// Half-created shared-memory files that were removed first.
     pub half_created: usize,
     /// Dead nodes that iceoryx2 cleaned up.
     pub dead_nodes: u64,
-    /// Files and folders of dead processes that iceoryx2 had left.
+    /// Files and folders of dead processes that iceoryx2 left behind.
     pub reaped: usize,
 }
 
-/// Why cleaning did not succeed.
+/// Error while cleaning.
 #[derive(Debug, thiserror::Error)]
 pub enum CleanError {
-    /// The system gives no thread.
+    /// The system refuses a thread.
     #[error("the janitor gets no thread: {0}; raise TasksMax= or pids.max of its group")]
     Thread(io::Error),
-    /// The janitor's program is missing.
+    /// The janitor program is missing.
     #[error(
         "{JANITOR} is not at {looked:?}: install it beside this program, or set RCC_JANITOR to its path"
     )]
     NoProgram {
-        /// Where it was looked for.
+        /// Paths that were tried.
         looked: Vec<PathBuf>,
     },
-    /// The janitor could not be started or waited for.
+    /// The janitor cannot be started or waited for.
     #[error("{program}: {source}")]
     Process {
         /// The program.
         program: PathBuf,
-        /// What the system said.
+        /// Error from the system.
         source: io::Error,
     },
-    /// The janitor did not end and was killed.
+    /// The janitor did not end in time and was killed.
     #[error(
         "{JANITOR} for cell '{cell}' did not end within {timeout:?} and was killed: run it again"
     )]
     TimedOut {
         /// The cell.
         cell: String,
-        /// The time it had.
+        /// The time limit.
         timeout: Duration,
     },
-    /// The janitor ended with an error of its own.
+    /// The janitor ended with an error.
     #[error("{JANITOR} for cell '{cell}': {words}")]
     Failed {
         /// The cell.
         cell: String,
-        /// What it said.
+        /// Its error output.
         words: String,
     },
-    /// This process could not enter the cell in order to clean.
+    /// This process cannot join the cell in order to clean it.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// No room to enter the cell, and nothing more that is ours to remove.
+    /// Not enough shared memory to join the cell, and nothing more that may be removed.
     #[error(
         "{SHM} has {have} bytes free, cleaning needs {need}; {freed} files of dead processes were removed: remove old files there (`rcc-cli doctor --clean` finds those of RCC), or enlarge it (mount -o remount,size=)"
     )]
     Full {
-        /// Files that went.
+        /// Number of files that were removed.
         freed: usize,
         /// Bytes free now.
         have: u64,
         /// Bytes needed.
         need: u64,
     },
-    /// Files could not be listed or removed.
+    /// Files cannot be listed or removed.
     #[error("{path}: {source}")]
     File {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error from the system.
         source: io::Error,
     },
 }
 
-/// What a wipe removed.
+/// Result of a wipe.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WipeReport {
     /// Shared-memory files.
@@ -116,31 +116,31 @@ pub struct WipeReport {
     pub announcements: usize,
 }
 
-/// Why a cell was not wiped.
+/// Error while wiping a cell.
 #[derive(Debug, thiserror::Error)]
 pub enum WipeError {
-    /// A process of it lives.
+    /// A process of the cell is alive.
     #[error(
         "cell '{cell}' is alive: {role} '{label}' runs (process {pid}); stop it, or use another cell"
     )]
     Living {
         /// The cell.
         cell: String,
-        /// Who lives.
+        /// Role of the live process.
         role: Role,
-        /// Which one.
+        /// Label of the live process.
         label: String,
-        /// Its process.
+        /// Its process id.
         pid: u32,
     },
-    /// A process is in it that has not announced itself.
+    /// A process is in the cell but has not announced itself.
     #[error(
-        "cell '{cell}' is in use by a process that has no name there; end it (`fuser {lock}` tells which)"
+        "cell '{cell}' is in use by a process that has not announced itself: end it (`fuser {lock}` shows which)"
     )]
     InUse {
         /// The cell.
         cell: String,
-        /// The file that process has locked.
+        /// File that the process has locked.
         lock: PathBuf,
     },
     /// The lock of the cell cannot be used.
@@ -149,25 +149,25 @@ pub enum WipeError {
     /// The announcements cannot be read.
     #[error(transparent)]
     Announce(#[from] AnnounceError),
-    /// The folders cannot be made again.
+    /// The folders cannot be created again.
     #[error(transparent)]
     Cell(#[from] CellError),
-    /// A file could not be removed.
+    /// A file cannot be removed.
     #[error("{path}: {source}")]
     File {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error from the system.
         source: io::Error,
     },
 }
 
 impl Cell {
-    /// What lies in `/dev/shm` for this cell, used or left behind: its shared-memory files, and the files in iceoryx2's
-    /// folder, or that folder itself when it is empty. In a cell without processes all are left behind.
+    /// Returns everything of this cell in `/dev/shm`, in use or left behind: its shared-memory files, and the files in
+    /// iceoryx2's folder (the folder itself if it is empty). In a cell without processes all of it is left behind.
     ///
     /// # Errors
-    /// `/dev/shm` cannot be read.
+    /// Returns an error if `/dev/shm` cannot be read.
     pub fn leftovers(&self) -> io::Result<Vec<PathBuf>> {
         let mut found = self.shared_memory()?;
         let root = self.iox_root();
@@ -179,7 +179,7 @@ impl Cell {
         Ok(found)
     }
 
-    /// The shared-memory files of this cell that belong to this user.
+    /// Returns the shared-memory files of this cell that belong to this user.
     pub(crate) fn shared_memory(&self) -> io::Result<Vec<PathBuf>> {
         let root = self.iox_root();
         let (mut ours, _) = below_prefix(self.prefix())?;
@@ -187,25 +187,26 @@ impl Cell {
         Ok(ours)
     }
 
-    /// What others have laid under this cell's prefix, with its owner: nothing of the cell, and not ours to remove.
+    /// Returns the files of other users under this cell's prefix, with their owners. They are not part of the cell and
+    /// we may not remove them.
     ///
     /// # Errors
-    /// `/dev/shm` cannot be read.
+    /// Returns an error if `/dev/shm` cannot be read.
     pub fn foreign(&self) -> io::Result<Vec<ForeignFile>> {
         Ok(below_prefix(self.prefix())?.1)
     }
 }
 
-/// A file in `/dev/shm` that another user has laid under a cell's prefix.
+/// A file in `/dev/shm` that another user created under a cell's prefix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ForeignFile {
     /// The file or folder.
     pub path: PathBuf,
-    /// Its owner's user id.
+    /// User id of the owner.
     pub owner: u32,
 }
 
-/// What lies in `/dev/shm` under a prefix, in the order of the names: ours, and that of other users.
+/// Lists the files in `/dev/shm` that start with `prefix`, sorted by name: ours, and those of other users.
 pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<ForeignFile>)> {
     let uid = nix::unistd::getuid().as_raw();
     let (mut ours, mut foreign) = (Vec::new(), Vec::new());
@@ -215,7 +216,7 @@ pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<Foreig
         if !name.as_encoded_bytes().starts_with(prefix.as_bytes()) {
             continue;
         }
-        // Missing now: its owner removed it in the meantime.
+        // The owner removed it meanwhile.
         let Ok(found) = entry.metadata() else {
             continue;
         };
@@ -231,7 +232,7 @@ pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<Foreig
     Ok((ours, foreign))
 }
 
-/// All files below a folder, or nothing if there is no folder.
+/// Returns all files below a folder, or `None` if the folder does not exist.
 fn files_below(folder: &Path) -> io::Result<Option<Vec<PathBuf>>> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
@@ -250,10 +251,10 @@ fn files_below(folder: &Path) -> io::Result<Option<Vec<PathBuf>>> {
     Ok(Some(files))
 }
 
-/// Runs the janitor as a process of its own and kills it after `timeout` ([`JANITOR_TIMEOUT`] is usual).
+/// Runs the janitor as a separate process and kills it after `timeout` (usually [`JANITOR_TIMEOUT`]).
 ///
 /// # Errors
-/// No program, a time-out (run it again), or what the janitor says.
+/// Returns an error if the program is missing, if it timed out (run it again), or if the janitor itself failed.
 pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanError> {
     let program = janitor_program()?;
     let failed = |source| CleanError::Process {
@@ -282,7 +283,7 @@ pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanE
         }
         thread::sleep(WAIT_STEP);
     }
-    // It says less than a pipe holds, so it never waited for us.
+    // The output is smaller than a pipe buffer, so the janitor never blocked on it.
     let output = child.wait_with_output().map_err(failed)?;
     let words = |text: &[u8]| String::from_utf8_lossy(text).trim().to_owned();
     if !output.status.success() {
@@ -294,15 +295,15 @@ pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanE
     }
     serde_json::from_slice(&output.stdout).map_err(|_| CleanError::Failed {
         cell: cell.name().to_owned(),
-        words: format!("unexpected words: {}", words(&output.stdout)),
+        words: format!("unexpected output: {}", words(&output.stdout)),
     })
 }
 
-/// Removes everything that a dead cell left, so that it can start as if new. Call it before joining: a process that
-/// is in the cell, announced or not, is a reason to refuse. Other cells are never touched.
+/// Removes everything that a dead cell left behind, so that it can start afresh. Call it before joining: a process in
+/// the cell, announced or not, is a reason to refuse. Other cells are never touched.
 ///
 /// # Errors
-/// The cell is alive, or files cannot be removed.
+/// Returns an error if the cell is alive, or if files cannot be removed.
 pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
     let alone = ownership::lock_exclusively(cell, None)?;
     let report = wipe_locked(cell, &alone)?;
@@ -310,7 +311,7 @@ pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
     Ok(report)
 }
 
-/// As [`wipe`], and removes the runtime folder itself with the files that RCC keeps there. A folder that holds
+/// Like [`wipe`], and removes the runtime folder as well, with the files that RCC keeps there. A folder that holds
 /// anything else stays.
 ///
 /// # Errors
@@ -322,7 +323,7 @@ pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
     Ok(report)
 }
 
-/// Removes what [`wipe_locked`] left, and the folder.
+/// Removes the files that [`wipe_locked`] leaves, and the folder.
 pub(crate) fn remove_rest(cell: &Cell, _alone: &ExclusiveAccess) -> Result<(), WipeError> {
     let ours = [
         cell.config_copy(),
@@ -338,19 +339,19 @@ pub(crate) fn remove_rest(cell: &Cell, _alone: &ExclusiveAccess) -> Result<(), W
     })?;
     let path = cell.incidents_dir();
     remove_folder(&path).map_err(|source| WipeError::File { path, source })?;
-    // Last: from now on somebody else may make another one, lock that, and have the cell.
+    // Remove the lock last: from now on another process may create a new lock file and own the cell.
     let path = cell.lock_file();
     remove_file(&path).map_err(|source| WipeError::File { path, source })?;
-    // Not empty: somebody else's files, or his cell; they are not ours to remove.
+    // If it is not empty, it holds files of somebody else, or a new cell; we may not remove them.
     let _ = fs::remove_dir(cell.runtime_dir());
     if let Some(base) = cell.own_base() {
-        // Not empty: other cells. One that is just being made makes it again.
+        // If it is not empty, it holds other cells. A cell that is just being created creates it again.
         let _ = fs::remove_dir(base);
     }
     Ok(())
 }
 
-/// Removes what a life of the cell left.
+/// Removes the files of one run of the cell.
 pub(crate) fn wipe_locked(cell: &Cell, alone: &ExclusiveAccess) -> Result<WipeReport, WipeError> {
     let mut report = WipeReport {
         announcements: alone.announced.len(),
@@ -384,8 +385,8 @@ pub(crate) fn write_private(path: &Path, bytes: &[u8]) -> io::Result<()> {
     options.open(path)?.write_all(bytes)
 }
 
-/// Removes the control ports that killed simulators left. A simulator is no process of the cell, so it may live: then it
-/// removes its own.
+/// Removes the control sockets of killed simulators. A simulator is not a process of the cell and may still be alive;
+/// then it removes its socket itself.
 fn remove_simulator_sockets(cell: &Cell) -> io::Result<()> {
     let entries = match fs::read_dir(cell.runtime_dir()) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -406,7 +407,7 @@ fn remove_simulator_sockets(cell: &Cell) -> io::Result<()> {
     Ok(())
 }
 
-/// True when the file was there.
+/// Returns whether the file existed.
 fn remove_file(path: &Path) -> io::Result<bool> {
     match fs::remove_file(path) {
         Ok(()) => Ok(true),
@@ -422,7 +423,7 @@ fn remove_folder(path: &Path) -> io::Result<()> {
     }
 }
 
-/// `$RCC_JANITOR`, else beside this program, else one folder up (where a test's program lies in a folder of its own).
+/// Returns `$RCC_JANITOR`, else the program next to this one, else one folder up (test programs are in a subfolder).
 fn janitor_program() -> Result<PathBuf, CleanError> {
     if let Some(program) = std::env::var_os("RCC_JANITOR").filter(|value| !value.is_empty()) {
         return Ok(program.into());

@@ -92,7 +92,7 @@ fn device<'a>(config: &'a CellConfig, name: &str) -> Result<&'a DeviceConfig, Ex
         .ok_or_else(|| {
             let names: Vec<&str> = config.devices.iter().map(|one| one.name.as_str()).collect();
             ExitError::configuration(&format!(
-                "{} has no device '{name}'; it has: {}",
+                "{} has no device `{name}`; available devices: {}",
                 config.source.display(),
                 names.join(", ")
             ))

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
 use rcc_core::guard::{ViolationKind, axis};
-use rcc_core::impedance::ControlStrategy;
+use rcc_core::impedance::ControlMode;
 use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
 use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 use rcc_core::plan::{PlanError, Resource};
@@ -246,7 +246,7 @@ impl NameResolver<'_> {
             Refusal::NoRecorder => (
                 codes::NO_RECORDER,
                 "this cell records nothing: its configuration says `recorder: {memory: 0 MB}`".into(),
-                "give the recorder memory there (64 MB by default) and start the cell again".into(),
+                "give the recorder memory there (64 MB by default) and restart the cell".into(),
             ),
             Refusal::Withdrawn => (
                 codes::WRONG_STATE,
@@ -316,7 +316,7 @@ impl NameResolver<'_> {
                 codes::DEVICE_NOT_READY,
                 format!(
                     "{net} needs {name}, whose driver is not attached: it was {} than the executor ({why})",
-                    why.made()
+                    why.description()
                 ),
                 why.remedy(),
             );
@@ -452,8 +452,8 @@ impl NameResolver<'_> {
         match kind {
             Some(ViolationKind::Strategy) => format!(
                 "{name} runs {}, its set-points are for {}",
-                ControlStrategy::label(limit as u64),
-                ControlStrategy::label(value as u64)
+                ControlMode::label(limit as u64),
+                ControlMode::label(value as u64)
             ),
             Some(
                 kind @ (ViolationKind::Stiffness
@@ -559,7 +559,7 @@ fn first_set_point(
 ) -> (Code, String, String) {
     let help = match kind {
         Some(ViolationKind::Strategy) => {
-            impedance::switch(ControlStrategy::from_number(value as u64))
+            impedance::switch(ControlMode::from_number(value as u64))
         }
         Some(
             ViolationKind::Stiffness

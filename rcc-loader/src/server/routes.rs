@@ -79,7 +79,7 @@ struct ServerState {
         topics,
         acknowledge
     ),
-    components(schemas(ErrorBody, api::Finding, api::Place))
+    components(schemas(ErrorBody, api::Finding, api::TextLocation))
 )]
 struct Document;
 
@@ -278,7 +278,7 @@ async fn reading<T: Serialize>(
 
 fn written<T: Serialize>(value: &T) -> Result<Vec<u8>, ApiError> {
     serde_json::to_vec(value)
-        .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))
+        .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it as a bug"))
 }
 
 fn text_of(body: Bytes, what: &str) -> Result<String, ApiError> {
@@ -400,7 +400,7 @@ async fn start(
         }
         let switch = api::Switch {
             stop: after_stopping,
-            start: vec![api::Named::Name(name)],
+            start: vec![api::CommandRef::Name(name)],
         };
         service.start_after(&caller, &switch)
     })
@@ -599,7 +599,7 @@ async fn openapi(State(state): State<ServerState>) -> Result<Response, ApiError>
     constant(state, &WRITTEN, |_| {
         let text = document();
         text.map(String::into_bytes)
-            .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))
+            .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it as a bug"))
     })
     .await
 }

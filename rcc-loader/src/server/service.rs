@@ -163,11 +163,11 @@ impl Service {
             return;
         }
         if let Some((pid, incarnation)) = std::mem::replace(&mut *reported_executor, found) {
-            let executor = events::digits(incarnation);
+            let executor = events::hex_digits(incarnation);
             self.record(EventKind::ExecutorLost { pid, executor });
         }
         if let Some((pid, incarnation)) = found {
-            let executor = events::digits(incarnation);
+            let executor = events::hex_digits(incarnation);
             self.record(EventKind::ExecutorFound { pid, executor });
         }
     }
@@ -311,10 +311,10 @@ impl Service {
         self.record(EventKind::Rejected {
             command: id,
             executor: reported_executor
-                .map_or_else(String::new, |(_, incarnation)| events::digits(incarnation)),
-            net: events::text(&net.unwrap_or_default()),
+                .map_or_else(String::new, |(_, incarnation)| events::hex_digits(incarnation)),
+            net: events::event_text(&net.unwrap_or_default()),
             code: first.code.clone(),
-            words: events::text(&first.message),
+            words: events::event_text(&first.message),
             count,
         });
     }
@@ -357,13 +357,13 @@ impl Service {
         (file.diagnostics, file.primitives) = (warnings, primitives);
         self.record(EventKind::Loaded {
             command: id,
-            executor: events::digits(attached.announcement.incarnation),
-            net: events::text(&file.net),
+            executor: events::hex_digits(attached.announcement.incarnation),
+            net: events::event_text(&file.net),
             primitives,
             uses: file
                 .uses
                 .iter()
-                .map(|use_| events::text(use_))
+                .map(|use_| events::event_text(use_))
                 .take(16)
                 .collect(),
         });
@@ -481,7 +481,7 @@ impl Service {
                 Answer::Recorded(RecordingState::Written { file }) => {
                     return Ok(Frozen {
                         cycle,
-                        executor: events::digits(incarnation),
+                        executor: events::hex_digits(incarnation),
                         file,
                     });
                 }
@@ -648,7 +648,7 @@ fn not_stored(error: &StoreError) -> ApiError {
     let (code, help) = match error {
         StoreError::File { .. } => (
             codes::NOT_STORED,
-            "make room there, or set RCC_RUNTIME_DIR to another folder",
+            "free disk space there, or set RCC_RUNTIME_DIR to another folder",
         ),
         StoreError::Full { .. } => (
             codes::NOT_KEPT,

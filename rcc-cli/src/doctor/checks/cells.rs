@@ -17,21 +17,21 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
 fn one(cell: &CellFacts) -> Vec<HealthFinding> {
     let name = &cell.name;
     if let Some(words) = &cell.refused {
-        let fix = format!("ask its owner, or look at {}", cell.folder.display());
+        let fix = format!("ask its owner, or inspect {}", cell.folder.display());
         return vec![HealthFinding::warn(
-            format!("cell {name} cannot be looked at: {words}"),
+            format!("cannot inspect cell {name}: {words}"),
             fix,
         )];
     }
     let mut found = Vec::new();
     if !cell.dead.is_empty() {
         let what = format!(
-            "cell {name}: dead and not replaced: {}",
+            "cell {name}: dead processes that were not restarted: {}",
             cell.dead.join(", ")
         );
         found.push(HealthFinding::warn(
             what,
-            "look at `rcc-cli events`, and at what supervises it (`up`, systemctl status 'rcc*')",
+            "see `rcc-cli events` and the cell's supervisor (`rcc-cli up`, or systemctl status 'rcc*')",
         ));
     }
     match &cell.executor {
@@ -42,7 +42,7 @@ fn one(cell: &CellFacts) -> Vec<HealthFinding> {
             );
             found.push(HealthFinding::warn(
                 what,
-                format!("rcc-cli --cell {name} status; start what is missing"),
+                format!("run `rcc-cli --cell {name} status` and start what is missing"),
             ));
         }
         Some(executor) if executor.late > 0 => {

@@ -20,7 +20,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     if QUICK.contains(&name.as_str()) {
         return vec![HealthFinding::ok(format!("clock source {name}"))];
     }
-    let fix = "look in `dmesg` why the tsc was found unstable (often the BIOS); kernel parameter tsc=reliable if it is not";
+    let fix = "check `dmesg` for the reason the TSC was marked unstable (often the BIOS); if it is stable, boot with tsc=reliable";
     vec![HealthFinding::warn(
         format!("clock source {name}: reading the time takes microseconds"),
         fix,

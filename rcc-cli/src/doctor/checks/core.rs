@@ -8,21 +8,21 @@ use crate::doctor::facts::MachineFacts;
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let cpu = &facts.cpu;
     let Some(core) = facts.requirements.core else {
-        return vec![HealthFinding::note("no core is configured: the system moves the cycle about as it likes").fix(
-            "executor: {core: N} in the cell's file, N a core that is kept free (see `isolation`)",
+        return vec![HealthFinding::note("no core is configured: the scheduler may move the cycle between cores").fix(
+            "set `executor: {core: N}` in the cell's file, with N an isolated core (see `isolation`)",
         )];
     };
     if !cpu.online.is_empty() && !cpu.online.contains(&core) {
-        let what = format!("core {core} is not there; there are {}", cores(&cpu.online));
-        return vec![HealthFinding::fail(what, "name one of them in executor.core")];
+        let what = format!("core {core} does not exist; available cores: {}", cores(&cpu.online));
+        return vec![HealthFinding::fail(what, "set executor.core to one of them")];
     }
     if !cpu.allowed.is_empty() && !cpu.allowed.contains(&core) {
         return vec![HealthFinding::note(format!(
-            "core {core} is not among those of this process ({}); binding to it works unless a cpuset forbids it",
+            "core {core} is not in this process's affinity mask ({}); binding works unless a cpuset forbids it",
             cores(&cpu.allowed)
         ))];
     }
-    vec![HealthFinding::ok(format!("core {core} is there"))]
+    vec![HealthFinding::ok(format!("core {core} exists"))]
 }
 
 #[cfg(test)]

@@ -31,8 +31,8 @@ fn by_what(facts: &MachineFacts) -> String {
         return "CAP_SYS_NICE".to_owned();
     }
     match facts.limits.rtprio.soft {
-        Some(limit) => format!("the limit rtprio is {limit}"),
-        None => "the limit rtprio is unlimited".to_owned(),
+        Some(limit) => format!("the rtprio limit is {limit}"),
+        None => "the rtprio limit is unlimited".to_owned(),
     }
 }
 
@@ -50,7 +50,7 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
     if let Some(container) = &facts.user.container {
         return (
             format!(
-                "this is a container ({container}); its limit rtprio is {}",
+                "this container ({container}) has an rtprio limit of {}",
                 limit(facts)
             ),
             "start the container with --cap-add=SYS_NICE --ulimit rtprio=90 --ulimit memlock=-1"
@@ -59,7 +59,7 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
     }
     if let Some(service) = facts.user.service() {
         return (
-            format!("the limit rtprio of {service} is {}", limit(facts)),
+            format!("the rtprio limit of {service} is {}", limit(facts)),
             format!(
                 "LimitRTPRIO=90 in the section [Service] (systemctl edit {service}), then restart it"
             ),
@@ -68,7 +68,7 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
     if facts.limits.rtprio.could(priority) {
         return (
             format!(
-                "the soft limit rtprio is {}, the hard one would do",
+                "the soft rtprio limit is {}; the hard limit suffices",
                 limit(facts)
             ),
             format!("ulimit -S -r {priority}   in this shell"),
@@ -87,7 +87,7 @@ fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
     if let Some(line) = ours.filter(enough) {
         return (
             format!(
-                "{} grants {} to {}, but this session has {}: it began before, or does not read that file",
+                "{} grants {} to {}, but this session has {}: it started before the change, or does not read that file",
                 line.place, words(line.value), line.whom, limit(facts)
             ),
             "log out of all sessions and in again (a graphical session: restart the computer); over ssh: UsePAM yes"
@@ -103,7 +103,7 @@ fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
                 line.whom
             ),
             format!(
-                "write 90 there, then log out and in again ({name} has no right to do it: ask root)"
+                "set it to 90, then log out and in again ({name} cannot change the file: ask root)"
             ),
         );
     }
@@ -113,7 +113,7 @@ fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
     if let Some(group) = group {
         return (
             format!(
-                "the limit rtprio is {}; the group {group} would have it, {name} is not in it",
+                "the rtprio limit is {}; the group {group} has a sufficient limit, but {name} is not a member",
                 limit(facts)
             ),
             format!("sudo usermod -aG {group} {name}   then log out of all sessions and in again"),
@@ -121,7 +121,7 @@ fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
     }
     (
         format!(
-            "the limit rtprio is {} and no file of pam_limits raises it",
+            "the rtprio limit is {} and no pam_limits file raises it",
             limit(facts)
         ),
         format!(
@@ -138,7 +138,7 @@ fn in_spite_of_the_right(facts: &MachineFacts, errno: Errno) -> (String, String)
     let group = &facts.user.cgroup;
     if kernel.rt_runtime_us == Some(0) {
         return (
-            "kernel.sched_rt_runtime_us is 0: no real-time thread may run at all".to_owned(),
+            "kernel.sched_rt_runtime_us is 0: real-time threads cannot run at all".to_owned(),
             "sudo sysctl -w kernel.sched_rt_runtime_us=950000".to_owned(),
         );
     }
@@ -158,12 +158,12 @@ fn in_spite_of_the_right(facts: &MachineFacts, errno: Errno) -> (String, String)
     }
     match &facts.user.container {
         Some(container) => (
-            format!("the container ({container}) forbids it although the limit would do"),
-            "start the container with --cap-add=SYS_NICE, and look at its seccomp profile".to_owned(),
+            format!("the container ({container}) forbids it although the limit suffices"),
+            "start the container with --cap-add=SYS_NICE and check its seccomp profile".to_owned(),
         ),
         None => (
-            "limit and capabilities would do: something else forbids it (seccomp, AppArmor, SELinux)".to_owned(),
-            "look at `dmesg` and `journalctl -t audit` for a denial of sched_setscheduler".to_owned(),
+            "limit and capabilities suffice, but something else forbids it (seccomp, AppArmor, SELinux)".to_owned(),
+            "search `dmesg` and `journalctl -t audit` for a denied sched_setscheduler".to_owned(),
         ),
     }
 }
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(
             check(&facts),
             [HealthFinding::ok(
-                "SCHED_FIFO 80 obtained (the limit rtprio is 90)"
+                "SCHED_FIFO 80 obtained (the rtprio limit is 90)"
             )]
         );
     }
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn without_any_grant_the_file_to_write_is_told() {
         let (cause, fix) = only(&refused());
-        assert!(cause.contains("no file of pam_limits"), "{cause}");
+        assert!(cause.contains("no pam_limits file"), "{cause}");
         assert!(
             fix.contains("/etc/security/limits.d/rcc.conf") && fix.contains("usermod -aG rcc anna"),
             "{fix}"

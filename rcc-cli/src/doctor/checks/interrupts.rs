@@ -14,7 +14,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let all = &facts.activity.interrupts;
     if all.is_empty() {
         return vec![HealthFinding::ok(format!(
-            "no device interrupted core {core} while we measured"
+            "no device interrupts on core {core} during the measurement"
         ))];
     }
     let named: Vec<String> = all
@@ -23,9 +23,9 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         .map(|(name, count)| format!("{name} ({count} times)"))
         .collect();
     let number = all[0].0.split(' ').next().unwrap_or("N");
-    let what = format!("devices interrupted core {core}: {}", named.join(", "));
+    let what = format!("device interrupts on core {core}: {}", named.join(", "));
     let fix = format!(
-        "send them elsewhere: echo 0 | sudo tee /proc/irq/{number}/smp_affinity_list; stop irqbalance, which undoes it"
+        "move them to another core: echo 0 | sudo tee /proc/irq/{number}/smp_affinity_list; stop irqbalance, which would undo it"
     );
     vec![HealthFinding::warn(what, fix)]
 }

@@ -20,20 +20,20 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         found.push(HealthFinding::ok(format!("core {core} is isolated{tick}")));
     } else {
         found.push(
-            HealthFinding::note(format!("core {core} is shared with everything else that runs here"))
+            HealthFinding::note(format!("core {core} is shared with all other processes"))
                 .fix(format!(
-                    "kernel parameters isolcpus={core} nohz_full={core} rcu_nocbs={core}; it matters when the grade is not A"
+                    "kernel parameters isolcpus={core} nohz_full={core} rcu_nocbs={core}; needed only when the grade is not A"
                 )),
         );
     }
     if !cpu.siblings.is_empty() {
         found.push(
             HealthFinding::note(format!(
-                "core {core} shares its hardware with {} (SMT)",
+                "core {core} shares its physical core with {} (SMT)",
                 cores(&cpu.siblings)
             ))
             .fix(format!(
-                "switch it off: echo 0 | sudo tee /sys/devices/system/cpu/cpu{}/online",
+                "disable the sibling: echo 0 | sudo tee /sys/devices/system/cpu/cpu{}/online",
                 cpu.siblings[0]
             )),
         );

@@ -22,7 +22,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let what = format!("kernel {} without PREEMPT_RT ({kind})", kernel.release);
     match grade {
         Some(Grade::A | Grade::B) => vec![HealthFinding::note(format!(
-            "{what}; what was measured counts more, and it is good under this load"
+            "{what}; the measured latency is good under this load, and counts more"
         ))],
         _ => vec![HealthFinding::note(what).fix(
             "install a kernel with PREEMPT_RT (Debian: linux-image-rt-amd64; Ubuntu: pro enable realtime-kernel) \

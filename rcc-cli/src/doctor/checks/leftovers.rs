@@ -6,7 +6,7 @@ use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
 /// The command that removes all of it.
-const FIX: &str = "rcc-cli doctor --clean   (or start the cell again: `up` cleans its own)";
+const FIX: &str = "rcc-cli doctor --clean   (or start the cell again: `up` cleans up its own cell)";
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let mut found = Vec::new();
@@ -14,7 +14,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         let gone = cell.living.is_empty() && cell.refused.is_none();
         if gone && cell.files + cell.dead.len() > 0 {
             let what = format!(
-                "cell {} is dead and left {} files ({}) in shared memory and {} announcements in {}",
+                "cell {} is dead and left behind {} files ({}) in shared memory and {} announcements in {}",
                 cell.name,
                 cell.files,
                 bytes(cell.bytes),
@@ -38,13 +38,13 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
                 .fix("that user (or root) removes it: rcc-cli doctor --clean --strays")
         } else {
             HealthFinding::warn(
-                format!("{what}, and nobody uses it"),
+                format!("{what}, unused"),
                 "rcc-cli doctor --clean --strays",
             )
         });
     }
     if found.is_empty() {
-        found.push(HealthFinding::ok("nothing is left of dead cells"));
+        found.push(HealthFinding::ok("no leftovers of dead cells"));
     }
     found
 }

@@ -12,21 +12,21 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match (facts.trial.lock, limit) {
         (Ok(()), _) if privileged => vec![HealthFinding::ok("memory can be locked (root)")],
         (Ok(()), None) => vec![HealthFinding::ok(
-            "memory can be locked (the limit memlock is unlimited)",
+            "memory can be locked (the memlock limit is unlimited)",
         )],
         (Ok(()), Some(limit)) => {
-            let what = format!("memory is locked only up to {}", bytes(limit));
+            let what = format!("memory can be locked only up to {}", bytes(limit));
             vec![HealthFinding::warn(what, fix(facts)).required(facts.requirements.required).cause(
-                "the executor does not lock under a finite limit: later memory would be refused in the middle of its work",
+                "the executor does not lock memory under a finite limit: a later allocation would fail while it runs",
             )]
         }
         (Err(errno), limit) => {
             let limit = limit.map_or_else(|| "unlimited".to_owned(), bytes);
-            let what = format!("memory cannot be locked: {}", errno.desc());
+            let what = format!("cannot lock memory: {}", errno.desc());
             vec![
                 HealthFinding::warn(what, fix(facts))
                     .required(facts.requirements.required)
-                    .cause(format!("the limit memlock is {limit}")),
+                    .cause(format!("the memlock limit is {limit}")),
             ]
         }
     }
@@ -39,7 +39,7 @@ fn fix(facts: &MachineFacts) -> String {
     match facts.user.service() {
         Some(service) => format!("LimitMEMLOCK=infinity in {service}, then restart it"),
         None if facts.limits.memlock.hard.is_none() => "ulimit -S -l unlimited   in this shell".to_owned(),
-        None => "`@rcc - memlock unlimited` in /etc/security/limits.d/rcc.conf (you in the group rcc), then log out of \
+        None => "add `@rcc - memlock unlimited` to /etc/security/limits.d/rcc.conf, join the group rcc, then log out of \
                  all sessions and in again"
             .to_owned(),
     }

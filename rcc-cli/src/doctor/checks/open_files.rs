@@ -10,20 +10,20 @@ const NEEDED: u64 = 1024;
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match facts.limits.nofile.soft {
         Some(limit) if limit < NEEDED => {
-            let what = format!("only {limit} files may be open in a process");
+            let what = format!("the open-files limit is only {limit}");
             let fix = if facts.limits.nofile.could(NEEDED) {
                 format!("ulimit -S -n {NEEDED}   in this shell")
             } else {
                 "LimitNOFILE=4096 in the unit, or `@rcc - nofile 4096` in /etc/security/limits.d/rcc.conf".to_owned()
             };
             vec![
-                HealthFinding::warn(what, fix).cause(format!("{NEEDED} are enough for the largest cell")),
+                HealthFinding::warn(what, fix).cause(format!("{NEEDED} suffice for the largest cell")),
             ]
         }
         Some(limit) => vec![HealthFinding::ok(format!(
-            "{limit} files may be open in a process"
+            "the open-files limit is {limit}"
         ))],
-        None => vec![HealthFinding::ok("any number of files may be open in a process")],
+        None => vec![HealthFinding::ok("the open-files limit is unlimited")],
     }
 }
 

@@ -44,11 +44,11 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         .unwrap_or(0);
     if cpu.dma_latency_us.is_some_and(|asked| asked < shortest) {
         found.push(HealthFinding::ok(
-            "deep idle states are kept away by somebody who holds /dev/cpu_dma_latency",
+            "deep idle states are disabled by a process that holds /dev/cpu_dma_latency open",
         ));
     } else {
         found.push(HealthFinding::warn(
-            format!("idle states that take long to leave are in use: {}", states.join(", ")),
+            format!("idle states with a long exit latency are enabled: {}", states.join(", ")),
             "keep /dev/cpu_dma_latency open with 0 (rcc-rt-setup.service does), or the kernel parameter \
              processor.max_cstate=1 intel_idle.max_cstate=1",
         ));

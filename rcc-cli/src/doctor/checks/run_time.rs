@@ -11,17 +11,17 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match facts.limits.rttime.soft {
         None => Vec::new(),
         Some(limit) if limit >= ENOUGH_US => vec![HealthFinding::note(format!(
-            "the limit rttime is {limit} µs: enough for the cycle"
+            "the rttime limit is {limit} µs: enough for the cycle"
         ))],
         Some(limit) => {
             let fix = match facts.user.service() {
                 Some(service) => format!("LimitRTTIME=infinity in {service}"),
                 None => "ulimit -S -R unlimited, or raise `rttime` where it is set (desktop sessions: rtkit)".to_owned(),
             };
-            let what = format!("the limit rttime is {limit} µs");
+            let what = format!("the rttime limit is {limit} µs");
             vec![
                 HealthFinding::warn(what, fix)
-                    .cause("the system kills the executor when one cycle takes longer"),
+                    .cause("the kernel kills the executor when one cycle takes longer"),
             ]
         }
     }

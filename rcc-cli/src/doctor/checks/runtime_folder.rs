@@ -13,34 +13,34 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let uid = facts.user.uid;
     match folder.owner {
         Some(owner) if owner != uid => {
-            let what = format!("the runtime folder {path} belongs to user {owner}, you are {uid}");
+            let what = format!("the runtime folder {path} belongs to user {owner}, but you are user {uid}");
             vec![HealthFinding::fail(
                 what,
                 "set RCC_RUNTIME_DIR to a folder of your own",
             )]
         }
         _ if !folder.usable => {
-            let what = format!("the runtime folder {path} cannot be used");
+            let what = format!("the runtime folder {path} is not usable");
             vec![HealthFinding::fail(
                 what,
-                "set RCC_RUNTIME_DIR to a folder that you may write to",
+                "set RCC_RUNTIME_DIR to a writable folder",
             )]
         }
         Some(_) if folder.mode & OTHERS_WRITE != 0 => {
             let what = format!(
-                "the runtime folder {path} can be written by others (mode {:o})",
+                "the runtime folder {path} is writable by others (mode {:o})",
                 folder.mode
             );
             vec![
                 HealthFinding::warn(what, format!("chmod 0700 {path}"))
-                    .cause("another user could put a socket or a name of his own there"),
+                    .cause("another user could place a socket or file there"),
             ]
         }
         Some(_) => vec![HealthFinding::ok(format!(
             "runtime folder {path}, mode {:o}",
             folder.mode
         ))],
-        None => vec![HealthFinding::ok(format!("runtime folder {path}, not made yet"))],
+        None => vec![HealthFinding::ok(format!("runtime folder {path}, not created yet"))],
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
             );
             vec![
                 HealthFinding::warn(what, fix)
-                    .cause("a cell that goes on after you log out loses its boards"),
+                    .cause("a cell that keeps running after you log out loses its shared memory"),
             ]
         }
     }

@@ -12,7 +12,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let shared = &facts.shared;
     if !shared.writable {
         return vec![HealthFinding::fail(
-            "/dev/shm cannot be written",
+            "/dev/shm is not writable",
             "sudo mount -o remount,mode=1777 /dev/shm",
         )];
     }
@@ -21,17 +21,17 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         Some("tmpfs" | "ramfs") => {}
         Some(other) => found.push(
             HealthFinding::warn(
-                format!("/dev/shm is {other}, not memory"),
+                format!("/dev/shm is on {other}, not in memory"),
                 "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm, and in /etc/fstab",
             )
-            .cause("every write of the cycle may wait for a disk"),
+            .cause("every write in the cycle may wait for a disk"),
         ),
         None => found.push(
             HealthFinding::warn(
                 "nothing is mounted at /dev/shm",
                 "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm; in a container: --shm-size=256m",
             )
-            .cause("every write of the cycle may wait for a disk"),
+            .cause("every write in the cycle may wait for a disk"),
         ),
     }
     if shared.options.iter().any(|option| option == "ro") {
@@ -46,13 +46,13 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
             bytes(shared.free),
             bytes(shared.size)
         );
-        let fix = "rcc-cli doctor --clean removes what dead cells left; or enlarge it: \
+        let fix = "run `rcc-cli doctor --clean` to remove leftovers of dead cells, or enlarge it: \
                    sudo mount -o remount,size=512m /dev/shm (in a container: --shm-size=256m)";
         found.push(HealthFinding::fail(what, fix).cause(format!("a cell needs about {}", bytes(NEEDED))));
     }
     if found.is_empty() {
         found.push(HealthFinding::ok(format!(
-            "/dev/shm is memory with {} free of {}",
+            "/dev/shm is in memory, {} free of {}",
             bytes(shared.free),
             bytes(shared.size)
         )));

@@ -15,7 +15,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let source = &facts.requirements.source;
     if stale_ns < least_ns {
         let what = format!(
-            "stale_after is {}: too short for grade {grade}",
+            "stale_after is {}, too short for grade {grade}",
             time(stale_ns)
         );
         let fix = format!(
@@ -24,7 +24,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         );
         return vec![
             HealthFinding::warn(what, fix).cause(
-                "a device counts as lost, and its net ends, when this machine is merely late",
+                "devices count as lost, and their nets end, when this machine is merely late",
             ),
         ];
     }
@@ -42,7 +42,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         ];
     }
     vec![HealthFinding::ok(format!(
-        "stale_after is {}, at least {} is needed",
+        "stale_after is {}; at least {} is required",
         time(stale_ns),
         time(least_ns)
     ))]

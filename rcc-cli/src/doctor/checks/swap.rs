@@ -14,34 +14,34 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         facts.trial.lock.is_ok() && (facts.user.uid == 0 || facts.limits.memlock.soft.is_none());
     let mut found = Vec::new();
     if let Some(available) = memory.available.filter(|available| *available < LITTLE) {
-        let what = format!("only {} of memory are left", bytes(available));
+        let what = format!("only {} of memory are available", bytes(available));
         found.push(HealthFinding::warn(
             what,
-            "close programs: the system may kill a process of the cell for want of memory",
+            "close programs: the kernel may kill a process of the cell when memory runs out",
         ));
     }
     if memory.swap_used > 0 && !locked {
         let what = format!(
-            "{} are swapped out, and memory cannot be locked here",
+            "{} are swapped out, and memory cannot be locked",
             bytes(memory.swap_used)
         );
         found.push(HealthFinding::warn(
             what,
-            "sudo swapoff -a, or allow locked memory (above)",
+            "run `sudo swapoff -a`, or allow locked memory (above)",
         ));
     } else if memory.swap > 0 && !locked {
         found.push(
             HealthFinding::note(format!(
-                "there are {} of swap, and memory cannot be locked here",
+                "there are {} of swap, and memory cannot be locked",
                 bytes(memory.swap)
             ))
-            .fix("sudo swapoff -a, or allow locked memory (above)"),
+            .fix("run `sudo swapoff -a`, or allow locked memory (above)"),
         );
     }
     if memory.overcommit == Some(2) {
         found.push(
-            HealthFinding::note("vm.overcommit_memory is 2: memory is refused when it is asked for, not when it is used")
-                .fix("nothing, unless a process of the cell does not start for want of memory"),
+            HealthFinding::note("vm.overcommit_memory is 2: allocations fail when requested, not when used")
+                .fix("none, unless a process of the cell fails to start for lack of memory"),
         );
     }
     found

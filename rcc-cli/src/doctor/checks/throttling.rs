@@ -13,9 +13,9 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     };
     if run < 0 {
         return vec![HealthFinding::note(
-            "throttling of real-time threads is off: a thread that never sleeps would stop the machine",
+            "real-time throttling is off: a thread that never sleeps would freeze the machine",
         )
-        .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000 unless you know why it is off")];
+        .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000, unless it is off on purpose")];
     }
     let percent = run.saturating_mul(100) / period.max(1);
     if percent < USUAL_PERCENT {
@@ -24,11 +24,11 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         );
         return vec![
             HealthFinding::warn(what, "sudo sysctl -w kernel.sched_rt_runtime_us=950000")
-                .cause("the executor is stopped for the rest of each period"),
+                .cause("the kernel stops the executor for the rest of each period"),
         ];
     }
     vec![HealthFinding::ok(format!(
-        "throttling of real-time threads is on at {percent} %: it saves the machine, and the cycle needs less"
+        "real-time throttling is on at {percent} %: it protects the machine, and the cycle needs less"
     ))]
 }
 

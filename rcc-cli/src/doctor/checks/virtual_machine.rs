@@ -10,12 +10,12 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let late = facts.measured.as_ref().map(Grade::of) >= Some(Grade::C);
     let steal_ms = facts.activity.steal_ms;
     if let Some(name) = &facts.kernel.virtual_machine {
-        let what = format!("this is a virtual machine ({name})");
-        let stolen = format!("its host took {steal_ms} ms of processor time while we measured");
-        let fix = "no setting in here helps: use a real machine for a real robot, or give this one dedicated cores";
+        let what = format!("running in a virtual machine ({name})");
+        let stolen = format!("its host took {steal_ms} ms of processor time during the measurement");
+        let fix = "no setting in the guest helps: use a physical machine for a real robot, or dedicate host cores to this one";
         found.push(match (late, steal_ms) {
             (true, 0) => HealthFinding::warn(what, fix)
-                .cause("the host says nothing about time that it took; late wake-ups are probably its doing"),
+                .cause("the host does not report steal time; it probably causes the late wake-ups"),
             (true, _) => HealthFinding::warn(what, fix).cause(stolen),
             (false, 0) => HealthFinding::note(what),
             (false, _) => HealthFinding::note(what).cause(stolen),
@@ -23,11 +23,11 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     }
     if let Some(smi @ 1..) = facts.activity.smi {
         let what = format!(
-            "the firmware interrupted the core {smi} times (SMI), which no system can prevent"
+            "the firmware interrupted the core {smi} times (SMI); no operating system can prevent that"
         );
         found.push(HealthFinding::warn(
             what,
-            "switch off USB legacy support, power management and error reporting in the BIOS",
+            "disable USB legacy support, power management and error reporting in the BIOS",
         ));
     }
     found

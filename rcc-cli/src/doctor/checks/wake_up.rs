@@ -11,15 +11,15 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let measured = match (&facts.measured, &facts.not_measured) {
         (Some(measured), _) => measured,
         (None, Some(why)) => {
-            let fix = "name a core of this machine in executor.core, or leave it out";
+            let fix = "set executor.core to a core of this machine, or remove it";
             return vec![HealthFinding::fail(
-                format!("wake-ups cannot be measured: {why}"),
+                format!("cannot measure wake-up latency: {why}"),
                 fix,
             )];
         }
         (None, None) => {
             return vec![
-                HealthFinding::note("wake-ups were not measured").fix("rcc-cli doctor --measure 10s"),
+                HealthFinding::note("wake-up latency was not measured").fix("rcc-cli doctor --measure 10s"),
             ];
         }
     };
@@ -62,13 +62,13 @@ fn words(measured: &WakeUpMeasurement) -> String {
 fn remedy(facts: &MachineFacts, measured: &WakeUpMeasurement) -> String {
     let mut ways = Vec::new();
     if measured.priority.is_none() {
-        ways.push("get SCHED_FIFO (above)");
+        ways.push("obtain SCHED_FIFO (above)");
     }
     if measured.core.is_none() {
         ways.push("give the executor a core of its own (executor.core, isolcpus)");
     }
     if facts.kernel.virtual_machine.is_some() {
-        ways.push("leave the virtual machine");
+        ways.push("run outside of the virtual machine");
     }
     if !facts.kernel.preempt_rt {
         ways.push("use a kernel with PREEMPT_RT");
@@ -77,7 +77,7 @@ fn remedy(facts: &MachineFacts, measured: &WakeUpMeasurement) -> String {
         ways.push("measure longer (--measure 60s)");
     }
     if ways.is_empty() {
-        ways.push("look at the warnings above and below, and at the BIOS (power management, SMI)");
+        ways.push("resolve the warnings above and below, and check the BIOS (power management, SMI)");
     }
     ways.join("; ")
 }

@@ -44,17 +44,17 @@ fn listen(facts: &LinkFacts) -> Option<SocketAddr> {
 
 fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
     let Some(SocketAddr::V4(listen)) = listen(facts) else {
-        let fix = "give settings.listen an IPv4 address with a port, such as 192.168.0.1:49938";
+        let fix = "set settings.listen to an IPv4 address with a port, such as 192.168.0.1:49938";
         return Some(HealthFinding::fail(
-            "settings.listen is no IPv4 address with a port",
+            "settings.listen is not an IPv4 address with a port",
             fix,
         ));
     };
     let ip = *listen.ip();
     if ip.is_unspecified() {
         return Some(
-            HealthFinding::note("listens on every card of this machine").fix(
-                "name the address of the card that leads to the controller in settings.listen",
+            HealthFinding::note("listens on every network interface of this machine").fix(
+                "set settings.listen to the address of the interface that leads to the controller",
             ),
         );
     }
@@ -69,25 +69,25 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
             .map(super::sockets::NetworkInterface::words)
             .collect();
         let fix = format!(
-            "give a card this address (ip addr add {ip}/24 dev CARD), or correct settings.listen"
+            "assign this address to an interface (ip addr add {ip}/24 dev INTERFACE), or correct settings.listen"
         );
         return Some(
-            HealthFinding::fail(format!("no card of this machine has the address {ip}"), fix)
-                .cause(format!("there are: {}", have.join(", "))),
+            HealthFinding::fail(format!("no network interface of this machine has the address {ip}"), fix)
+                .cause(format!("available: {}", have.join(", "))),
         );
     };
     if !card.up {
         let fix = format!(
-            "plug the cable in, switch the controller on; ip link set {} up",
+            "plug in the cable and switch on the controller; ip link set {} up",
             card.name
         );
         return Some(HealthFinding::fail(
-            format!("the card {} is down", card.words()),
+            format!("the network interface {} is down", card.words()),
             fix,
         ));
     }
     if let Some(peer) = peer(facts).filter(|peer| !card.is_near(*peer)) {
-        let fix = "give both cards addresses of one subnet (the controller's card: VxWorks, KRC network settings)";
+        let fix = "give both interfaces addresses in one subnet (controller side: VxWorks, KRC network settings)";
         return Some(HealthFinding::fail(
             format!(
                 "the controller {peer} is not in the subnet of {}",
@@ -99,10 +99,10 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
     if ip.is_loopback() && !facts.simulated {
         return Some(HealthFinding::warn(
             format!("listens on {ip}, which only this machine reaches"),
-            "for a real controller: the address of the card that leads to it in settings.listen, and in FRIHOST",
+            "for a real controller, set settings.listen and FRIHOST to the address of the interface that leads to it",
         ));
     }
-    Some(HealthFinding::ok(format!("card {} is up", card.words())))
+    Some(HealthFinding::ok(format!("network interface {} is up", card.words())))
 }
 
 fn peer(facts: &LinkFacts) -> Option<Ipv4Addr> {
@@ -127,7 +127,7 @@ fn port(facts: &LinkFacts) -> Option<HealthFinding> {
     };
     let Some(words) = probe["error"].as_str() else {
         return Some(HealthFinding::note(format!(
-            "no driver runs; listened at UDP {listen} in its place, without answering"
+            "no driver runs; listened on UDP {listen} in its place, without answering"
         )));
     };
     match probe["errno"].as_i64() {
@@ -138,20 +138,20 @@ fn port(facts: &LinkFacts) -> Option<HealthFinding> {
                 .unwrap_or_else(|| "another process".to_owned());
             let fix = "end that process, or choose another port in the cell's file and in FRISOCK (dlrrc.ini)";
             Some(HealthFinding::fail(
-                format!("UDP {listen} is taken by {who}"),
+                format!("UDP {listen} is in use by {who}"),
                 fix,
             ))
         }
         Some(NOT_OURS) => {
             let fix = "correct settings.listen";
             Some(HealthFinding::fail(
-                format!("{} is no address of this machine", listen.ip()),
+                format!("{} is not an address of this machine", listen.ip()),
                 fix,
             ))
         }
         _ => Some(HealthFinding::fail(
             words,
-            "correct the device's part of the cell's file",
+            "correct the device's entry in the cell's file",
         )),
     }
 }
@@ -161,21 +161,21 @@ fn datagrams(facts: &LinkFacts) -> Option<HealthFinding> {
     let came = facts.grown("datagrams");
     if came > 0 {
         return Some(HealthFinding::ok(format!(
-            "datagrams arrive at {listen}: {came} while we looked"
+            "datagrams arrive at {listen}: {came} during the check"
         )));
     }
     let ever = facts.total("datagrams");
     let what = if ever == 0 {
-        format!("nobody sends to {listen}")
+        format!("no datagrams arrive at {listen}")
     } else {
-        format!("nobody sends to {listen} any more ({ever} datagrams since the driver began)")
+        format!("no more datagrams arrive at {listen} ({ever} since the driver started)")
     };
     let fix = if facts.simulated {
-        "start the simulator (rcc-cli up does); its --driver must be this address".to_owned()
+        "start the simulator (`rcc-cli up` does); its --driver option must be this address".to_owned()
     } else {
         format!(
             "on the controller: C:\\KRC\\ROBOTER\\INIT\\dlrrc.ini FRIHOST={} FRISOCK={},0; has its KRL program called \
-             friOpen? Here: is the cable in the right card, and no firewall before UDP {}?",
+             friOpen? Here: is the cable in the right port, and UDP {} not blocked by a firewall?",
             listen.ip(),
             listen.port(),
             listen.port()
@@ -193,13 +193,13 @@ fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
     if foreign == 0 {
         return facts.link()["controller"]
             .as_str()
-            .map(|from| HealthFinding::ok(format!("they come from {from}")));
+            .map(|from| HealthFinding::ok(format!("datagrams come from {from}")));
     }
     let others = format!("{foreign} datagrams came from {}", text("foreign_last"));
     let accepted = facts.grown("accepted");
     let expected = match facts.settings["peer"].as_str() {
-        Some(peer) => format!("settings.peer takes {peer} only"),
-        None => format!("{} was first", text("controller")),
+        Some(peer) => format!("settings.peer accepts only {peer}"),
+        None => format!("the accepted sender is {}", text("controller")),
     };
     if accepted == 0 {
         let fix = format!(
@@ -208,7 +208,7 @@ fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
         );
         return Some(HealthFinding::fail(others, fix).cause(expected));
     }
-    let fix = "find out who that is: only one controller may send here";
+    let fix = "identify that sender: only one controller may send here";
     Some(HealthFinding::warn(format!("{others}; they are refused"), fix).cause(expected))
 }
 
@@ -236,13 +236,13 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
         return match sunrise(&head) {
             Some(which) => fails(
                 format!(
-                    "the sender speaks the FRI of Sunrise ({which}): an LBR iiwa or Med, not an LWR"
+                    "the sender uses the FRI of Sunrise ({which}): an LBR iiwa or Med, not an LWR"
                 ),
                 "this driver is for the LWR 4+ with KUKA.FRI 1.0; an iiwa needs a driver of its own",
             ),
             None => fails(
-                format!("datagrams of {bytes} bytes arrive, FRI 1.0 has 916"),
-                "is another program sending here, or another version of KUKA.FRI on the controller? 1.0 is needed",
+                format!("received datagrams of {bytes} bytes; FRI 1.0 uses 916"),
+                "stop the other program that sends here, or install KUKA.FRI 1.0 on the controller",
             ),
         };
     }
@@ -250,23 +250,23 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
         let id = facts.total("wrong_identity_last");
         return match id {
             COMMAND => fails(
-                format!("datagrams have the identity {id:#06x}: commands, as a PC sends them"),
+                format!("datagrams have the identity {id:#06x}: commands, which a PC sends"),
                 "another PC program sends here; the controller sends measurements",
             ),
             _ => fails(
-                format!("datagrams have the identity {id:#06x}, FRI 1.0 has {MEASUREMENT:#06x}"),
-                "another version of KUKA.FRI runs on the controller: install 1.0 there",
+                format!("datagrams have the identity {id:#06x}; FRI 1.0 uses {MEASUREMENT:#06x}"),
+                "install KUKA.FRI 1.0 on the controller, which runs another version",
             ),
         };
     }
     if facts.grown("malformed") > 0 {
         return fails(
-            "datagrams have the size and identity of FRI 1.0, but numbers without meaning"
+            "datagrams have the size and identity of FRI 1.0, but invalid values"
                 .to_owned(),
-            "another version of KUKA.FRI, or a device between that changes datagrams",
+            "check the KUKA.FRI version, and any device in between that may change datagrams",
         );
     }
-    Some(HealthFinding::ok("they are FRI 1.0: 916 bytes, identity 0x2006"))
+    Some(HealthFinding::ok("the datagrams are FRI 1.0: 916 bytes, identity 0x2006"))
 }
 
 /// SDK 1.x and 2.5 send the bare message, 2.7 its length before.
@@ -292,21 +292,21 @@ fn order(facts: &LinkFacts) -> Option<HealthFinding> {
         let fix =
             "restart the controller's FRI (friClose, friOpen); is a recording being replayed here?";
         return Some(HealthFinding::fail(
-            "datagrams come again and again, or backwards, or hold no numbers",
+            "datagrams are repeated, out of order, or hold no numbers",
             fix,
         ));
     }
     if disordered + lost > 0 {
         let what = format!(
-            "{lost} datagrams were lost on the way and {disordered} came twice, late or with a doubtful content, while we looked"
+            "{lost} datagrams were lost and {disordered} were duplicated, late or implausible during the check"
         );
-        let fix = "a cable of its own between controller and this machine, no switch, no Wi-Fi";
+        let fix = "use a dedicated cable between the controller and this machine, without switch or Wi-Fi";
         return Some(HealthFinding::warn(what, fix));
     }
     let (gaps, ever) = (facts.total("gaps"), facts.total("gaps_datagrams"));
     (gaps > 0).then(|| {
         HealthFinding::note(format!(
-            "{ever} datagrams were lost in {gaps} gaps since the driver began"
+            "{ever} datagrams were lost in {gaps} gaps since the driver started"
         ))
     })
 }
@@ -321,13 +321,13 @@ fn arrival(facts: &LinkFacts) -> Option<HealthFinding> {
     let period_ns = (period_s * 1e6).round() as u64 * 1000;
     let longest_ns = facts.total("interval_max_ns");
     let what = format!(
-        "every {}; longest pause {} while we looked, {} since the beginning",
+        "a datagram every {}; longest gap {} during the check, {} since the start",
         time(period_ns),
         time(longest_ns),
         time(facts.total("interval_longest_ns"))
     );
     if longest_ns > 3 * period_ns {
-        let fix = "look at `rcc-cli doctor` (this machine woke late), else at the network";
+        let fix = "check this machine with `rcc-cli doctor` (late wake-ups), then the network";
         return Some(HealthFinding::warn(what, fix));
     }
     if period_ns != facts.period_ns {
@@ -348,7 +348,7 @@ fn drives(facts: &LinkFacts) -> Option<HealthFinding> {
     if error != 0 {
         let fix = "read the message on the KCP, remove its cause, acknowledge";
         return Some(HealthFinding::fail(
-            format!("drives report an error: {}", joints(error)),
+            format!("the drives report an error: {}", joints(error)),
             fix,
         ));
     }
@@ -356,13 +356,13 @@ fn drives(facts: &LinkFacts) -> Option<HealthFinding> {
         let fix = "release the E-stop, close the gate, acknowledge on the KCP; in T1 and T2 hold the enabling switch; a \
                    motion of the KRL program (a small PTP) releases the brakes";
         return Some(HealthFinding::fail("the drives have no power", fix).cause(
-            "E-stop, safety gate, or no enabling switch in T1 and T2: FRI 1.0 does not tell which",
+            "E-stop, safety gate, or no enabling switch in T1 and T2: FRI 1.0 does not report which",
         ));
     }
     if warning != 0 {
         let fix = "read the message on the KCP";
         return Some(HealthFinding::warn(
-            format!("drives report a warning: {}", joints(warning)),
+            format!("the drives report a warning: {}", joints(warning)),
             fix,
         ));
     }
@@ -394,7 +394,7 @@ fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
     let Some(told) = facts.driver_status.as_ref() else {
         return Some(
             HealthFinding::note(format!(
-                "quality {word}: nobody answers, so it means nothing yet"
+                "quality {word}: not meaningful, because no driver answers the controller"
             ))
             .fix(format!("start the cell: rcc-cli up {}", facts.source)),
         );
@@ -432,31 +432,31 @@ fn culprit(facts: &LinkFacts, late: u64) -> (String, String) {
     let period_ns = facts.period_ns;
     let slow = facts.total("answer_max_ns") > period_ns / 2;
     let gaps = facts.grown("gaps_datagrams") > 0 || facts.total("interval_max_ns") > 2 * period_ns;
-    let counted = format!("{late} answers late or lost in the last minute");
+    let counted = format!("{late} late or lost answers in the last minute");
     if slow {
         let took = time(facts.total("answer_max_ns"));
         return (
             format!("{counted}; our answers took up to {took}"),
-            "this machine is late: rcc-cli doctor".to_owned(),
+            "this machine is late: run `rcc-cli doctor`".to_owned(),
         );
     }
     if gaps && facts.simulated {
         return (
             format!(
-                "{counted}; the simulator's datagrams come late, too: both run on this machine"
+                "{counted}; the simulator's datagrams are late as well: both run on this machine"
             ),
-            "this machine is late: rcc-cli doctor".to_owned(),
+            "this machine is late: run `rcc-cli doctor`".to_owned(),
         );
     }
     if gaps {
         return (
-            format!("{counted}; datagrams of the controller get lost or come late, too"),
-            "the network: a cable of its own, no switch, no Wi-Fi; else this machine: rcc-cli doctor".to_owned(),
+            format!("{counted}; the controller's datagrams are lost or late as well"),
+            "check the network (dedicated cable, no switch, no Wi-Fi), then this machine (`rcc-cli doctor`)".to_owned(),
         );
     }
     (
-        format!("{counted}; ours leave in time, so they get lost on the way to the controller"),
-        "the network: a cable of its own, no switch, no Wi-Fi; its card's VxWorks settings"
+        format!("{counted}; answers leave in time, so they are lost on the way to the controller"),
+        "check the network (dedicated cable, no switch, no Wi-Fi) and the controller's VxWorks settings"
             .to_owned(),
     )
 }
@@ -471,19 +471,19 @@ fn session(facts: &LinkFacts) -> Option<HealthFinding> {
         ))),
         "command" => Some(HealthFinding::warn(
             format!("session in command mode, but: {}", told.reason_words),
-            "do what the words say",
+            "follow the message",
         )),
         _ => {
             let fix = match facts.settings["krl"].as_str() {
                 Some("auto") => {
-                    "the KRL program calls friStart by itself: start it, look where it waits"
+                    "the KRL program calls friStart itself: start it, and check where it waits"
                 }
                 _ => {
                     "start the KRL program; it must call friStart(1.0) when $FRI_FRM_INT[1] becomes 10"
                 }
             };
             Some(HealthFinding::fail(
-                "the controller monitors: command mode has not begun",
+                "the controller is in monitor mode: command mode has not started",
                 fix,
             ))
         }
@@ -495,14 +495,14 @@ fn answers(facts: &LinkFacts) -> Option<HealthFinding> {
     let mean_ns = facts.link()["answer_mean_ns"].as_u64()?;
     let longest_ns = facts.total("answer_max_ns");
     let what = format!(
-        "answers leave after {} on average, {} at most while we looked, {} since the beginning; {} set-points came too late",
+        "answers leave after {} on average, at most {} during the check and {} since the start; {} set-points came too late",
         time(mean_ns),
         time(longest_ns),
         time(facts.total("answer_longest_ns")),
         told.starved
     );
     if longest_ns > facts.period_ns / 2 {
-        return Some(HealthFinding::warn(what, "this machine is late: rcc-cli doctor"));
+        return Some(HealthFinding::warn(what, "this machine is late: run `rcc-cli doctor`"));
     }
     Some(HealthFinding::ok(what))
 }

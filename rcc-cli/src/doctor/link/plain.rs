@@ -17,9 +17,9 @@ pub const STAGES: &[LinkStage] = &[
 /// Without a driver: its configuration is accepted.
 pub(super) fn settings(facts: &LinkFacts) -> Option<HealthFinding> {
     if let Some(words) = &facts.no_probe {
-        let fix = "correct the device's part of the cell's file";
+        let fix = "correct the device's entry in the cell's file";
         return Some(HealthFinding::fail(
-            format!("no driver runs, and none can: {words}"),
+            format!("no driver runs, and none can start: {words}"),
             fix,
         ));
     }
@@ -28,7 +28,7 @@ pub(super) fn settings(facts: &LinkFacts) -> Option<HealthFinding> {
         // Its words name the key and what to give.
         Some(words) => Some(HealthFinding::fail(
             words,
-            "correct the device's part of the cell's file",
+            "correct the device's entry in the cell's file",
         )),
         None => Some(HealthFinding::note(
             "no driver runs; listened in its place, without answering",
@@ -44,12 +44,12 @@ fn server(facts: &LinkFacts) -> Option<HealthFinding> {
         ))),
         Err(words) => {
             let fix = format!(
-                "is it switched on and in our subnet (ping {})? Is its Modbus server enabled, and on this port? \
-                 Does it take one more client? Is a firewall between?",
+                "check that it is on and in this subnet (ping {}), that its Modbus server is enabled on this port, \
+                 that it accepts another client, and that no firewall blocks it",
                 server.rsplit_once(':').map_or(server, |(host, _)| host)
             );
             Some(HealthFinding::fail(
-                format!("the server {server} is not reached: {words}"),
+                format!("cannot reach the server {server}: {words}"),
                 fix,
             ))
         }
@@ -82,14 +82,14 @@ fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
         (None, None) => return None,
     };
     if exchanges == 0 {
-        let fix = "do what the words say; the driver's log names address and cause";
-        return Some(HealthFinding::fail(format!("nothing is exchanged: {words}"), fix));
+        let fix = "follow the message; the driver's log gives the address and cause";
+        return Some(HealthFinding::fail(format!("no data is exchanged: {words}"), fix));
     }
     match reason {
         0 => Some(HealthFinding::ok("the device answers and can be commanded")),
         _ => Some(HealthFinding::fail(
             format!("the device answers, but: {words}"),
-            "do what the words say",
+            "follow the message",
         )),
     }
 }
@@ -105,7 +105,7 @@ pub(super) fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
     if history.late == 0 {
         return Some(HealthFinding::ok(what));
     }
-    let fix = "look at the network to the device, and at `rcc-cli doctor` for this machine";
+    let fix = "check the network to the device, and this machine with `rcc-cli doctor`";
     Some(HealthFinding::warn(what, fix))
 }
 
@@ -142,7 +142,7 @@ mod tests {
         assert!(
             report
                 .human()
-                .contains("127.0.0.1:502 is not reached: Connection refused")
+                .contains("cannot reach the server 127.0.0.1:502: Connection refused")
         );
     }
 

@@ -255,6 +255,6 @@ fn percent(text: &str) -> Result<f64, String> {
     let number = text.trim().trim_end_matches('%').trim();
     match number.parse::<f64>() {
         Ok(percent) if (0.0..=100.0).contains(&percent) => Ok(percent / 100.0),
-        _ => Err(format!("`{text}` is no part of all: write 10% or 10")),
+        _ => Err(format!("invalid percentage `{text}`: write 10% or 10")),
     }
 }

@@ -39,7 +39,7 @@ pub(super) fn head(snapshot: &TopSnapshot) -> Vec<String> {
     let new = executor.late.saturating_sub(executor.late_acknowledged);
     lines.push(match new {
         0 => format!(
-            "no late cycle that is not acknowledged ({} since the start)",
+            "no unacknowledged late cycles ({} since the start)",
             grouped(executor.late)
         ),
         new => format!(

@@ -119,7 +119,7 @@ fn the_card_must_have_the_address_be_up_and_share_the_subnet() {
     assert_fails(
         &facts,
         "interface",
-        &["no card", "192.168.1.1", "enp3s0 192.168.0.1/24"],
+        &["no network interface", "192.168.1.1", "enp3s0 192.168.0.1/24"],
     );
     let mut facts = running(json!({}));
     facts.interfaces[0].up = false;
@@ -136,7 +136,7 @@ fn a_port_that_is_taken_names_its_holder() {
     let mut facts = heard(json!({}));
     facts.probe = Some(json!({"opened": false, "error": "…", "errno": nix::libc::EADDRINUSE}));
     facts.holder = Some("other (pid 99)".to_owned());
-    assert_fails(&facts, "port", &["taken by other (pid 99)", "FRISOCK"]);
+    assert_fails(&facts, "port", &["in use by other (pid 99)", "FRISOCK"]);
     facts.probe = Some(json!({"opened": false, "error": "devices.lwr.robot: …", "errno": null}));
     assert_fails(&facts, "port", &["devices.lwr.robot"]);
 }
@@ -148,7 +148,7 @@ fn silence_names_what_to_look_at_on_the_controller() {
         &running(silent.clone()),
         "datagrams",
         &[
-            "nobody sends to 192.168.0.1:49938",
+            "no datagrams arrive at 192.168.0.1:49938",
             "FRIHOST=192.168.0.1",
             "firewall",
         ],
@@ -156,7 +156,7 @@ fn silence_names_what_to_look_at_on_the_controller() {
     assert_fails(&heard(silent), "datagrams", &["friOpen"]);
     let mut stopped = running(json!({}));
     stopped.before = stopped.driver_status.clone();
-    assert_fails(&stopped, "datagrams", &["any more (5000 datagrams"]);
+    assert_fails(&stopped, "datagrams", &["no more datagrams", "(5000 since"]);
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn datagrams_of_somebody_else_name_both() {
         "sender",
         &[
             "2000 datagrams came from 127.0.0.2:40000",
-            "192.168.0.20:49938 only",
+            "accepts only 192.168.0.20:49938",
         ],
     );
     let beside = LinkReport::of(&running(
@@ -224,12 +224,12 @@ fn garbage_other_versions_and_sunrise_are_told_apart() {
     assert_fails(
         &none("malformed", json!({})),
         "version",
-        &["without meaning"],
+        &["invalid values"],
     );
     assert_fails(
         &none("disordered", json!({})),
         "order",
-        &["again and again"],
+        &["are repeated"],
     );
 }
 
@@ -237,7 +237,7 @@ fn garbage_other_versions_and_sunrise_are_told_apart() {
 fn garbage_beside_a_good_controller_warns_only() {
     let report = LinkReport::of(&running(json!({"wrong_size": 3, "wrong_size_last": 5})));
     assert_eq!(report.failed, None);
-    assert!(report.human().contains(" WARN  datagrams of 5 bytes"));
+    assert!(report.human().contains(" WARN  received datagrams of 5 bytes"));
 }
 
 #[test]
@@ -298,7 +298,7 @@ fn bad_quality_names_the_culprit() {
     assert_fails(
         &late(json!({"quality": "unacceptable", "gaps_datagrams": 7})),
         "quality",
-        &["get lost or come late, too"],
+        &["lost or late as well"],
     );
     let recovered = LinkReport::of(&late(json!({})));
     assert_eq!(recovered.failed, None);
@@ -318,7 +318,7 @@ fn without_driver_quality_means_nothing_and_the_report_ends_well() {
     assert!(
         report
             .human()
-            .contains("nobody answers, so it means nothing yet")
+            .contains("not meaningful, because no driver answers the controller")
     );
 }
 
@@ -335,7 +335,7 @@ fn a_controller_that_monitors_names_the_call_that_is_missing() {
 fn pauses_and_another_period_are_told() {
     let pauses = LinkReport::of(&running(json!({"interval_max_ns": 9_000_000}))).human();
     assert!(
-        pauses.contains("longest pause 9.0 ms while we looked"),
+        pauses.contains("longest gap 9.0 ms during the check"),
         "{pauses}"
     );
     let period = LinkReport::of(&running(json!({"period_s": 0.012}))).human();
