@@ -1,9 +1,10 @@
-//! Paths as curves: where the flange or the joints are at s, with derivatives by s up to the third.
-//! Built off the real-time thread; `at` is evaluated by it, allocates nothing and takes a bounded number of steps.
+//! Path geometry: flange or joints as functions of the path parameter s, with derivatives by s up to the third. Built
+//! off the real-time thread, which evaluates `at`: no allocation, a bounded number of steps.
 //!
-//! s runs in metres: a turn counts its angle times the [radius](PathMetric) that makes the angular limits as tight as the
-//! linear ones, and the greater of both ways is the length. Every shape is smooth inside; a [`chain::Chain`] joins shapes
-//! so that position, first and second derivative by s are continuous (C2), or tells where the motion has to rest.
+//! s is in metres: a rotation counts its angle times the [radius](PathMetric) at which the angular limits are as tight
+//! as the linear ones, and the greater of both lengths counts. Every shape is smooth inside; a [`chain::Chain`] joins
+//! shapes such that position and its first and second derivative by s are continuous (C2), or marks where the motion
+//! must stop.
 
 pub mod blend;
 pub mod chain;
@@ -21,16 +22,16 @@ use thiserror::Error;
 
 use jet::{Jet, Scalar};
 
-/// Two points nearer than this are one point, m.
+/// Points closer than this count as one point, m.
 pub const COINCIDENT_M: f64 = 1e-6;
 
-/// Below this a line has no length and a turn no angle (m, rad).
+/// Lengths and angles below this count as 0 (m, rad).
 pub const LENGTH_MIN: f64 = 1e-9;
 
-/// Why three points or poses are no path.
+/// Why points or poses do not define a path.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum GeometryError {
-    /// Start and end are half a turn apart: both ways are equally short.
+    /// Start and end differ by half a turn: both directions are equally short.
     #[error("the orientation turns by 180°: both ways are equally short; give a pose between")]
     HalfTurn,
     /// The three points of a circle lie on a line.
@@ -41,7 +42,7 @@ pub enum GeometryError {
     /// The angle of a circle is 0.
     #[error("the angle of a circle is 0; leave it out to end at the end point, or take a line")]
     NoAngle,
-    /// Two points are one.
+    /// Two points coincide.
     #[error(
         "points {first} and {second} of the path are {distance_m:.1e} m apart: they must differ by 1 µm or more"
     )]
@@ -53,7 +54,7 @@ pub enum GeometryError {
         /// Their distance, m.
         distance_m: f64,
     },
-    /// A spline turns too far from the orientation of its middle point.
+    /// A pose of a spline is rotated too far from the middle pose.
     #[error(
         "point {point} of the spline is turned by {angle_rad:.2} rad from the middle point: 4 rad at most"
     )]
@@ -68,15 +69,15 @@ pub enum GeometryError {
     NotFinite,
 }
 
-/// How far a turn counts beside a way.
+/// How rotation counts in the length of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathMetric {
-    /// Metres that one radian counts (> 0): the velocity limit over the angular velocity limit.
+    /// Metres that one radian counts (> 0): velocity limit divided by angular velocity limit.
     pub radius_m: f64,
 }
 
 impl PathMetric {
-    /// The length of a path of `way_m` that turns by `angle_rad`: whichever leads.
+    /// Length of a path of `way_m` (m) that rotates by `angle_rad` (rad): the greater of both.
     #[must_use]
     pub fn length(self, way_m: f64, angle_rad: f64) -> f64 {
         let length = way_m.max(angle_rad * self.radius_m);
@@ -98,7 +99,7 @@ pub struct Placement<T> {
 }
 
 impl<T: Scalar> Placement<T> {
-    /// The pose alone.
+    /// The pose without derivatives.
     #[must_use]
     pub fn pose(&self) -> Pose {
         Pose {
@@ -108,7 +109,7 @@ impl<T: Scalar> Placement<T> {
     }
 }
 
-/// What a rigid body does along a path: derivatives by s of position and of orientation (as rates about outer axes).
+/// Derivatives by s of position and orientation along a path; rotation about axes of the base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlacementDerivatives {
     /// x', x'', x''' of the origin: m, m, m per unit of s, its square, its cube.
@@ -118,7 +119,7 @@ pub struct PlacementDerivatives {
 }
 
 impl Placement<Jet> {
-    /// The derivatives as rates.
+    /// The derivatives of position and orientation as vectors.
     #[must_use]
     pub fn rates(&self) -> PlacementDerivatives {
         let linear = [1, 2, 3].map(|order| self.position.map(|x| x.derivative(order)));
@@ -137,7 +138,7 @@ impl Placement<Jet> {
     }
 }
 
-/// The angle of a turn by a quaternion of any sign, rad in [0, π].
+/// Rotation angle of a quaternion of either sign, rad in [0, π].
 fn angle_of(turn: Quaternion) -> f64 {
     rcc_core::vector::norm(rcc_core::rotation::log(turn))
 }

@@ -1,49 +1,49 @@
-//! The fastest way of one axis to a goal from any state, within its limits: what is asked for anew whenever a goal changes.
-//! Run by the real-time thread: a function of its arguments, without allocation, without failure.
+//! Time-optimal motion of one axis from any state to a goal within its limits, replanned whenever the goal changes. Run
+//! by the real-time thread: a pure function of its arguments that does not allocate and cannot fail.
 //!
-//! Of rsruckig it takes the mathematics (the extremal profiles of one axis), not the front: that one writes its refusals
-//! with `format!`, here a refusal is a `false`. Its tolerances are absolute, so that it is asked in units in which the
-//! way takes about a second; what it finds is judged by what it does. Where it finds nothing good the axis brakes to rest
-//! and goes on from there, in closed form.
+//! Uses rsruckig's solver for the extremal profiles of one axis (step 1), not its public interface: the interface
+//! formats refusals with `format!`, the solver returns `false`. Its tolerances are absolute, so the problem is scaled
+//! such that the motion takes about a second; the result is then checked against goal and limits. If no valid result is
+//! found, the axis brakes to rest and starts again from there, in closed form.
 
-use rcc_core::axis::{AxisState, Phases, rest_to_rest, stop_and_go, to_velocity, limits_are_valid};
+use rcc_core::axis::{AxisState, Phases, limits_are_valid, rest_to_rest, stop_and_go, to_velocity};
 use rcc_core::path::MotionLimits;
 use rsruckig::block::Block;
 use rsruckig::position_third_step1::PositionThirdOrderStep1;
 use rsruckig::prelude::Profile;
 
-/// A way may miss its goal or a limit by this part of what it goes through.
+/// Relative tolerance for missing the goal or a limit, as a fraction of the quantity's range over the motion.
 const TOLERANCE: f64 = 1e-9;
 
-/// So near to the velocity limit, as a part of it, a state is taken to be at the limit.
+/// A velocity within this fraction of the limit counts as being at the limit.
 const NEAR_LIMIT: f64 = 1e-6;
 
-/// How a way was found.
+/// How a motion to a goal was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GoalPlanKind {
-    /// The fastest one that keeps the limits.
+    /// The time-optimal motion within the limits.
     Fastest,
-    /// To rest first: rsruckig had nothing that keeps the limits, or nothing faster.
+    /// Brake to rest, then go: rsruckig found nothing that keeps the limits, or nothing faster.
     AfterStop,
 }
 
-/// From `from` to rest at `goal`, as fast as `limits` allow.
+/// Plans the motion from `from` to rest at `goal`, as fast as `limits` allow.
 ///
-/// A state beyond the limits (they were lowered) is brought within them first. Limits that are no use
-/// ([`rcc_core::axis::limits_are_valid`]), or a state or goal that is not finite, give a way without phases.
+/// A state beyond the limits (because they were lowered) is first brought within them. Invalid limits
+/// ([`rcc_core::axis::limits_are_valid`]), or a state or goal that is not finite, give a motion without phases.
 #[must_use]
 pub fn plan(from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
     plan_to(from, &AxisState::at_rest(goal), limits).0
 }
 
-/// The same to a goal that is reached with a velocity and an acceleration, within the limits. After a stop it is reached
-/// at rest.
+/// As [`plan`], to a goal that is reached with a given velocity and acceleration within the limits. If the axis has to
+/// stop first, it reaches the goal at rest.
 #[must_use]
 pub fn plan_to(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> (Phases, GoalPlanKind) {
     if !(limits_are_valid(limits) && from.is_finite() && to.is_finite()) {
         return (Phases::default(), GoalPlanKind::AfterStop);
     }
-    // From 0 on: a position far away would cost the digits of a short way.
+    // Plan relative to the start: a large absolute position would cost precision on a short motion.
     let beginning = from.position;
     let at = |state: &AxisState| AxisState {
         position: state.position - beginning,
@@ -58,13 +58,13 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> (Phas
         return (Phases::of(&[&way]), GoalPlanKind::Fastest);
     }
     let found = fastest(from, to, limits).filter(|way| keeps(way, from, to, limits));
-    // At the velocity limit rounding decides which profiles rsruckig sees, and its brake may lead back.
+    // At the velocity limit, rounding decides which profiles rsruckig considers, and its brake trajectory may reverse.
     let at_limit = most_velocity(from, limits) > limits.velocity * (1.0 - NEAR_LIMIT);
     let brake = at_limit.then(|| brake_first(from, to, limits)).flatten();
     let stop = stop_and_go(from, to.position, limits);
     let stop = to.rests().then_some(stop);
     let ways = [found, brake, stop].into_iter().flatten();
-    // Without a way back, then the shortest; the first of those that differ by rounding.
+    // Prefer motions that do not reverse, then the shortest; of those that differ only by rounding, the first.
     let better = |b: &Phases, a: &Phases| match (turns_back(b, from), turns_back(a, from)) {
         (false, true) => true,
         (true, false) => false,
@@ -81,8 +81,9 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> (Phas
     }
 }
 
-/// Whether it goes against the direction that it began in. Braking to a lower limit as fast as can be leaves an
-/// acceleration that then leads beyond rest: fast, but nobody who lowers a speed wants the axis to go back.
+/// Returns true if the motion reverses relative to its initial direction. Braking to a lower limit as fast as possible
+/// leaves an acceleration that can carry the axis beyond rest: time-optimal, but lowering a speed must not make the
+/// axis go back.
 fn turns_back(way: &Phases, from: &AxisState) -> bool {
     let direction = from.velocity.signum();
     let velocities = || way.extrema(*from).map(|state| state.velocity * direction);
@@ -92,7 +93,7 @@ fn turns_back(way: &Phases, from: &AxisState) -> bool {
     least < -TOLERANCE * most.max(-least)
 }
 
-/// Into the velocity limit and from there on; `None` if that keeps no limit.
+/// Brakes into the velocity limit and continues from there; `None` if the result violates a limit.
 fn brake_first(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Phases> {
     let MotionLimits { velocity, jerk, .. } = *limits;
     let left = from.coasting(jerk);
@@ -110,7 +111,7 @@ fn brake_first(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Optio
     keeps(&way, from, to, limits).then_some(way)
 }
 
-/// What rsruckig finds. Of a long way at constant speed it is asked for a short one, which is then drawn out again.
+/// Runs rsruckig's solver. A long phase at constant speed is cut out before and inserted again afterwards.
 fn fastest(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Phases> {
     let task = GoalProblem::of(from, to, limits);
     let ScaledProblem {
@@ -151,22 +152,22 @@ fn fastest(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Ph
     Some(phases)
 }
 
-/// The phase at constant speed, after two to brake and three to get there.
+/// Index of the phase at constant speed: it follows two phases of braking and three of acceleration.
 const CRUISE: usize = 5;
 
-/// A task in units in which it takes about a second and goes about as far as 1.
+/// A problem scaled to units in which the motion takes about a second and covers a distance of about 1.
 struct GoalProblem {
     scaled: ScaledProblem,
-    /// The unit of time, s; a power of two, so that nothing is rounded.
+    /// Unit of time, s; a power of two, so that scaling does not round.
     unit_s: f64,
-    /// Time at the greatest speed that was cut out of the way, s.
+    /// Time at full speed that was cut out of the motion, s.
     cut_s: f64,
 }
 
 struct ScaledProblem {
-    /// Velocity and acceleration.
+    /// Initial velocity and acceleration.
     from: (f64, f64),
-    /// The same at the goal.
+    /// Velocity and acceleration at the goal.
     to: (f64, f64),
     way: f64,
     limits: [f64; 3],
@@ -185,12 +186,13 @@ impl GoalProblem {
         let [_, _, _, (cruise_s, _), ..] = go;
         let [stop_s, go_s] =
             [&stop[..], &go[..]].map(|way| way.iter().map(|(t, _)| t).sum::<f64>());
-        // What is left after the cut has room for every other phase of the fastest way.
+        // What remains after the cut has room for every other phase of the time-optimal motion.
         let cut_s = (cruise_s - 4.0 * (stop_s + go_s - cruise_s)).max(0.0);
         let way = to.position - from.position;
         let cut = (velocity * cut_s).copysign(to.position - rest.position);
         let way = way - cut;
-        // Not a power that a sum of all could miss: lengths within a factor of the stop and of what is left.
+        // Not the power of two of a sum, in which terms could cancel: the lengths of the stop and of the remaining
+        // distance each count.
         let length = way
             .abs()
             .max((rest.position - from.position).abs())
@@ -198,7 +200,7 @@ impl GoalProblem {
         let (unit_s, unit) = (power_of_two(stop_s + go_s - cut_s), power_of_two(length));
         let of_velocity = |v: f64| v * unit_s / unit;
         let of_acceleration = |a: f64| of_velocity(a) * unit_s;
-        // No motion between such velocities reaches more than this; a greater limit would only cost digits.
+        // No motion between these velocities reaches a greater acceleration; a greater limit would only cost precision.
         let reachable = 2.0 * (most_velocity(from, limits) * jerk).sqrt();
         let acceleration = acceleration.min(
             reachable
@@ -225,15 +227,15 @@ impl GoalProblem {
     }
 }
 
-/// The limit, or what the state makes inevitable.
+/// The velocity limit, or the velocity that the state makes inevitable if that is greater.
 fn most_velocity(from: &AxisState, limits: &MotionLimits) -> f64 {
     let inevitable = from.velocity.abs().max(from.coasting(limits.jerk).abs());
     limits.velocity.max(inevitable)
 }
 
-/// The greatest power of two that is not greater; 1 for what has none.
+/// The greatest power of two that is not greater than |value|; 1 if the value is 0, extreme or not finite.
 fn power_of_two(value: f64) -> f64 {
-    // The exponent alone: 52 bits of fraction make 1.
+    // Keep the exponent only: with a fraction of 0 the significand is 1.
     let power = f64::from_bits(value.abs().to_bits() & 0x7ff0_0000_0000_0000);
     if power > 1e-200 && power < 1e200 {
         power
@@ -242,7 +244,7 @@ fn power_of_two(value: f64) -> f64 {
     }
 }
 
-/// Whether a way ends at its goal and keeps the limits, but for what its beginning makes inevitable.
+/// Returns true if a motion ends at its goal and keeps the limits, except for what its initial state makes inevitable.
 fn keeps(way: &Phases, from: &AxisState, to: &AxisState, limits: &MotionLimits) -> bool {
     let &MotionLimits {
         acceleration, jerk, ..

@@ -1,10 +1,10 @@
-//! Motion of one axis in phases of constant jerk, and the fastest change of velocity under two limits.
-//! Plain numbers, no allocation, no failure; evaluated by the real-time thread and by drivers.
+//! Motion of one axis in phases of constant jerk, and the time-optimal change of velocity under acceleration and jerk
+//! limits. Plain numbers: no allocation, no failure. Evaluated by the real-time thread and by drivers.
 
 /// Most phases of a time-optimal motion from rest to rest.
 pub(crate) const PHASES_MAX: usize = 7;
 
-/// Most steps of a search for a time; each at least halves what is left in every second one.
+/// Iteration limit of the search for a time; at least every second iteration halves the bracket.
 const SEARCH_MAX: usize = 100;
 
 /// Position, velocity and acceleration of one axis.
@@ -38,32 +38,33 @@ pub(crate) struct AccelerationLimits {
     pub(crate) jerk: f64,
 }
 
-/// The velocity that is left when the acceleration is let go as fast as possible.
+/// Velocity that remains after the acceleration is reduced to 0 at the jerk limit.
 pub(crate) fn coasting_velocity(velocity: f64, acceleration: f64, jerk_max: f64) -> f64 {
     velocity + acceleration * acceleration.abs() / (2.0 * jerk_max)
 }
 
-/// The fastest change to a velocity without acceleration: three phases of jerk −J, 0, +J (or the opposite).
+/// Time-optimal change to a velocity with zero acceleration at the end: three phases of jerk −J, 0, +J (or the
+/// opposite).
 ///
-/// With the sign chosen so that the velocity left after letting the acceleration go is too great, the acceleration goes
-/// to −peak, stays there, and goes to 0.
+/// With the sign chosen such that the coasting velocity (acceleration reduced to 0) is too great, the acceleration goes
+/// to −peak, stays there, and returns to 0.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct VelocityChange {
     /// Durations of the three phases, s.
-    durations_s: [f64; 3],
+    /// Jerk of the first phase; the third phase has the opposite jerk.
     /// Jerk of the first phase; the third has the opposite one.
     jerk: f64,
 }
 
 impl VelocityChange {
-    /// From `velocity` (as far as it is above the new one) and `acceleration`. An acceleration beyond its limit is let
-    /// go at the jerk limit and not exceeded further. NaN in gives NaN durations.
+    /// The change from `velocity` (relative to the final velocity) and `acceleration`. An acceleration beyond its limit
+    /// is reduced at the jerk limit and not exceeded further. A NaN gives NaN durations.
     pub(crate) fn new(velocity: f64, acceleration: f64, limits: AccelerationLimits) -> Self {
         let (a_max, j_max) = (limits.acceleration, limits.jerk);
         let left = coasting_velocity(velocity, acceleration, j_max);
         let direction = if left < 0.0 { -1.0 } else { 1.0 };
         let (v, a) = (direction * velocity, direction * acceleration);
-        // With no phase at a limit the peak satisfies v + a²/2J = peak²/J; it is at least −a, but for rounding.
+        // If no phase is at a limit, the peak satisfies v + a²/2J = peak²/J; it is at least −a, except for rounding.
         let free_peak = (j_max * v + a * a / 2.0).max(0.0).sqrt().max(-a);
         let peak = free_peak.min(a_max.max(-a));
         let hold_s = if peak < free_peak {
@@ -85,7 +86,7 @@ impl VelocityChange {
         }
     }
 
-    /// Lets go of a part of an acceleration: `duration_s` of one jerk.
+    /// Reduces an acceleration in part: `duration_s` of constant jerk.
     pub(crate) fn relaxing(duration_s: f64, jerk: f64) -> Self {
         Self {
             durations_s: [duration_s, 0.0, 0.0],
@@ -93,30 +94,30 @@ impl VelocityChange {
         }
     }
 
-    /// How long it takes, s.
+    /// Total duration, s.
     pub(crate) fn duration_s(&self) -> f64 {
         self.durations_s.iter().sum()
     }
 
-    /// Its phases: duration (s) and jerk.
+    /// The phases as duration (s) and jerk.
     pub(crate) fn steps(&self) -> [(f64, f64); 3] {
         let [first, hold, last] = self.durations_s;
         [(first, self.jerk), (hold, 0.0), (last, -self.jerk)]
     }
 
-    /// The state at its end.
+    /// State at the end of the change if it begins in `start`.
     pub(crate) fn end(&self, start: KinematicState) -> KinematicState {
         let step = |state: KinematicState, (duration_s, jerk)| state.after(duration_s, jerk);
         self.steps().into_iter().fold(start, step)
     }
 
-    /// The motion of this change, begun in `start`.
+    /// The motion of this change if it begins in `start`.
     pub(crate) fn profile(&self, start: KinematicState) -> JerkProfile {
         JerkProfile::new(start, self.steps())
     }
 }
 
-/// One phase: from `begin_s` on, `start` moves under `jerk`.
+/// One phase: from `begin_s` on, `start` evolves under constant `jerk`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct JerkPhase {
     begin_s: f64,
@@ -124,10 +125,10 @@ struct JerkPhase {
     jerk: f64,
 }
 
-/// Numbers that a [`JerkProfile`] consists of.
+/// Number of values in [`JerkProfile::numbers`].
 pub(crate) const PROFILE_WORDS: usize = PHASES_MAX * 5 + 2;
 
-/// A motion to rest in phases of constant jerk.
+/// A motion in at most [`PHASES_MAX`] phases of constant jerk.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct JerkProfile {
     phases: [JerkPhase; PHASES_MAX],
@@ -136,7 +137,7 @@ pub(crate) struct JerkProfile {
 }
 
 impl JerkProfile {
-    /// From `start` through phases of (duration s, jerk); behind the last one the axis rests.
+    /// A motion from `start` through phases of (duration in s, jerk); after the last phase the axis is at rest.
     pub(crate) fn new<const N: usize>(start: KinematicState, steps: [(f64, f64); N]) -> Self {
         const { assert!(N <= PHASES_MAX) };
         let mut profile = Self::default();
@@ -157,7 +158,7 @@ impl JerkProfile {
         profile
     }
 
-    /// The motion as numbers: five a phase, then duration and end.
+    /// The profile as numbers: five per phase, then duration and end position.
     pub(crate) fn numbers(&self) -> [f64; PROFILE_WORDS] {
         let mut numbers = [0.0; PROFILE_WORDS];
         let (groups, rest) = numbers.as_chunks_mut::<5>();
@@ -175,7 +176,7 @@ impl JerkProfile {
         numbers
     }
 
-    /// The motion that gave these [`JerkProfile::numbers`].
+    /// Restores a profile from [`JerkProfile::numbers`].
     pub(crate) fn from_numbers(numbers: &[f64; PROFILE_WORDS]) -> Self {
         let mut profile = Self::default();
         let (groups, rest) = numbers.as_chunks::<5>();
@@ -198,22 +199,22 @@ impl JerkProfile {
         profile
     }
 
-    /// How long the motion takes, s.
+    /// Duration of the motion, s.
     pub(crate) fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// Where the motion ends.
+    /// Position at the end.
     pub(crate) fn end_position(&self) -> f64 {
         self.end_position
     }
 
-    /// The state at `t_s` ≥ 0 from the beginning, `None` when the motion is over.
+    /// State at `t_s` ≥ 0 after the beginning; `None` after the end of the motion.
     pub(crate) fn at(&self, t_s: f64) -> Option<KinematicState> {
         (t_s < self.duration_s).then(|| self.sample(t_s).0)
     }
 
-    /// State and jerk at `t_s` from the beginning; outside of the motion those of its nearest phase, gone on.
+    /// State and jerk at `t_s` after the beginning; outside of the motion the nearest phase is extrapolated.
     pub(crate) fn sample(&self, t_s: f64) -> (KinematicState, f64) {
         let begun = |phase: &&JerkPhase| phase.begin_s <= t_s;
         let phase = self.phases.iter().rev().find(begun);
@@ -224,8 +225,8 @@ impl JerkProfile {
         )
     }
 
-    /// When `position` is passed, s from the beginning; for a motion that never goes backwards. 0 if it lies behind the
-    /// start, the duration if it is not reached.
+    /// Time at which `position` is passed, s after the beginning, for a motion that never goes backwards. 0 if the
+    /// position lies before the start, the duration if it is not reached.
     pub(crate) fn time_at(&self, position: f64) -> f64 {
         let passed = |phase: &&JerkPhase| phase.start.position <= position;
         let mut phases = self.phases.iter().rev().skip_while(|phase| !passed(phase));
@@ -238,7 +239,7 @@ impl JerkProfile {
         if phase.start.after(late, phase.jerk).position <= position {
             return end_s;
         }
-        // Newton's rule, halving where it leaves the bracket.
+        // Newton's method; bisects when a step leaves the bracket.
         let mut t_s = 0.5 * late;
         for _ in 0..SEARCH_MAX {
             let state = phase.start.after(t_s, phase.jerk);
@@ -258,7 +259,7 @@ impl JerkProfile {
         phase.begin_s + t_s
     }
 
-    /// What of the motion lies between two times: start, jerk and duration of each phase.
+    /// The segments of the motion between two times: start state, jerk and duration of each.
     #[cfg(test)]
     pub(crate) fn parts(
         &self,
@@ -279,8 +280,8 @@ impl JerkProfile {
         parts.collect::<Vec<_>>().into_iter()
     }
 
-    /// The states in which phases begin, where velocity and acceleration have their extrema (of the velocity those
-    /// with an acceleration of 0), and where the last phase ends.
+    /// The states at the beginning of each phase (unused phases repeat the end). The acceleration has its extrema
+    /// there; the velocity has them there or where the acceleration is 0.
     pub(crate) fn corners(&self) -> impl Iterator<Item = KinematicState> + '_ {
         self.phases.iter().map(|phase| phase.start)
     }
@@ -315,7 +316,7 @@ mod tests {
             velocity: 2.0,
             ..KinematicState::default()
         });
-        // From a velocity without acceleration the way is half of velocity × time.
+        // From a velocity without acceleration, the distance is half of velocity × time.
         assert!((profile.end_position() - 2.1).abs() < 1e-12);
     }
 
@@ -335,12 +336,12 @@ mod tests {
             let (a, stop) = (share * limit, stop(v, share * limit, limit, jerk));
             prop_assert!(stop.durations_s.iter().all(|t| *t >= 0.0), "{stop:?}");
             let profile = stop.profile(KinematicState { position: 1.0, velocity: v, acceleration: a });
-            // What the rounding of a time as long as the stop makes of the limits.
+            // Effect of rounding over a duration as long as the stop.
             let rounding = 4.0 * f64::EPSILON * (1.0 + stop.duration_s());
             prop_assert!(rest(&profile).velocity.abs() <= rounding * (v.abs() + limit + 1.0) * 4.0);
             prop_assert!(rest(&profile).acceleration.abs() <= rounding * (jerk + limit));
             prop_assert!(profile.corners().all(|c| c.acceleration.abs() <= limit * (1.0 + 1e-12)));
-            // Never faster than at the beginning, but for what letting the acceleration go costs.
+            // Never faster than at the beginning, except while an initial acceleration is reduced.
             let peak = v.abs().max((v + a * a.abs() / (2.0 * jerk)).abs()) + 1e-12;
             prop_assert!(profile.corners().all(|c| c.velocity.abs() <= peak));
         }

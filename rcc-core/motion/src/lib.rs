@@ -1,8 +1,9 @@
-//! Jerk-limited motion in one dimension: the clock of a path, and the way to rest when nobody commands any more.
-//! Objects are planned off the real-time thread; stepping them there (or in a driver) allocates nothing and cannot fail.
+//! Jerk-limited motion: paths of an arm with time scaling and speed override, the stop trajectory of a driver whose
+//! commands stopped, and the time-optimal motion of one axis. Objects are planned off the real-time thread; stepping
+//! them there (or in a driver) does not allocate and cannot fail.
 //!
-//! Motions are phases of constant jerk in closed form, made in the cycle that asks for them. Of rsruckig the goals of
-//! single axes take the mathematics; everything else it only judges in the tests.
+//! Motions are phases of constant jerk in closed form, computed in the cycle that requests them. From rsruckig only the
+//! solver for a single axis is used (module [`goal`]); the tests use it as a reference for everything else.
 #![forbid(unsafe_code)]
 
 pub mod geometry;

@@ -1,5 +1,5 @@
-//! The motions of a net: a path and its clock each. Built by whoever makes a net ready (it allocates there), stepped by
-//! the real-time thread (it does not).
+//! The motions of a net: each is a planned path with its path clock. Built when a net is made ready (this allocates),
+//! stepped by the real-time thread (this does not).
 
 use rcc_core::axis::{AxisState, Phases};
 use rcc_core::frame::{DeviceModel, PrepareFault, arm_at_rest};
@@ -18,26 +18,28 @@ use crate::planned_path::{ArmStart, MotionSection, PathPoint, PlannedPath, Reduc
 #[derive(Debug, Clone)]
 pub struct Motion {
     planned_path: Box<PlannedPath>,
-    /// Parts from rest to rest, in order; at least one.
+    /// Sections from rest to rest, in order; at least one.
     sections: Box<[MotionSection]>,
     section: usize,
     clock: PathClock,
-    /// The clock counts the way itself and brings it to rest, instead of the time of the section's law.
+    /// Set while a section with a time law is being stopped: the clock then counts arc length s directly instead of the
+    /// time of the law.
     braking: Option<Braking>,
-    /// s at the end.
+    /// Sum of the lengths of all sections, in units of the clock.
     length: f64,
 }
 
-/// Since when a motion brakes, and how.
+/// State of a stop on a section with a time law.
 #[derive(Debug, Clone, Copy)]
 struct Braking {
-    /// What had been counted then.
+    /// Value of the clock at which braking began.
     counted: f64,
-    /// Which of the section's stops it is.
+    /// Index of the [`BrakingLimits`] in use.
     stop: usize,
 }
 
-/// Words of one motion: the section, since when it brakes and how, and its clock.
+/// Words saved per motion: section, value of the clock at which braking began, index of the braking limits, and the
+/// clock.
 const WORDS: usize = CLOCK_WORDS + 3;
 
 impl Motion {
@@ -64,18 +66,18 @@ impl Motion {
         if timed && path.s >= section.length {
             path = rest(path, section.length);
         }
-        // The sum may be one rounding beyond where the next section begins.
+        // The sum may exceed the beginning of the next section by one rounding error.
         path.s = (path.s + begin).min(end);
         if path.done && !path.stopping && self.section + 1 < self.sections.len() {
-            // At rest between two sections: the next one begins with the next cycle.
+            // At rest between two sections: the next section begins in the next cycle.
             (self.section, self.clock) = (self.section + 1, PathClock::new());
             path.done = false;
         }
         self.state(path)
     }
 
-    /// Stops the way of a law by a clock of its own, from the first cycle on in which the law is slow enough for its limits:
-    /// a law goes on to speed up while its time is slowed down.
+    /// Stops on a section with a time law by counting arc length directly, as soon as the state satisfies a set of
+    /// braking limits: the time law alone would keep accelerating while its time is slowed down.
     fn brake(&mut self) -> Option<MotionState> {
         let MotionSection { begin, stops, .. } = self.sections.get(self.section)?;
         let (begin, stops) = (*begin, stops.as_ref()?);
@@ -99,7 +101,7 @@ impl Motion {
             .step(&stops.get(stop)?.bounds, SpeedOverride::STOP);
         let s = begin_s + way.s;
         let path = PathState {
-            // There and back is not exact.
+            // Inverting the time law and evaluating it again is not exact.
             s: self.planned_path.counted(begin, s).max(counted),
             ..way
         };
@@ -130,7 +132,7 @@ impl Motion {
     }
 }
 
-/// At the end of a law the path rests, whatever its clock still does.
+/// At the end of a time law the path is at rest, although its clock still moves.
 fn rest(path: PathState, end: f64) -> PathState {
     PathState {
         s: end,
@@ -142,12 +144,12 @@ fn rest(path: PathState, end: f64) -> PathState {
     }
 }
 
-/// The motions of one net, in the order of its plan.
+/// The motions of one net, in the order of the plan.
 #[derive(Debug, Clone, Default)]
 pub struct MotionSet(Vec<Motion>);
 
 impl MotionSet {
-    /// The roundings that are smaller than asked for, each with the index of its motion.
+    /// The blends that are smaller than requested, each with the index of its motion.
     pub fn shortened(&self) -> impl Iterator<Item = (usize, ReducedBlend)> {
         let motions = self.0.iter().enumerate();
         motions.flat_map(|(index, motion)| {
@@ -156,18 +158,18 @@ impl MotionSet {
         })
     }
 
-    /// All of them back to their start; allocates nothing.
+    /// Returns all motions to their start; does not allocate.
     pub fn reset(&mut self) {
         self.0.iter_mut().for_each(Motion::reset);
     }
 
-    /// Number of words of [`MotionSet::save`].
+    /// Number of words that [`MotionSet::save`] passes on.
     #[must_use]
     pub fn words(&self) -> usize {
         self.0.len() * WORDS
     }
 
-    /// Gives what changes while they run, piece by piece, for the flight recorder; allocates nothing.
+    /// Passes the variable state of all motions to `each`, in pieces, for the flight recorder; does not allocate.
     pub fn save(&self, mut each: impl FnMut(&[u64])) {
         for motion in &self.0 {
             let braking = motion
@@ -179,14 +181,15 @@ impl MotionSet {
         }
     }
 
-    /// Goes on from what [`MotionSet::save`] gave; `None`, and nothing changes, if the words are of other motions.
+    /// Restores the state that [`MotionSet::save`] gave. Returns `None` and changes nothing if the number of words
+    /// belongs to other motions.
     pub fn restore(&mut self, words: &[u64]) -> Option<()> {
         let (motions, rest) = words.as_chunks::<WORDS>();
         if motions.len() != self.0.len() || !rest.is_empty() {
             return None;
         }
         for (motion, [section, counted, stop, clock @ ..]) in self.0.iter_mut().zip(motions) {
-            // A section that there is not leaves the motion where it begins.
+            // An invalid section number leaves the motion at its start.
             motion.section = usize::try_from(*section).unwrap_or(usize::MAX);
             let counted = Some(f64::from_bits(*counted)).filter(|counted| !counted.is_nan());
             motion.braking = counted.map(|counted| Braking {
@@ -219,7 +222,8 @@ pub struct MotionSetBuilder<'a> {
 }
 
 impl<'a> MotionSetBuilder<'a> {
-    /// For a net of `count` motions that is evaluated every `dt_s` (s), with arms that rest at `holds`.
+    /// A builder for a net of `count` motions that is evaluated every `dt_s` (s), with arms at rest at `holds` (rad, by
+    /// device; `None`: not known).
     #[must_use]
     pub fn new(
         models: &'a [DeviceModel],
@@ -235,10 +239,10 @@ impl<'a> MotionSetBuilder<'a> {
         }
     }
 
-    /// All motions.
+    /// Returns all motions.
     ///
     /// # Errors
-    /// A motion that no primitive asked for.
+    /// [`PrepareFault::Motion`] if a motion was not requested by any primitive.
     pub fn finish(self) -> Result<MotionSet, PrepareFault> {
         let motions = self.motions.into_iter().zip(0..);
         let motions = motions.map(|(built, motion)| {
@@ -277,11 +281,11 @@ impl MotionSetBuilder<'_> {
     }
 }
 
-/// Why a motion cannot be made.
+/// Why a motion cannot be built.
 enum MotionBuildFault {
-    /// The arm.
+    /// The arm or its hold set-point is not available.
     Arm(PrepareFault),
-    /// A leg.
+    /// Index of the leg and its fault.
     Leg(u32, MotionFault),
 }
 

@@ -1,13 +1,13 @@
-//! The clock of a path: how the path parameter s goes from rest at 0 to rest at the length, under a speed that may change,
-//! pauses and stops in any cycle. Stepped by the real-time thread: no allocation, no failure, no loop without a bound.
+//! Path clock: moves the path parameter s from rest at 0 to rest at the path length, with a speed override, pauses and
+//! stops that may change in any cycle. Stepped by the real-time thread: no allocation, no failure, every loop bounded.
 //!
-//! The motion being made is a handful of phases of constant jerk. A new one is made only when the clock is told something
-//! new or enters a faster piece, and only one that is known to keep every limit up to its end takes the place of the one
-//! before: what is being done is always safe to go on with.
+//! The current motion is a handful of phases of constant jerk. It is replanned only when a new command arrives or the
+//! clock enters a faster piece, and replaced only by a motion that is known to keep every limit up to its end. So it is
+//! always safe to continue the current motion.
 //!
-//! The fastest stop keeps every limit that any other motion from the same state keeps that never goes backwards: where it
-//! builds up and holds its deceleration no other motion is slower, and where it lets it go, −a = √(2Jv), no other may
-//! brake harder at the same velocity. So whatever is being done, a stop on the way needs no look-ahead.
+//! The fastest stop keeps every limit that any other forward motion from the same state keeps: while it builds up and
+//! holds its deceleration, no other motion is slower; while it reduces the deceleration, −a = √(2Jv), no other motion
+//! may brake harder at the same velocity. A stop on the path therefore needs no look-ahead.
 
 use rcc_core::path::{PathLimits, PathState, SpeedOverride};
 
@@ -23,26 +23,26 @@ use approach::{Approach, ApproachTarget, approach};
 pub use path_bounds::{PathBounds, PathLimitsError, PathPiece};
 pub use state_words::CLOCK_WORDS;
 
-/// A speed below this part of the limits is none.
+/// A speed override below this fraction counts as a pause.
 const SPEED_MIN: f64 = 1e-6;
 
-/// Velocities that differ by less than this part are the same.
+/// Relative difference below which velocities count as equal.
 const SAME: f64 = 1e-10;
 
-/// Most ends of motions in one cycle. Pieces last a cycle or longer, so two are met.
+/// Most motions that may end within one cycle. Pieces last a cycle or longer, so at most two do.
 const ENDS_MAX: usize = 8;
 
-/// What a clock was told.
+/// The command that the clock follows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 enum ClockCommand {
-    /// Nothing yet.
+    /// No command received yet.
     #[default]
     None,
-    /// Go on with this part of the velocity limits.
+    /// Run with the velocity limits scaled by this factor, in (0, 1].
     Run(f64),
-    /// Come to rest, and go on later.
+    /// Come to rest and continue later.
     Pause,
-    /// Come to rest for good.
+    /// Come to rest and stay there.
     Stop,
 }
 
@@ -58,19 +58,19 @@ impl ClockCommand {
     }
 }
 
-/// How the motion being made ends.
+/// How the current motion ends.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 enum MotionEnd {
-    /// At rest, wherever that is.
+    /// At rest, at any position.
     #[default]
     Rest,
-    /// At the end of a piece, without acceleration, at a velocity from which the rest of the path can be kept.
+    /// At the end of a piece with zero acceleration, at a velocity from which the rest of the path can be kept.
     PieceEnd {
-        /// Place and velocity.
+        /// Path parameter at the end of the piece; `velocity` is ds/dt there.
         s: f64,
         velocity: f64,
     },
-    /// At the end of a piece that it passes while it slows down.
+    /// Passes the end of a piece while still slowing down.
     Passing,
 }
 
@@ -79,12 +79,12 @@ enum MotionEnd {
 struct PlannedMotion {
     profile: JerkProfile,
     end: MotionEnd,
-    /// When something new is made, s from its beginning: at its end, or where a faster piece begins.
+    /// When to replan, s after its beginning: at its end, or where a faster piece begins.
     until_s: f64,
 }
 
 impl PlannedMotion {
-    /// The fastest stop.
+    /// The fastest stop from `start`.
     fn stop(start: KinematicState, limits: AccelerationLimits) -> Self {
         let profile =
             VelocityChange::new(start.velocity, start.acceleration, limits).profile(start);
@@ -96,15 +96,15 @@ impl PlannedMotion {
     }
 }
 
-/// Moves a path parameter from 0 to the length of its path in jerk-limited motion, one cycle a step.
+/// Moves a path parameter from 0 to the length of its path in jerk-limited motion, one cycle per step.
 ///
-/// What it is told cannot make it fail, leave the limits, go backwards or beyond the end. s is sampled from one
-/// continuous motion that keeps the limits, so its finite differences keep them too.
+/// No speed override can make it fail, violate a limit, go backwards or pass the end. s is sampled from one continuous
+/// motion that keeps the limits, so its finite differences keep them too.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PathClock {
     command: ClockCommand,
     planned: PlannedMotion,
-    /// When the motion being made began, s before the cycle from which `cycle` counts.
+    /// Time from the beginning of the current motion to the cycle from which `cycle` counts, s.
     offset_s: f64,
     /// Cycles since then.
     cycle: u64,
@@ -118,7 +118,7 @@ impl PathClock {
         Self::default()
     }
 
-    /// A clock that goes on from a state into which something else has brought the path.
+    /// A clock that takes over from a state into which something else has brought the path.
     pub(crate) fn moving(from: KinematicState) -> Self {
         Self {
             command: ClockCommand::Run(1.0),
@@ -132,18 +132,18 @@ impl PathClock {
         }
     }
 
-    /// What it told last; at rest at 0 before.
+    /// The last state returned; at rest at 0 before the first step.
     pub(crate) fn last(&self) -> PathState {
         self.last
     }
 
-    /// Back to the state after [`PathClock::new`].
+    /// Returns to the state after [`PathClock::new`].
     pub fn reset(&mut self) {
         *self = Self::default();
     }
 
-    /// For a path that rests at its beginning whatever its clock does: a clock that has not begun does so at the speed that
-    /// it may have, instead of speeding up from none. Nothing if it has begun.
+    /// For a path that is at rest at its beginning whatever its clock does (it has a time law): starts a clock that has
+    /// not begun at its permitted speed instead of accelerating from 0. Does nothing if the clock has begun.
     pub fn start_rolling(&mut self, bounds: &PathBounds, drive: SpeedOverride) {
         if let (ClockCommand::None, ClockCommand::Run(speed)) =
             (self.command, ClockCommand::of(drive))
@@ -152,16 +152,17 @@ impl PathClock {
         }
     }
 
-    /// The state of this cycle: s = 0 at rest in the first step, one cycle further in each one after it.
+    /// Advances by one cycle and returns the state: s = 0 at rest in the first step, one cycle further in each step
+    /// after it.
     ///
-    /// `bounds` are the same in every step. A `stop` cannot be taken back; a pause can, and so can any speed: it scales
-    /// every velocity limit (0..1, below 10⁻⁶ or NaN: a pause). At the end s is exactly the length; after a stop it
-    /// stays where the stop ended.
+    /// `bounds` must be the same in every step. A `stop` cannot be taken back. A pause can be, and the speed may change
+    /// at any time: it scales every velocity limit (0..1; below 10⁻⁶ or NaN: a pause). At the end s is exactly the
+    /// length; after a stop it stays where the stop ended.
     pub fn step(&mut self, bounds: &PathBounds, drive: SpeedOverride) -> PathState {
         self.advance(bounds, drive, |_, _, _| ())
     }
 
-    /// [`PathClock::step`], which tells every part of a motion that was made: the motion, from when, until when (s).
+    /// As [`PathClock::step`]; passes each segment that was executed to `made`: the profile, from when, until when (s).
     fn advance(
         &mut self,
         bounds: &PathBounds,
@@ -202,14 +203,14 @@ impl PathClock {
         self.report(bounds, state, jerk)
     }
 
-    /// Time since the motion being made began, s.
+    /// Time since the current motion began, s.
     fn elapsed_s(&self, bounds: &PathBounds) -> f64 {
         #[allow(clippy::cast_precision_loss)] // 2^53 cycles are 285,000 years at 1 kHz.
         let cycles = self.cycle as f64;
         self.offset_s + cycles * bounds.dt_s()
     }
 
-    /// Makes what is demanded from the last state on, if it was not what is being made already.
+    /// Replans from the last state for a new command, unless the current motion already fulfils it.
     fn apply_command(&mut self, bounds: &PathBounds, command: ClockCommand) {
         let before = std::mem::replace(&mut self.command, command);
         let start = KinematicState {
@@ -232,13 +233,14 @@ impl PathClock {
             _ if before == ClockCommand::Pause => None,
             _ => Some(PlannedMotion::stop(start, bounds.acceleration_limits())),
         };
-        // Without a better one the motion being made goes on; at the beginning that is a rest at 0.
+        // Without a better motion the current one continues; before the first command that is rest at 0.
         if let Some(new) = new {
             (self.planned, self.offset_s, self.cycle) = (new, 0.0, 0);
         }
     }
 
-    /// The motion being made is over, or enters a faster piece, since `over_s`: makes the next one, or tells the rest.
+    /// The current motion ended, or entered a faster piece, `over_s` (s) ago: plans the next motion, or returns the
+    /// state at rest.
     fn next_motion(&mut self, bounds: &PathBounds, over_s: f64) -> Option<PathState> {
         let PlannedMotion {
             profile,
@@ -263,7 +265,7 @@ impl PathClock {
         let speed = match self.command {
             ClockCommand::Run(speed) if !at_end => speed,
             _ if resting => return Some(self.rest(bounds, state.position, at_end)),
-            // A pause is a way to rest.
+            // A pause continues to its rest.
             _ => return Some(self.report(bounds, state, 0.0)),
         };
         let planner = MotionPlanner {
@@ -273,7 +275,7 @@ impl PathClock {
         };
         let new = match (planner.fastest_motion(), end) {
             (None, MotionEnd::PieceEnd { .. }) if passing => {
-                // What is being made goes on to the end.
+                // Continue the current motion to its end.
                 self.planned.until_s = profile.duration_s();
                 return None;
             }
@@ -296,7 +298,7 @@ impl PathClock {
         self.report(bounds, rest, 0.0)
     }
 
-    /// Rounding may neither lead backwards nor beyond the end.
+    /// Stores and returns the state; rounding must not lead backwards or beyond the end.
     fn report(&mut self, bounds: &PathBounds, state: KinematicState, jerk: f64) -> PathState {
         self.last = PathState {
             s: state.position.min(bounds.length()).max(self.last.s),
@@ -309,13 +311,13 @@ impl PathClock {
     }
 }
 
-/// How long a motion along a whole path takes at full speed, s.
+/// Duration of a motion along a whole path at full speed, s.
 #[must_use]
 pub fn duration_s(bounds: &PathBounds) -> f64 {
     let mut clock = PathClock::new();
     clock.apply_command(bounds, ClockCommand::Run(1.0));
     let mut sum_s = 0.0;
-    // Each piece is entered once; what cannot be gone on with comes to rest and starts again.
+    // Each piece is entered once; where a motion cannot continue, it comes to rest and starts again.
     for _ in 0..4 * bounds.pieces() + 4 {
         sum_s += clock.planned.until_s;
         if clock.next_motion(bounds, 0.0).is_some() {
@@ -325,7 +327,7 @@ pub fn duration_s(bounds: &PathBounds) -> f64 {
     sum_s
 }
 
-/// The greatest velocity of a motion along a whole path of one piece.
+/// Greatest velocity of a motion along a whole path of one piece.
 pub(crate) fn peak(bounds: &PathBounds) -> f64 {
     let mut clock = PathClock::new();
     clock.apply_command(bounds, ClockCommand::Run(1.0));
@@ -333,11 +335,11 @@ pub(crate) fn peak(bounds: &PathBounds) -> f64 {
     corners.map(|corner| corner.velocity).fold(0.0, f64::max)
 }
 
-/// Most cycles for which a rolling clock is watched: a quarter of an hour at 1 kHz.
+/// Most cycles for which a rolling clock is simulated: a quarter of an hour at 1 kHz.
 const ROLLING_MAX: usize = 1_000_000;
 
-/// How long it takes a clock that rolls ([`PathClock::start_rolling`]) to pass `end` at full speed, s; infinite if it does not, or
-/// not within [`ROLLING_MAX`] cycles: a path that crawls past a singular position may take days.
+/// Time in which a clock that starts at speed ([`PathClock::start_rolling`]) passes `end` with an override of 1, s;
+/// infinite if it does not within [`ROLLING_MAX`] cycles: a path that crawls past a singular position may take days.
 pub(crate) fn rolling_duration_s(bounds: &PathBounds, end: f64) -> f64 {
     let mut clock = PathClock::new();
     clock.start_rolling(bounds, SpeedOverride::RUN);
@@ -354,8 +356,8 @@ pub(crate) fn rolling_duration_s(bounds: &PathBounds, end: f64) -> f64 {
     f64::INFINITY
 }
 
-/// How long the fastest stop from `velocity` and `acceleration` takes under the acceleration and jerk of `limits`, s.
-/// A clock that is told to stop is at rest after this time, rounded up to a cycle. NaN in, NaN out.
+/// Duration of the fastest stop from `velocity` and `acceleration` under the acceleration and jerk limits of `limits`,
+/// s. A clock that is told to stop is at rest after this time, rounded up to a cycle. NaN in, NaN out.
 #[must_use]
 pub fn stop_time(velocity: f64, acceleration: f64, limits: &PathLimits) -> f64 {
     let acceleration_limits = AccelerationLimits {
@@ -365,7 +367,7 @@ pub fn stop_time(velocity: f64, acceleration: f64, limits: &PathLimits) -> f64 {
     VelocityChange::new(velocity, acceleration, acceleration_limits).duration_s()
 }
 
-/// The ways on from a state at a speed.
+/// Plans motions from a state at a speed override.
 #[derive(Debug, Clone, Copy)]
 struct MotionPlanner<'a> {
     bounds: &'a PathBounds,
@@ -374,7 +376,8 @@ struct MotionPlanner<'a> {
 }
 
 impl MotionPlanner<'_> {
-    /// The fastest motion known to keep every limit up to where it ends, and from there on.
+    /// The fastest motion that is known to keep every limit up to its end, and from which the rest of the path can be
+    /// kept.
     fn fastest_motion(&self) -> Option<PlannedMotion> {
         let here = self.bounds.piece_at(self.start.position);
         let piece = self.bounds.piece(here)?;
@@ -392,8 +395,8 @@ impl MotionPlanner<'_> {
             .ok()
     }
 
-    /// To the velocity at the end of piece `braking_piece`, cruising with `cruise`; or the piece whose end would be passed
-    /// too fast.
+    /// A motion to the exit velocity of piece `braking_piece`, cruising at `cruise`; or the index of the piece whose
+    /// end it would pass too fast.
     fn to_piece_end(
         &self,
         braking_piece: usize,
@@ -422,8 +425,8 @@ impl MotionPlanner<'_> {
         })
     }
 
-    /// When the motion to `braking_piece` enters a piece that allows more than it was made for; or the piece whose end it
-    /// passes faster than that or the next one allows.
+    /// When the motion to `braking_piece` enters a piece that allows more than it was planned for; or the index of the
+    /// piece whose end it passes faster than that piece or the next one allows.
     fn faster(
         &self,
         found: &Approach,
@@ -438,7 +441,7 @@ impl MotionPlanner<'_> {
         } = self.start;
         let coasting_velocity = coasting_velocity(velocity, acceleration, self.bounds.jerk());
         let fastest = velocity.max(coasting_velocity).max(found.between);
-        // Who begins too fast for the speed keeps the limits themselves.
+        // A motion that begins too fast for the override only has to keep the limits themselves.
         let scale = if velocity.max(coasting_velocity) > cruise {
             1.0
         } else {
@@ -477,8 +480,9 @@ impl MotionPlanner<'_> {
         Ok(faster_s)
     }
 
-    /// For who is too fast for the speed and too close to the end of its piece: slows down as fast as possible, and
-    /// passes that end while it does. `None` if that exceeds what the next pieces allow, or there are none.
+    /// For a state that is too fast for the override and too close to the end of its piece: slows down as fast as
+    /// possible and passes that end meanwhile. `None` if that violates the limits of the next pieces, or there are no
+    /// further pieces.
     fn slowing(&self) -> Option<PlannedMotion> {
         let bounds = self.bounds;
         let here = bounds.piece_at(self.start.position);

@@ -1,5 +1,6 @@
-//! A path that a net asked for, built: its curve, the joints along it, and how fast it may be gone along.
-//! Built off the real-time thread; asked by it where flange and joints are at s, without a heap and in bounded steps.
+//! A planned path: the curve of the flange or joints, the joints along it, and the limits of its path clock. Built off
+//! the real-time thread, which evaluates flange and joints at a path position without allocation and in a bounded
+//! number of steps.
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
@@ -30,24 +31,24 @@ mod time_optimal;
 
 pub(crate) use path_builder::{ArmStart, build};
 
-/// Steps in which a piece is looked at when its motion is built.
+/// Steps per piece at which a path is first sampled when its motion is built.
 const STEPS: usize = 128;
 
-/// What makes the joints of a pose along a piece.
+/// Input for the inverse kinematics along a piece of the flange.
 #[derive(Debug, Clone)]
 struct InverseHints {
     /// Branch and arm angle.
     elbow: ElbowProfile,
-    /// Joints at even steps: which turns they are at, and what they do in a singular position.
+    /// Joints at even steps: they select the turn of each joint, and its value in a singular position.
     joints: Box<[Joints]>,
 }
 
 impl<'a> ArmStart<'a> {
-    /// An arm that is held at `hold`; or that is at `from` with the joints that are near `hold`, on its branch and with its
-    /// arm angle.
+    /// The start of an arm that is held at `hold` (rad); or, with `from`, of an arm whose flange is at `from`, in the
+    /// branch and with the arm angle of `hold` and the joints nearest to it.
     ///
     /// # Errors
-    /// The arm cannot be at `from` that way.
+    /// Returns [`MotionFault`] if the arm cannot reach `from` that way.
     pub(crate) fn starting(
         model: &'a DeviceModel,
         arm: Arm,
@@ -67,89 +68,89 @@ impl<'a> ArmStart<'a> {
     }
 }
 
-/// A piece with what the cycle needs to know of it.
+/// The data of a piece that the cycle needs.
 #[derive(Debug, Clone)]
 struct PieceKinematics {
-    /// `None` for a piece of joints.
+    /// `None` for a piece that is interpolated in joint space.
     hints: Option<InverseHints>,
-    /// Way of the flange before it, m.
+    /// Distance of the flange along all previous pieces, m.
     begin_m: f64,
-    /// Its own way, m.
+    /// Distance of the flange along this piece, m.
     way_m: f64,
 }
 
-/// From rest to rest.
+/// A part of the motion from rest to rest, with the limits of its clock.
 #[derive(Debug, Clone)]
 pub(crate) struct MotionSection {
-    /// What the clocks have counted where it begins.
+    /// Clock value at which it begins: the sum of the lengths of all previous sections.
     pub(crate) begin: f64,
-    /// What its clock counts from its beginning to its end.
+    /// Increase of the clock value from its beginning to its end.
     pub(crate) length: f64,
-    /// What its clock keeps.
+    /// Limits of its clock.
     pub(crate) bounds: PathBounds,
-    /// Of a section with a law, which rests at both ends by itself, so that its clock passes them: what a clock keeps that
-    /// counts the way itself and stops.
+    /// Only for a section with a time law, which is at rest at both ends by itself, so that its clock starts and ends
+    /// at speed: limits for stops that count arc length directly.
     pub(crate) stops: Option<Box<[BrakingLimits]>>,
 }
 
-/// What a clock counts in a section: s of the chain, or the time of a law.
+/// How a section maps clock values to the path parameter s: directly, or through a time law.
 #[derive(Debug, Clone)]
 struct TimedSection {
-    /// What the clocks have counted where it begins.
+    /// Clock value at which the section begins.
     begin: f64,
-    /// s of the chain where it begins.
+    /// Path parameter s at which it begins.
     begin_s: f64,
     time_law: Option<TimeLaw>,
 }
 
-/// Where a motion is.
+/// State of the arm at a path position.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PathPoint {
-    /// Flange in the arm's base.
+    /// Flange in the base frame of the arm.
     pub(crate) pose: Pose,
-    /// rad; null if the flange cannot be brought there, which was looked at when the motion was built.
+    /// Joints, rad; null if the arm cannot reach the pose, which was checked when the motion was built.
     pub(crate) joints: Joints,
-    /// The leg that it is on.
+    /// Index of the leg.
     pub(crate) leg: u32,
-    /// Way of the flange since the start, m.
+    /// Distance of the flange from the start, m.
     pub(crate) distance: f64,
-    /// Metres of the flange per unit of what the clock counts.
+    /// Metres of the flange per unit of the clock.
     pub(crate) metres_per_s: f64,
-    /// How that changes by what the clock counts, where a law accelerates.
+    /// Derivative of `metres_per_s` by the clock value, as far as a time law accelerates.
     pub(crate) rise: f64,
 }
 
-/// A path.
+/// A planned path with its time laws.
 #[derive(Debug, Clone)]
 pub(crate) struct PlannedPath {
     arm: Arm,
     chain: Chain,
     parts: Box<[PieceKinematics]>,
-    /// The leg of each link of the chain.
+    /// Index of the leg of each link of the chain.
     legs: Box<[u32]>,
-    /// None where all clocks count s of the chain.
+    /// Empty if all clocks count s directly.
     timed_sections: Box<[TimedSection]>,
     shortened: Box<[ReducedBlend]>,
 }
 
-/// A rounding that is smaller than asked for.
+/// A blend that is smaller than requested.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReducedBlend {
-    /// The leg at whose end it is.
+    /// Index of the leg at whose end it is.
     pub leg: u32,
-    /// What was asked for, m.
+    /// Requested zone, m.
     pub asked_m: f64,
-    /// What there is, m; 0: the motion rests in the corner.
+    /// Actual zone, m; 0: the motion stops in the corner.
     pub made_m: f64,
 }
 
 impl PlannedPath {
-    /// The roundings that are smaller than asked for.
+    /// The blends that are smaller than requested.
     pub(crate) fn shortened(&self) -> &[ReducedBlend] {
         &self.shortened
     }
 
-    /// s of the chain with its first two derivatives, where the clocks have counted `x`.
+    /// Path parameter s with its first two derivatives by the clock, at clock value `x`.
     fn s_at(&self, x: f64) -> [f64; 3] {
         let Some(timed_section) = self.timed_section(x) else {
             return [x, 1.0, 0.0];
@@ -164,17 +165,18 @@ impl PlannedPath {
         }
     }
 
-    /// Where the motion is, where the clocks have counted `x`.
+    /// The state at clock value `x`.
     pub(crate) fn at(&self, x: f64) -> PathPoint {
         self.place(self.s_at(x))
     }
 
-    /// Where the motion is at s of the chain, whatever a law makes of it.
+    /// The state at path parameter `s`, without the time law.
     pub(crate) fn on_way(&self, s: f64) -> PathPoint {
         self.place([s, 1.0, 0.0])
     }
 
-    /// s of the chain where the clocks have counted `x` and go on at `velocity` and `acceleration`.
+    /// Path parameter with velocity and acceleration, at clock value `x` with this velocity and acceleration of the
+    /// clock.
     pub(crate) fn way_at(&self, x: f64, [velocity, acceleration]: [f64; 2]) -> KinematicState {
         let [position, slope, bend] = self.s_at(x);
         KinematicState {
@@ -184,14 +186,14 @@ impl PlannedPath {
         }
     }
 
-    /// What the clocks have counted at s of the chain, in the stretch that begins where they have counted `begin`.
+    /// Clock value at path parameter `s`, in the section that begins at clock value `begin`.
     pub(crate) fn counted(&self, begin: f64, s: f64) -> f64 {
         let timed_section = self.timed_section(begin);
         let time_law = timed_section.and_then(|timed_section| timed_section.time_law.as_ref());
         time_law.map_or(begin, |time_law| begin + time_law.inverse(s))
     }
 
-    /// s of the chain where the stretch begins that the clocks are in at `x`.
+    /// Path parameter at which the section that contains clock value `x` begins.
     pub(crate) fn begins_at(&self, x: f64) -> f64 {
         self.timed_section(x)
             .map_or(0.0, |timed_section| timed_section.begin_s)
@@ -251,7 +253,7 @@ impl PlannedPath {
         }
     }
 
-    /// |dx/ds| of the flange.
+    /// Speed of the flange per unit of s, |dx/ds|.
     fn metres_per_s(&self, piece: &ChainPiece, s: f64) -> f64 {
         if let Some(constant) = piece.shape.constant_speed() {
             return constant;
@@ -271,7 +273,7 @@ impl PlannedPath {
 }
 
 impl InverseHints {
-    /// The joints of the step next to a fraction of the piece.
+    /// The joints at the step nearest to a fraction of the piece.
     fn near(&self, fraction: f64) -> Joints {
         let last = self.joints.len().saturating_sub(1);
         // A fraction is in [0, 1]; NaN becomes 0.

@@ -1,18 +1,19 @@
-//! The way of up to eight joints from motion to rest when no command comes any more, jerk-limited and soft.
-//! No allocation; stepped by the drivers, and anywhere else where set-points end.
+//! Stop trajectory: brings up to eight joints to rest, jerk-limited, when commands stop arriving. Does not allocate;
+//! stepped by drivers and simulators.
 
 use rcc_core::message::JOINTS_MAX;
 use thiserror::Error;
 
 use crate::jerk_profile::{AccelerationLimits, JerkProfile, KinematicState, VelocityChange};
 
-/// Halvings in the search for a joint's limits: 2⁻³⁰ of the way between the gentlest and its own is close enough.
+/// Bisections in the search for a joint's limits: 2⁻³⁰ of the range between the gentlest and its own limits is close
+/// enough.
 const HALVINGS: usize = 30;
 
-/// Durations or speeds that differ by less than this part are the same.
+/// Relative difference below which durations or speeds count as equal.
 const SAME: f64 = 1e-9;
 
-/// What joints may use to come to rest; elements beyond `joints` are not looked at.
+/// Limits that joints may use to come to rest; elements beyond `joints` are ignored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StopLimits {
     /// Largest |velocity|, rad/s (> 0).
@@ -52,7 +53,7 @@ pub enum StopLimitsError {
     },
 }
 
-/// Why a way to rest cannot begin; the one before goes on.
+/// Why a stop trajectory cannot begin; the previous one continues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum StopFault {
     /// Position, velocity or acceleration of this joint (counted from 0) is missing, NaN or infinite.
@@ -63,18 +64,19 @@ pub enum StopFault {
     },
 }
 
-/// Brings joints to rest, one cycle a step, and holds them there.
+/// Brings joints to rest, one cycle per step, and holds them there.
 ///
-/// Every joint keeps its own acceleration and jerk limit, and all come to rest together as far as that makes nothing
-/// slower. If the acceleration points along the velocity (a straight line in joint space, or no acceleration) the joints
-/// stay on that line exactly, unless one would exceed its velocity limit there; otherwise they stay next to it.
+/// Every joint keeps its own acceleration and jerk limit. All joints come to rest together, as far as that does not
+/// make the stop longer. If acceleration and velocity are parallel in joint space (a straight line, or no
+/// acceleration), the joints stay exactly on that line unless one would exceed its velocity limit; otherwise they stay
+/// close to it.
 ///
-/// A joint gets faster only while it lets go of an acceleration that it began with: never beyond its velocity limit,
-/// unless its jerk limit leaves no choice (a²/2J above the velocity at the beginning).
+/// A joint gets faster only while an initial acceleration is reduced to 0: never beyond its velocity limit, unless the
+/// jerk limit makes it inevitable (a²/2J above the initial velocity).
 ///
-/// From a velocity v without acceleration a joint moves on by v·T/2, where T = v/A + A/J (2·√(v/J) if A is not reached)
-/// of the slowest joint; with an acceleration, by at most its greatest speed times the duration. Position limits are not
-/// looked at.
+/// From a velocity v without acceleration a joint moves by v·T/2, where T = v/A + A/J (2·√(v/J) if A is not reached) of
+/// the slowest joint; with an acceleration, by at most its greatest speed times the duration. Position limits are not
+/// checked.
 #[derive(Debug, Clone)]
 pub struct StopTrajectory {
     limits: StopLimits,
@@ -87,11 +89,12 @@ pub struct StopTrajectory {
 }
 
 impl StopTrajectory {
-    /// For a device with these limits whose set-points are `dt_s` (s) apart. Until [`StopTrajectory::begin`] it rests nowhere:
-    /// positions are NaN.
+    /// A stop trajectory for a device with these limits whose set-points are `dt_s` (s) apart. Until
+    /// [`StopTrajectory::begin`] is called, positions are NaN.
     ///
     /// # Errors
-    /// A limit that is not a finite number greater than 0.
+    /// Returns [`StopLimitsError`] for more than [`JOINTS_MAX`] joints, and if a limit or `dt_s` is not a finite number
+    /// greater than 0.
     pub fn new(limits: StopLimits, dt_s: f64) -> Result<Self, StopLimitsError> {
         if limits.joints > JOINTS_MAX {
             return Err(StopLimitsError::Joints {
@@ -128,10 +131,10 @@ impl StopTrajectory {
         })
     }
 
-    /// Begins at the last set-point (rad, rad/s, rad/s², one element a joint); the next step is one cycle after it.
+    /// Begins at the last set-point (rad, rad/s, rad/s², one element per joint); the next step is one cycle later.
     ///
     /// # Errors
-    /// An element that is missing or not finite; nothing changes then.
+    /// Returns [`StopFault::NotFinite`] if an element is missing or not finite; nothing changes then.
     pub fn begin(
         &mut self,
         position: &[f64],
@@ -161,7 +164,8 @@ impl StopTrajectory {
         Ok(())
     }
 
-    /// The set-points of this cycle (rad; 0 beyond the device's joints), and whether all joints rest there.
+    /// Advances by one cycle. Returns the set-points (rad; 0 beyond the device's joints) and whether all joints are at
+    /// rest.
     pub fn step(&mut self) -> ([f64; JOINTS_MAX], bool) {
         if !self.resting {
             #[allow(clippy::cast_precision_loss)] // 2^53 cycles are 285,000 years at 1 kHz.
@@ -177,7 +181,7 @@ impl StopTrajectory {
         (self.position, self.resting)
     }
 
-    /// Whether nothing moves: it never began, or the last step was the last one.
+    /// Returns true if nothing moves: the stop has not begun, or has ended.
     #[must_use]
     pub fn is_resting(&self) -> bool {
         self.resting
@@ -220,7 +224,7 @@ impl StopTrajectory {
     }
 }
 
-/// The limits of one joint.
+/// Acceleration and jerk limit of one joint.
 #[derive(Debug, Clone, Copy)]
 struct AxisStopLimits {
     a: f64,
@@ -236,7 +240,7 @@ impl AxisStopLimits {
         VelocityChange::new(start.velocity, start.acceleration, limits)
     }
 
-    /// The greatest speed of the stop: at its beginning, or where the acceleration has been let go.
+    /// Greatest speed during the stop: at its beginning, or where the acceleration has been reduced to 0.
     fn peak_speed(
         self,
         KinematicState {
@@ -250,7 +254,7 @@ impl AxisStopLimits {
             .max((velocity + acceleration * acceleration.abs() / (2.0 * self.jerk)).abs())
     }
 
-    /// `part` = 0: these, 1: `other`.
+    /// Interpolates between these limits (`part` = 0) and `other` (`part` = 1).
     fn towards(self, other: Self, part: f64) -> Self {
         let between = |from: f64, to: f64| from + part * (to - from);
         Self {
@@ -260,12 +264,13 @@ impl AxisStopLimits {
     }
 }
 
-/// The straight line along the velocity of all joints, on which one parameter with a speed of 1 comes to rest.
+/// The straight line along the velocity of all joints in joint space. One parameter with an initial speed of 1 comes to
+/// rest on it.
 #[derive(Debug, Clone, Copy)]
 struct VelocityLine {
-    /// The parameter's limits, such that no joint exceeds its own; infinite if nothing moves.
+    /// Limits of the parameter such that no joint exceeds its own; infinite if nothing moves.
     limits: AxisStopLimits,
-    /// The part of the acceleration that points along the line, as the parameter's.
+    /// Component of the acceleration along the line, in units of the parameter.
     acceleration: f64,
 }
 
@@ -290,7 +295,8 @@ impl VelocityLine {
             along += acceleration * velocity;
             speed_squared += velocity * velocity;
         }
-        // More than the limit points off the line; as a part of it, it would take very long.
+        // An acceleration beyond the limit points mostly off the line; taken as a component of the line it would make
+        // the stop very long.
         let acceleration = if speed_squared > 0.0 {
             (along / speed_squared).max(-limits.a).min(limits.a)
         } else {
@@ -302,7 +308,7 @@ impl VelocityLine {
         }
     }
 
-    /// How long the stop on the line takes, s; 0 if nothing moves.
+    /// Duration of the stop on the line, s; 0 if nothing moves.
     fn duration_s(&self) -> f64 {
         if self.limits.a.is_finite() && self.limits.jerk.is_finite() {
             self.limits
@@ -317,8 +323,8 @@ impl VelocityLine {
         }
     }
 
-    /// The limits that a joint stops with: in the ratio of the velocities, in which joints stay on the line, or as much
-    /// of its own as it needs to stay within the bounds. With all of its own it does.
+    /// The limits with which a joint stops: proportional to the velocities, so that joints stay on the line, or as much
+    /// of the joint's own limits as it needs to stay within the bounds. With its own limits it always does.
     fn limits(
         &self,
         start: KinematicState,
@@ -337,7 +343,7 @@ impl VelocityLine {
         if keeps(gentle) {
             return gentle;
         }
-        // A harder stop is never slower and never faster on its way, so one part divides the others.
+        // A harder stop never takes longer and is never faster on the way, so bisection applies.
         let (mut little, mut enough) = (0.0, 1.0);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (little + enough);
@@ -351,11 +357,11 @@ impl VelocityLine {
     }
 }
 
-/// What the stop of one joint may not exceed.
+/// Bounds for the stop of one joint.
 #[derive(Debug, Clone, Copy)]
 struct StopBounds {
     duration_s: f64,
-    /// The velocity limit, or what the joint cannot avoid, rad/s.
+    /// Velocity limit, or the speed that the joint cannot avoid, rad/s.
     speed: f64,
 }
 

@@ -1,8 +1,8 @@
-//! Roundings: curves of the fifth degree from a point of one path to a point of the next, C2 at both.
-//! Evaluated by the real-time thread; plain numbers.
+//! Blends: quintic curves from a point of one shape to a point of the next, C2 at both ends. Plain numbers; evaluated
+//! by the real-time thread.
 //!
-//! Between two straight lines with zones of equal length the derivative by s is a mean of the two directions with weights
-//! in [0, 1], so that the rounding is never faster than the lines; a rounding of 180° runs back through rest.
+//! Between two straight lines with zones of equal length, the derivative by s is a weighted mean of the two directions
+//! with weights in [0, 1], so the blend is never faster than the lines; a blend of 180° reverses through rest.
 
 use rcc_core::rotation::{self, Quaternion};
 
@@ -10,7 +10,7 @@ use super::Placement;
 use super::jet::{self, Jet, Scalar};
 use super::quintic::{Quintic, QuinticEnd};
 
-/// A rounding of the flange: position, and orientation in modified Rodrigues parameters relative to its beginning.
+/// A blend of the flange: position, and orientation in modified Rodrigues parameters relative to its beginning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseBlend {
     curve: Quintic<6>,
@@ -18,7 +18,7 @@ pub struct PoseBlend {
 }
 
 impl PoseBlend {
-    /// From one place to another one, over `length` (> 0) of s. `None` if it turns by more than 4 rad.
+    /// The blend from one placement to another over `length` (> 0) of s. `None` if it rotates by more than 4 rad.
     #[must_use]
     pub fn between(from: &Placement<Jet>, to: &Placement<Jet>, length: f64) -> Option<Self> {
         let reference = from.orientation.map(Scalar::value);
@@ -38,7 +38,7 @@ impl PoseBlend {
         })
     }
 
-    /// Where the flange is.
+    /// The pose at `s`.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
         let [x, y, z, a, b, c] = self.curve.at(s);
@@ -50,14 +50,14 @@ impl PoseBlend {
     }
 }
 
-/// A rounding of the joints.
+/// A blend in joint space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointBlend {
     curve: Quintic<8>,
 }
 
 impl JointBlend {
-    /// From joints to joints, over `length` (> 0) of s.
+    /// The blend from joints to joints over `length` (> 0) of s.
     #[must_use]
     pub fn between(from: [Jet; 8], to: [Jet; 8], length: f64) -> Self {
         Self {
@@ -65,7 +65,7 @@ impl JointBlend {
         }
     }
 
-    /// Where the joints are, rad.
+    /// The joints at `s`, rad.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> [T; 8] {
         self.curve.at(s)

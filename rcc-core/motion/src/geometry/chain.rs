@@ -1,5 +1,5 @@
-//! Shapes one after the other with one s, joined by roundings or by points of rest.
-//! Built off the real-time thread; evaluated by it: a search in a sorted list, then one shape.
+//! A chain of shapes with a common path parameter s, joined by blends or by points of rest. Built off the real-time
+//! thread, which evaluates it: a binary search, then one shape.
 
 use super::blend::{JointBlend, PoseBlend};
 use super::circle::Circle;
@@ -13,29 +13,29 @@ use super::{LENGTH_MIN, Placement};
 pub enum Shape {
     /// A straight line of the flange.
     Line(Line),
-    /// An arc.
+    /// An arc of a circle.
     Circle(Circle),
-    /// A curve through poses.
+    /// A smooth curve through poses.
     Spline(Spline),
-    /// A straight line of the joints.
+    /// A straight line in joint space.
     Joints(JointLine),
-    /// A rounding of the flange.
+    /// A blend of the flange.
     PoseBlend(PoseBlend),
-    /// A rounding of the joints.
+    /// A blend in joint space.
     JointBlend(JointBlend),
 }
 
-/// What a shape says at s.
+/// The point of a shape at s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ShapePoint<T> {
-    /// The flange is here.
+    /// Pose of the flange in the base frame of the arm.
     Flange(Placement<T>),
-    /// The joints are here, rad.
+    /// Joints, rad.
     Joints([T; 8]),
 }
 
 impl Shape {
-    /// Where it is after `s` of its own way.
+    /// The point at `s`, counted from the beginning of the shape.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> ShapePoint<T> {
         match self {
@@ -48,7 +48,7 @@ impl Shape {
         }
     }
 
-    /// The flange moves or turns along it.
+    /// Returns true if the flange translates or rotates along it.
     #[must_use]
     pub fn moves(&self) -> bool {
         match self {
@@ -57,7 +57,7 @@ impl Shape {
         }
     }
 
-    /// |dx/ds| of the flange where it is the same everywhere.
+    /// Speed of the flange per unit of s, |dx/ds|, if it is constant.
     #[must_use]
     pub fn constant_speed(&self) -> Option<f64> {
         match self {
@@ -68,7 +68,7 @@ impl Shape {
         }
     }
 
-    /// Length in s (≥ 0); a rounding's is that of its piece.
+    /// Length in s (≥ 0); 0 for a blend, whose piece has the length.
     #[must_use]
     pub fn length(&self) -> f64 {
         match self {
@@ -81,37 +81,37 @@ impl Shape {
     }
 }
 
-/// A shape of a chain and how it goes over into the next one.
+/// A shape of a chain and its transition to the next one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainLink {
     /// The shape.
     pub shape: Shape,
-    /// How long before its end and behind the next one's beginning the rounding is, in s of each: 0 = none, the motion rests
-    /// at the end. At most half of either shape is used.
+    /// Length of the blend before its end and after the beginning of the next shape, in s of each; 0: no blend, the
+    /// motion stops at the end. At most half of either shape is used.
     pub zone: [f64; 2],
 }
 
-/// A part of a chain on which one shape is followed.
+/// A part of a chain that follows one shape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainPiece {
-    /// Where it begins, s of the chain.
+    /// Beginning, s of the chain.
     pub begin: f64,
-    /// Where it ends, s of the chain.
+    /// End, s of the chain.
     pub end: f64,
     /// s of the shape where the piece begins.
     offset: f64,
-    /// What it follows.
+    /// The shape that it follows.
     pub shape: Shape,
-    /// The link that it belongs to; a rounding belongs to the one before it.
+    /// Index of its link; a blend belongs to the link before it.
     pub link: usize,
-    /// It is a rounding.
+    /// It is a blend.
     pub blend: bool,
-    /// The motion must be at rest where it ends.
+    /// The motion must be at rest at its end.
     pub rest: bool,
 }
 
 impl ChainPiece {
-    /// Where it is at s of the chain.
+    /// The point at s of the chain.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> ShapePoint<T> {
         self.shape.at(s + T::constant(self.offset - self.begin))
@@ -124,13 +124,13 @@ impl ChainPiece {
         s + (self.offset - self.begin)
     }
 
-    /// Its length in s.
+    /// Length in s.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.end - self.begin
     }
 
-    /// Which part of its shape has been gone at this part of the piece; all of it on a rounding.
+    /// Fraction of its shape that is covered at a fraction of the piece; 1 on a blend.
     #[must_use]
     pub fn of_shape(&self, fraction: f64) -> f64 {
         let length = self.shape.length();
@@ -141,18 +141,19 @@ impl ChainPiece {
     }
 }
 
-/// Shapes one after the other.
+/// Shapes one after the other, with their blends.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Chain {
     pieces: Vec<ChainPiece>,
 }
 
 impl Chain {
-    /// Joins shapes, each of which begins where the one before it ends. `joints` gives the joints, with derivatives, of the
-    /// link with this number at s of its shape: a rounding from or to a line of joints is one of joints.
+    /// Joins shapes, each of which begins where the previous one ends. `joints` returns the joints, with derivatives,
+    /// of the link with this index at s of its shape: a blend from or to a line in joint space is made in joint space.
     ///
     /// # Errors
-    /// What `joints` says. A rounding that cannot be made (it turns by more than 4 rad) is left out: the motion rests there.
+    /// Returns the error of `joints`. A blend that cannot be made (it rotates by more than 4 rad) is left out: the
+    /// motion stops there.
     pub fn new<E>(
         links: Vec<ChainLink>,
         mut joints: impl FnMut(usize, &Shape, f64) -> Result<[Jet; 8], E>,
@@ -226,13 +227,13 @@ impl Chain {
         &self.pieces
     }
 
-    /// Its length.
+    /// Length in s.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.pieces.last().map_or(0.0, |piece| piece.end)
     }
 
-    /// The number of the piece at s; 0 if the chain has none.
+    /// Index of the piece at s; 0 for an empty chain.
     #[inline]
     #[must_use]
     pub fn number(&self, s: f64) -> usize {
@@ -240,7 +241,7 @@ impl Chain {
         number.min(self.pieces.len().saturating_sub(1))
     }
 
-    /// Where it is at s in [0, length]; `None` if it has no pieces.
+    /// The point at s in [0, length]; `None` for an empty chain.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Option<ShapePoint<T>> {
         let piece = self.pieces.get(self.number(s.value()));

@@ -1,5 +1,4 @@
-//! Arcs of a circle through three points, or further around by an angle.
-//! Evaluated by the real-time thread; plain numbers.
+//! Arcs of a circle through three points, or of a given angle. Plain numbers; evaluated by the real-time thread.
 
 use rcc_core::pose::Pose;
 use rcc_core::vector::{self, Vector};
@@ -8,14 +7,14 @@ use super::jet::Scalar;
 use super::line::{AxisRotation, distance};
 use super::{COINCIDENT_M, GeometryError, PathMetric, Placement, finite};
 
-/// Three points whose triangle has a sine below this lie on a line: its radius would be more than 2000 times the way, and what
-/// rounding leaves of its derivatives would slow a motion down to a crawl.
+/// Three points whose triangle has a sine below this count as collinear: the radius would exceed 2000 times the
+/// distance, and rounding of its derivatives would slow a motion down to a crawl.
 const COLLINEAR_SINE: f64 = 2.5e-4;
 
-/// What the orientation does on a circle.
+/// Orientation along a circle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CircleOrientation {
-    /// Turns evenly from that of the start to that of the end (KUKA: `#VAR`, base-related).
+    /// Rotates evenly from that of the start to that of the end (KUKA: `#VAR`, base-related).
     Even,
     /// Stays as at the start (KUKA: `#CONSTANT`).
     Constant,
@@ -23,27 +22,28 @@ pub enum CircleOrientation {
     Path,
 }
 
-/// An arc.
+/// An arc of a circle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Circle {
     centre: Vector,
-    /// From the centre to the start.
+    /// Vector from the centre to the start, m.
     out: Vector,
-    /// A quarter further.
+    /// Vector from the centre to the point a quarter turn further, m.
     side: Vector,
-    /// How far around, rad (> 0).
+    /// Angle of the arc, rad; negative: the other way round.
     angle: f64,
     turn: AxisRotation,
     length: f64,
 }
 
 impl Circle {
-    /// From `from` through the point `via` to `to`; with an `angle` (rad, not 0; negative: the other way around) so far around
-    /// instead, and the point `to` only defines the circle. The orientation of `to` counts with [`CircleOrientation::Even`]
-    /// only.
+    /// The arc from `from` through the point `via` to `to`. With an `angle` (rad, not 0; negative: the other way round)
+    /// the arc has that angle instead, and the point `to` only defines the circle. The orientation of `to` is used with
+    /// [`CircleOrientation::Even`] only.
     ///
     /// # Errors
-    /// Points coincide or lie on a line, the angle is 0, orientations are half a turn apart, something is not finite.
+    /// Returns [`GeometryError`] if points coincide or are collinear, the angle is 0, the orientations differ by half a
+    /// turn, or a value is not finite.
     pub fn new(
         from: &Pose,
         via: Vector,
@@ -80,7 +80,7 @@ impl Circle {
         if nn < uu * ww * COLLINEAR_SINE * COLLINEAR_SINE {
             return Err(GeometryError::Collinear);
         }
-        // The centre of the circumcircle, seen from the start.
+        // Centre of the circumcircle relative to the start.
         let to_centre = vector::scale(
             vector::add(
                 vector::scale(vector::cross(normal, u), ww),
@@ -128,13 +128,13 @@ impl Circle {
         vector::norm(self.out)
     }
 
-    /// Metres of way per unit of s.
+    /// Metres of the flange per unit of s.
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.radius_m() * libm::fabs(self.angle) / self.length
     }
 
-    /// Where the flange is.
+    /// The pose at `s`.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
         let fraction = s.over(self.length);

@@ -1,26 +1,26 @@
-//! Numbers and jets (a value with its first three derivatives), so that a curve is written once and gives both.
-//! Plain values; the real-time thread uses the numbers, building uses the jets.
+//! Numbers and jets (a value with its first three derivatives), so that a curve is written once and yields both. Plain
+//! values; the real-time thread evaluates numbers, building a motion evaluates jets.
 
 use core::ops::{Add, Mul, Neg, Sub};
 
-/// What a curve is computed with: `f64`, or [`Jet`] for derivatives as well.
+/// The number type of a curve: `f64`, or [`Jet`] for derivatives as well.
 pub trait Scalar:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
-    /// A number that does not depend on s.
+    /// A constant, independent of s.
     fn constant(value: f64) -> Self;
     /// The value without derivatives.
     fn value(self) -> f64;
-    /// A function of this: `of` gives its value and its first three derivatives.
+    /// A function applied to this; `of` returns its value and first three derivatives.
     fn through(self, of: impl FnOnce(f64) -> [f64; 4]) -> Self;
 
-    /// A function of this whose value alone is cheaper than with its derivatives.
+    /// As [`Scalar::through`], for a function whose value alone (`value`) is cheaper than with its derivatives.
     fn through_of(self, value: impl FnOnce(f64) -> f64, of: impl FnOnce(f64) -> [f64; 4]) -> Self;
 
-    /// Times a number.
+    /// Multiplied by a number.
     #[must_use]
     fn scaled(self, factor: f64) -> Self;
-    /// Divided by a number: exactly one where they are equal.
+    /// Divided by a number; exactly 1 if both are equal.
     #[must_use]
     fn over(self, divisor: f64) -> Self;
 
@@ -34,7 +34,7 @@ pub trait Scalar:
         )
     }
 
-    /// One over this.
+    /// The reciprocal.
     #[must_use]
     fn reciprocal(self) -> Self {
         self.through(|x| {
@@ -91,13 +91,13 @@ impl Scalar for f64 {
 pub struct Jet(pub [f64; 4]);
 
 impl Jet {
-    /// s itself.
+    /// The variable s itself.
     #[must_use]
     pub fn variable(s: f64) -> Self {
         Self([s, 1.0, 0.0, 0.0])
     }
 
-    /// The derivative of an order in 0..4 (0: the value); NaN beyond.
+    /// The derivative of order 0 (the value) to 3; NaN for any other order.
     #[must_use]
     pub fn derivative(self, order: usize) -> f64 {
         self.0.get(order).copied().unwrap_or(f64::NAN)
@@ -184,20 +184,20 @@ pub fn product<T: Scalar>([ax, ay, az, aw]: [T; 4], [bx, by, bz, bw]: [T; 4]) ->
     ]
 }
 
-/// The rotation back.
+/// The conjugate: the inverse of a unit quaternion.
 pub fn conjugate<T: Scalar>([x, y, z, w]: [T; 4]) -> [T; 4] {
     [-x, -y, -z, w]
 }
 
-/// The quaternion of a turn by `angle` about `axis` (of length one).
+/// The quaternion of a rotation by `angle` (rad) about `axis` (of length one).
 pub fn turn<T: Scalar>(axis: [f64; 3], angle: T) -> [T; 4] {
     let (sin, cos) = angle.scaled(0.5).sin_cos();
     let [x, y, z] = axis.map(|x| sin.scaled(x));
     [x, y, z, cos]
 }
 
-/// A quaternion as three numbers, tan(θ/4) times the axis: modified Rodrigues parameters. Smooth but for a whole turn.
-/// Schaub & Junkins, "Analytical Mechanics of Space Systems", section 3.6.
+/// Modified Rodrigues parameters of a quaternion: tan(θ/4) times the axis; singular only at a whole turn. Schaub &
+/// Junkins, "Analytical Mechanics of Space Systems", section 3.6.
 pub fn to_rodrigues<T: Scalar>([x, y, z, w]: [T; 4]) -> [T; 3] {
     let over = (T::constant(1.0) + w).reciprocal();
     [x * over, y * over, z * over]

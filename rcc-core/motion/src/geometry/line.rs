@@ -1,5 +1,5 @@
-//! Straight lines: of the flange (with a turn at constant rate about one axis), and of the joints (PTP).
-//! Evaluated by the real-time thread; plain numbers.
+//! Straight lines: of the flange (with a rotation at constant rate about one axis), and in joint space (PTP). Plain
+//! numbers; evaluated by the real-time thread.
 
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
@@ -9,20 +9,20 @@ use rcc_core::vector::{self, Vector};
 use super::jet::{self, Scalar};
 use super::{GeometryError, LENGTH_MIN, PathMetric, Placement, angle_of, finite};
 
-/// Below this cosine of half the angle a turn is half a turn.
+/// If the cosine of half the angle is below this, the rotation is half a turn.
 const HALF_TURN_COSINE: f64 = 1e-9;
 
-/// A turn from one orientation to another by the short way about one axis (slerp).
+/// A rotation from one orientation to another the shorter way about one axis (slerp).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisRotation {
     from: Quaternion,
     axis: Vector,
-    /// rad, in [0, π).
+    /// Rotation angle, rad; in [0, π) between orientations, any value about a given axis.
     pub angle: f64,
 }
 
 impl AxisRotation {
-    /// No turn.
+    /// No rotation.
     #[must_use]
     pub fn none(from: Quaternion) -> Self {
         Self {
@@ -32,16 +32,16 @@ impl AxisRotation {
         }
     }
 
-    /// About an axis (of length one, outer frame) by an angle (rad, any).
+    /// A rotation about an axis (of length one, in the base frame) by an angle (rad, any).
     #[must_use]
     pub fn about(from: Quaternion, axis: Vector, angle: f64) -> Self {
         Self { from, axis, angle }
     }
 
-    /// From one orientation to another one.
+    /// The rotation from one orientation to another.
     ///
     /// # Errors
-    /// They are half a turn apart.
+    /// Returns [`GeometryError::HalfTurn`] if they differ by half a turn.
     pub fn between(from: Quaternion, to: Quaternion) -> Result<Self, GeometryError> {
         let turn = rotation::canonical(rotation::product(to, rotation::inverse(from)));
         if turn[3] < HALF_TURN_COSINE {
@@ -51,7 +51,7 @@ impl AxisRotation {
         Ok(Self { from, axis, angle })
     }
 
-    /// The orientation after a fraction of the turn.
+    /// The orientation at a fraction of the rotation.
     #[inline]
     pub fn at<T: Scalar>(&self, fraction: T) -> [T; 4] {
         let from = self.from.map(T::constant);
@@ -69,10 +69,10 @@ pub struct Line {
 }
 
 impl Line {
-    /// From pose to pose.
+    /// The line from pose to pose.
     ///
     /// # Errors
-    /// They are half a turn apart, or not finite.
+    /// Returns [`GeometryError`] if the orientations differ by half a turn, or a value is not finite.
     pub fn new(from: &Pose, to: &Pose, metric: PathMetric) -> Result<Self, GeometryError> {
         finite(from)?;
         finite(to)?;
@@ -91,18 +91,18 @@ impl Line {
         self.length
     }
 
-    /// Makes it at least so long in s.
+    /// Extends the length in s to at least `length`.
     pub fn extend_to(&mut self, length: f64) {
         self.length = self.length.max(length);
     }
 
-    /// It leads somewhere, or turns.
+    /// Returns true if it translates or rotates.
     #[must_use]
     pub fn moves(&self) -> bool {
         distance(self.from, self.to) > LENGTH_MIN || self.turn.angle > LENGTH_MIN
     }
 
-    /// Metres of way per unit of s.
+    /// Metres of the flange per unit of s.
     #[must_use]
     pub fn speed(&self) -> f64 {
         if self.length > 0.0 {
@@ -112,7 +112,7 @@ impl Line {
         }
     }
 
-    /// Where the flange is.
+    /// The pose at `s`.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
         let fraction = if self.length > 0.0 {
@@ -130,7 +130,7 @@ impl Line {
     }
 }
 
-/// A straight line of the joints.
+/// A straight line in joint space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointLine {
     from: Joints,
@@ -139,10 +139,11 @@ pub struct JointLine {
 }
 
 impl JointLine {
-    /// From joints to joints (rad); the joint with the longest way gives the length, times `metres_per_rad`.
+    /// The line from joints to joints (rad). Its length is that of the joint with the longest way, times
+    /// `metres_per_rad`.
     ///
     /// # Errors
-    /// A joint is not finite.
+    /// Returns [`GeometryError::NotFinite`] if a joint is not finite.
     pub fn new(from: &Joints, to: &Joints, metres_per_rad: f64) -> Result<Self, GeometryError> {
         let ways = from.iter().zip(to).map(|(from, to)| libm::fabs(to - from));
         if !ways.clone().all(f64::is_finite) {
@@ -167,7 +168,7 @@ impl JointLine {
         self.length
     }
 
-    /// Where the joints are.
+    /// The joints at `s`, rad.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> [T; 8] {
         let fraction = if self.length > 0.0 {
@@ -190,7 +191,7 @@ pub(super) fn angle_between(a: Quaternion, b: Quaternion) -> f64 {
     angle_of(rotation::product(b, rotation::inverse(a)))
 }
 
-/// The distance between two points.
+/// The distance between two points, m.
 pub(super) fn distance(a: Vector, b: Vector) -> f64 {
     vector::norm(vector::subtract(b, a))
 }

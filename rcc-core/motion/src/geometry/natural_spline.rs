@@ -1,4 +1,4 @@
-//! The smoothest curve through points: the natural spline of the fifth degree, which has the least mean square of the third
+//! The smoothest curve through points: the natural quintic spline, which minimizes the mean square of the third
 //! derivative and is continuous up to the fourth. Solved when a motion is built.
 //!
 //! De Boor, "A Practical Guide to Splines", chapter XIII (natural splines of order 2m, here m = 3).
@@ -7,10 +7,11 @@ use nalgebra::{Matrix2, SMatrix};
 
 use super::quintic::Quintic;
 
-/// First and second derivative at a knot, a column an axis.
+/// First and second derivative at a knot, one column per axis.
 type KnotDerivatives<const N: usize> = SMatrix<f64, 2, N>;
 
-/// The curves between points `values` at rising `knots` (as many, two or more); `None` if the equations have no solution.
+/// The curves between points `values` at increasing `knots` (equal numbers, two or more); `None` if the equations have
+/// no solution.
 pub fn natural<const N: usize>(knots: &[f64], values: &[[f64; N]]) -> Option<Vec<Quintic<N>>> {
     let slopes = slopes(knots, values)?;
     let end = |number: usize| {
@@ -26,13 +27,13 @@ pub fn natural<const N: usize>(knots: &[f64], values: &[[f64; N]]) -> Option<Vec
         .collect()
 }
 
-/// One span seen from one of its ends.
+/// One interval between knots: its length, and the difference of the values.
 struct KnotSpan<const N: usize> {
     length: f64,
     way: SMatrix<f64, 1, N>,
 }
 
-/// Rows of the equations at one knot: factors of the slopes before, here and behind, and the right side.
+/// Equations at one knot: coefficients of the derivatives at the knot before, here and behind, and the right-hand side.
 struct KnotEquation<const N: usize> {
     before: Matrix2<f64>,
     here: Matrix2<f64>,
@@ -41,7 +42,8 @@ struct KnotEquation<const N: usize> {
 }
 
 impl<const N: usize> KnotEquation<N> {
-    /// Third and fourth derivative at a knot are those of the span before it, less those of the span behind it, = 0.
+    /// Continuity: third and fourth derivative at the end of the interval before equal those at the beginning of the
+    /// interval behind.
     fn new(before: Option<&KnotSpan<N>>, behind: Option<&KnotSpan<N>>) -> Self {
         let mut row = KnotEquation {
             before: Matrix2::zeros(),
@@ -71,7 +73,7 @@ impl<const N: usize> KnotEquation<N> {
     }
 }
 
-/// Derivatives at the knots: elimination in blocks of two (Thomas), then backwards.
+/// Derivatives at all knots: block elimination (Thomas algorithm with 2×2 blocks), then back substitution.
 fn slopes<const N: usize>(knots: &[f64], values: &[[f64; N]]) -> Option<Vec<KnotDerivatives<N>>> {
     let pairs = knots.iter().zip(values);
     let spans: Vec<KnotSpan<N>> = pairs
@@ -83,7 +85,7 @@ fn slopes<const N: usize>(knots: &[f64], values: &[[f64; N]]) -> Option<Vec<Knot
         })
         .collect();
     if let [KnotSpan { length, way }] = spans.as_slice() {
-        // Two points: the even way between them.
+        // Two points: a straight line.
         let mut slopes = KnotDerivatives::<N>::zeros();
         slopes.set_row(0, &(way / *length));
         return Some(vec![slopes; 2]);

@@ -1,21 +1,21 @@
-//! Polynomials of the fifth degree between two states, in several dimensions at once.
-//! Evaluated by the real-time thread; plain numbers.
+//! Quintic polynomials between two states, in several dimensions at once. Plain numbers; evaluated by the real-time
+//! thread.
 
 use super::jet::Scalar;
 
 /// Value, first and second derivative at one end.
 pub type QuinticEnd<const N: usize> = [[f64; N]; 3];
 
-/// A curve of the fifth degree over [0, length].
+/// A quintic curve over [0, length].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quintic<const N: usize> {
     length: f64,
-    /// By powers of s/length, 0 to 5.
+    /// Coefficients of the powers 0 to 5 of s/length.
     coefficients: [[f64; 6]; N],
 }
 
 impl<const N: usize> Quintic<N> {
-    /// The curve with value, first and second derivative of both ends; `length` > 0.
+    /// The curve with the given value and first and second derivative at both ends; `length` > 0.
     #[must_use]
     pub fn between(from: QuinticEnd<N>, to: QuinticEnd<N>, length: f64) -> Self {
         let h = length;
@@ -40,7 +40,7 @@ impl<const N: usize> Quintic<N> {
         }
     }
 
-    /// Where the curve is.
+    /// The value at `s`.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> [T; N] {
         let x = s.over(self.length);

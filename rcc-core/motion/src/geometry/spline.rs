@@ -1,10 +1,10 @@
-//! Smooth curves through poses: position and orientation as natural splines of the fifth degree (C4 in their parameter).
-//! Built off the real-time thread; evaluated by it in a bounded number of steps.
+//! Smooth curves through poses: position and orientation as natural quintic splines (C4 in their parameter). Built off
+//! the real-time thread, which evaluates them in a bounded number of steps.
 //!
-//! The curve's own parameter u is the length of the chords between the points. s is the length of the arc where the curve
-//! moves the origin at a fair rate everywhere (which is C2 by s, to the rounding of the table: 1e-12 of a metre), and u
-//! itself where it does not, such as a turn on the spot. Orientation runs in modified Rodrigues parameters relative to the
-//! middle point.
+//! The parameter u of the curve is the length of the chords between the points. s is arc length if the curve moves the
+//! origin of the flange at sufficient speed everywhere (then it is C2 in s, up to the rounding of the table: 1e-12 m),
+//! and u itself otherwise, e.g. for a rotation on the spot. Orientation is interpolated in modified Rodrigues
+//! parameters relative to the middle pose.
 
 use rcc_core::pose::Pose;
 use rcc_core::rotation::{self, Quaternion};
@@ -15,16 +15,16 @@ use super::natural_spline::natural;
 use super::quintic::Quintic;
 use super::{COINCIDENT_M, GeometryError, PathMetric, Placement, finite};
 
-/// Steps of the table of arc length between two points.
+/// Steps of the arc length table between two points.
 const STEPS: usize = 16;
 
-/// |dx/du| below this anywhere: u is the parameter, not the arc length.
+/// If |dx/du| is below this anywhere, s is u and not arc length.
 const SLOWEST: f64 = 0.1;
 
-/// How far a point may be turned from the middle one, rad.
+/// Largest rotation of a pose relative to the middle pose, rad.
 const TURN_MAX: f64 = 4.0;
 
-/// Nodes and weights of Gauss and Legendre's rule on [−1, 1].
+/// Nodes and weights of Gauss-Legendre quadrature on [−1, 1].
 const GAUSS: [(f64, f64); 5] = [
     (0.0, 0.568_888_888_888_888_9),
     (-0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
@@ -33,24 +33,24 @@ const GAUSS: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
 
-/// A curve through poses.
+/// A smooth curve through poses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spline {
-    /// u where each curve begins, and where the last one ends.
+    /// u at the beginning of each curve, and at the end of the last one.
     knots: Vec<f64>,
     curves: Vec<Quintic<6>>,
     middle: Quaternion,
-    /// (s, u) at the steps; empty where s is u.
+    /// (s, u) at the steps; empty if s is u.
     table: Vec<(f64, f64)>,
     length: f64,
 }
 
 impl Spline {
-    /// From the first pose through all others.
+    /// The curve from the first pose through all others.
     ///
     /// # Errors
-    /// Fewer than two poses, poses that coincide, are half a turn apart from the next, or turn by more than 4 rad from the
-    /// middle one; something not finite.
+    /// Returns [`GeometryError`] for an empty list, if neighbouring poses coincide or differ by half a turn, if a pose
+    /// is rotated by more than 4 rad from the middle one, or if a value is not finite.
     pub fn new(poses: &[Pose], metric: PathMetric) -> Result<Self, GeometryError> {
         poses.iter().try_for_each(finite)?;
         let middle = poses.get(poses.len() / 2).ok_or(GeometryError::NotFinite)?;
@@ -94,13 +94,13 @@ impl Spline {
         self.length
     }
 
-    /// Metres of way per unit of s, if s is the length of the arc.
+    /// Metres of the flange per unit of s (1) if s is arc length.
     #[must_use]
     pub fn speed_by_arc(&self) -> Option<f64> {
         (!self.table.is_empty()).then_some(1.0)
     }
 
-    /// s of each point, the first (0) and the last (the length) included.
+    /// s of each point, including the first (0) and the last (the length).
     #[must_use]
     pub fn points(&self) -> Vec<f64> {
         let every = self.table.iter().step_by(STEPS).map(|(s, _)| *s);
@@ -111,7 +111,7 @@ impl Spline {
         }
     }
 
-    /// Makes the table of arc length, if s can be that.
+    /// Builds the arc length table if s can be arc length.
     fn measure(&mut self) {
         let mut table = vec![(0.0, 0.0)];
         let (mut s, mut slowest) = (0.0, f64::INFINITY);
@@ -137,7 +137,7 @@ impl Spline {
         }
     }
 
-    /// The curve at u: its number and where it begins.
+    /// The curve at u, and the u at which it begins.
     fn curve(&self, u: f64) -> Option<(&Quintic<6>, f64)> {
         let number = self.knots.partition_point(|knot| *knot <= u);
         let number = number.clamp(1, self.curves.len().max(1)) - 1;
@@ -159,7 +159,7 @@ impl Spline {
         [speed, rise, bend]
     }
 
-    /// Arc length between two values of u of one curve.
+    /// Arc length between two values of u on one curve, m.
     fn arc(&self, from: f64, to: f64) -> f64 {
         let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
         let Some((curve, begin)) = self.curve(middle) else {
@@ -175,7 +175,7 @@ impl Spline {
         half * sum
     }
 
-    /// u at s: a look into the table, then three steps of Newton's method, which end at rounding.
+    /// u at s: a table look-up, then three iterations of Newton's method, which converge to rounding.
     fn parameter(&self, s: f64) -> f64 {
         let step = self.table.partition_point(|(at, _)| *at <= s);
         let step = step.clamp(1, self.table.len().saturating_sub(1).max(1));
@@ -208,7 +208,7 @@ impl Spline {
         ]
     }
 
-    /// Where the flange is.
+    /// The pose at `s`.
     pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
         let u = match self.table.is_empty() {
             true => s,
@@ -230,7 +230,7 @@ impl Spline {
     }
 }
 
-/// The orientations relative to the middle one, each near to the one before it.
+/// The orientations relative to the middle one as modified Rodrigues parameters, each continuous with the previous one.
 fn orientations(poses: &[Pose], middle: Quaternion) -> Result<Vec<[f64; 3]>, GeometryError> {
     let back = rotation::inverse(middle);
     let mut relative: Vec<Quaternion> = Vec::new();
@@ -247,7 +247,7 @@ fn orientations(poses: &[Pose], middle: Quaternion) -> Result<Vec<[f64; 3]>, Geo
         }
         relative.push(turn);
     }
-    // The signs are chained from the first; the middle one decides whether all are meant or their opposites.
+    // Signs are chained from the first pose; the middle one decides whether all are flipped.
     let flip = relative
         .get(poses.len() / 2)
         .is_some_and(|turn| turn[3] < 0.0);

@@ -1,26 +1,26 @@
-//! The fastest jerk-limited way from any motion to a velocity at a place, in closed form but for one number that is
-//! searched. No allocation, no failure; run by the real-time thread when a clock is told something new.
+//! The fastest jerk-limited motion from any state to a velocity at a given distance, in closed form except for one
+//! scalar that is searched. No allocation, no failure; run by the real-time thread when a path clock replans.
 
 use crate::jerk_profile::{
     AccelerationLimits, JerkProfile, KinematicState, VelocityChange, coasting_velocity,
 };
 
-/// Most steps of a search. Every third one halves the bracket, the others do better than that.
+/// Iteration limit of the search. Every third iteration bisects; the others converge faster.
 const SEARCH_MAX: usize = 120;
 
-/// A search ends when this part of the way is left, which cruising fills.
+/// The search ends when this fraction of the distance is left, which cruising fills.
 const FILLED: f64 = 1e-13;
 
-/// What a motion is to come to.
+/// The goal of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ApproachTarget {
-    /// Way to go (≥ 0).
+    /// Distance to go in s (≥ 0).
     pub(super) distance: f64,
-    /// Greatest velocity to cruise with (> 0).
+    /// Greatest cruising velocity (> 0).
     pub(super) cruise: f64,
-    /// Velocity at the end, without acceleration; above `cruise`, that.
+    /// Velocity at the end, with zero acceleration; limited to `cruise`.
     pub(super) exit: f64,
-    /// A miss by so little is none.
+    /// A miss of the distance by at most this much is accepted.
     pub(super) slack: f64,
 }
 
@@ -30,11 +30,11 @@ pub(super) struct Approach {
     first: VelocityChange,
     cruise_s: f64,
     second: VelocityChange,
-    /// The velocity between the changes.
+    /// Velocity between the changes.
     pub(super) between: f64,
-    /// The velocity at the end: that of the aim, or less where the way is too short for it.
+    /// Velocity at the end: that of the target, or less if the distance is too short for it.
     pub(super) exit: f64,
-    /// The way that it takes.
+    /// Distance covered without the cruise.
     distance: f64,
 }
 
@@ -62,7 +62,7 @@ impl Approach {
         }
     }
 
-    /// For a start that brakes: lets the deceleration go to `acceleration` before it goes on braking to `exit`.
+    /// For a start that brakes: first reduces the deceleration to `acceleration`, then continues braking to `exit`.
     fn relaxing(
         start: KinematicState,
         acceleration: f64,
@@ -86,7 +86,7 @@ impl Approach {
         }
     }
 
-    /// With a cruise that makes the way the one that was asked for.
+    /// Adds a cruise such that the distance becomes that of the target.
     fn filling(mut self, target: &ApproachTarget) -> Option<Self> {
         let left = target.distance - self.distance;
         if left > target.slack {
@@ -95,22 +95,23 @@ impl Approach {
         self.cruise_s.is_finite().then_some(self)
     }
 
-    /// When the second change begins, s.
+    /// Time at which the second change begins, s.
     pub(super) fn braking_from_s(&self) -> f64 {
         self.first.duration_s() + self.cruise_s
     }
 
-    /// The motion from `start`, phase by phase.
+    /// The motion from `start` as a profile.
     pub(super) fn profile(&self, start: KinematicState) -> JerkProfile {
         let ([a, b, c], [d, e, f]) = (self.first.steps(), self.second.steps());
         JerkProfile::new(start, [a, b, c, (self.cruise_s, 0.0), d, e, f])
     }
 }
 
-/// The fastest way from `start` (velocity ≥ 0, never backwards when it lets its acceleration go) to the aim.
+/// The fastest motion from `start` to the target. The velocity of `start` is ≥ 0 and stays so while its acceleration is
+/// reduced to 0.
 ///
-/// `None`: the place is so close that it cannot be reached at the velocity of the aim, or at a lower one that needs no
-/// braking, without acceleration.
+/// `None` if the distance is too short: the end cannot be reached with zero acceleration at the target's velocity, or
+/// at a lower one that needs no braking.
 pub(super) fn approach(
     start: KinematicState,
     target: &ApproachTarget,
@@ -169,25 +170,25 @@ pub(super) fn approach(
     Some(relaxing(found))
 }
 
-/// A velocity up to `fast` that is surely not reached from `slow` on the way, or `fast`.
+/// A velocity up to `fast` that is certainly not reached from `slow` within the distance, or `fast`.
 fn nearest_fast(slow: f64, fast: f64, target: &ApproachTarget, limits: AccelerationLimits) -> f64 {
-    // From a velocity without acceleration, d more take at least d·√(d/J).
+    // From a velocity without acceleration, gaining d takes a distance of at least d·√(d/J).
     let more = libm::cbrt(target.distance * target.distance * limits.jerk);
     (slow + 4.0 * more).min(fast)
 }
 
-/// Where between `low` (whose way is not too long) and `high` (whose is) the way is the one of the aim: as close to it
-/// as the slack, and not longer.
+/// The value between `low` (distance not too long) and `high` (distance too long) at which the distance is that of the
+/// target: within the slack, and not longer.
 fn search(low: f64, high: f64, target: &ApproachTarget, distance: impl Fn(f64) -> f64) -> f64 {
     let enough = target.slack.min(FILLED * target.distance);
-    // What is found lies in the middle of what is good enough.
+    // Aim at the middle of the accepted interval.
     let miss = |x: f64| distance(x) - target.distance + 0.5 * enough;
     let (mut low, mut high) = (low, high);
     let (mut below, mut above) = (miss(low), miss(high));
     if above <= 0.5 * enough {
         return high;
     }
-    // The rule of false position, in which the end that stays loses weight.
+    // Regula falsi; the end that is kept twice loses weight (Illinois variant).
     let mut last = 0.0;
     for step in 0..SEARCH_MAX {
         let middle = 0.5 * (low + high);

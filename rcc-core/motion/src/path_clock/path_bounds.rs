@@ -1,21 +1,22 @@
-//! What a path allows its clock: a velocity limit for each piece, and how fast each piece may be left so that all that
-//! follow can be kept. Made when a motion is built (allocates), read by the real-time thread.
+//! The limits of a path clock: a velocity limit for each piece of the path, and the look-ahead, i.e. how fast each
+//! piece may be left so that all following limits can be kept. Computed when a motion is built (allocates), read by the
+//! real-time thread.
 
 use rcc_core::path::PathLimits;
 use thiserror::Error;
 
 use crate::jerk_profile::{AccelerationLimits, KinematicState, VelocityChange};
 
-/// The look-ahead leaves this part of a way free, so that rounding cannot make it too short.
+/// Fraction of a distance that the look-ahead leaves unused, so that rounding cannot make it too short.
 const RESERVE: f64 = 1e-12;
 
-/// Two positions that differ by less than this part of the length are the same.
+/// Fraction of the path length below which two positions count as equal.
 const SAME: f64 = 1e-14;
 
-/// Halvings in the search for a velocity; the last ones are below the rounding of an f64.
+/// Bisections in the search for a velocity; the last ones are below the rounding of an f64.
 const HALVINGS: usize = 60;
 
-/// Why limits cannot be planned with.
+/// Why limits are refused.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum PathLimitsError {
     /// The length is negative, NaN or infinite.
@@ -42,8 +43,8 @@ pub enum PathLimitsError {
         /// Where it ends.
         end_s: f64,
     },
-    /// There is no piece.
-    #[error("a path of no pieces: give at least one")]
+    /// No pieces were given.
+    #[error("a path without pieces: give at least one")]
     Empty,
     /// The cycle time is zero, negative, NaN or infinite.
     #[error("cycle time {dt_s} s: give a finite number greater than 0")]
@@ -53,29 +54,29 @@ pub enum PathLimitsError {
     },
 }
 
-/// A part of a path with one velocity limit; it begins where the piece before it ends, the first one at 0.
+/// A part of a path with one velocity limit; it begins where the previous piece ends, the first one at 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathPiece {
-    /// Path parameter at its end; not below its beginning.
+    /// Path parameter at its end; not less than at its beginning.
     pub end_s: f64,
-    /// Largest ds/dt in it (> 0), per second.
+    /// Largest ds/dt on it (> 0), per second.
     pub velocity: f64,
 }
 
-/// One piece and what lies ahead of it.
+/// A piece with its look-ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LookAheadPiece {
     pub(super) end_s: f64,
     pub(super) velocity: f64,
-    /// The lower limit of the two pieces that meet at the end; 0 at the end of the path.
+    /// The lower of the velocity limits of the two pieces that meet at its end; 0 at the end of the path.
     pub(super) cap: f64,
-    /// From this velocity without acceleration at the end, everything behind it can be kept.
+    /// Velocity at its end (with zero acceleration) from which all following limits can be kept.
     pub(super) exit: f64,
-    /// The first piece, from this one on, at whose end a lower limit must be met: where it is braked to next.
+    /// Index of the first piece, from this one on, at whose end a lower limit must be met: the next braking target.
     pub(super) braking_piece: usize,
 }
 
-/// Velocity, acceleration and jerk limits of a whole path, with the look-ahead over its pieces. It never changes.
+/// Velocity, acceleration and jerk limits of a whole path, with the look-ahead over its pieces. Immutable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathBounds {
     pieces: Box<[LookAheadPiece]>,
@@ -85,14 +86,15 @@ pub struct PathBounds {
 }
 
 impl PathBounds {
-    /// For a path of `pieces` on which |d²s/dt²| is at most `acceleration` and |d³s/dt³| at most `jerk`, for clocks that
-    /// advance `dt_s` (s) a step.
+    /// Bounds for a path of `pieces` on which |d²s/dt²| is at most `acceleration` and |d³s/dt³| at most `jerk`, for
+    /// clocks that advance by `dt_s` (s) per step.
     ///
-    /// Neighbours of the same velocity become one piece, and so does a piece that is passed in less than a step, with
-    /// the lower limit of the two.
+    /// Neighbours with equal velocity become one piece. So does a piece that is passed in less than a step, with the
+    /// lower limit of the two.
     ///
     /// # Errors
-    /// No piece, pieces out of order, a limit that is not a finite number greater than 0.
+    /// Returns [`PathLimitsError`] if there are no pieces, they are out of order, or a limit is not a finite number
+    /// greater than 0.
     pub fn new(
         pieces: &[PathPiece],
         acceleration: f64,
@@ -117,10 +119,10 @@ impl PathBounds {
         })
     }
 
-    /// For a path of one velocity limit.
+    /// Bounds for a path with one velocity limit.
     ///
     /// # Errors
-    /// A limit that is not a finite number greater than 0 (the length may be 0).
+    /// Returns [`PathLimitsError`] if a limit is not a finite number greater than 0 (the length may be 0).
     pub fn of_limits(limits: &PathLimits, dt_s: f64) -> Result<Self, PathLimitsError> {
         let piece = PathPiece {
             end_s: limits.length,
@@ -135,7 +137,7 @@ impl PathBounds {
         self.pieces.last().map_or(0.0, |piece| piece.end_s)
     }
 
-    /// Time of one step, s.
+    /// Duration of one step, s.
     #[must_use]
     pub fn dt_s(&self) -> f64 {
         self.dt_s
@@ -167,7 +169,7 @@ impl PathBounds {
         })
     }
 
-    /// The least of the limits of ds/dt, per second.
+    /// The lowest of the limits of ds/dt, per second.
     pub(super) fn least_velocity(&self) -> f64 {
         let velocities = self.pieces.iter().map(|piece| piece.velocity);
         velocities.fold(f64::INFINITY, f64::min)
@@ -177,8 +179,8 @@ impl PathBounds {
         self.acceleration_limits
     }
 
-    /// Whether who gets into this state otherwise may come to rest from it as fast as a clock does: what these limits are for
-    /// is then kept on the whole way.
+    /// Returns true if the fastest stop from this state, which another motion has produced, keeps these limits on its
+    /// whole way.
     pub(crate) fn allows_stop(&self, from: KinematicState) -> bool {
         let AccelerationLimits { acceleration, jerk } = self.acceleration_limits;
         let rise = from.acceleration * from.acceleration / (2.0 * jerk);
@@ -190,7 +192,7 @@ impl PathBounds {
         let stop = VelocityChange::new(from.velocity, from.acceleration, self.acceleration_limits);
         let rests = stop.end(from).position;
         let mut pieces = self.piece_at(from.position)..=self.piece_at(rests);
-        // Asked so that a NaN allows nothing.
+        // Written such that a NaN allows nothing.
         forward
             && from.acceleration.abs() <= acceleration
             && rests <= self.length()
@@ -200,7 +202,7 @@ impl PathBounds {
             })
     }
 
-    /// Positions closer than this are the same.
+    /// Positions closer than this count as equal.
     pub(super) fn slack(&self) -> f64 {
         self.slack
     }
@@ -209,7 +211,7 @@ impl PathBounds {
         self.pieces.get(index)
     }
 
-    /// Index of the piece that begins or goes on at `s`; the last one at the end and behind it.
+    /// Index of the piece that contains `s`, the later one at a boundary; the last piece at the end and beyond it.
     pub(super) fn piece_at(&self, s: f64) -> usize {
         let ended = |piece: &LookAheadPiece| piece.end_s <= s + self.slack;
         let index = self.pieces.partition_point(ended);
@@ -268,7 +270,7 @@ fn check(
     }
 }
 
-/// Makes the last two pieces one while they have the same velocity or one of them is passed in less than a step.
+/// Merges the last two pieces while they have the same velocity or one of them is passed in less than a step.
 fn merge(pieces: &mut Vec<PathPiece>, dt_s: f64) {
     while let [before @ .., first, second] = pieces.as_mut_slice() {
         let begin_s = before.last().map_or(0.0, |piece| piece.end_s);
@@ -285,14 +287,14 @@ fn merge(pieces: &mut Vec<PathPiece>, dt_s: f64) {
     }
 }
 
-/// From the end to the beginning: how fast each piece may be left.
+/// Computes from the end to the beginning how fast each piece may be left.
 fn look_ahead(
     pieces: &[PathPiece],
     acceleration_limits: AccelerationLimits,
 ) -> Box<[LookAheadPiece]> {
     let last = pieces.len().saturating_sub(1);
     let mut all: Vec<LookAheadPiece> = Vec::with_capacity(pieces.len());
-    // The station ahead: its index, its place, the velocity there, and the least cap on the way to it.
+    // The braking target ahead: index of the piece, its end, the velocity there, and the lowest limit on the way to it.
     let (mut braking_piece, mut braking_s, mut there, mut cap_ahead) =
         (last, 0.0, 0.0, f64::INFINITY);
     for (index, piece) in pieces.iter().enumerate().rev() {
@@ -323,7 +325,8 @@ fn look_ahead(
     all.into_boxed_slice()
 }
 
-/// The greatest velocity up to `most` from which `there` is reached on the way, without acceleration at both ends.
+/// The greatest velocity up to `most` from which `there` is reached within the distance, with zero acceleration at both
+/// ends.
 fn fastest(most: f64, there: f64, distance: f64, acceleration_limits: AccelerationLimits) -> f64 {
     let fits = |velocity: f64| {
         let start = KinematicState {

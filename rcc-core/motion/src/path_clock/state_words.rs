@@ -1,12 +1,12 @@
-//! What changes of a path clock as plain numbers: for the flight recorder, which copies them, and for replay, which goes
-//! on from them. Run by the real-time thread (no allocation, no failure) and by whoever replays.
+//! The variable state of a path clock as plain words: the flight recorder copies it, replay resumes from it. Run by the
+//! real-time thread (no allocation, no failure) and by replay.
 
 use rcc_core::path::PathState;
 
 use super::{ClockCommand, MotionEnd, PathClock, PlannedMotion};
 use crate::jerk_profile::{JerkProfile, PROFILE_WORDS};
 
-/// Numbers that the state of a clock consists of: the motion being made, its end, its time, the last state.
+/// Number of words of a clock's state: the current motion, its end, the command, times and flags, the last state.
 pub const CLOCK_WORDS: usize = PROFILE_WORDS + 4 + 3 + 4;
 
 const ENDS: usize = PROFILE_WORDS;
@@ -14,7 +14,7 @@ const TIMES: usize = ENDS + 4;
 const LAST: usize = TIMES + 3;
 
 impl PathClock {
-    /// Everything that changes, as words; two clocks with equal words on equal bounds go on equally.
+    /// The variable state as words; two clocks with equal words and equal bounds continue equally.
     #[must_use]
     pub fn words(&self) -> [u64; CLOCK_WORDS] {
         let (end, s, velocity) = match self.planned.end {
@@ -51,7 +51,7 @@ impl PathClock {
         all
     }
 
-    /// The clock that gave these [`PathClock::words`]. Other words give a clock of no use, which still cannot fail.
+    /// Restores a clock from [`PathClock::words`]. Other words give a meaningless clock, which still cannot fail.
     #[must_use]
     pub fn from_words(words: &[u64; CLOCK_WORDS]) -> PathClock {
         let number = |index: usize| f64::from_bits(words[index]);

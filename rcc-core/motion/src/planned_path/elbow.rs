@@ -1,7 +1,7 @@
-//! The arm angle along a shape of the flange. Chosen when a motion is built; asked in the cycle.
+//! The arm angle along a shape of the flange. Chosen when a motion is built; evaluated in the cycle.
 //!
-//! It turns by the polynomial of seventh degree whose first three derivatives are 0 at both ends: what comes before and
-//! behind continues without a step in velocity, acceleration or jerk.
+//! It changes by the polynomial of seventh degree whose first three derivatives are 0 at both ends, so velocity,
+//! acceleration and jerk are continuous with the neighbouring shapes.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,14 +18,14 @@ pub(super) struct ElbowProfile {
     branch: Branch,
     /// Arm angle at the beginning, rad.
     angle: f64,
-    /// How far it turns, rad.
+    /// Change of the arm angle, rad.
     turn: f64,
-    /// From where to where on the shape.
+    /// Beginning and end of the change, s of the shape.
     span: [f64; 2],
 }
 
 impl ElbowProfile {
-    /// A configuration that stays.
+    /// A constant configuration.
     pub(super) fn still(ArmConfiguration { branch, arm_angle }: ArmConfiguration) -> ElbowProfile {
         ElbowProfile {
             branch,
@@ -35,10 +35,10 @@ impl ElbowProfile {
         }
     }
 
-    /// Turned by `turn` (rad) on a part of the shape.
+    /// Changes the arm angle by `turn` (rad) on `span` of the shape.
     ///
     /// # Errors
-    /// The part is none.
+    /// Returns [`MotionFault::NoRoomForElbow`] if the span has no length.
     pub(super) fn turning(self, turn: f64, span: [f64; 2]) -> Result<ElbowProfile, MotionFault> {
         let [from, to] = span;
         if turn != 0.0 && to - from <= LENGTH_MIN {
@@ -47,7 +47,7 @@ impl ElbowProfile {
         Ok(ElbowProfile { turn, span, ..self })
     }
 
-    /// As it is at the end, staying.
+    /// The configuration at the end, constant.
     pub(super) fn ended(self) -> ElbowProfile {
         ElbowProfile {
             angle: self.angle + self.turn,
@@ -56,7 +56,7 @@ impl ElbowProfile {
         }
     }
 
-    /// At s of the shape.
+    /// The configuration at `s` of the shape.
     pub(super) fn at(&self, s: f64) -> ArmConfiguration {
         let [from, to] = self.span;
         let arm_angle = match self.turn {
@@ -70,15 +70,15 @@ impl ElbowProfile {
     }
 }
 
-/// From 0 to 1 while u does; NaN stays.
+/// Smooth step from 0 to 1 as u goes from 0 to 1; NaN stays NaN.
 fn smooth(u: f64) -> f64 {
-    // Constant bounds: this cannot panic.
+    // Constant bounds: `clamp` cannot panic.
     let u = u.clamp(0.0, 1.0);
     let u2 = u * u;
     u2 * u2 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
 }
 
-/// How far the elbow is to turn, rad, from the configuration `here` to be at `end` as asked for.
+/// Change of the arm angle (rad) from the configuration `here` to the wanted one at `end`.
 pub(super) fn turn(
     arm_start: ArmStart<'_>,
     wanted: path::ElbowMotion,
@@ -100,7 +100,7 @@ pub(super) fn turn(
     if let Some([lower, upper]) = angles.around(angle) {
         return Ok((lower + upper) / 2.0 - angle);
     }
-    // The arm angle cannot stay: the nearest interval, the shorter way round.
+    // The arm angle cannot stay: use the nearest interval, the shorter way round.
     let ways = angles.intervals().iter().map(|[lower, upper]| {
         let [to_lower, to_upper] = [lower - angle, upper - angle].map(shorter);
         let middle = (upper - lower) / 2.0;
@@ -111,11 +111,12 @@ pub(super) fn turn(
         }
     });
     let nearest = ways.min_by(|(a, _), (b, _)| a.total_cmp(b));
-    // None at all: the walk along the path tells which joint is beyond its limit, and where.
+    // No interval exists: [`JointFollower::joints_along`](super::joint_follower::JointFollower::joints_along) then
+    // reports which joint exceeds its limit, and where.
     Ok(nearest.map_or(0.0, |(_, way)| way))
 }
 
-/// The same turn the shorter way round, in [-π, π].
+/// The same rotation the shorter way round, in [-π, π].
 fn shorter(turn: f64) -> f64 {
     let turn = turn.rem_euclid(TAU);
     if turn > PI { turn - TAU } else { turn }
@@ -181,7 +182,7 @@ mod tests {
             let Err((_, MotionFault::JointRange { .. })) = stays else {
                 continue;
             };
-            // What the arm reaches with no arm angle at all is not counted.
+            // Poses that the arm cannot reach with any arm angle are not counted.
             let Arm::Srs(arm) = lwr().arm.unwrap() else {
                 panic!("seven joints")
             };
@@ -247,7 +248,7 @@ mod tests {
             assert!((elbow.at(s).arm_angle - want).abs() < 1e-15, "{s}");
         }
         assert_eq!(elbow.ended().at(0.3).arm_angle, elbow.at(0.5).arm_angle);
-        // At the ends nothing begins with a step: the fourth power of a small way.
+        // No step at the ends: the change grows with the fourth power of the distance.
         for u in [1e-3, 1e-2] {
             assert!(smooth(u) < 36.0 * u.powi(4) && 1.0 - smooth(1.0 - u) < 36.0 * u.powi(4));
         }

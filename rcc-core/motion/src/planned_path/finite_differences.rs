@@ -1,20 +1,21 @@
-//! Derivatives of joints that are known at even steps along a path. Used when a motion is built.
+//! Derivatives of joints that are sampled at even steps along a path. Used when a motion is built.
 //!
-//! Seven neighbours give a derivative, at the ends those of one side: of fourth order or better in the step. Weights by
-//! Fornberg, "Generation of finite difference formulas on arbitrarily spaced grids", Math. Comp. 51 (1988), 699-706.
+//! Each derivative uses seven samples around the position, at the ends those of one side: of fourth order in the step
+//! or better. Weights by Fornberg, "Generation of finite difference formulas on arbitrarily spaced grids", Math. Comp.
+//! 51 (1988), 699-706.
 
 use rcc_core::message::{JOINTS_MAX, Joints};
 
 use crate::geometry::jet::Jet;
 
-/// Samples that a derivative is taken from.
+/// Samples that each derivative uses.
 pub(crate) const NEIGHBOURS: usize = 7;
 
-/// How exactly joints are known that inverse kinematics gives, rad: second and third derivatives are taken to be nearer to 0
-/// by what this makes of them. It counts on paths so short that the speed which they allow makes nothing of the difference.
+/// Precision of joints from inverse kinematics, rad. Second and third derivatives are reduced towards 0 by its effect.
+/// This matters only on paths so short that the permitted speed makes the difference irrelevant.
 pub(crate) const ROUNDING: f64 = 1e-14;
 
-/// Weights of the samples for value and first three derivatives, at one of the samples, for a step of one.
+/// Weights of the samples for the value and the first three derivatives at one of the samples, for a step of 1.
 type Weights = [[f64; 4]; NEIGHBOURS];
 
 /// The weights at sample `at` of [`NEIGHBOURS`].
@@ -54,8 +55,8 @@ fn weights(at: usize) -> Weights {
     weights
 }
 
-/// The joints with their derivatives at each of the samples, which are `step` apart in s; at least [`NEIGHBOURS`] of them,
-/// else nothing.
+/// The joints with their derivatives at each of the samples, which are `step` apart in s; empty for fewer than
+/// [`NEIGHBOURS`] samples.
 pub(crate) fn derivatives(samples: &[Joints], step: f64) -> Vec<[Jet; JOINTS_MAX]> {
     if samples.len() < NEIGHBOURS {
         return Vec::new();

@@ -1,5 +1,5 @@
-//! The joints along a shape: solved step by step, so that they stay on their branch and at their turns.
-//! Used when a motion is built.
+//! The joints along a shape of the flange: solved step by step, so that they stay in their branch and turn. Used when a
+//! motion is built.
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::kinematics::{Arm, ArmConfiguration, InverseKinematicsError};
@@ -11,14 +11,14 @@ use super::finite_differences::{NEIGHBOURS, derivatives};
 use crate::geometry::chain::{Shape, ShapePoint};
 use crate::geometry::jet::Jet;
 
-/// A joint that goes further than this from one step to the next (rad) jumps: the path goes through a singular position.
+/// A joint that moves further than this from one step to the next (rad) jumps: the path passes a singular position.
 const JUMP: f64 = 0.5;
 
-/// Steps by which the derivatives at one place are found, as part of the shape.
+/// Initial step for finite differences at one position, as a fraction of the shape's length.
 const NEAR: f64 = 1.0 / 256.0;
-/// Most times that they are divided by four.
+/// How often that step may be divided by four.
 const CLOSER_MAX: usize = 6;
-/// First and second derivatives that differ by no more than this, as part of the greatest, are the same.
+/// Relative difference below which derivatives count as converged.
 const SAME: f64 = 1e-7;
 
 /// An arm that follows a shape.
@@ -29,11 +29,11 @@ pub(super) struct JointFollower<'a> {
 }
 
 impl JointFollower<'_> {
-    /// The joints at even steps along [from, to] of a shape of the flange with an arm's configuration, the first near
-    /// `start`.
+    /// Returns the joints (rad) at even steps along [from, to] of a shape of the flange with a configuration, the first
+    /// close to `start`.
     ///
     /// # Errors
-    /// Where the flange cannot be brought, or a joint is beyond its limit.
+    /// Returns [`MotionFault`] if the arm cannot reach a pose, a joint exceeds its limit, or a joint jumps.
     pub(super) fn joints_along(
         &self,
         at: impl Fn(f64) -> (ShapePoint<f64>, ArmConfiguration),
@@ -64,11 +64,11 @@ impl JointFollower<'_> {
         Ok(joints)
     }
 
-    /// The joints at s of a shape with their derivatives; `hint` are joints near it. Looked at ever more closely, until
-    /// that changes nothing any more: near a singular position joints turn fast.
+    /// Returns the joints at `s` of a shape with their derivatives; `hint` are joints close to them. The step of the
+    /// differences is reduced until the result converges: near a singular position joints turn fast.
     ///
     /// # Errors
-    /// As [`JointFollower::joint_follower`].
+    /// As [`JointFollower::joints_along`].
     pub(super) fn jets(
         &self,
         (shape, elbow): (&Shape, &ElbowProfile),
@@ -82,7 +82,7 @@ impl JointFollower<'_> {
             step /= 4.0;
             let closer = self.jets_by((shape, elbow), s, hint, step)?;
             let apart = apart(&jets, &closer);
-            // What grows is rounding.
+            // A growing difference is rounding.
             if apart >= last {
                 break;
             }
@@ -94,7 +94,7 @@ impl JointFollower<'_> {
         Ok(jets)
     }
 
-    /// As [`JointFollower::jets`], by steps of this length in s.
+    /// As [`JointFollower::jets`], with this step in s.
     fn jets_by(
         &self,
         (shape, elbow): (&Shape, &ElbowProfile),
@@ -103,7 +103,7 @@ impl JointFollower<'_> {
         step: f64,
     ) -> Result<[Jet; JOINTS_MAX], MotionFault> {
         let (length, steps) = (shape.length(), NEIGHBOURS - 1);
-        // The place is one of the steps: the fourth, unless the shape begins or ends before.
+        // `s` is one of the seven sample positions: the fourth, unless the shape begins or ends before.
         let room = |way: f64| ((way / step + 1e-9) as usize).min(steps);
         let before = room(s).min(steps / 2).max(steps - room(length - s));
         let begin = s - step * before as f64;
@@ -114,7 +114,7 @@ impl JointFollower<'_> {
     }
 }
 
-/// How much first and second derivatives differ, as parts of the greatest of each.
+/// Difference of the first and second derivatives, relative to the greatest of each.
 fn apart(one: &[Jet; JOINTS_MAX], other: &[Jet; JOINTS_MAX]) -> f64 {
     let part = |order: usize| {
         let pairs = one.iter().zip(other);

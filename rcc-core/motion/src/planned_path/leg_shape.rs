@@ -1,5 +1,5 @@
-//! Legs one after the other: each as a shape, with the arm's configuration on it and where it ends.
-//! Run when a command is made ready; allocates.
+//! Turns legs into shapes, one after the other: each with the configuration of the arm along it and the state at its
+//! end. Run when a command is made ready; allocates.
 
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{
@@ -15,7 +15,7 @@ use super::elbow::{self, ElbowProfile};
 use super::joint_follower::JointFollower;
 use super::path_builder::{ArmStart, LegFault};
 use super::speed_limits::QuantityLimits;
-use super::{STEPS, ReducedBlend, joint_bounds};
+use super::{ReducedBlend, STEPS, joint_bounds};
 use crate::geometry::chain::{ChainPiece, Shape, ShapePoint};
 use crate::geometry::circle::{Circle, CircleOrientation};
 use crate::geometry::jet::Jet;
@@ -23,10 +23,10 @@ use crate::geometry::line::{JointLine, Line};
 use crate::geometry::spline::Spline;
 use crate::geometry::{GeometryError, LENGTH_MIN, PathMetric};
 
-/// What a turn counts where the limits do not say: metres per radian.
+/// Metres that one radian of rotation counts where the limits do not define the ratio.
 const RADIUS_M: f64 = 0.25;
 
-/// A rounding that lacks no more than this part of what was asked for is as asked for.
+/// A blend that is smaller by at most this fraction counts as having the requested size.
 const ENOUGH: f64 = 1e-6;
 
 /// A leg as a shape.
@@ -34,19 +34,19 @@ const ENOUGH: f64 = 1e-6;
 pub(super) struct LegShape {
     pub(super) shape: Shape,
     pub(super) leg: u32,
-    /// Branch and arm angle on a shape of the flange.
+    /// Branch and arm angle along a shape of the flange; `None` for a leg in joint space.
     elbow: Option<ElbowProfile>,
-    /// Joints along it, at even steps.
+    /// Joints along it at even steps, rad.
     joints: Vec<Joints>,
     pub(super) bounds: QuantityLimits,
-    /// Its speed is given.
+    /// The velocity of the leg is to be kept (not only a limit).
     pub(super) given: bool,
-    /// Zone of the rounding at its end, m.
+    /// Zone of the blend at its end, m.
     zone_m: f64,
 }
 
 impl LegShape {
-    /// How long the rounding from this to the next one is: on each.
+    /// The zones of the blend from this leg to the next: on each of the two.
     pub(super) fn zones(&self, next: Option<&LegShape>, arm: Arm) -> [BlendZone; 2] {
         let Some(next) = next.filter(|_| self.zone_m > 0.0) else {
             return [BlendZone::default(); 2];
@@ -57,7 +57,7 @@ impl LegShape {
         ]
     }
 
-    /// Branch and arm angle on a piece: the elbow has turned before a rounding.
+    /// Branch and arm angle on a piece: the elbow has finished turning before a blend begins.
     pub(super) fn elbow_on(&self, piece: &ChainPiece) -> Option<ElbowProfile> {
         match piece.blend {
             true => self.elbow.map(ElbowProfile::ended),
@@ -65,7 +65,7 @@ impl LegShape {
         }
     }
 
-    /// The rounding at its end if it is smaller than asked for, where the chain made one of `made_m` (m).
+    /// The blend at its end if it is smaller than requested; `made_m` (m) is the zone that the chain made.
     pub(super) fn shortened(&self, made_m: f64) -> Option<ReducedBlend> {
         (made_m < self.zone_m * (1.0 - ENOUGH)).then_some(ReducedBlend {
             leg: self.leg,
@@ -74,7 +74,7 @@ impl LegShape {
         })
     }
 
-    /// Joints with derivatives at s.
+    /// Joints with derivatives at `s`.
     pub(super) fn jets(
         &self,
         arm_start: ArmStart<'_>,
@@ -96,17 +96,17 @@ impl LegShape {
     }
 }
 
-/// A rounding on one of the two shapes that it joins.
+/// The part of a shape that a blend replaces.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct BlendZone {
-    /// In s of the shape.
+    /// Length in s of the shape.
     pub(super) way: f64,
-    /// Of the flange from the corner (along a flange's shape), m.
+    /// Distance of the flange from the corner (along the shape if it is one of the flange), m.
     pub(super) metres: f64,
 }
 
-/// From a corner (`place` says where on the shape a way from it is) to where the flange is `zone_m` from it; at most half of
-/// the shape.
+/// The zone from a corner to where the flange is `zone_m` (m) away from it; at most half of the shape. `place` maps a
+/// distance from the corner, and the length, to s of the shape.
 fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -> BlendZone {
     let length = shape.length();
     let Shape::Joints(line) = shape else {
@@ -139,10 +139,10 @@ fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -
     }
 }
 
-/// All legs as shapes.
+/// Turns all legs into shapes.
 ///
 /// # Errors
-/// Legs that are no path, or that the arm cannot follow.
+/// Returns the fault and its leg if legs do not define a path, or the arm cannot follow them.
 pub(super) fn leg_shapes(
     arm_start: ArmStart<'_>,
     legs: &[Leg<'_>],
@@ -165,7 +165,7 @@ struct LegShapeBuilder<'a> {
     arm_start: ArmStart<'a>,
     pose: Pose,
     joints: Joints,
-    /// Of the flange's shapes since the last one of joints.
+    /// Configuration along the flange's shapes since the last leg in joint space.
     configuration: Option<ArmConfiguration>,
     leg_shapes: Vec<LegShape>,
 }
@@ -246,7 +246,8 @@ impl LegShapeBuilder<'_> {
         Ok(())
     }
 
-    /// The elbow on a shape, which is at least as long as its turn counts: between the roundings at its ends.
+    /// The arm angle along a shape, turning between the blends at its ends; a line is lengthened in s to the length
+    /// that the turn counts.
     fn turning(
         &self,
         mut shape: Shape,
@@ -311,7 +312,7 @@ impl LegShapeBuilder<'_> {
             given: elbow.is_some()
                 && shape.moves()
                 && leg.line.velocity.is_finite()
-                // A turn on the spot has the speed that is given for turns.
+                // A turn on the spot has the angular velocity given for turns.
                 && (leg.turn.velocity.is_finite()
                     || shape.constant_speed().is_none_or(|speed| speed > LENGTH_MIN)),
             shape,
@@ -323,8 +324,8 @@ impl LegShapeBuilder<'_> {
         });
     }
 
-    /// Scales s of lines of joints, so that they can speed up by as much of it as the shapes of the flange: the acceleration
-    /// of the clock is one for the whole path.
+    /// Scales s on lines in joint space such that they allow about the same acceleration of s as the flange's shapes:
+    /// the clock has one acceleration limit for the whole path.
     fn even_out(&mut self) {
         let max_acceleration = |leg_shape: &LegShape| {
             if leg_shape.shape.length() <= LENGTH_MIN {
@@ -373,7 +374,7 @@ impl LegShapeBuilder<'_> {
     }
 }
 
-/// Where a pose of a leg is, in the arm's base.
+/// A pose of a leg in the base frame of the arm.
 fn place(from: &Pose, pose: &Pose, relative: Option<RelativeTo>) -> Pose {
     match relative {
         None => *pose,
@@ -396,7 +397,7 @@ fn metric(leg: &Leg<'_>) -> PathMetric {
     }
 }
 
-/// The joints of a pose: of a branch, or those that are reached soonest.
+/// The joints for a pose: in the given branch, or those that are reached soonest.
 fn chosen(
     arm_start: ArmStart<'_>,
     pose: &Pose,

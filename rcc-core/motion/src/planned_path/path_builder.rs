@@ -1,5 +1,5 @@
-//! From legs to a track: shapes, the joints along them, roundings, and the limits of every piece.
-//! Run when a command is made ready; allocates.
+//! Builds a planned path from legs: shapes, joints along them, blends, and the limits of every piece. Run when a
+//! command is made ready; allocates.
 
 use core::ops::Range;
 
@@ -22,29 +22,30 @@ use crate::geometry::LENGTH_MIN;
 use crate::geometry::chain::{Chain, ChainLink, ChainPiece, ShapePoint};
 use crate::path_clock::{PathBounds, PathPiece, duration_s};
 
-/// Parts of a piece that may have velocity limits of their own.
+/// Parts of a piece that may have separate velocity limits.
 const SPLIT: usize = 4;
 
-/// What goes along a path.
+/// The arm and its state at the start of a path.
 #[derive(Clone, Copy)]
 pub(crate) struct ArmStart<'a> {
     /// Kinematics and limits of the arm.
     pub(crate) model: &'a DeviceModel,
-    /// The same, as the model has it.
+    /// Kinematics, taken from `model`.
     pub(crate) arm: Arm,
-    /// Joints at the start.
+    /// Joints at the start, rad.
     pub(crate) joints: Joints,
-    /// Flange at the start.
+    /// Flange at the start, in the base frame of the arm.
     pub(crate) pose: Pose,
 }
 
-/// A fault and the leg that has it.
+/// Index of a leg and its fault.
 pub(crate) type LegFault = (u32, MotionFault);
 
-/// Builds a track and its parts from rest to rest (one at least), for a cycle of `dt_s` (s).
+/// Builds a path and its sections from rest to rest (at least one), for a cycle of `dt_s` (s).
 ///
 /// # Errors
-/// Legs that are no path, that the arm cannot follow, or not as fast as given.
+/// Returns the fault and its leg if legs do not define a path, or the arm cannot follow them, or not at the given
+/// speed.
 pub(crate) fn build(
     arm_start: ArmStart<'_>,
     (legs, pace): (&[Leg<'_>], SpeedProfile),
@@ -99,7 +100,7 @@ pub(crate) fn build(
     Ok((planned_path, sections))
 }
 
-/// The roundings that are smaller than asked for: a leg is too short, or the flange turns so far that there is none.
+/// The blends that are smaller than requested, because a leg is too short or the flange turns too far for a blend.
 fn shortened(
     leg_shapes: &[LegShape],
     zones: &[[BlendZone; 2]],
@@ -109,7 +110,7 @@ fn shortened(
         let mut pieces = chain.pieces().iter();
         pieces.any(|piece| piece.blend && piece.link == link)
     };
-    // Nothing follows on the last one.
+    // No leg follows the last one.
     let corners = leg_shapes.len().saturating_sub(1);
     let corners = leg_shapes.iter().zip(zones).enumerate().take(corners);
     let cut = corners.filter_map(|(link, (leg_shape, [before, behind]))| {
@@ -119,7 +120,7 @@ fn shortened(
     cut.collect()
 }
 
-/// What was seen along a piece.
+/// The samples of a piece with its limits.
 pub(super) struct SampledPiece {
     pub(super) samples: PieceSamples,
     pub(super) bounds: QuantityLimits,
@@ -127,21 +128,21 @@ pub(super) struct SampledPiece {
     given: bool,
 }
 
-/// A chain with all that was seen along it.
+/// A chain of shapes with the samples of its pieces.
 pub(super) struct PathBuilder<'a> {
     arm_start: ArmStart<'a>,
     pub(super) chain: &'a Chain,
     leg_shapes: &'a [LegShape],
-    /// Of each piece.
+    /// One element per piece.
     pub(super) sampled: Vec<SampledPiece>,
     pub(super) dt_s: f64,
 }
 
-/// Sections, and the same by what their clocks count.
+/// The sections, and their mappings from clock values to s.
 type BuiltSections = (Box<[MotionSection]>, Box<[TimedSection]>);
 
 impl<'a> PathBuilder<'a> {
-    /// Looks at all pieces.
+    /// Samples all pieces.
     fn sample_pieces(&mut self, pace: SpeedProfile) -> Result<(), LegFault> {
         let mut joints = self.arm_start.joints;
         for piece in self.chain.pieces() {
@@ -160,7 +161,7 @@ impl<'a> PathBuilder<'a> {
                 bounds: next.map_or(leg_shape.bounds, |next| {
                     tighter(&leg_shape.bounds, &next.bounds)
                 }),
-                // Who wants to be there soonest gives a limit, no speed.
+                // With the time-optimal profile the speed of a leg is a limit; otherwise it is to be kept.
                 given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Even),
                 samples,
             });
@@ -168,7 +169,7 @@ impl<'a> PathBuilder<'a> {
         Ok(())
     }
 
-    /// The pieces from rest to rest that are any way at all.
+    /// The ranges of pieces from rest to rest, without those of length 0.
     fn section_ranges(&self) -> Vec<Range<usize>> {
         let (mut all, mut first) = (Vec::new(), 0);
         let pieces = self.chain.pieces();
@@ -184,7 +185,7 @@ impl<'a> PathBuilder<'a> {
         all
     }
 
-    /// There is a way along this piece.
+    /// Returns true if the piece has a length.
     pub(super) fn is_way(&self, number: usize) -> bool {
         let piece = self.chain.pieces().get(number);
         let sampled = self.sampled.get(number);
@@ -192,7 +193,7 @@ impl<'a> PathBuilder<'a> {
             && sampled.is_some_and(|sampled| !sampled.samples.widened.is_empty())
     }
 
-    /// Limits for each part of the path from rest to rest.
+    /// Computes the clock limits of each section from rest to rest.
     fn sections(&self, pace: SpeedProfile) -> Result<BuiltSections, LegFault> {
         let (mut sections, mut timed_sections) = (Vec::new(), Vec::new());
         let mut begin = 0.0;
@@ -242,7 +243,7 @@ impl<'a> PathBuilder<'a> {
         Ok((sections.into(), timed_sections.into()))
     }
 
-    /// The section of a path that goes nowhere.
+    /// The section of a path of length 0.
     fn nowhere(&self) -> Result<MotionSection, LegFault> {
         let piece = PathPiece {
             end_s: 0.0,
@@ -258,17 +259,17 @@ impl<'a> PathBuilder<'a> {
     }
 }
 
-/// What is gathered for the limits of a part from rest to rest.
+/// Collects the parts of a section from rest to rest, from which its limits are computed.
 #[derive(Default)]
 struct SectionParts<'a> {
     parts: Vec<speed_limits::SampledPart>,
     ends: Vec<f64>,
-    /// Where each part is: on what piece, of which leg, from where to where of it.
+    /// For each part: its piece, the leg, and the fractions of the piece at which it begins and ends.
     owners: Vec<(&'a ChainPiece, u32, [f64; 2])>,
 }
 
 impl<'a> SectionParts<'a> {
-    /// Adds a piece; `begin` is where the part from rest to rest begins.
+    /// Adds a piece; `begin` is the path parameter at which the section begins.
     fn add(&mut self, builder: &PathBuilder<'a>, number: usize, begin: f64) {
         let (Some(piece), Some(sampled)) = (
             builder.chain.pieces().get(number),

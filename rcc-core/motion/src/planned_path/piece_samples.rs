@@ -1,5 +1,5 @@
-//! A piece of a track seen closely: what flange and joints do along it, and that no joint leaves its range.
-//! Used when a motion is built; allocates.
+//! Samples of one piece of a path: derivatives of flange and joints along it, and the check that no joint leaves its
+//! range. Used when a motion is built; allocates.
 
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::Arm;
@@ -18,13 +18,14 @@ use crate::geometry::LENGTH_MIN;
 use crate::geometry::chain::{ChainPiece, Shape, ShapePoint};
 use crate::geometry::jet::{Jet, Scalar};
 
-/// Most steps in which one piece is looked at.
+/// Most steps at which one piece is sampled.
 const STEPS_MAX: usize = 4096;
 
-/// What is beyond its bounds by less than this factor is not looked at more closely; the bounds are widened by it.
+/// If samples exceed the bounds of the coarser ones by less than this factor, sampling ends and the bounds are widened
+/// by the factor found.
 const NEAR: f64 = 1.05;
 
-/// Steps for a piece at first.
+/// Number of steps at which a piece is sampled first.
 fn steps(piece: &ChainPiece) -> usize {
     match &piece.shape {
         Shape::Spline(spline) => (spline.points().len() * STEPS / 4).clamp(STEPS, STEPS_MAX / 4),
@@ -32,34 +33,35 @@ fn steps(piece: &ChainPiece) -> usize {
     }
 }
 
-/// The places of even steps.
+/// Path parameters at even steps.
 fn places(piece: &ChainPiece, steps: usize) -> impl Iterator<Item = f64> {
     let (begin, step) = (piece.begin, piece.length() / steps as f64);
     (0..=steps).map(move |number| begin + step * number as f64)
 }
 
-/// What comes out of one look at a piece.
+/// The samples of a piece.
 pub(super) struct PieceSamples {
-    /// By flange and joints at even steps, ends included.
+    /// Derivatives of flange and joints at even steps, ends included.
     pub(super) points: Vec<DerivativeSample>,
-    /// Joints at the same steps, with their derivatives.
+    /// Joints with their derivatives at the same steps.
     pub(super) jets: Vec<[Jet; JOINTS_MAX]>,
-    /// The joints alone.
+    /// Joints alone, rad.
     pub(super) joints: Vec<Joints>,
-    /// Way of the flange, m.
+    /// Distance of the flange along the piece, m.
     pub(super) way_m: f64,
-    /// Bounds of what lies between the steps, too.
+    /// Bounds that also hold between the steps.
     pub(super) widened: Vec<DerivativeSample>,
-    /// By how much what is between the steps may be beyond the samples, at least 1.
+    /// Factor by which values between the steps may exceed the samples, at least 1.
     pub(super) excess: f64,
 }
 
-/// Looks at a piece; `joints` are near those at its beginning.
+/// Samples a piece; `joints` are close to those at its beginning.
 ///
-/// Twice as closely until what was seen last bounds what is seen between: a curve may be sharp in a short part of it.
+/// Doubles the number of steps until the bounds from the previous samples cover the new ones: a curve may be sharp in a
+/// short part.
 ///
 /// # Errors
-/// Where the arm cannot go.
+/// Returns the fault and its leg if the arm cannot follow the piece.
 pub(super) fn sample_piece(
     arm_start: ArmStart<'_>,
     piece: &ChainPiece,
@@ -78,7 +80,7 @@ pub(super) fn sample_piece(
         sampled.widened = widen(&sampled.points);
         let excess = excess(&coarse, &sampled.points, piece.length() / steps as f64);
         if excess <= NEAR || steps >= STEPS_MAX {
-            // What is between these is no more beyond them than they were beyond those before.
+            // Values between these samples exceed them no more than these exceeded the previous bounds.
             for value in sampled.widened.iter_mut().flatten().flatten() {
                 *value *= excess;
             }
@@ -93,9 +95,9 @@ pub(super) fn sample_piece(
     Ok(sampled)
 }
 
-/// The greatest of what is seen at twice as many steps, `step` apart, as part of the bound that was found before.
+/// The greatest ratio of the samples at twice as many steps, `step` apart in s, to the bounds found before; at least 1.
 fn excess(coarse: &[DerivativeSample], fine: &[DerivativeSample], step: f64) -> f64 {
-    // Below this a derivative is nothing.
+    // A derivative below this is rounding.
     let rounding = [step, step * step, step * step * step].map(|power| ROUNDING / power);
     let mut excess = 1.0_f64;
     for (number, sample) in fine.iter().enumerate() {
@@ -115,8 +117,8 @@ fn excess(coarse: &[DerivativeSample], fine: &[DerivativeSample], step: f64) -> 
     excess
 }
 
-/// A joint that turns back beyond its limit, at a step or between two of them: a rounding of joints may swing out, and an
-/// inverse is asked at the steps only.
+/// Returns a fault if a joint exceeds its limit at a step, or turns back beyond it between two steps: a blend of joints
+/// may swing out, and the inverse kinematics is evaluated at the steps only.
 fn out_of_range(
     samples: &PieceSamples,
     step: f64,
@@ -152,7 +154,7 @@ fn out_of_range(
     Ok(())
 }
 
-/// A line or a rounding of joints.
+/// Samples a line or blend in joint space.
 fn at_joints(arm: Arm, piece: &ChainPiece, steps: usize) -> PieceSamples {
     let mut samples = PieceSamples {
         points: Vec::with_capacity(steps + 1),
@@ -178,7 +180,7 @@ fn at_joints(arm: Arm, piece: &ChainPiece, steps: usize) -> PieceSamples {
     samples
 }
 
-/// A shape of the flange, followed from `joints` on.
+/// Samples a shape of the flange, starting with `joints`.
 fn at_flange(
     arm_start: ArmStart<'_>,
     piece: &ChainPiece,
@@ -219,7 +221,7 @@ fn at_flange(
     let sum: f64 = speeds.clone().sum();
     let ends: f64 = speeds.clone().take(1).chain(speeds.next_back()).sum();
     let way_m = (sum - ends / 2.0) * step;
-    // Exact where the speed is the same everywhere.
+    // Exact where the speed is constant.
     let constant = piece.shape.constant_speed();
     let way_m = constant.map_or(way_m, |speed| speed * piece.length());
     Ok(PieceSamples {

@@ -1,22 +1,22 @@
-//! How fast a path may be gone along: from what the flange and the joints do by s to the limits of the clock.
-//! Used when a motion is built.
+//! Speed limits along a path: from the derivatives of flange and joints by s to the limits of the path clock. Used when
+//! a motion is built.
 //!
-//! With s' ≤ V, |s''| ≤ A and |s'''| ≤ J, what follows s as y(s) obeys
-//! |y'|V ≥ |velocity|, |y''|V² + |y'|A ≥ |acceleration| and |y'''|V³ + 3|y''|VA + |y'|J ≥ |jerk|.
-//! So if the left sides keep the limits everywhere, every motion of the clock keeps them: with any override, pause and stop.
-//! V is found for each part of the path; A and J are those of the whole path.
+//! With s' ≤ V, |s''| ≤ A and |s'''| ≤ J, a quantity y(s) obeys |velocity| ≤ |y'|V, |acceleration| ≤ |y''|V² + |y'|A
+//! and |jerk| ≤ |y'''|V³ + 3|y''|VA + |y'|J. So if the right sides keep the limits everywhere, every motion of the
+//! clock keeps them, with any override, pause and stop. V is determined for each part of the path; A and J hold for the
+//! whole path.
 //!
-//! Between samples: at each sample the greatest of its neighbours' and its own derivatives is taken, and a quarter of its
-//! second difference and [`MARGIN`] of it are added, unless it is constant.
+//! Between samples: at each sample the greatest derivative of the sample and its neighbours is taken, and a quarter of
+//! the second difference and the fraction [`MARGIN`] are added, unless the derivative is constant.
 
 use rcc_core::path::Quantity;
 
 use crate::path_clock::{PathBounds, PathPiece, duration_s, peak};
 
-/// Line, turn and eight joints.
+/// Translation, rotation and eight joints.
 pub(crate) const QUANTITIES: usize = 10;
 
-/// The quantity at a place of a [`DerivativeSample`].
+/// The quantity at an index of a [`DerivativeSample`].
 fn quantity(number: usize) -> Quantity {
     match number {
         0 => Quantity::Line,
@@ -25,25 +25,25 @@ fn quantity(number: usize) -> Quantity {
     }
 }
 
-/// Added to every derivative, as part of it.
+/// Fraction that is added to every derivative.
 pub(crate) const MARGIN: f64 = 0.005;
 
-/// A given speed is refused if it leaves less than this part of the greatest acceleration along the path.
+/// A given speed is refused if it leaves less than this fraction of the greatest acceleration along the path.
 const LEAST_ACCELERATION: f64 = 1e-3;
 
-/// What of the limits is for what.
+/// How the limits are shared between their uses.
 pub(crate) struct LimitShares {
-    /// Parts of the greatest acceleration that are tried: bends cost speed where the path's own acceleration is high.
+    /// Fractions of the greatest acceleration that are tried: a high acceleration along the path costs speed in bends.
     trials: &'static [f64],
-    /// Of the jerk limit, at most so much is used by a bend that is passed at full speed …
+    /// Fraction of the jerk limit for a bend that is passed at full speed.
     for_bends: f64,
-    /// … and so much by changing the speed in a bend; the rest is for changing the acceleration.
+    /// Fraction of the jerk limit for changing the speed in a bend; the rest is for changing the acceleration.
     for_speed: f64,
-    /// The clock does not rest at the end but passes it: behind the last part there is the way of a stop.
+    /// The clock does not stop at the end but passes it: the path is extended by the distance of a stop.
     run_out: bool,
 }
 
-/// Of a path whose clock makes all that is accelerated along it.
+/// For a path on which the clock does all the acceleration.
 pub(crate) const EVEN_SHARES: LimitShares = LimitShares {
     trials: &[
         1.0, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.01,
@@ -53,8 +53,8 @@ pub(crate) const EVEN_SHARES: LimitShares = LimitShares {
     run_out: false,
 };
 
-/// Of a law that accelerates by itself with a part of the limits: its clock only changes the speed of it, and stops, with
-/// what is left.
+/// For a time law that accelerates by itself with a fraction of the acceleration limits (first element): its clock only
+/// changes the speed and stops, with what is left.
 pub(crate) const TIME_LAW_SHARES: [(f64, LimitShares); 3] = [
     (0.55, time_law_shares(&[0.38])),
     (0.7, time_law_shares(&[0.25])),
@@ -70,20 +70,21 @@ const fn time_law_shares(trials: &'static [f64]) -> LimitShares {
     }
 }
 
-/// |y'|, |y''|, |y'''| of every quantity at one place.
+/// |y'|, |y''|, |y'''| of every quantity at one path position.
 pub(crate) type DerivativeSample = [[f64; 3]; QUANTITIES];
 
-/// Velocity, acceleration and jerk of every quantity; infinite where there is no limit.
+/// Velocity, acceleration and jerk limit of every quantity; infinite if there is no limit.
 pub(crate) type QuantityLimits = [[f64; 3]; QUANTITIES];
 
-/// Samples of a part of a path with what limits it.
+/// Samples of a part of a path, with its limits.
 #[derive(Debug, Clone)]
 pub(crate) struct SampledPart {
-    /// At even steps, ends included.
+    /// Samples at even steps, ends included.
     pub(crate) samples: Vec<DerivativeSample>,
-    /// What is kept.
+    /// Limits of each quantity.
     pub(crate) bounds: QuantityLimits,
-    /// The speed limits of line and turn are what the net wants; if joints or curves cannot follow, it is refused.
+    /// The velocities of translation and rotation are to be kept; if joints or bends do not allow them, the motion is
+    /// refused.
     pub(crate) given: bool,
 }
 
@@ -96,27 +97,27 @@ impl SampledPart {
     }
 }
 
-/// Where and why a path cannot be gone along as fast as given.
+/// Where and why a path cannot be followed at the given speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TooFast {
-    /// Part.
+    /// Index of the part.
     pub(crate) part: usize,
-    /// Sample in it, as part of its length.
+    /// Position of the sample, as a fraction of the part.
     pub(crate) fraction: f64,
-    /// What.
+    /// The quantity whose limit is violated.
     pub(crate) quantity: Quantity,
     /// 1 velocity, 2 acceleration, 3 jerk.
     pub(crate) order: u8,
-    /// What it would come to.
+    /// Value that it would reach.
     pub(crate) value: f64,
     /// Its limit.
     pub(crate) limit: f64,
-    /// The part of the given speed that is possible.
+    /// Fraction of the given speed that is possible.
     pub(crate) possible: f64,
 }
 
 impl TooFast {
-    /// Nothing is.
+    /// No violation.
     const NONE: TooFast = TooFast {
         part: 0,
         fraction: 0.0,
@@ -128,16 +129,16 @@ impl TooFast {
     };
 }
 
-/// Why there are no limits.
+/// Why limits cannot be determined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum LimitsFault {
-    /// A given speed.
+    /// A given speed is too high.
     TooFast(TooFast),
-    /// What was found is nothing that a clock keeps.
+    /// The limits found are not valid for a path clock.
     Clock,
 }
 
-/// Makes samples bounds of what lies between them.
+/// Turns samples into bounds that also hold between them.
 pub(crate) fn widen(samples: &[DerivativeSample]) -> Vec<DerivativeSample> {
     let at = |number: usize| samples.get(number);
     let wide = |number: usize| {
@@ -151,7 +152,7 @@ pub(crate) fn widen(samples: &[DerivativeSample]) -> Vec<DerivativeSample> {
                 let (greatest, least) =
                     (here.max(before).max(behind), here.min(before).min(behind));
                 if greatest - least <= 1e-9 * greatest {
-                    // Constant: what is given can be used fully.
+                    // Constant: the limit can be used fully.
                     return greatest;
                 }
                 (greatest + bend) * (1.0 + MARGIN)
@@ -161,7 +162,7 @@ pub(crate) fn widen(samples: &[DerivativeSample]) -> Vec<DerivativeSample> {
     (0..samples.len()).map(wide).collect()
 }
 
-/// The greatest speed at which the path may speed up by `acceleration`, with the shares of the jerk limit.
+/// The greatest speed at which the path may accelerate by `acceleration`, with these shares of the jerk limit.
 fn speed(part: &SampledPart, acceleration: f64, shares: &LimitShares) -> f64 {
     let mut lowest = f64::INFINITY;
     for ([first, second, third], [v, a, j]) in part.all() {
@@ -178,7 +179,7 @@ fn speed(part: &SampledPart, acceleration: f64, shares: &LimitShares) -> f64 {
     lowest
 }
 
-/// The speed along the path that is given, whatever joints and bends say to it.
+/// The given speed along the path, regardless of joints and bends.
 fn given(part: &SampledPart) -> f64 {
     let rows = part
         .samples
@@ -188,15 +189,16 @@ fn given(part: &SampledPart) -> f64 {
         .fold(f64::INFINITY, least)
 }
 
-/// The lesser, where a NaN (no limit times nothing) is no limit.
+/// The lesser of two values; a NaN (no limit times 0) counts as no limit.
 fn least(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
 }
 
-/// Limits of the clock for parts that end at `ends`: of all that are tried those with the shortest time from rest to rest.
+/// Clock limits for parts that end at `ends` (s): of all trials those with the shortest time from rest to rest.
 ///
 /// # Errors
-/// A part whose given speed is too fast for joints or bends.
+/// Returns [`LimitsFault::TooFast`] if the given speed of a part is too high for joints or bends,
+/// [`LimitsFault::Clock`] if no valid limits are found.
 pub(crate) fn allowed(
     parts: &[SampledPart],
     ends: &[f64],
@@ -232,12 +234,12 @@ pub(crate) fn allowed(
     Ok(sooner((parts, ends), &bounds, shares).unwrap_or(bounds))
 }
 
-/// Lower speeds that are tried where a given one is not reached, each this part of the one before.
+/// Factor between the lower speeds that are tried where a given speed is not reached.
 const LOWER: f64 = 0.85;
 const LOWER_MAX: usize = 16;
 
-/// A way that is too short for its given speed is not gone slower because of it: limits that leave no room for a speed that
-/// is not reached, if they bring it to its end sooner.
+/// A path that is too short to reach its given speed must not become slower because of it: returns limits without room
+/// for a speed that is not reached, if they shorten the motion.
 fn sooner(
     (parts, ends): (&[SampledPart], &[f64]),
     bounds: &PathBounds,
@@ -269,8 +271,8 @@ fn sooner(
     (time < duration_s(bounds)).then_some(free)
 }
 
-/// Limits for given speeds that do not go with the shares of the jerk limit: bends take what they need, and half of what they
-/// leave is for changing the speed in them.
+/// Limits for given speeds that do not fit the shares of the jerk limit: bends take what they need, and half of the
+/// rest is for changing the speed in them.
 fn as_given(
     (parts, ends): (&[SampledPart], &[f64]),
     greatest: f64,
@@ -303,30 +305,32 @@ fn as_given(
     }))
 }
 
-/// What a clock keeps that stops on a part of the path and a few behind it: near by more is allowed than on the whole path.
+/// Clock limits for a stop that begins on a part of the path and ends on it or a few parts later: locally more is
+/// allowed than on the whole path.
 #[derive(Debug, Clone)]
 pub(crate) struct BrakingLimits {
-    /// The part in which it begins.
+    /// Beginning (`from`) and end (`until`) of the part on which the stop begins, s.
     from: f64,
     until: f64,
-    /// Of that part and those behind it; their length is how far a stop may go.
+    /// Limits on that part and the following ones; their length is where the stop must have ended.
     pub(crate) bounds: PathBounds,
 }
 
 impl BrakingLimits {
-    /// It is for who is there.
+    /// Returns true if a stop with these limits may begin at `s`.
     pub(crate) fn begins_at(&self, s: f64) -> bool {
         self.from <= s && s <= self.until
     }
 }
 
-/// On how many parts a stop may take place; more would cost building time and memory, and stops that long are few.
+/// Numbers of parts on which a stop may take place; more would cost building time and memory for few long stops.
 const STOP_PARTS: [usize; 2] = [2, 8];
 
-/// Of the greatest acceleration on them: who may brake harder must be slower where the path bends.
+/// Fractions of the greatest acceleration on these parts: harder braking requires a lower speed in bends.
 const STOP_ACCELERATIONS: [f64; 3] = [0.9, 0.6, 0.3];
 
-/// Limits for stops in each part, those first that are soonest at rest; the last are `even`, those of the whole path.
+/// Limits for stops on each part, those with the hardest braking first; the last are `even`, the limits of the whole
+/// path.
 pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Box<[BrakingLimits]> {
     let dt_s = even.dt_s();
     let begins = core::iter::once(0.0).chain(ends.iter().copied());
@@ -359,23 +363,23 @@ pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Bo
     stops.into()
 }
 
-/// The greatest acceleration along these parts that no quantity forbids at rest.
+/// The greatest acceleration along these parts that every quantity allows at rest.
 fn greatest(parts: &[SampledPart]) -> f64 {
     let rows = parts.iter().flat_map(SampledPart::all);
     rows.map(|([first, ..], [_, a, _])| a / first)
         .fold(f64::INFINITY, least)
 }
 
-/// What given speeds leave.
+/// The acceleration that given speeds leave.
 struct SpeedMargin {
-    /// The greatest acceleration along the path; negative: they are too fast.
+    /// The greatest possible acceleration along the path; negative: the speeds are too high.
     acceleration: f64,
-    /// What leaves least.
+    /// The quantity that leaves least.
     fault: TooFast,
 }
 
 impl SpeedMargin {
-    /// Of so many times the speeds that are given.
+    /// The margin at `times` the given speeds.
     fn at(parts: &[SampledPart], times: f64) -> SpeedMargin {
         let mut least = SpeedMargin {
             acceleration: f64::INFINITY,
@@ -411,7 +415,7 @@ impl SpeedMargin {
     }
 }
 
-/// What velocity, acceleration and jerk come to at an even speed.
+/// Velocity, acceleration and jerk at a constant speed.
 fn powers([first, second, third]: &[f64; 3], speed: f64) -> [f64; 3] {
     [
         first * speed,
@@ -420,7 +424,8 @@ fn powers([first, second, third]: &[f64; 3], speed: f64) -> [f64; 3] {
     ]
 }
 
-/// The accelerations along the path that velocity, acceleration and jerk of a quantity leave; -∞ for none.
+/// Accelerations along the path that the velocity, acceleration and jerk limits of a quantity leave; -∞ if the speed is
+/// too high.
 fn margin(derivatives: &[f64; 3], limits: &[f64; 3], speed: f64) -> [f64; 3] {
     let [first, second, _] = derivatives;
     let [velocity, acceleration, jerk] = powers(derivatives, speed);
@@ -437,7 +442,7 @@ fn margin(derivatives: &[f64; 3], limits: &[f64; 3], speed: f64) -> [f64; 3] {
     ]
 }
 
-/// The clock with these velocities and one acceleration, and the jerk that all of them leave.
+/// Clock limits with these velocities and this acceleration, and the jerk that remains.
 fn clock(
     (parts, ends): (&[SampledPart], &[f64]),
     velocities: &[f64],
@@ -457,7 +462,7 @@ fn clock(
         });
     }
     if let Some(last) = pieces.last_mut().filter(|_| shares.run_out) {
-        // The longest way of a stop, and a cycle more.
+        // The longest distance of a stop, and one cycle.
         let v = last.velocity;
         let build_up = (acceleration / jerk).max(libm::sqrt(v / jerk));
         last.end_s += v * (v / (2.0 * acceleration) + 1.5 * build_up + 2.0 * dt_s);

@@ -1,5 +1,5 @@
-//! A law of motion: where on the path one is at which time, from rest to rest, smooth up to the second derivative.
-//! Made when a motion is built; evaluated by the real-time thread, without a search.
+//! Time law: the path parameter s as a function of time, from rest to rest, continuous up to the second derivative.
+//! Computed when a motion is built; evaluated by the real-time thread in constant time.
 
 use crate::geometry::jet::{Jet, Scalar};
 use crate::geometry::quintic::Quintic;
@@ -7,21 +7,22 @@ use crate::geometry::quintic::Quintic;
 /// s and its first two derivatives by time.
 pub(super) type TimeLawKnot = [f64; 3];
 
-/// Halvings in the search for a time; the last ones are below the rounding of an f64.
+/// Bisections in the search for a time; the last ones are below the rounding of an f64.
 const HALVINGS: usize = 60;
 
-/// Where a path is at a time.
+/// Path parameter as a function of time: quintic curves between equidistant knots.
 #[derive(Debug, Clone)]
 pub(crate) struct TimeLaw {
     begin_s: f64,
     end_s: f64,
-    /// Time of each curve, s.
+    /// Duration of each curve, s.
     step_s: f64,
     curves: Box<[Quintic<1>]>,
 }
 
 impl TimeLaw {
-    /// Through knots that are `step_s` (s) apart; `None` if it goes back anywhere, or there are fewer than two.
+    /// A time law through knots that are `step_s` (s) apart; `None` if s decreases anywhere, or there are fewer than
+    /// two knots.
     pub(super) fn new(knots: &[TimeLawKnot], step_s: f64) -> Option<Self> {
         let end = |knot: TimeLawKnot| knot.map(|value| [value]);
         let pairs = knots.iter().zip(knots.iter().skip(1));
@@ -41,16 +42,16 @@ impl TimeLaw {
         (forward && !time_law.curves.is_empty()).then_some(time_law)
     }
 
-    /// From rest to rest, s.
+    /// Duration from rest to rest, s.
     pub(crate) fn duration(&self) -> f64 {
         self.step_s * self.curves.len() as f64
     }
 
-    /// s of the path at a time in [0, duration].
+    /// Path parameter s at a time in [0, duration].
     #[inline]
     pub(crate) fn at<T: Scalar>(&self, time: T) -> T {
         let last = self.curves.len().saturating_sub(1);
-        // A time is not negative; NaN becomes 0.
+        // The time is not negative; the cast turns NaN into 0.
         let number = ((time.value() / self.step_s) as usize).min(last);
         let Some(curve) = self.curves.get(number) else {
             return T::constant(f64::NAN);
@@ -59,24 +60,24 @@ impl TimeLaw {
         s
     }
 
-    /// s of the path, never beyond its ends.
+    /// Path parameter s at a time, limited to the ends.
     #[inline]
     pub(crate) fn place(&self, time: f64) -> f64 {
         self.at(time).max(self.begin_s).min(self.end_s)
     }
 
-    /// Time of each of its curves, s, and their number.
+    /// Duration of each curve (s), and the number of curves.
     pub(super) fn curves(&self) -> (f64, usize) {
         (self.step_s, self.curves.len())
     }
 
-    /// s with its derivatives, `time` after the beginning of a curve.
+    /// s with its derivatives, `time` (s) after the beginning of a curve.
     pub(super) fn on_curve(&self, number: usize, time: f64) -> Option<Jet> {
         let [s] = self.curves.get(number)?.at(Jet::variable(time));
         Some(s)
     }
 
-    /// The first time at which s is reached.
+    /// The first time at which s is reached, s.
     pub(super) fn inverse(&self, s: f64) -> f64 {
         if s <= self.begin_s {
             return 0.0;

@@ -1,13 +1,14 @@
-//! The fastest law for a path from rest to rest under velocity and acceleration limits, made smooth. Used when a motion is
-//! built; allocates.
+//! The time-optimal time law of a path from rest to rest under velocity and acceleration limits, smoothed to bounded
+//! jerk. Used when a motion is built; allocates.
 //!
-//! Pham, Pham: "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE T-RO 34(3), 2018.
-//! With x = s'² and u = s'' all limits are linear; from the end backwards the greatest x from which the end can still be
-//! reached, from the start forwards the greatest u that stays below it. Both are programs in two variables, solved directly.
+//! Pham, Pham: "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE T-RO 34(3),
+//! 2018 (TOPP-RA). With x = s'² and u = s'' all limits are linear. Backward pass: the greatest x from which the end can
+//! still be reached; forward pass: the greatest u that stays below it. Both are linear programs in two variables,
+//! solved directly.
 //!
-//! What comes out jumps between accelerations. Its mean over a short time (a window) has a bounded jerk; a shorter window is
-//! sooner at the end but leaves less of the jerk limit. What the smooth law does is looked at closely, and slowed down where
-//! it exceeds a limit, so the limits do not depend on how good it is.
+//! The result jumps between accelerations. Its moving average over a short window has bounded jerk; a shorter window
+//! ends sooner but leaves less of the jerk limit. The smoothed law is sampled, and slowed down by its clock where it
+//! exceeds a limit, so keeping the limits does not depend on its quality.
 
 use core::ops::Range;
 
@@ -21,39 +22,39 @@ use crate::geometry::chain::ChainPiece;
 use crate::geometry::jet::{Jet, Scalar};
 use crate::path_clock::{PathBounds, rolling_duration_s};
 
-/// Of the velocity limits: where the law is faster in the mean, the clock slows it down.
+/// Fraction of the velocity limits; where the smoothed law is faster, the clock slows it down.
 const VELOCITY: f64 = 0.98;
 
-/// Of the jerk limit, for going through a bend at an even speed.
+/// Fraction of the jerk limit for passing a bend at constant speed.
 const BEND_JERK: f64 = 0.45;
 
-/// Windows that are tried, as parts of that which uses [`WINDOW_JERK`] of the jerk limit.
+/// Windows that are tried, relative to the one that uses [`WINDOW_JERK`] of the jerk limit.
 const WINDOWS: [f64; 3] = [0.4, 0.7, 1.1];
 
-/// Of the jerk limit, for changing from one acceleration to the opposite one within a window.
+/// Fraction of the jerk limit for changing from one acceleration to the opposite one within a window.
 const WINDOW_JERK: f64 = 0.65;
 
-/// Knots of a law in the time of a window, and most of them.
+/// Knots of a time law per window, and their greatest number in total.
 const KNOTS: f64 = 8.0;
 const KNOTS_MAX: f64 = 2048.0;
 
-/// In how many parts a curve of a law is looked at, at least and at most.
+/// Number of parts in which a curve of a time law is sampled: least and greatest.
 const PARTS: f64 = 4.0;
 const PARTS_MAX: f64 = 512.0;
 
-/// Parts of a piece that may have velocity limits of their own.
+/// Parts of a piece that may have separate velocity limits.
 const SPLIT: usize = 8;
 
-/// A place of the path: what limits x and u there.
+/// Constraints on x and u at one path position.
 struct PathConstraints {
     s: f64,
-    /// |y'|v ≤ velocity: the greatest x.
+    /// The greatest x with |y'|v ≤ velocity limit.
     fastest: f64,
-    /// a·u + b·x ≤ c.
+    /// Rows a·u + b·x ≤ c.
     rows: Vec<[f64; 3]>,
 }
 
-/// The law that is soonest at the end, with the limits of its clock; `None` if none is sooner there than in `even_s` (s).
+/// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `even_s` (s).
 pub(super) fn fastest(
     builder: &PathBuilder<'_>,
     range: Range<usize>,
@@ -82,7 +83,7 @@ pub(super) fn fastest(
     best.map(|(_, time_law, bounds)| (time_law, bounds))
 }
 
-/// The longest time in which a limited quantity builds up its acceleration, s.
+/// The longest time in which a limited quantity builds up its greatest acceleration, s.
 fn ramp_time_s(builder: &PathBuilder<'_>, range: Range<usize>) -> Option<f64> {
     let sampled = builder.sampled.get(range)?;
     let rows = sampled.iter().flat_map(|sampled| &sampled.bounds);
@@ -93,7 +94,7 @@ fn ramp_time_s(builder: &PathBuilder<'_>, range: Range<usize>) -> Option<f64> {
     (longest > 0.0).then_some(longest)
 }
 
-/// A law by this profile, with what its clock must keep.
+/// A time law from this profile, smoothed over `window_s` (s), with the limits of its clock.
 fn tried(
     builder: &PathBuilder<'_>,
     range: Range<usize>,
@@ -133,8 +134,8 @@ fn tried(
     Some((time_law, bounds))
 }
 
-/// What a piece does by the time of a law, from one time to another: at the ends of each of the law's curves, and between
-/// them as closely as the piece was looked at.
+/// Derivatives by time along a piece, from one time to another: at the ends of each curve of the law, and between them
+/// as densely as the piece was sampled.
 fn by_time(
     time_law: &TimeLaw,
     piece: &ChainPiece,
@@ -163,7 +164,8 @@ fn by_time(
     all
 }
 
-/// What is at a place (in steps of the look), gone along by `s`: at most, as far as was seen.
+/// Derivatives by time at a position (in steps of the samples) with `s` as a function of time: upper bounds, as far as
+/// sampled.
 fn at_time(sampled: &SampledPiece, place: f64, s: Jet) -> DerivativeSample {
     let step = place as usize;
     let (part, next) = (
@@ -177,7 +179,7 @@ fn at_time(sampled: &SampledPiece, place: f64, s: Jet) -> DerivativeSample {
     let jets = [step, next].map(|step| sampled.samples.jets[step]);
     for (number, row) in sample.iter_mut().enumerate() {
         let slopes: [f64; 3] = core::array::from_fn(|order| match number {
-            // Amounts: they do not help each other.
+            // Magnitudes: they are added without compensating each other.
             0 | 1 => between(amounts[0][number][order], amounts[1][number][order]),
             joint => between(
                 jets[0][joint - 2].derivative(order + 1),
@@ -202,7 +204,7 @@ fn at_time(sampled: &SampledPiece, place: f64, s: Jet) -> DerivativeSample {
     sample
 }
 
-/// What limits the path at every sample, with `part` of the acceleration limits.
+/// The constraints at every sample, with the fraction `part` of the acceleration limits.
 fn constraints(builder: &PathBuilder<'_>, range: Range<usize>, part: f64) -> Vec<PathConstraints> {
     let mut constraints = Vec::new();
     for number in range.filter(|number| builder.is_way(*number)) {
@@ -227,7 +229,7 @@ fn constraints(builder: &PathBuilder<'_>, range: Range<usize>, part: f64) -> Vec
 }
 
 impl PathConstraints {
-    /// `slopes` are the derivatives by s: of line and turn their amounts, of joints with their signs.
+    /// `slopes` are derivatives by s: magnitudes for translation and rotation, signed values for joints.
     fn new(s: f64, slopes: &DerivativeSample, bounds: &QuantityLimits, part: f64) -> Self {
         let (mut fastest, mut rows) = (f64::INFINITY, Vec::new());
         for (number, ([first, second, third], [v, a, j])) in slopes.iter().zip(bounds).enumerate() {
@@ -244,7 +246,7 @@ impl PathConstraints {
                 continue;
             }
             let limit = part * a;
-            // Of amounts it is not known whether they help or hinder each other.
+            // With magnitudes it is unknown whether they add or compensate: assume both.
             let other = if number < 2 { *second } else { -second };
             rows.push([*first, *second, limit]);
             rows.push([-first, other, limit]);
@@ -252,7 +254,7 @@ impl PathConstraints {
         Self { s, fastest, rows }
     }
 
-    /// Interval of u at x, as the least of what is above and the greatest of what is below.
+    /// The interval of u that is allowed at x, as [low, high].
     fn between(&self, x: f64) -> [f64; 2] {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         for [a, b, c] in &self.rows {
@@ -266,7 +268,7 @@ impl PathConstraints {
         [low, high]
     }
 
-    /// The greatest x from which x + 2·step·u reaches [0, next].
+    /// The greatest x from which x + 2·step·u can be in [0, next].
     fn greatest(&mut self, step: f64, next: f64) -> f64 {
         self.rows.push([2.0 * step, 1.0, next]);
         self.rows.push([-2.0 * step, -1.0, 0.0]);
@@ -279,7 +281,7 @@ impl PathConstraints {
                 continue;
             }
             for [a2, b2, c2] in self.rows.iter().filter(|[a2, ..]| *a2 < 0.0) {
-                // Above: (c − b·x)/a. Below: (c2 − b2·x)/a2.
+                // Upper bound: (c − b·x)/a. Lower bound: (c2 − b2·x)/a2.
                 let (gap, fall) = (c / a - c2 / a2, b / a - b2 / a2);
                 if fall > 0.0 {
                     greatest = greatest.min(gap / fall);
@@ -290,14 +292,14 @@ impl PathConstraints {
     }
 }
 
-/// A law of constant accelerations one after the other, and the integral of s over it.
+/// Consecutive phases of constant acceleration, with the integral of s over time.
 struct AccelerationProfile {
-    /// Time, s of the path, speed, acceleration from there on, ∫ s.
+    /// Per knot: time, s, speed, acceleration from there on, ∫ s dt.
     knots: Vec<[f64; 5]>,
 }
 
 impl AccelerationProfile {
-    /// The fastest one through places.
+    /// The time-optimal profile under the constraints; `None` if there is none.
     fn new(constraints: &[PathConstraints]) -> Option<Self> {
         let steps = constraints.iter().zip(constraints.iter().skip(1));
         let steps: Vec<f64> = steps.map(|(from, to)| to.s - from.s).collect();
@@ -344,7 +346,7 @@ impl AccelerationProfile {
         self.knots.last().map_or(0.0, |[t, ..]| *t)
     }
 
-    /// ∫ s, s and s' at a time; at rest before and behind.
+    /// ∫ s dt, s and s' at a time; at rest before the beginning and after the end.
     fn at(&self, time: f64) -> [f64; 3] {
         let number = self.knots.partition_point(|[t, ..]| *t <= time);
         let first = number.saturating_sub(1);
@@ -362,7 +364,7 @@ impl AccelerationProfile {
         ]
     }
 
-    /// The mean over a window: knots of a law and the time between them.
+    /// The moving average over a window: the knots of a time law and the time between them, s.
     fn smooth(&self, window_s: f64) -> Option<(Vec<TimeLawKnot>, f64)> {
         let duration = self.duration_s() + window_s;
         let count = (KNOTS * duration / window_s).ceil().min(KNOTS_MAX);
@@ -379,7 +381,7 @@ impl AccelerationProfile {
         };
         let count = count as usize;
         let mut knots: Vec<TimeLawKnot> = (0..=count).map(knot).collect();
-        // Exactly from rest to rest.
+        // Exactly at rest at both ends.
         *knots.first_mut()? = [first, 0.0, 0.0];
         *knots.last_mut()? = [last, 0.0, 0.0];
         Some((knots, step_s))
