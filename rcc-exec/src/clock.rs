@@ -1,85 +1,88 @@
-//! When the next cycle begins: every period of the executor's own clock, or a fixed time after a device's packets.
-//! Pure, in virtual time in its tests; run by the real-time thread, which reads the packets' stamps from the board that it
-//! latches anyway.
+//! Computes the deadline of each cycle: either one period after the other by the executor's own clock, or at a fixed
+//! offset after the packets of a device. Runs in the real-time thread, which takes the packets' time stamps from the
+//! board that it latches anyway; tests run it in virtual time.
 //!
-//! Two stages. The first estimates when the device's packets come and how long its period really is (a phase-locked loop
-//! of second order, Gardner, *Phaselock Techniques*, chapter 4, critically damped, with gains that shrink while it
-//! settles); lost packets are counted by the device, so a gap is no error. The second moves the deadlines there, by at most
-//! 1 % of a period in each cycle. Logical time does not know of it: it has one period for each cycle.
+//! There are two stages. The first is a second-order phase-locked loop (Gardner, *Phaselock Techniques*, chapter 4;
+//! critically damped, with gains that decrease while it settles) that estimates the phase and the period of the
+//! device's packets. The device counts its periods, lost packets included, so a gap causes no error. The second stage
+//! moves the deadlines towards that phase by at most 1 % of a period in each cycle. Logical time is not affected: it
+//! advances by exactly one period per cycle.
 
 use rcc_core::message::{ClockState, ClockStatus};
 
-/// Largest deviation of one cycle's length from the period: neighbours differ by at most twice as much.
+/// Maximum deviation of one cycle's length from the period, as a fraction; two successive cycles differ by at most
+/// twice as much.
 const SLEW_MAX: f64 = 0.01;
-/// Largest deviation of the device's clock that is believed: no quartz is worse.
+/// Maximum accepted rate deviation of the device's clock, as a fraction; no quartz oscillator is worse.
 const RATE_MAX: f64 = 0.002;
-/// Part of a packet's deviation that moves the estimate, once settled: jitter of 200 µs moves it by 4 µs.
+/// Fraction of a packet's phase error by which the estimate moves once it is settled: jitter of 200 µs moves it by 4
+/// µs.
 const GAIN: f64 = 0.02;
-/// Part of the distance that a deadline is moved by in a cycle.
+/// Fraction of the remaining phase error by which one cycle moves the deadline.
 const PULL: f64 = 0.1;
-/// Packets after which the estimate is used, and after which it is settled.
+/// Number of packets after which the estimate is used, and after which the clock may report `locked`.
 const PACKETS_TO_FOLLOW: u32 = 16;
 const PACKETS_TO_LOCK: u32 = 64;
-/// A deadline within this part of the period counts as locked, one beyond that part as lost.
+/// Phase errors, as fractions of the period, below which the clock becomes locked and above which it loses the lock.
 const LOCKED_WITHIN: f64 = 0.05;
 const UNLOCKED_BEYOND: f64 = 0.2;
-/// Without packets for this time, or for so many periods, the device is lost.
+/// The device is lost after this time or this number of its periods without a packet, whichever is longer.
 const SILENCE_MAX_NS: f64 = 100e6;
 const SILENCE_MAX_PERIODS: f64 = 10.0;
-/// A packet further from where it should be, in periods of the device, says nothing; so many in a row say that the device
-/// began anew.
+/// A packet further from its expected arrival than this fraction of the device's period is an outlier and does not move
+/// the estimate. This many outliers in a row mean that the device restarted, and the estimate starts again.
 const OUTLIER_BEYOND: f64 = 0.3;
 const OUTLIERS_MAX: u32 = 5;
-/// More periods than this between two packets are a new beginning, too.
+/// Maximum gap between two packets, in device periods; a larger one restarts the estimate.
 const GAP_MAX: u64 = 10_000;
-/// How fast the reported figures follow.
+/// Weight of a new value in the exponentially smoothed figures of the status.
 const SMOOTHING: f64 = 1.0 / 64.0;
 
-/// A device that the clock follows.
+/// The device whose packets determine the cycle's phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FollowedDevice {
-    /// Index of the device.
+    /// Index of the device in the cell's configuration.
     pub device: u32,
-    /// How long after a packet of the device a cycle begins, ns.
+    /// Offset from the arrival of a packet to the begin of a cycle, ns.
     pub offset_ns: u64,
 }
 
-/// The newest packet of the device, as its driver tells.
+/// The newest packet of the device, as its driver reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet {
-    /// Periods of the device so far, lost packets included.
+    /// Number of device periods so far, lost packets included.
     pub periods: u64,
-    /// CLOCK_MONOTONIC at which it came.
+    /// Arrival time, CLOCK_MONOTONIC, ns.
     pub stamp_ns: u64,
-    /// Period of the device, nominal.
+    /// Nominal period of the device, ns.
     pub period_ns: u64,
 }
 
-/// Where the device's packets are, in ns since the clock's origin.
+/// Estimated phase of the device's packets; times are in ns since the clock's origin.
 #[derive(Clone, Copy, Debug)]
 struct Estimate {
     last: Packet,
-    /// When the last packet should have come.
+    /// Estimated arrival time of the last packet.
     at_ns: f64,
-    /// Packets that it is made of.
+    /// Number of packets in the estimate.
     packets: u32,
     outliers: u32,
 }
 
-/// The executor's deadlines.
+/// Computes the executor's deadlines.
 #[derive(Clone, Debug)]
 pub struct Clock {
     period_ns: f64,
     follow: Option<FollowedDevice>,
     origin_ns: u64,
     deadline_ns: u64,
-    /// What the deadline would have beyond whole ns.
+    /// Fraction of a nanosecond that the integer deadline lacks.
     fraction_ns: f64,
     estimate: Option<Estimate>,
-    /// The device's clock against ours: one of its seconds has 1 + rate of ours.
+    /// Rate of the device's clock relative to ours: one second of the device lasts 1 + `rate` of our seconds.
     rate: f64,
     state: ClockState,
-    /// From where the deadline is to where it should be.
+    /// Phase error: from the deadline to where it should be, ns.
     distance_ns: f64,
     error_ns: f64,
     jitter_ns: f64,
@@ -87,7 +90,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A clock whose first deadline is a period from now.
+    /// Creates a clock whose first deadline is one period after `now_ns`.
     pub fn new(period_ns: u64, follow: Option<FollowedDevice>, now_ns: u64) -> Clock {
         Clock {
             period_ns: period_ns.max(1) as f64,
@@ -108,17 +111,17 @@ impl Clock {
         }
     }
 
-    /// The device that it follows.
+    /// Returns the index of the followed device, if any.
     pub fn follows(&self) -> Option<u32> {
         self.follow.map(|follow| follow.device)
     }
 
-    /// When this cycle begins, CLOCK_MONOTONIC.
+    /// Returns the deadline at which the next cycle begins, CLOCK_MONOTONIC, ns.
     pub fn deadline_ns(&self) -> u64 {
         self.deadline_ns
     }
 
-    /// For the status board.
+    /// Returns the clock's state for the status board.
     pub fn status(&self) -> ClockStatus {
         let device = self.follow.map_or(u32::MAX, |follow| follow.device);
         let nominal_ns = self
@@ -135,7 +138,7 @@ impl Clock {
         }
     }
 
-    /// In each cycle: the newest packet of the device, `None` if the device is lost.
+    /// Processes the device's newest packet; call it once per cycle. `None` means that the device is lost.
     pub fn observe(&mut self, now_ns: u64, packet: Option<Packet>) {
         if self.follow.is_none() {
             return;
@@ -151,7 +154,8 @@ impl Clock {
         self.update_state();
     }
 
-    /// The cycle has ended: the next deadline. Missed periods are skipped and counted, never caught up.
+    /// Moves the deadline to the next cycle and returns the number of skipped periods. Missed periods are skipped and
+    /// counted, never caught up with.
     pub fn advance(&mut self, ended_ns: u64) -> u64 {
         let length_ns = self.period_ns * (1.0 + self.rate);
         self.distance_ns = self.distance(length_ns);
@@ -164,7 +168,7 @@ impl Clock {
         let behind_ns = (ended_ns - self.deadline_ns) as f64;
         let skipped = (behind_ns / length_ns).floor() + 1.0;
         self.move_deadline(skipped * length_ns);
-        // Rounding may leave it a nanosecond short.
+        // Rounding may leave the deadline a nanosecond before the end of the cycle.
         self.deadline_ns = self.deadline_ns.max(ended_ns + 1);
         skipped as u64
     }
@@ -176,7 +180,8 @@ impl Clock {
         self.fraction_ns = exact_ns - whole_ns;
     }
 
-    /// From the deadline to the nearest time at which a cycle should begin; 0 while nobody knows.
+    /// Returns the distance from the deadline to the nearest wanted begin of a cycle, ns; 0 while the estimate is not
+    /// usable.
     fn distance(&self, length_ns: f64) -> f64 {
         let (Some(follow), Some(estimate)) = (self.follow, self.estimate) else {
             return 0.0;
@@ -190,7 +195,7 @@ impl Clock {
     }
 
     fn since_origin(&self, time_ns: u64) -> f64 {
-        // Signed: a stamp may be older than the clock.
+        // Signed, because a stamp may be older than the clock's origin.
         time_ns.wrapping_sub(self.origin_ns).cast_signed() as f64
     }
 
@@ -208,7 +213,8 @@ impl Clock {
         let nominal_ns = packet.period_ns as f64;
         let gap = (packet.periods - before.last.periods) as f64;
         let expected_ns = before.at_ns + gap * nominal_ns * (1.0 + self.rate);
-        // A device that stood still for some periods need not have counted them: it goes on in its old rhythm.
+        // A device that stood still for some periods may not have counted them. It continues in its old phase, so whole
+        // periods are removed from the error.
         let real_ns = nominal_ns * (1.0 + self.rate);
         let error_ns = self.since_origin(packet.stamp_ns) - expected_ns;
         let expected_ns = expected_ns + real_ns * (error_ns / real_ns).round();
@@ -235,7 +241,7 @@ impl Clock {
         self.jitter_ns += SMOOTHING * (error_ns.abs() - self.jitter_ns);
     }
 
-    /// Nothing is known but this packet.
+    /// Restarts the estimate from this packet alone.
     fn restart_estimate(&mut self, packet: Packet, fits: bool) {
         self.release_lock(if fits {
             ClockState::Searching
@@ -250,7 +256,7 @@ impl Clock {
         });
     }
 
-    /// No news: after a while the device is lost, and its own clock is what is left.
+    /// Drops the estimate when no packet has arrived for too long; the executor's own clock is used from then on.
     fn check_silence(&mut self, now_ns: u64) {
         let Some(estimate) = self.estimate else {
             return;
@@ -262,7 +268,7 @@ impl Clock {
         }
     }
 
-    /// On its own from here, with the period of the configuration; the deadlines go on from where they are.
+    /// Stops following the device: cycles have the configured period again and continue from the current deadline.
     fn release_lock(&mut self, state: ClockState) {
         self.losses += u64::from(self.state == ClockState::Locked);
         self.state = state;

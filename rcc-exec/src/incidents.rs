@@ -1,5 +1,5 @@
-//! Incident files: frozen recordings of the real-time thread are written with the plans of their nets and the files that
-//! name them. Run by a thread of its own, which may wait for the disk as long as it takes.
+//! Writes incident files: each holds a frozen recording of the real-time thread, the plans of the nets in it, and the
+//! files that name their primitives. Runs in a thread of its own, which may block on the disk for any time.
 
 use std::collections::VecDeque;
 use std::fs::{self, DirBuilder, File, OpenOptions};
@@ -24,27 +24,28 @@ use rcc_ipc::{Cell, ProcessInstance, monotonic_ns};
 use rcc_process::Helper;
 use tracing::{info, warn};
 
-/// How often a frozen recording is looked for.
+/// Interval at which the thread checks for a frozen recording.
 const POLL_EVERY: Duration = Duration::from_millis(20);
-/// How often plans are looked through for those that nobody needs any more.
+/// Interval at which unneeded plans are dropped.
 const PRUNE_EVERY: Duration = Duration::from_secs(1);
-/// Plans of commands that were unloaded are kept as long as a recording may have them, and no more than so many.
+/// Maximum number of plans of unloaded commands. They are kept as long as a recording may contain them, but never more
+/// than this.
 const UNLOADED_PLANS_MAX: usize = 256;
 
-/// A file that is being written has this extension.
+/// Extension of a file that is still being written.
 const PARTIAL_EXTENSION: &str = "half";
-/// What became of so many recordings is remembered.
+/// Number of recordings whose result is kept for queries.
 const RECORDINGS_MAX: usize = 64;
 
-/// The life of the executor that wrote the incident file of this name, and whether it is a half-written one; nothing for
-/// files that are none of ours.
+/// Returns the life of the executor that wrote the incident file `path`, and whether the file is incomplete. Returns
+/// `None` for files that no executor wrote.
 fn writer_of(path: &Path) -> Option<(ProcessInstance, bool)> {
     let partial = match path.extension()?.to_str()? {
         EXTENSION => false,
         PARTIAL_EXTENSION => true,
         _ => return None,
     };
-    // As `IncidentWriter::write` names them: EXECUTOR-CYCLE-REASON.
+    // `IncidentWriter::write` names files EXECUTOR-CYCLE-REASON.
     let mut parts = path.file_stem()?.to_str()?.splitn(3, '-');
     let (executor, cycle, reason) = (parts.next()?, parts.next()?, parts.next()?);
     let digits = executor.len() == 16 && cycle.parse::<u64>().is_ok();
@@ -53,7 +54,7 @@ fn writer_of(path: &Path) -> Option<(ProcessInstance, bool)> {
     Some((ProcessInstance::from_incarnation(executor), partial))
 }
 
-/// What became of the last recordings: written by the thread that writes files, read by the intake thread.
+/// Results of the last recordings. Added by the thread that writes the files, read by the intake thread.
 #[derive(Clone, Debug, Default)]
 pub struct RecordingResults(Arc<Mutex<VecDeque<(u64, Recorded)>>>);
 
@@ -66,7 +67,7 @@ impl RecordingResults {
         }
     }
 
-    /// What became of the recording that was frozen by a request in this cycle: the first that goes beyond it.
+    /// Returns the result of the recording that a request froze in `cycle`: the first one that reaches that cycle.
     #[must_use]
     pub fn find(&self, cycle: u64) -> Recorded {
         let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -75,7 +76,7 @@ impl RecordingResults {
     }
 }
 
-/// A file whose writer shows that it lives with each piece: a disk may be slow.
+/// A file that reports a sign of life with each write, because a disk may be slow.
 struct HeartbeatWriter<'a> {
     file: &'a File,
     helper: &'a Helper,
@@ -92,42 +93,42 @@ impl Write for HeartbeatWriter<'_> {
     }
 }
 
-/// A command that is about to be ready or to start: its id, and what its net begins from.
+/// The id of a command that is about to be ready or to start, and the origin of its net.
 pub type PreparedNet = (u64, NetOrigin);
 
-/// What an incident says about the cell.
+/// The facts about the cell that each incident file contains.
 #[derive(Clone, Debug)]
 pub struct IncidentContext {
     /// The cell.
     pub cell: Cell,
-    /// The configuration's file.
+    /// Path of the configuration file.
     pub config: String,
     /// Fingerprint of the device table.
     pub configuration: u64,
-    /// The life of the executor.
+    /// Incarnation of the executor.
     pub incarnation: u64,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
     /// Names of the devices.
     pub devices: Vec<String>,
     /// Their models.
     pub models: Vec<DeviceModel>,
-    /// What the recorder keeps and where its files go.
+    /// Configuration of the flight recorder: what it keeps, and the folder of its files.
     pub recorder: rcc_config::RecorderConfig,
 }
 
-/// A command whose plan is kept.
+/// A plan that is kept because a recording may contain its net.
 #[derive(Debug)]
 struct KeptPlan {
     id: u64,
     origin: NetOrigin,
-    /// The file that names it, as the loader wrote it; nobody here reads it.
+    /// The command file that the loader wrote; it is copied without being parsed.
     file: Option<Vec<u8>>,
-    /// Since when its net does not exist any more.
+    /// When the net was found to be dropped; `None` while it exists.
     unloaded_at: Option<Instant>,
 }
 
-/// Everything that the thread owns.
+/// Writes incident files; the state of the thread `incidents`.
 #[derive(Debug)]
 pub struct IncidentWriter {
     context: IncidentContext,
@@ -141,14 +142,14 @@ pub struct IncidentWriter {
 }
 
 impl IncidentWriter {
-    /// Writes what comes through `helper`; whoever makes commands tells them to the sender.
+    /// Creates a writer for the recordings of `helper`. Whoever builds nets sends each one through the returned sender.
     pub fn new(
         context: IncidentContext,
         helper: RecorderHelper,
     ) -> (IncidentWriter, Sender<PreparedNet>, RecordingResults) {
         let (sender, prepared) = channel();
         let folder = context.recorder.folder.clone();
-        // Of several cells that share a folder each has its own in it.
+        // Several cells may share one folder: each has a subfolder in it.
         let folder = folder.map(|folder| folder.join(context.cell.name()));
         let folder = folder.unwrap_or_else(|| context.cell.incidents_dir());
         let incident_writer = IncidentWriter {
@@ -165,14 +166,14 @@ impl IncidentWriter {
         (incident_writer, sender, recordings)
     }
 
-    /// Writes what happens to the cell's event log, too.
+    /// Also writes events to the cell's event log.
     #[must_use]
     pub fn with_event_log(mut self, log: EventRecorder) -> IncidentWriter {
         self.log = Some(log);
         self
     }
 
-    /// Works until it is asked to end; what was frozen by then is still written.
+    /// Runs until it is asked to end; recordings frozen by then are still written.
     pub fn run(mut self, helper: &Helper) {
         self.remove_partial_files();
         while !helper.is_over() {
@@ -180,7 +181,7 @@ impl IncidentWriter {
             match self.prepared.recv_timeout(POLL_EVERY) {
                 Ok(prepared) => self.keep_plan(prepared),
                 Err(RecvTimeoutError::Timeout) => {}
-                // Nobody makes commands any more: the executor ends.
+                // The sender is gone: the executor is ending.
                 Err(RecvTimeoutError::Disconnected) => std::thread::sleep(POLL_EVERY),
             }
             if self.pruned_at.elapsed() > PRUNE_EVERY {
@@ -193,7 +194,7 @@ impl IncidentWriter {
     }
 
     fn keep_plan(&mut self, (id, origin): PreparedNet) {
-        // Of a net that was prepared anew before it started, what it begins from now.
+        // A net that was rebuilt before its START has a new origin.
         if let Some(plan) = self.plans.iter_mut().find(|plan| plan.id == id) {
             plan.origin = origin;
             return;
@@ -214,11 +215,11 @@ impl IncidentWriter {
         rcc_os::file::read(&path, COMMAND_FILE_MAX as u64).ok()
     }
 
-    /// Forgets plans that no recording can have any more, and the oldest of too many.
+    /// Drops plans that no recording can contain any more, and the oldest ones beyond the maximum.
     fn prune_plans(&mut self) {
         let span = Duration::from_nanos(self.context.recorder.span_ns) * 2 + Duration::from_secs(1);
         for plan in &mut self.plans {
-            // The net shares its plan: when this one is the last, there is no net.
+            // The net shares its plan with this entry: the last reference means that the net is gone.
             if plan.unloaded_at.is_none() && Arc::strong_count(&plan.origin.data) == 1 {
                 plan.unloaded_at = Some(Instant::now());
             }
@@ -240,7 +241,7 @@ impl IncidentWriter {
 
     fn write_pending(&mut self, helper: &Helper) {
         while let Ok(recording) = self.helper.recordings.pop() {
-            // Plans of nets that were made ready meanwhile.
+            // Receives nets that became ready meanwhile.
             while let Ok(prepared) = self.prepared.try_recv() {
                 self.keep_plan(prepared);
             }
@@ -255,8 +256,8 @@ impl IncidentWriter {
             let mut ring = recording.ring;
             ring.clear();
             if self.helper.spare.push(ring).is_err() {
-                // Not reached: there are as many places as rings.
-                warn!("a ring of the flight recorder is lost");
+                // Cannot happen: the queue has one slot for each ring.
+                warn!("a ring buffer of the flight recorder is lost");
             }
         }
     }
@@ -273,7 +274,7 @@ impl IncidentWriter {
             TriggerReason::Late => ("late", None, None),
             TriggerReason::Request => ("request", None, None),
         };
-        // Those whose plan is here are found out when the file is written.
+        // `nets` lists all nets of the recording; those without a plan are listed separately.
         let ago = Duration::from_nanos(monotonic_ns().saturating_sub(trigger.stamp_ns));
         let missing = |id: &&u64| !self.plans.iter().any(|plan| plan.id == **id);
         IncidentHead {
@@ -301,7 +302,7 @@ impl IncidentWriter {
         }
     }
 
-    /// Writes the file whole or not at all.
+    /// Writes the file completely or not at all, and returns its path.
     fn write(
         &self,
         recording: &FrozenRecording,
@@ -344,7 +345,7 @@ impl IncidentWriter {
             fs::rename(&partial, &path)
         });
         if let Err(error) = written {
-            // What is there of it is of no use; if it cannot be removed, it counts among the files.
+            // An incomplete file is useless; if it cannot be removed, it counts as one of the files.
             let _ = fs::remove_file(&partial);
             return Err(error);
         }
@@ -352,7 +353,7 @@ impl IncidentWriter {
         Ok(path)
     }
 
-    /// The runtime folder says where the files are.
+    /// Links the configured folder into the cell's runtime folder, where programs look for incidents.
     fn link_to_folder(&self) -> io::Result<()> {
         let link_to_folder = self.context.cell.incidents_dir();
         if self.folder == link_to_folder || link_to_folder.exists() {
@@ -361,19 +362,22 @@ impl IncidentWriter {
         std::os::unix::fs::symlink(&self.folder, link_to_folder)
     }
 
-    /// Removes half-written files whose writer is dead: an executor that was killed while it wrote.
+    /// Removes incomplete files whose writer is dead: an executor that was killed while writing.
     fn remove_partial_files(&self) {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
         for path in entries.map(|entry| entry.path()) {
             let dead = writer_of(&path)
                 .is_some_and(|(life, partial)| partial && life.liveness().is_dead());
             if dead && let Err(error) = fs::remove_file(&path) {
-                warn!("{}: {error}; it counts among the incidents", path.display());
+                warn!(
+                    "{}: cannot remove the incomplete file: {error}; it counts towards the maximum number of incidents",
+                    path.display()
+                );
             }
         }
     }
 
-    /// Removes the oldest files, whole or half, until there is room for one more.
+    /// Removes the oldest files, complete or not, until there is room for one more.
     fn make_room(&self) -> io::Result<()> {
         let mut files = Vec::new();
         for entry in fs::read_dir(&self.folder)? {
@@ -417,7 +421,7 @@ impl IncidentWriter {
 
     fn report_failure(&self, error: &io::Error) -> Recorded {
         let why = format!("{}: {error}", self.folder.display());
-        warn!("an incident was not written: {why}");
+        warn!("cannot write incident: {why}");
         let why = events::event_text(&why);
         self.tell(0, EventKind::IncidentLost { why: why.clone() });
         RecordingState::Lost { why }

@@ -1,5 +1,5 @@
-//! The intake thread: takes requests, has nets made, opens drivers' boards, and frees what the real-time
-//! thread gives back. Allocates and waits as it likes.
+//! The intake thread takes requests, has nets built, opens drivers' boards, and frees what the real-time thread gives
+//! back. It may allocate and block.
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::io;
@@ -33,51 +33,52 @@ use rcc_engine::costs::Costs;
 use rcc_engine::net::{Net, NetOrigin};
 use rcc_engine::queue::{EngineReply, EngineRequest, ValueReading};
 
-/// How often announcements of drivers are looked at.
+/// Interval at which the announcements of drivers are checked.
 const CHECK_DRIVERS_EVERY: Duration = Duration::from_millis(50);
-/// How often requests are looked at.
+/// Interval at which requests are polled.
 pub const POLL_EVERY: Duration = Duration::from_micros(500);
-/// Requests that may wait for a net that is being made.
+/// Maximum number of requests that wait for a net that is being built.
 const DEFERRED_MAX: usize = 64;
 
-/// A device as the intake thread sees it.
+/// The driver of a device, as the intake thread knows it.
 struct DeviceLink {
     name: String,
-    /// Incarnation and our own reader of its board (the real-time thread has another one).
+    /// The driver's incarnation, and this thread's reader of its board; the real-time thread has its own.
     attached: Option<(u64, BoardReader<Measurement>)>,
-    /// Incarnation of the driver that was told of last because it runs with another configuration; 0: none.
+    /// Incarnation of the driver that was last reported as refused, because of its build or configuration; 0 if none
+    /// was.
     refused: u64,
 }
 
-/// A caller who waits for an answer, and what is done when it comes.
+/// A request whose answer is pending, and the action to take when it succeeds.
 struct PendingRequest {
     request: Request,
     then: OnDone,
 }
 
-/// What an answer that says that it is done means here.
+/// Action to take when the real-time thread confirms a request.
 enum OnDone {
     Nothing,
-    /// A command is ready.
+    /// Record a command that is now ready.
     Ready(u64, Option<RehearsalReport>, ReadyCommand),
-    /// Commands are started.
+    /// Forget the origins of commands that are now started.
     Started(Vec<u64>, Option<RehearsalReport>),
-    /// Inputs of a command are set.
+    /// Remember values that were set before START.
     Set(u64, Vec<InputValue>),
-    /// A command is no more.
+    /// Forget a command that was unloaded.
     Unloaded(u64),
 }
 
-/// A command that is ready and not started: what its net is made of anew if an arm rests elsewhere at START.
+/// A command that is ready but not started. Its net is rebuilt from `origin` if an arm rests elsewhere at START.
 struct ReadyCommand {
     origin: NetOrigin,
-    /// Bit d: it commands the arm of device d.
+    /// Bit d is set if the net commands the arm of device d.
     arms: u64,
-    /// What was set, by input.
+    /// Values that were set since LOAD, by input.
     values: BTreeMap<u32, Vec<u64>>,
 }
 
-/// Everything the intake thread owns.
+/// The state of the intake thread.
 pub struct Intake {
     session: Session,
     server: Server,
@@ -88,18 +89,18 @@ pub struct Intake {
     devices: Vec<DeviceLink>,
     pending: HashMap<u64, PendingRequest>,
     ready: HashMap<u64, ReadyCommand>,
-    /// Commands whose net is being made.
+    /// Commands whose net is being built.
     building: HashSet<u64>,
-    /// Those of them that are being made anew, for a START.
+    /// Commands among them whose net is being rebuilt for a START.
     rebuilding: HashSet<u64>,
-    /// Those of them that somebody wanted to end meanwhile.
+    /// Commands among them that a CANCEL or ABORT has withdrawn.
     withdrawn: HashSet<u64>,
-    /// Calls that name one of them, in order.
+    /// Calls that name a command in `building`, in order of arrival.
     deferred: VecDeque<(Call, Request)>,
     next_ticket: u64,
     drivers_checked_at: Option<Instant>,
     error_log: LogThrottle,
-    /// About drivers that may live or not, or whose board cannot be opened.
+    /// Limits log lines about drivers whose liveness is unknown or whose board cannot be opened.
     liveness_log: LogThrottle,
     recorder: Option<EventRecorder>,
     incident_writer: Option<Sender<incidents::BuildOutcome>>,
@@ -107,31 +108,31 @@ pub struct Intake {
     announcement: Announcement,
 }
 
-/// What the intake thread must know about the cell.
+/// The facts about the cell that the intake thread needs.
 pub struct IntakeConfig {
     /// Names of the devices, in the order of the configuration.
     pub names: Vec<String>,
-    /// Their models.
+    /// Models of the devices.
     pub models: Vec<DeviceModel>,
     /// Fingerprint of the device table.
     pub configuration: u64,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
-    /// A board older than this says nothing about where a device is.
+    /// Maximum age of a board whose hold position is used, ns.
     pub stale_after_ns: u64,
-    /// What primitives cost on this machine.
+    /// Measured cost of each primitive on this machine.
     pub costs: Costs,
-    /// Where the thread that makes nets belongs to.
+    /// The set of helper threads that the net builder joins.
     pub helpers: Helpers,
-    /// What this executor announces: a driver that announces another configuration is not attached.
+    /// This executor's announcement; a driver that announces another configuration is not attached.
     pub announcement: Announcement,
 }
 
 impl Intake {
-    /// Takes requests from `server` and gives orders to the real-time thread.
+    /// Creates the intake, which takes requests from `server` and sends orders to the real-time thread.
     ///
     /// # Errors
-    /// The system gives no thread to make nets.
+    /// Returns an error if the system cannot create the net-builder thread.
     pub fn new(
         session: Session,
         server: Server,
@@ -179,7 +180,7 @@ impl Intake {
         })
     }
 
-    /// Tells every net that it makes to whoever writes incident files, and answers what became of them.
+    /// Sends the origin of every net to the writer of incident files, and answers queries about its recordings.
     #[must_use]
     pub fn with_incident_writer(
         mut self,
@@ -191,7 +192,7 @@ impl Intake {
         self
     }
 
-    /// Writes what happens to the cell's event log, too.
+    /// Also writes events to the cell's event log.
     #[must_use]
     pub fn with_event_log(mut self, recorder: EventRecorder) -> Intake {
         self.recorder = Some(recorder);
@@ -204,7 +205,7 @@ impl Intake {
         }
     }
 
-    /// One round; returns true if there was something to do.
+    /// Processes pending work once; returns true if there was any.
     pub fn round(&mut self) -> bool {
         if self
             .drivers_checked_at
@@ -228,7 +229,7 @@ impl Intake {
                 self.accept(request);
             }
             Ok(None) => {}
-            // A refused one was something to do: others may wait behind it.
+            // A refused request counts as work, because others may wait behind it.
             Err(error) => {
                 busy = matches!(error, PollError::Refused { .. });
                 self.log_error(&error);
@@ -245,7 +246,7 @@ impl Intake {
                     reply(request, &answer);
                 }
             }
-            // Dropped here, so that the real-time thread never frees.
+            // Dropped here, because the real-time thread never frees memory.
             EngineReply::Values(values) => drop(values),
             EngineReply::Read {
                 ticket,
@@ -262,11 +263,11 @@ impl Intake {
         }
     }
 
-    /// Tells of a request that was none, seldom enough that nobody can fill the log.
+    /// Logs a malformed request, at a limited rate so that no client can fill the log.
     fn log_error(&mut self, error: &dyn std::fmt::Display) {
         match self.error_log.admit(Instant::now()) {
             Some(0) => warn!("{error}"),
-            Some(others) => warn!("{error}; {others} more since the last such line"),
+            Some(others) => warn!("{error}; {others} more since the last such message"),
             None => {}
         }
     }
@@ -280,12 +281,12 @@ impl Intake {
         let call = match wire::decode::<Call>(request.bytes()) {
             Ok(call) => call,
             Err(error) => {
-                self.log_error(&format_args!("a request is refused: {error}"));
+                self.log_error(&format_args!("malformed request refused: {error}"));
                 return reply(request, &Answer::Refused(Refusal::NotUnderstood));
             }
         };
-        // Whoever wants an arm to stop does not wait for a net to be made: a START that has not begun is withdrawn, and of a
-        // command that is loading the real-time thread says so.
+        // A CANCEL or ABORT does not wait for a net to be built: a START that has not taken effect is withdrawn, and
+        // for a command that is loading the real-time thread gives the answer.
         if let Call::Cancel { id } | Call::Abort { id } = call
             && self.building.contains(&id)
         {
@@ -295,7 +296,7 @@ impl Intake {
             }
             return self.dispatch(call, request);
         }
-        // What concerns a command whose net is being made comes after it.
+        // Other calls that name a command whose net is being built are deferred until it is finished.
         if commands_of(&call)
             .iter()
             .any(|id| self.building.contains(id))
@@ -308,7 +309,7 @@ impl Intake {
         self.dispatch(call, request);
     }
 
-    /// Every START of this command that has not begun is refused.
+    /// Refuses every START of this command that has not taken effect.
     fn withdraw(&mut self, id: u64) {
         self.withdrawn.insert(id);
         for (call, request) in std::mem::take(&mut self.deferred) {
@@ -413,7 +414,7 @@ impl Intake {
         );
     }
 
-    /// Has a net made; who asked for it waits.
+    /// Submits a net to be built; the request stays pending.
     fn build(
         &mut self,
         ticket: u64,
@@ -443,7 +444,7 @@ impl Intake {
         }
     }
 
-    /// A net is made, or cannot be: the command becomes ready or rejected, or is started, or stays ready.
+    /// Handles the end of a build: the command becomes ready or rejected; after a rebuild it is started or stays ready.
     fn handle_build_outcome(&mut self, outcome: BuildOutcome) {
         let BuildOutcome {
             ticket,
@@ -479,7 +480,7 @@ impl Intake {
                 Err(refusal) => {
                     reply(request, &Answer::Refused(refusal));
                     if !rebuild {
-                        // Nobody waits for this answer: the caller already has the reason.
+                        // Ticket 0, because the caller already has the reason.
                         self.submit(EngineRequest::Reject { ticket: 0, id }, None);
                     }
                 }
@@ -497,7 +498,7 @@ impl Intake {
         }
     }
 
-    /// START of a command whose net was made anew: the net takes the place of the one that was ready.
+    /// Starts a command whose net was rebuilt: the new net replaces the one that was ready.
     fn start_rebuilt(
         &mut self,
         ticket: u64,
@@ -526,15 +527,15 @@ impl Intake {
         );
     }
 
-    /// Whoever writes incident files must have what a net begins from.
+    /// Sends the origin of a net to the writer of incident files.
     fn send_origin(&self, id: u64, origin: &NetOrigin) {
         if let Some(incident_writer) = &self.incident_writer {
-            // Gone only when the executor ends.
+            // The receiver is gone only when the executor ends.
             let _ = incident_writer.send((id, origin.clone()));
         }
     }
 
-    /// What is to be remembered of an answer, and the answer as the caller gets it.
+    /// Takes the action of a confirmed request, and returns the answer for the caller.
     fn finish_answer(&mut self, answer: Answer, then: OnDone) -> Answer {
         let Answer::Done { cycle } = answer else {
             return answer;
@@ -567,8 +568,8 @@ impl Intake {
         rehearsed.map_or(answer, |rehearsed| Answer::Rehearsed { cycle, rehearsed })
     }
 
-    /// What the net of a command must be made of anew to be started: its arms rest, and not all of them where they were
-    /// when it was made. While one moves, START is left to refuse it.
+    /// Returns what the net of a command must be rebuilt from before START: its arms are at rest, and at least one of
+    /// them elsewhere than when the net was built. Returns `None` while an arm moves; START itself then refuses.
     fn rebuild_source(&self, id: u64, snapshot: &DeviceSnapshot) -> Option<BuildSource> {
         let ready = self.ready.get(&id)?;
         let mut same = true;
@@ -594,18 +595,18 @@ impl Intake {
                 reply(pending.request, &Answer::Refused(Refusal::Overloaded));
             }
             (Ok(()), None) => {}
-            (Err(_), None) => warn!("an order was lost: the real-time thread takes none"),
+            (Err(_), None) => warn!("an order was lost: the queue of the real-time thread is full"),
         }
     }
 
-    /// What the devices say now.
+    /// Returns the current state of all devices.
     fn snapshot(&self) -> DeviceSnapshot {
         let looks = self.devices.iter().map(|device| self.read_device(device));
         let (devices, holds) = looks.unzip();
         DeviceSnapshot { devices, holds }
     }
 
-    /// What a device measures, and where its arm is held if that is known.
+    /// Returns the measurement of a device, and the hold position of its arm if it is known.
     fn read_device(&self, device: &DeviceLink) -> (DeviceInput, Option<Joints>) {
         let mut input = DeviceInput {
             present: false,
@@ -627,9 +628,10 @@ impl Intake {
         (input, hold)
     }
 
-    /// Attaches drivers that announced themselves and detaches dead ones; whoever may live stays attached. A driver that was started with another
-    /// configuration is not attached: its measurements and our set-points would mean other channels. To look once in each
-    /// of its lives is enough, because neither of us reads the configuration again.
+    /// Attaches drivers that have announced themselves and detaches dead ones; a driver that may be alive stays
+    /// attached. A driver that was started with another configuration is not attached, because its measurements and our
+    /// set-points would refer to other channels. One check per incarnation is enough, because neither process reads its
+    /// configuration again.
     fn update_drivers(&mut self) {
         for index in 0..self.devices.len() {
             let Some(device) = self.devices.get(index) else {
@@ -643,13 +645,13 @@ impl Intake {
                         Liveness::Alive => {
                             self.consider_driver(index, &announced);
                         }
-                        // Not followed before it is known to live.
+                        // It is not attached before it is known to be alive.
                         Liveness::Unknown(error) => self.report_unknown(index, &error),
                         Liveness::Dead => self.detach_dead(index),
                     }
                 }
                 Ok(Some(_)) => self.detach_dead(index),
-                // A driver takes its announcement back when its device rests and it ends.
+                // A driver removes its announcement when its device is at rest and it ends.
                 Ok(None) => self.detach(index),
                 Err(error) => {
                     self.report_unknown(index, &error);
@@ -659,7 +661,7 @@ impl Intake {
         }
     }
 
-    /// Attaches a driver that lives, unless it is of another build or means other channels by its set-points.
+    /// Attaches a living driver, unless its build or configuration differs from ours.
     fn consider_driver(&mut self, index: usize, driver: &Announcement) {
         let Some(device) = self.devices.get(index) else {
             return;
@@ -672,7 +674,7 @@ impl Intake {
         }
     }
 
-    /// Detaches the driver of a device if it is known to be dead.
+    /// Detaches the driver of a device if the driver is known to be dead.
     fn detach_dead(&mut self, index: usize) {
         let attached = self
             .devices
@@ -699,7 +701,7 @@ impl Intake {
             device: index,
             incarnation,
         };
-        // A full ring leaves it attached; the next look tries again.
+        // If the ring is full the driver stays attached, and the next check tries again.
         if self.engine_requests.push(engine_request).is_err() {
             return;
         }
@@ -708,11 +710,11 @@ impl Intake {
             device: device.name.clone(),
             driver: events::hex_digits(incarnation),
         };
-        info!("driver of {} is gone", device.name);
+        info!("driver of {} detached", device.name);
         self.record(gone);
     }
 
-    /// Whether a driver lives is not known: that is told, and nothing else is done.
+    /// Reports that it is not known whether a driver is alive; nothing else is done.
     fn report_unknown(&mut self, index: usize, why: &dyn std::fmt::Display) {
         let Some(others) = self.liveness_log.admit(Instant::now()) else {
             return;
@@ -723,12 +725,12 @@ impl Intake {
             why: events::event_text(&why.to_string()),
         };
         warn!(
-            "whether driver/{name} lives is not known ({why}); looked at again; {others} more such looks"
+            "cannot tell whether driver/{name} is alive ({why}); the check is repeated; {others} more such failures since the last message"
         );
         self.record(event);
     }
 
-    /// Tells once of a driver that is of another build than this executor, or runs with another configuration.
+    /// Reports, once per incarnation, a driver whose build or configuration differs from this executor's.
     fn report_disagreement(&mut self, index: usize, driver: &Announcement, why: &ProcessMismatch) {
         if std::mem::replace(&mut self.devices[index].refused, driver.incarnation)
             == driver.incarnation
@@ -752,9 +754,9 @@ impl Intake {
                     incarnation,
                     board: Box::new(board),
                 };
-                // A full ring leaves the device unattached; the next look at the announcements tries again.
+                // If the ring is full the driver stays detached, and the next check tries again.
                 if self.engine_requests.push(engine_request).is_ok() {
-                    info!("driver of {} is attached", self.devices[index].name);
+                    info!("driver of {} attached", self.devices[index].name);
                     self.record(EventKind::DriverAttached {
                         device: self.devices[index].name.clone(),
                         pid: driver.pid,
@@ -763,18 +765,18 @@ impl Intake {
                     self.devices[index].attached = Some((incarnation, mine));
                 }
             }
-            // Tried again at the next look.
+            // The next check tries again.
             (Err(error), _) | (_, Err(error)) => {
                 if self.liveness_log.admit(Instant::now()).is_some() {
                     let name = &self.devices[index].name;
-                    warn!("the board of {name} cannot be opened: {error}");
+                    warn!("cannot open the board of {name}: {error}");
                 }
             }
         }
     }
 }
 
-/// The commands that a call does something to, except for one whose net is only now made.
+/// Returns the commands that a call changes, except the one that an Install creates.
 fn commands_of(call: &Call) -> Vec<u64> {
     match call {
         Call::Start { id }
@@ -788,7 +790,7 @@ fn commands_of(call: &Call) -> Vec<u64> {
     }
 }
 
-/// The ids in a list of fixed length, if they fit; 0 names none.
+/// Returns the ids as a list of fixed length, filled with 0, or `None` if there are too many.
 fn id_list(ids: &[u64]) -> Option<[u64; SWITCH_MAX]> {
     let mut list = [0; SWITCH_MAX];
     list.get_mut(..ids.len())?.copy_from_slice(ids);
@@ -803,6 +805,6 @@ fn reply(request: Request, answer: &Answer) {
     let sent = wire::encode(answer).map_err(|error| error.to_string());
     let sent = sent.and_then(|bytes| request.answer(&bytes).map_err(|error| error.to_string()));
     if let Err(error) = sent {
-        warn!("an answer was not delivered: {error}");
+        warn!("cannot deliver an answer: {error}");
     }
 }

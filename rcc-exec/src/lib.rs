@@ -1,7 +1,8 @@
-//! The executor: one SCHED_FIFO thread that runs plans every cycle, and two helper threads around it.
+//! The executor: one SCHED_FIFO thread that evaluates plans in each cycle, and helper threads around it.
 //!
-//! `rcc-engine` is the real-time thread's work; `rt` is its loop, `clock` says when it wakes; `intake` takes
-//! requests and `net_builder` makes what it runs; `pump` carries away what it says; `incidents` writes what its flight recorder kept.
+//! `rcc-engine` contains the work of a cycle. Here, `rt` is the real-time loop and `clock` computes its deadlines;
+//! `intake` takes requests, and `net_builder` builds the nets that it hands over; `pump` publishes records and logs
+//! events; `incidents` writes the recordings of the flight recorder to files.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 

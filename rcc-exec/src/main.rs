@@ -1,8 +1,9 @@
-//! `rcc-exec`: runs plans every cycle, in hard real time where the system grants it.
+//! `rcc-exec`: evaluates plans every cycle, in hard real time where the system grants it.
 //!
-//! The main thread sets everything up, makes all threads before it says that it is ready, and then waits for a signal. A
-//! helper thread that panics or ends by itself asks for the same stop: nets are canceled, arms come to rest, and the
-//! process ends with a failure, so that it is started again. One that hangs stops the heartbeat.
+//! The main thread sets everything up and creates all threads before it reports that it is ready; then it waits for a
+//! signal. A helper thread that panics or ends unexpectedly triggers the same stop: nets are canceled, arms come to
+//! rest, and the process ends with a failure so that its supervisor restarts it. A helper thread that hangs stops the
+//! heartbeat.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -37,13 +38,13 @@ use rcc_process::signals::request_stop;
 use rcc_process::{CellArguments, ExitError, HealthReport, Helpers, Notifier, Stop, exit};
 use tracing::{error, info, warn};
 
-/// How long the threads that take requests and carry records may take for a turn.
+/// Maximum time between two signs of life of the threads `intake` and `pump`.
 const TURN_MAX: Duration = Duration::from_secs(5);
-/// How long a line of the event log may take on a slow disk.
+/// Maximum time for one line of the event log, on a slow disk.
 const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
-/// How long a piece of an incident file may take on a slow disk, or all of it until it is safe there.
+/// Maximum time for one write to an incident file, or for its final sync, on a slow disk.
 const WRITE_MAX: Duration = Duration::from_secs(60);
-/// How long the helper threads may take to end after the real-time thread.
+/// Maximum time for the helper threads to end after the real-time thread.
 const HELPER_END_MAX: Duration = Duration::from_secs(5);
 
 /// Runs the nets of a cell, every cycle.
@@ -148,11 +149,11 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     info!("{grants}");
     if config.executor.rt == RealTime::Required && !grants.refusals.is_empty() {
         stop.store(true, Ordering::Release);
-        // It has run a few cycles that nobody could see; how it ended does not matter any more.
+        // The thread has run a few cycles that nobody could observe; how it ended does not matter.
         let _ = rt.thread.join();
         return Err(ExitError::not_permitted(&not_permitted_message(&grants)));
     }
-    // The pulse tells of them. Nobody has set it before.
+    // Shown in the status line. Nothing has set it before.
     let _ = supervisor.grants.set(grants.clone());
     let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
     let announced = cell.announce(&announcement.note(&grants.to_string()))?;
@@ -173,10 +174,10 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     ended
 }
 
-/// What tells the supervisor how this process does.
+/// The connection to the supervisor (sd_notify).
 struct SupervisorLink {
     notifier: Notifier,
-    /// What the real-time thread was granted, as soon as that is known; READY comes later.
+    /// The privileges of the real-time thread, once they are known; READY comes later.
     grants: Arc<OnceLock<Grants>>,
 }
 
@@ -202,7 +203,7 @@ fn supervisor(
         let grants = granted.get().unwrap_or(&none);
         let mut status = status.read();
         if status.cycle == 0 {
-            // READY may come before the first cycle.
+            // READY may be sent before the first cycle.
             status.period_ns = period_ns;
         }
         hangs.check(pulse(&status, grants))
@@ -214,27 +215,29 @@ fn milliseconds(time: Duration) -> u64 {
     time.as_millis().try_into().unwrap_or(u64::MAX)
 }
 
-/// What primitives cost on this machine: what nets are admitted by.
+/// Returns the measured cost of each primitive on this machine, which decides whether nets are admitted.
 fn costs() -> Costs {
     let begun = Instant::now();
     let (costs, origin) = cache::costs(false);
     let took = begun.elapsed();
     match origin {
-        CostsSource::Read(path) => info!("costs of primitives are those of {}", path.display()),
+        CostsSource::Read(path) => info!("using the primitive costs of {}", path.display()),
         CostsSource::Measured(path) => {
             info!(
-                "costs of primitives measured in {took:.1?}, kept in {}",
+                "measured primitive costs in {took:.1?}, saved in {}",
                 path.display()
             );
         }
         CostsSource::NotKept(why) => {
-            warn!("costs of primitives measured in {took:.1?}, and at each start again: {why}");
+            warn!(
+                "measured primitive costs in {took:.1?}; they are measured again at each start, because they cannot be saved: {why}"
+            );
         }
     }
     costs
 }
 
-/// The flight recorder, who writes its files, and how these hear of each other.
+/// The flight recorder, the writer of its files, and the channels between them.
 #[derive(Default)]
 struct FlightRecorderParts {
     recorder: Option<FlightRecorder>,
@@ -243,7 +246,7 @@ struct FlightRecorderParts {
     recordings: RecordingResults,
 }
 
-/// Nothing if the configuration gives it no memory.
+/// Creates the flight recorder; all parts are `None` if the configuration gives it no memory.
 fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> FlightRecorderParts {
     let recorder = &config.recorder;
     if recorder.memory == 0 {
@@ -278,7 +281,7 @@ fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> Flight
     }
 }
 
-/// What becomes of a cell that must be real-time on a system that does not let it.
+/// Returns the message for a cell that requires real time on a system that does not grant it.
 fn not_permitted_message(grants: &Grants) -> String {
     format!(
         "not started: {}; the configuration says `executor: {{rt: required}}` (under systemd: the unit's limits; \
@@ -287,7 +290,8 @@ fn not_permitted_message(grants: &Grants) -> String {
     )
 }
 
-/// For the supervisor: progress is the number of the cycle, the words are what a person wants to see first.
+/// Returns the supervisor's view: the cycle number as progress, and a status line that begins with what a person wants
+/// to know first.
 fn pulse(status: &CycleStatus, grants: &Grants) -> HealthReport {
     let hertz = 1e9 / status.period_ns.max(1) as f64;
     let grade = match grants.refusals.as_slice() {
@@ -319,13 +323,13 @@ fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardEr
         tables: session.create_board(TABLES)?,
         timing: session.create_board(TIMING)?,
         helpers: session.create_board(HELPERS)?,
-        // Of the threads, once they are made.
+        // Set once the threads exist.
         beats: Box::default(),
         commands: commands.collect::<Result<_, _>>()?,
     })
 }
 
-/// Starts the real-time thread, which tells what it was granted before its first cycle.
+/// Starts the real-time thread, which reports its privileges before its first cycle.
 fn start_rt(
     engine_config: EngineConfig,
     (ends, flight): (RtRingEnds, Option<FlightRecorder>),
@@ -336,7 +340,7 @@ fn start_rt(
 ) -> Result<(RtThread, Grants), ExitError> {
     let (period_ns, executor) = (config.period_ns, config.executor.clone());
     let follow = config.clock.map(|clock| FollowedDevice {
-        // At most 16 devices.
+        // There are at most 16 devices.
         device: clock.device as u32,
         offset_ns: clock.offset_ns,
     });
@@ -357,11 +361,11 @@ fn start_rt(
             None => engine,
         };
         prefault_stack();
-        // Last: what is made above takes milliseconds, and would keep another cell's executor of this priority from
-        // its core.
+        // Promoted last: the allocations above take milliseconds, and would keep another cell's executor of the same
+        // priority from its core.
         promote_thread(executor.priority, executor.core, &mut grants);
         let engine = engine.with_grants(grants.bits);
-        // The receiver waits for it; if it is gone the process is ending.
+        // The receiver waits for this; if it is gone, the process is ending.
         let _ = grants_sender.send(grants);
         drop(grants_sender);
         let clock = Clock::new(period_ns, follow, monotonic_ns());
@@ -369,19 +373,20 @@ fn start_rt(
     });
     let thread = thread.map_err(|error| ExitError {
         code: exit::FAILED,
-        message: format!("the system gives no real-time thread ({error}): raise TasksMax= or pids.max of its group"),
+        message: format!("cannot create the real-time thread ({error}): raise TasksMax= or pids.max of its control group"),
     })?;
     Ok((RtThread { thread, ended }, grants_receiver.recv()?))
 }
 
-/// The real-time thread.
+/// Handle of the real-time thread.
 struct RtThread {
     thread: thread::JoinHandle<()>,
-    /// It ended although nobody asked it to. Written by [`RtEnd`] (Release), read by the main thread (Acquire).
+    /// True if the thread ended without being asked to. Written by [`RtEnd`] (Release), read by the main thread
+    /// (Acquire).
     ended: Arc<AtomicBool>,
 }
 
-/// Dropped by the real-time thread when it ends, also by a panic.
+/// Dropped when the real-time thread ends, by a panic or otherwise.
 struct RtEnd {
     stop: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
@@ -389,7 +394,7 @@ struct RtEnd {
 
 impl Drop for RtEnd {
     fn drop(&mut self) {
-        // Set by the main thread with Release before it waits for this end.
+        // The main thread sets it with Release before it waits for this end.
         if !self.stop.load(Ordering::Acquire) {
             self.ended.store(true, Ordering::Release);
             request_stop();
@@ -397,7 +402,7 @@ impl Drop for RtEnd {
     }
 }
 
-/// The threads that carry what the real-time thread says and is told.
+/// Starts the helper threads around the real-time thread.
 fn spawn_helpers(
     helpers: &Helpers,
     mut intake: Intake,
@@ -428,7 +433,7 @@ fn spawn_helpers(
     Ok(())
 }
 
-/// Waits for a signal, or for the end of a thread that should not end; then the nets are canceled, and all threads end.
+/// Waits for a signal, or for the unexpected end of a thread; then cancels the nets and ends all threads.
 fn run_until_stopped(
     helpers: &Helpers,
     rt: RtThread,
@@ -444,8 +449,8 @@ fn run_until_stopped(
     };
     let mut ended = helpers.conclude();
     if rt.ended.load(Ordering::Acquire) {
-        let words = "the real-time thread panicked: the drivers bring their devices to rest, and this process ends to be \
-                     started again";
+        let words = "the real-time thread panicked: the drivers bring their devices to rest, and this process ends so that its \
+                     supervisor restarts it";
         ended = Err(failed(words.to_owned()));
     }
     match &ended {
@@ -470,7 +475,7 @@ fn run_until_stopped(
     if ended.is_ok() && !stuck.is_empty() {
         let names = stuck.join(", ");
         ended = Err(failed(format!(
-            "helper threads that did not end within {HELPER_END_MAX:?}: {names}"
+            "helper threads did not end within {HELPER_END_MAX:?}: {names}"
         )));
     }
     ended

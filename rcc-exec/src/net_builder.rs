@@ -1,5 +1,5 @@
-//! The maker thread: checks plans, computes the start values of nets from where the arms rest, and rehearses them. It takes
-//! as long as a net needs, while the intake thread goes on with other requests.
+//! The net-builder thread checks plans, computes the start values of nets from the positions at which the arms rest,
+//! and rehearses the nets. It takes as long as a net needs, while the intake thread handles other requests.
 
 use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -15,35 +15,35 @@ use rcc_ipc::rehearsal::RehearsalReport;
 use rcc_ipc::wire;
 use rcc_process::{Helper, Helpers};
 
-/// How long one net may take: its paths are planned and it is rehearsed, both bounded in work, not in time.
+/// Time allowed for one net. Path planning and rehearsal are bounded in work, not in time.
 const BUILD_MAX: Duration = Duration::from_secs(60);
-/// How often it shows that it lives while there is nothing to do.
+/// Interval of the thread's signs of life while it is idle.
 const IDLE: Duration = Duration::from_millis(200);
 
-/// What nets are made for.
+/// The cell and the machine that nets are built for.
 #[derive(Debug)]
 pub struct BuildContext {
-    /// The devices of the cell.
+    /// Models of the cell's devices.
     pub models: Vec<DeviceModel>,
     /// Fingerprint of the device table.
     pub configuration: u64,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
-    /// What primitives cost on this machine.
+    /// Measured cost of each primitive on this machine.
     pub costs: Costs,
 }
 
-/// The devices, as seen when a net is asked for.
+/// State of the devices at the time of a request.
 #[derive(Clone, Debug)]
 pub struct DeviceSnapshot {
-    /// What each measures; not present: it says nothing that counts.
+    /// The newest measurement of each device; `present` is false if it is stale or the device is offline.
     pub devices: Vec<DeviceInput>,
-    /// Where each arm is held, `None` if nobody knows.
+    /// Hold position of each arm, rad; `None` if it is not known.
     pub holds: Vec<Option<Joints>>,
 }
 
 impl DeviceSnapshot {
-    /// Where an arm is held, if it rests there.
+    /// Returns the hold position of an arm, rad, if the arm is at rest and ready.
     #[must_use]
     pub fn rest_position(&self, device: usize) -> Option<Joints> {
         let input = self.devices.get(device)?;
@@ -53,44 +53,46 @@ impl DeviceSnapshot {
     }
 }
 
-/// What a net is made of.
+/// What a net is built from.
 #[derive(Debug)]
 pub enum BuildSource {
-    /// A new command's plan.
+    /// The plan of a new command.
     Plan(Box<PlanData>),
-    /// An encoded [`Call::Install`]: decoding a large plan takes longer than a CANCEL may wait for the intake thread.
+    /// An encoded [`Call::Install`]. It is decoded here, because a large plan takes longer than a CANCEL may wait for
+    /// the intake thread.
     Encoded(Vec<u8>),
-    /// A command that is ready, from where its arms rest now, with what was set meanwhile.
+    /// The origin of a ready command, and the inputs that were set since; the net is built again for the arms' current
+    /// positions.
     Rebuild(NetOrigin, Vec<InputValue>),
 }
 
-/// A net to be made.
+/// A request to build a net.
 #[derive(Debug)]
 pub struct BuildRequest {
-    /// Who waits for it.
+    /// Ticket of the caller that waits for the net.
     pub ticket: u64,
-    /// The command.
+    /// Id of the command.
     pub id: u64,
-    /// From what.
+    /// What the net is built from.
     pub source: BuildSource,
-    /// Where the devices are.
+    /// State of the devices at the time of the request.
     pub snapshot: DeviceSnapshot,
 }
 
-/// What came of a job.
+/// The result of a [`BuildRequest`].
 #[derive(Debug)]
 pub struct BuildOutcome {
-    /// Of the job.
+    /// Copied from the request.
     pub ticket: u64,
-    /// Of the job.
+    /// Copied from the request.
     pub id: u64,
-    /// It is made anew, for a START.
+    /// The net of a ready command was rebuilt for its START.
     pub rebuild: bool,
-    /// The net and its rehearsal, or why there is none.
+    /// The net and the result of its rehearsal, or the reason for the refusal.
     pub net: Result<(Box<Net>, Option<RehearsalReport>), Refusal>,
 }
 
-/// The intake thread's ends; when they are dropped, the thread ends.
+/// Handle of the net-builder thread. The thread ends when this is dropped.
 #[derive(Debug)]
 pub struct NetBuilderThread {
     requests: Sender<BuildRequest>,
@@ -101,7 +103,7 @@ impl NetBuilderThread {
     /// Starts the thread.
     ///
     /// # Errors
-    /// The system gives no thread.
+    /// Returns an error if the system cannot create the thread.
     pub fn start(context: BuildContext, helpers: &Helpers) -> io::Result<NetBuilderThread> {
         let (requests, incoming) = channel::<BuildRequest>();
         let (finished, outcomes) = channel();
@@ -131,15 +133,15 @@ impl NetBuilderThread {
         Ok(NetBuilderThread { requests, outcomes })
     }
 
-    /// Gives a job.
+    /// Submits a request.
     ///
     /// # Errors
-    /// Nobody takes it: the thread is gone.
+    /// Returns [`Refusal::Overloaded`] if the thread is gone.
     pub fn submit(&self, request: BuildRequest) -> Result<(), Refusal> {
         self.requests.send(request).map_err(|_| Refusal::Overloaded)
     }
 
-    /// The next one that is made.
+    /// Returns the next finished request, if there is one.
     #[must_use]
     pub fn next_outcome(&self) -> Option<BuildOutcome> {
         self.outcomes.try_recv().ok()

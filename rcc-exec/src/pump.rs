@@ -1,5 +1,5 @@
-//! The pump thread: carries monitor records to the stream, and events to the log and to the cell's event log. May
-//! block; the real-time thread does not wait for it.
+//! The pump thread publishes monitor records and writes events to the log and to the cell's event log. It may block;
+//! the real-time thread does not wait for it.
 
 use std::time::{Duration, Instant};
 
@@ -15,12 +15,12 @@ use tracing::{info, warn};
 
 use rcc_engine::queue::EngineEvent;
 
-/// How often the rings are emptied.
+/// Interval at which the rings are emptied.
 pub const PUMP_EVERY: Duration = Duration::from_millis(2);
-/// At most one line about late cycles in this time.
+/// Minimum time between two log lines about late cycles.
 const LATE_REPORT_EVERY: Duration = Duration::from_secs(1);
 
-/// Everything the pump thread owns.
+/// The state of the pump thread.
 #[derive(Debug)]
 pub struct Pump {
     records: Consumer<MonitorRecord>,
@@ -39,7 +39,7 @@ struct LateSummary {
     worst_wake_ns: u64,
     worst_exec_ns: u64,
     computed_long: u64,
-    /// The command that computed longest in a cycle that computed long, and how long.
+    /// The command with the longest evaluation in a cycle that computed too long, and that time, ns.
     costliest: Option<(u64, u64)>,
     reported_at: Option<Instant>,
 }
@@ -64,7 +64,7 @@ impl LateSummary {
 }
 
 impl Pump {
-    /// `devices` are the names by index, for the log.
+    /// Creates the pump; `devices` are the device names by index, for log lines.
     pub fn new(
         records: Consumer<MonitorRecord>,
         events: Consumer<EngineEvent>,
@@ -82,7 +82,7 @@ impl Pump {
         }
     }
 
-    /// Writes events to the cell's event log, too.
+    /// Also writes events to the cell's event log.
     #[must_use]
     pub fn with_event_log(mut self, cell: &Cell, recorder: EventRecorder) -> Pump {
         self.log = Some((cell.clone(), recorder));
@@ -97,7 +97,7 @@ impl Pump {
         }
         let published = self.publisher.publish(&self.batch);
         if let Err(error) = published {
-            warn!("monitor records were lost: {error}");
+            warn!("lost monitor records: {error}");
         }
         while let Ok(event) = self.events.pop() {
             self.handle_event(event);
@@ -118,7 +118,7 @@ impl Pump {
         }
     }
 
-    /// To both logs.
+    /// Writes an event to both logs.
     fn record(&self, cycle: Option<u64>, what: EventKind) {
         let Some((_, recorder)) = &self.log else {
             return;
@@ -133,12 +133,12 @@ impl Pump {
         recorder.record(event);
     }
 
-    /// An event of the real-time thread with names instead of numbers.
+    /// Converts an event of the real-time thread, with names in place of numbers.
     fn kind(&self, event: &EngineEvent) -> Option<EventKind> {
         Some(match *event {
             EngineEvent::Late(_) => return None,
             EngineEvent::Acknowledged { late, .. } => EventKind::Acknowledged { late },
-            // The loader tells it, with the net's name.
+            // The loader reports it, with the net's name.
             EngineEvent::Command { state, .. } if state == CommandState::Loading as u32 => {
                 return None;
             }
@@ -168,7 +168,7 @@ impl Pump {
                 attached,
                 ..
             } => {
-                // What a driver said before it fell silent is no reason for its silence.
+                // A reason given before the driver fell silent does not explain its silence.
                 let reason = match (attached, age_ns) {
                     (false, _) => "its driver is dead".to_owned(),
                     (true, 0) => self.reason(device, reason),
@@ -214,7 +214,7 @@ impl Pump {
         }
     }
 
-    /// The driver's words for a number, read from its announcement.
+    /// Returns the driver's explanation of a reason number, from its announcement.
     fn reason(&self, device: u32, number: u32) -> String {
         let log = self.log.as_ref();
         log.map_or_else(String::new, |(cell, _)| {
@@ -275,20 +275,20 @@ impl Pump {
         });
         let unit = violation.map(|violation| violation.unit().to_owned());
         let rule = kind.map(|kind| match kind {
-            ViolationKind::NotFinite => "set-point is no number",
+            ViolationKind::NotFinite => "set-point is not a number",
             ViolationKind::Range => "position",
             ViolationKind::Velocity => "velocity",
             ViolationKind::Acceleration => "acceleration",
             ViolationKind::Jump => "distance from where the device is held",
             ViolationKind::Stiffness => "stiffness",
-            ViolationKind::StiffnessRate => "rate of the stiffness",
+            ViolationKind::StiffnessRate => "rate of change of the stiffness",
             ViolationKind::Damping => "damping ratio",
-            ViolationKind::Added => "torque on top",
+            ViolationKind::Added => "additional torque",
             ViolationKind::Strategy => "control strategy",
             ViolationKind::Workspace => "workspace",
-            ViolationKind::Singularity => "distance to a singular position",
+            ViolationKind::Singularity => "distance to a singularity",
         });
-        // Of what is no joint, the rule says everything.
+        // Without a joint, the violation's text contains everything.
         let rule = match (violation, rule) {
             (Some(violation), Some(_)) if joint.is_none() => Some(violation.to_string()),
             (_, rule) => rule.map(str::to_owned),

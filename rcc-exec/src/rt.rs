@@ -1,6 +1,6 @@
-//! The real-time thread: wait → latch → cycle → write boards. One sleep, at the top.
+//! The real-time loop: wait, latch boards, run the cycle, write boards. It sleeps only at the top of the loop.
 //!
-//! Everything that it touches was made before the first cycle or handed to it through a ring.
+//! All of its data was allocated before the first cycle or arrives through a ring buffer.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,27 +16,27 @@ use rcc_engine::engine::Engine;
 
 use crate::clock::{Clock, Packet};
 
-/// After this time a net that was asked to stop is aborted.
+/// Nets that have not ended this long after the stop request are aborted, ns.
 const STOP_MAX_NS: u64 = 5_000_000_000;
 
 /// The boards that the executor writes.
 #[derive(Debug)]
 pub struct Boards {
-    /// Counters, every cycle.
+    /// Counters of the executor, written each cycle.
     pub status: BoardWriter<CycleStatus>,
     /// Command and device tables.
     pub tables: BoardWriter<Tables>,
-    /// Histograms and what primitives cost.
+    /// Histograms of the cycle and measured costs of primitives.
     pub timing: BoardWriter<CycleTiming>,
-    /// The helper threads.
+    /// Table of the helper threads.
     pub helpers: BoardWriter<HelperTable>,
-    /// Their signs of life, of which the table is made.
+    /// Signs of life of the helper threads, from which the table is made.
     pub beats: Box<[Arc<HelperHeartbeat>]>,
-    /// Commands, by device.
+    /// Command images, by device index.
     pub commands: Vec<CommandWriter>,
 }
 
-/// The helper threads as others see them: relaxed loads, and nothing else.
+/// Builds the table of helper threads, with relaxed loads only.
 fn helper_table(beats: &[Arc<HelperHeartbeat>]) -> HelperTable {
     let mut table = HelperTable::zeroed();
     table.magic = MAGIC;
@@ -46,9 +46,9 @@ fn helper_table(beats: &[Arc<HelperHeartbeat>]) -> HelperTable {
     table
 }
 
-/// Runs cycles until `stop` is set and no net is active any more.
+/// Runs cycles until `stop` is set and no net is active.
 ///
-/// `stop` is set by the main thread (Release there, Acquire here); its only partner is this load.
+/// `stop` is set by the main thread (Release there, Acquire here); this load is its only partner.
 pub fn run(mut engine: Engine, mut boards: Boards, mut clock: Clock, stop: &Arc<AtomicBool>) {
     let mut stop_ns = None;
     loop {
@@ -70,7 +70,7 @@ pub fn run(mut engine: Engine, mut boards: Boards, mut clock: Clock, stop: &Arc<
             engine.begin_stop();
             let since_ns = *stop_ns.get_or_insert(ended_ns);
             if engine.is_idle() {
-                // One more cycle, so that drivers see that nothing is commanded.
+                // Run one more cycle, so that drivers see that nothing is commanded.
                 engine.cycle(monotonic_ns());
                 engine.end_recording();
                 return write(&engine, &mut boards);
@@ -82,7 +82,7 @@ pub fn run(mut engine: Engine, mut boards: Boards, mut clock: Clock, stop: &Arc<
     }
 }
 
-/// Shows the clock the newest packet of the device that it follows, if any, as it was latched.
+/// Passes the latched measurement of the followed device, if there is one, to the clock.
 fn follow(clock: &mut Clock, engine: &mut Engine, now_ns: u64) {
     let Some(device) = clock.follows() else {
         return;
@@ -97,7 +97,7 @@ fn follow(clock: &mut Clock, engine: &mut Engine, now_ns: u64) {
     engine.set_clock(clock.status());
 }
 
-/// Writes what the cycle came to.
+/// Writes the results of the cycle to the boards.
 pub fn write(engine: &Engine, boards: &mut Boards) {
     for (index, board) in boards.commands.iter_mut().enumerate() {
         if let Some(image) = engine.image(index) {

@@ -1,5 +1,5 @@
-//! What the executor asks of the system: locked memory, SCHED_FIFO, a core. Says what it did not get;
-//! everything also works without. Run at start, before the first cycle.
+//! Real-time privileges that the executor requests at start: locked memory, SCHED_FIFO and a processor core. Collects
+//! the reasons for refusals; the executor also works without any of them. Runs before the first cycle.
 
 use std::fmt;
 
@@ -13,19 +13,19 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Bit in `CycleStatus::grants`: SCHED_FIFO.
+/// Bit in `CycleStatus::grants`: the thread runs under SCHED_FIFO.
 pub const FIFO: u32 = 1;
-/// Bit in `CycleStatus::grants`: memory locked.
+/// Bit in `CycleStatus::grants`: memory is locked.
 pub const LOCKED: u32 = 2;
-/// Bit in `CycleStatus::grants`: pinned to the configured core.
+/// Bit in `CycleStatus::grants`: the thread is pinned to the configured core.
 pub const PINNED: u32 = 4;
 
-/// What was obtained, and why not.
+/// The granted privileges, and the reasons for refusals.
 #[derive(Clone, Debug, Default)]
 pub struct Grants {
     /// [`FIFO`] | [`LOCKED`] | [`PINNED`].
     pub bits: u32,
-    /// A sentence for each thing that was refused.
+    /// One sentence per refusal, with the remedy.
     pub refusals: Vec<String>,
 }
 
@@ -38,7 +38,8 @@ impl fmt::Display for Grants {
     }
 }
 
-/// Locks all memory, now and future. Under a finite limit it does not try: future mappings would fail where they hurt.
+/// Locks all memory, current and future. It does not try under a finite limit, because later mappings would then fail
+/// in the middle of operation.
 pub fn lock_memory(grants: &mut Grants) {
     let limit = getrlimit(Resource::RLIMIT_MEMLOCK).map_or(0, |(soft, _)| soft);
     if limit != RLIM_INFINITY && !geteuid().is_root() {
@@ -57,7 +58,7 @@ pub fn lock_memory(grants: &mut Grants) {
     }
 }
 
-/// Makes the calling thread SCHED_FIFO, and pins it if a core is configured.
+/// Puts the calling thread under SCHED_FIFO with `priority` (1 to 99), and pins it to `core` if one is given.
 pub fn promote_thread(priority: u8, core: Option<usize>, grants: &mut Grants) {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
@@ -89,7 +90,7 @@ fn cause(error: &thread_priority::Error) -> String {
     }
 }
 
-/// Touches the stack that the cycle may use, so that no page fault happens in it.
+/// Touches the stack that the cycle may use, so that the cycle causes no page fault.
 pub fn prefault_stack() {
     let pages = std::hint::black_box([0_u8; 256 << 10]);
     std::hint::black_box(&pages);

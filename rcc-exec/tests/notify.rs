@@ -1,5 +1,6 @@
-//! The executor under a supervisor whose part the test plays: it says READY only when it is, its heartbeat is that of
-//! its cycle, and its exit code tells whether starting again can help. Run by the threads of the test harness.
+//! Tests the executor under a supervisor played by the test: READY comes only when the executor is announced, the
+//! heartbeat follows the cycle, and the exit code tells whether a restart can help. Run by the threads of the test
+//! harness.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -13,12 +14,12 @@ use nix::sys::signal::{Signal, kill};
 use nix::sys::{ptrace, wait};
 use nix::unistd::Pid;
 
-/// Longer than anything here takes on any machine.
+/// Longer than any step takes on any machine.
 const LIMIT: Duration = Duration::from_secs(60);
-/// The watchdog's time; the executor's heartbeat comes four times in it.
+/// The watchdog's timeout; the executor sends four heartbeats in this time.
 const WATCHDOG: Duration = Duration::from_millis(800);
 
-/// A cell's folder, a supervisor's socket and the executor.
+/// The folder of a cell, the supervisor's socket, and the executor.
 struct SupervisedExecutor {
     folder: PathBuf,
     socket: UnixDatagram,
@@ -30,7 +31,7 @@ impl SupervisedExecutor {
         SupervisedExecutor::start_with(name, change, |_, _| {})
     }
 
-    /// `prepare` sees the folder before the executor starts, and may add to its command.
+    /// Starts the executor; `prepare` gets the folder and the command before the start.
     fn start_with(
         name: &str,
         change: impl Fn(String) -> String,
@@ -40,7 +41,7 @@ impl SupervisedExecutor {
             "/dev/shm/rcc-exec-notify-{name}-{}",
             std::process::id()
         ));
-        // Only its owner may: it is a runtime folder.
+        // Mode 0700, because it is a runtime folder.
         fs::DirBuilder::new()
             .recursive(true)
             .mode(0o700)
@@ -73,7 +74,7 @@ impl SupervisedExecutor {
         }
     }
 
-    /// The next words, `None` if none come within the socket's limit.
+    /// Returns the next message, or `None` if none arrives within the socket's time limit.
     fn words(&self) -> Option<String> {
         let mut buffer = [0; 4096];
         match self.socket.recv(&mut buffer) {
@@ -83,7 +84,7 @@ impl SupervisedExecutor {
         }
     }
 
-    /// The next words with this one among them.
+    /// Returns the next message that has a line starting with `wanted`.
     fn await_words(&self, wanted: &str) -> String {
         loop {
             let words = self.words();
@@ -117,7 +118,7 @@ impl SupervisedExecutor {
         self.executor.wait().unwrap()
     }
 
-    /// The end of the executor, with all that it wrote to stderr.
+    /// Waits for the executor to end; returns its status and its stderr.
     fn end(&mut self) -> (ExitStatus, String) {
         let status = self.executor.wait().unwrap();
         let mut words = String::new();
@@ -130,12 +131,12 @@ impl SupervisedExecutor {
         fs::read_to_string(self.folder.join("demo/events.jsonl")).unwrap_or_default()
     }
 
-    /// Nothing but status lines comes within the watchdog's time, twice.
+    /// Asserts that no heartbeat arrives for the watchdog's time.
     fn assert_no_heartbeat(&self) {
         self.socket.set_nonblocking(true).unwrap();
         while self.words().is_some() {}
         self.socket.set_nonblocking(false).unwrap();
-        // One look may have been under way when the thread stopped.
+        // One heartbeat may have been under way when the thread stopped.
         self.socket.set_read_timeout(Some(WATCHDOG)).unwrap();
         let mut beats = 0;
         while let Some(words) = self.words() {
@@ -149,11 +150,11 @@ impl SupervisedExecutor {
 impl Drop for SupervisedExecutor {
     fn drop(&mut self) {
         let _ = self.executor.kill();
-        // A thread of it that a failed test has stopped is this thread's to wait for; without that the executor never ends.
+        // A thread that a failed test has stopped must be waited for by this thread, or the executor never ends.
         let flags = wait::WaitPidFlag::__WALL | wait::WaitPidFlag::__WNOTHREAD;
         while wait::waitpid(None, Some(flags)).is_ok() {}
         let _ = self.executor.wait();
-        // What an executor that was killed leaves in shared memory.
+        // Removes what a killed executor leaves in shared memory.
         if let Ok(cell) = rcc_ipc::Cell::at("demo", &self.folder.join("demo")) {
             let _ = rcc_ipc::clean::remove_cell(&cell);
         }
@@ -187,7 +188,7 @@ fn no_cycle_no_heartbeat() {
     supervised.await_words("READY=1");
     let thread = supervised.rt_thread();
     if let Err(error) = ptrace::seize(thread, ptrace::Options::empty()) {
-        eprintln!("skipped: the system lets no test stop a single thread ({error})");
+        eprintln!("skipped: the system does not allow ptrace ({error})");
         return;
     }
     ptrace::interrupt(thread).unwrap();
@@ -214,13 +215,13 @@ fn required_real_time_that_is_not_granted_ends_for_good() {
     assert_eq!(supervised.words(), None, "READY must not come");
 }
 
-/// A thread of a running executor is stopped, and only that one, until its heartbeat is missed; then it goes on.
+/// Stops one thread of a running executor until the heartbeat stops, then lets it continue.
 fn hang(helper: &str) {
     let mut supervised = SupervisedExecutor::start(&format!("hang-{helper}"), |text| text);
     supervised.await_words("READY=1");
     let thread = supervised.thread(helper);
     if let Err(error) = ptrace::seize(thread, ptrace::Options::empty()) {
-        eprintln!("skipped: the system lets no test stop a single thread ({error})");
+        eprintln!("skipped: the system does not allow ptrace ({error})");
         return;
     }
     ptrace::interrupt(thread).unwrap();
@@ -273,17 +274,17 @@ fn a_helper_that_panics_ends_the_executor_with_its_name() {
         assert_eq!(status.code(), Some(1), "{helper}: {status}: {words}");
         let named = format!("the helper thread `{helper}` panicked");
         assert!(words.contains(&named), "{words}");
-        // Without the thread that writes events there are none.
+        // Without the thread that writes events there are no events.
         let told = supervised.events().contains(&named);
         assert!(told || helper == "events", "{}", supervised.events());
     }
 }
 
-/// Only files that an executor would write are looked at, and only those of dead ones are removed.
+/// Only files with an executor's file name are considered, and only those of dead executors are removed.
 #[test]
 fn half_written_incidents_of_dead_executors_are_removed_at_the_start() {
     let own = rcc_ipc::ProcessInstance::current().unwrap().incarnation();
-    // No process has this id and began at boot.
+    // No process has this id and started at boot.
     let dead = 1 << 40 | 1;
     let name = |life: u64, rest: &str| format!("{life:016x}-7-{rest}");
     let gone = [name(dead, "fault.half"), name(dead, "late.half")];

@@ -1,5 +1,4 @@
-//! The server that loads nets, see the module.
-//! Run by the loader's threads; nothing here is real-time.
+//! The loader's library: the REST server of a cell, see [`server`]. Nothing here is real-time.
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 

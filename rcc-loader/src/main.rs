@@ -1,5 +1,5 @@
-//! `rcc-loader`: serves the REST interface of one cell.
-//! The main thread serves connections; blocking threads compile and talk to the executor; one thread tends the link.
+//! `rcc-loader`: serves the REST interface of one cell. The main thread serves connections, blocking threads compile
+//! and talk to the executor, and one thread maintains the link to the executor.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -25,23 +25,23 @@ use rcc_process::signals::{end_with_parent, unblock_stop_signals};
 use rcc_process::{CellArguments, ExitError, HealthReport, Helper, Helpers, Notifier, exit};
 use tokio::signal::unix::{SignalKind, signal};
 
-/// How often the executor is looked for and files of unloaded commands are removed.
+/// Interval at which the executor is looked up and the files of unloaded commands are removed.
 const MAINTAIN_EVERY: Duration = Duration::from_millis(100);
-/// How long requests under way may take after SIGTERM.
+/// Time allowed for pending requests after SIGTERM.
 const DRAIN: Duration = Duration::from_secs(1);
 
-/// How long a line of the event log, or a look for the executor, may take.
+/// Maximum time for one line of the event log, or for one maintenance pass.
 const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
-/// How long a request's work may wait for a thread: longer than any work may take.
+/// Maximum time that the work of a request may wait for a thread: longer than any work may take.
 const WORK_MAX: Duration = Duration::from_secs(30);
-/// Threads for the work of requests that are made before the loader is ready; others come and stay when they are needed.
+/// Number of worker threads created before the loader is ready; more are created on demand and kept.
 const WORKERS: usize = 4;
-/// How long they may take to begin.
+/// Time allowed for these threads to start.
 const WORKERS_WAIT: Duration = Duration::from_secs(20);
-/// They are never given back.
+/// Idle time after which a worker thread would end: never.
 const NEVER: Duration = Duration::from_secs(100 * 365 * 24 * 3600);
 
-/// How often the runtime shows that it answers.
+/// Interval at which the runtime shows that it responds.
 const TURN_EVERY: Duration = Duration::from_millis(100);
 
 /// Loads nets and controls commands: REST on the Unix socket of a cell.
@@ -55,7 +55,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
     rcc_process::log();
-    // Without /proc nothing can be said about it.
+    // Without /proc the score cannot be set.
     let _ = oom::raise_score(oom::SCORE_RESTARTABLE);
     exit::conclude(serve(&cell))
 }
@@ -68,7 +68,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     let config = arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
     let session = Session::join(&cell, Role::Loader, "loader")?;
-    // First the announcement, which only one process can hold, then the socket.
+    // Announce first, because only one process can hold the announcement; then open the socket.
     let helpers = Helpers::default();
     let writer = helpers.helper("events", SLOW_TURN_MAX);
     let turn = move || writer.count_turns();
@@ -94,16 +94,16 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     let service = Arc::new(service);
     let maintained = Arc::clone(&service);
     helpers.spawn("tend", SLOW_TURN_MAX, move |helper| {
-        // A long text takes a hundred times its memory while it is compiled.
+        // Compiling a long text takes a hundred times its size in memory, which is returned to the system afterwards.
         let mut memory = MemoryTrimmer::default();
         while !helper.rest(MAINTAIN_EVERY) {
             maintained.maintain();
-            memory.look();
+            memory.trim_if_grown();
         }
     })?;
     let router = routes::router(service)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
-        // As many as there are requests at a time, and those that compile: none waits for a thread.
+        // One thread for each request and each compilation, so that none waits for a thread.
         .max_blocking_threads(routes::REQUESTS_MAX + routes::LOADING_MAX)
         .enable_all()
         .thread_keep_alive(NEVER)
@@ -115,7 +115,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         let mut interrupt = signal(SignalKind::interrupt())?;
         tracing::info!(socket = %cell.socket().display(), "serving");
         if let Some(address) = listeners.address() {
-            tracing::info!(%address, "serving over TCP, with the token only");
+            tracing::info!(%address, "serving on TCP; a token is required");
         }
         tokio::spawn(self::count_turns(Arc::clone(&turns)));
         tokio::spawn(probe_workers(helpers.helper("workers", WORK_MAX)));
@@ -123,13 +123,13 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         let told = recorder.clone();
         let mut hangs = helpers.watch(move |hang| report_hang(&told, hang));
         let supervisor = Notifier::start(&helpers, move || {
-            hangs.look(HealthReport {
+            hangs.check(HealthReport {
                 progress: turns.load(Ordering::Relaxed),
                 status: format!("serving on {}", socket.display()),
             })
         })?;
-        // All threads are made: now it says that it is ready.
-        helpers.go();
+        // All threads exist: report READY.
+        helpers.start();
         tokio::select! {
             served = listeners.with_event_log(recorder.clone()).serve(router) => served?,
             _ = terminate.recv() => {}
@@ -163,15 +163,15 @@ fn report_hang(recorder: &EventRecorder, hang: &Hang) {
     });
 }
 
-/// Makes the first threads that do the work of requests, and they stay: where the system gives no more, requests wait for
+/// Creates the first worker threads, which are never ended: when the system refuses further threads, requests wait for
 /// one of these instead of failing.
 ///
 /// # Errors
-/// The system gives no thread.
+/// Returns an error if the system cannot create the threads.
 fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
     let refused = || {
         io::Error::other(format!(
-            "the system gives no {WORKERS} threads for the work of requests: raise TasksMax= or pids.max of its group, or \
+            "cannot create {WORKERS} worker threads: raise TasksMax= or pids.max of the control group, or \
              the limit nproc of its user"
         ))
     };
@@ -181,12 +181,12 @@ fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
     for _ in 0..WORKERS {
         let (arrived, kept) = (arrived.clone(), Arc::clone(&kept));
         let work = move || {
-            // Nobody listens any more when another one was refused.
+            // The receiver is gone when another thread was refused.
             let _ = arrived.send(());
-            // Until all are here: nobody ever sends.
+            // Blocks until all threads have started; nothing is ever sent.
             let _ = kept.lock().map(|kept| kept.recv());
         };
-        // It panics when the system refuses the first thread.
+        // `spawn_blocking` panics if the system refuses the first thread.
         let made = catch_unwind(AssertUnwindSafe(|| runtime.spawn_blocking(work)));
         made.map_err(|_| refused())?;
     }
@@ -197,7 +197,7 @@ fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
     Ok(())
 }
 
-/// Shows that the threads that do the work of requests take some.
+/// Reports a sign of life of the worker threads while they accept work.
 async fn probe_workers(workers: Helper) {
     loop {
         if tokio::task::spawn_blocking(|| ()).await.is_ok() {
@@ -207,7 +207,7 @@ async fn probe_workers(workers: Helper) {
     }
 }
 
-/// The runtime's progress, for the supervisor: it answers as long as it comes here. Relaxed: nothing is told with it.
+/// Counts the runtime's progress for the supervisor. Relaxed, because nothing else is communicated with it.
 async fn count_turns(turns: Arc<AtomicU64>) {
     loop {
         tokio::time::sleep(TURN_EVERY).await;

@@ -1,5 +1,5 @@
-//! The loader as a server: REST on the cell's Unix socket, names of commands, and the link to the executor.
-//! One thread serves connections, blocking threads do the work, one thread tends the link to the executor.
+//! The server of a cell: REST on its Unix socket and on TCP, the names of commands, and the link to the executor. One
+//! thread serves connections, blocking threads do the work, and one thread maintains the link to the executor.
 
 pub mod address;
 pub mod api;

@@ -364,7 +364,7 @@ fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
         let (status, body) = exchange(connect_from(1, connection), &request);
         if status == 429 {
             assert!(
-                body["message"].as_str().unwrap().contains("times a second"),
+                body["message"].as_str().unwrap().contains("requests per second"),
                 "{body}"
             );
             break;
@@ -374,7 +374,7 @@ fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
     }
     assert_eq!(exchange(connect_from(2, connection), &request).0, 404);
     assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
-    wait_for_log(&served, "times a second");
+    wait_for_log(&served, "requests per second");
 }
 
 #[test]

@@ -18,7 +18,7 @@ use rcc_core::plan::Resource;
 use rcc_core::topic::Topic;
 use rcc_ipc::control::{Call, Refusal};
 use rcc_language::names::{InputNames, Names, TopicNames};
-use rcc_loader::server::api::{Done, Named, Switch};
+use rcc_loader::server::api::{Done, CommandRef, Switch};
 use rcc_loader::server::caller::Caller;
 use rcc_loader::server::codes;
 use rcc_loader::server::messages::NameResolver;
@@ -149,12 +149,12 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
         store.write(&file).expect("written");
     }
     let service = service(&test.cell);
-    let line = || Named::Name("line".to_owned());
+    let line = || CommandRef::Name("line".to_owned());
     let switched = service.switch(
         &patient(),
         &Switch {
             stop: vec![line()],
-            start: vec![line(), Named::Id(5)],
+            start: vec![line(), CommandRef::Id(5)],
         },
     );
     let switched = switched.expect("done");
@@ -189,7 +189,7 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
     );
     let unknown = Switch {
         stop: vec![line()],
-        start: vec![Named::Name("nobody".to_owned())],
+        start: vec![CommandRef::Name("nobody".to_owned())],
     };
     assert_eq!(
         service

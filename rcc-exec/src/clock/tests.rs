@@ -1,30 +1,29 @@
-//! The clock against devices with drift, jitter, losses and stalls, in virtual time.
-//! Test code only.
+//! Tests the clock against devices with drift, jitter, lost packets and stalls, in virtual time.
 
 use super::*;
 
 const MS: u64 = 1_000_000;
 const OFFSET_NS: u64 = 200_000;
 
-/// A device with its driver, and an executor that wakes on time.
+/// Simulates a device with its driver, and an executor that always wakes on time.
 struct ClockTest {
     clock: Clock,
     period_ns: u64,
-    /// Nominal; the real one is `drift_ppm` longer.
+    /// Nominal period of the device, ns; the real one is longer by `drift_ppm`.
     device_ns: u64,
     drift_ppm: f64,
     jitter_ns: f64,
-    /// When the first packet came.
+    /// Arrival time of the first packet, ns.
     phase_ns: f64,
-    /// Packets of the device so far.
+    /// Number of packets the device has sent.
     periods: u64,
     newest: Option<Packet>,
-    /// Of each packet, whether it reaches the driver.
+    /// Returns whether a packet, given by its number, reaches the driver.
     arrives: fn(u64) -> bool,
     random: u64,
-    /// Begin of each cycle.
+    /// Begin of each cycle, ns.
     begins_ns: Vec<u64>,
-    /// Age of the newest packet in each cycle.
+    /// Age of the newest packet at the begin of each cycle, ns.
     ages_ns: Vec<u64>,
 }
 
@@ -51,7 +50,7 @@ impl ClockTest {
         }
     }
 
-    /// Evenly in -1..1 (Knuth's MMIX generator).
+    /// Returns a pseudo-random number, uniform in -1..1 (Knuth's MMIX generator).
     fn random(&mut self) -> f64 {
         self.random = self
             .random
@@ -64,7 +63,7 @@ impl ClockTest {
         self.phase_ns + self.periods as f64 * self.device_ns as f64 * (1.0 + self.drift_ppm * 1e-6)
     }
 
-    /// One cycle, which ends at once.
+    /// Runs one cycle, which ends 10 µs after its deadline.
     fn step(&mut self) -> u64 {
         let now_ns = self.clock.deadline_ns();
         while self.next_packet_ns() + self.jitter_ns <= now_ns as f64 {
@@ -79,7 +78,7 @@ impl ClockTest {
                 });
             }
         }
-        // As the executor: a board that is 50 ms old is of nobody.
+        // The executor also ignores a board that is older than 50 ms.
         let newest = self
             .newest
             .filter(|packet| now_ns - packet.stamp_ns < 50 * MS);
@@ -109,7 +108,7 @@ impl ClockTest {
         self.clock.state
     }
 
-    /// Largest distance of a cycle from a packet and the offset, in the last `cycles`, ns; packets have no jitter.
+    /// Returns the largest phase error of the last `cycles` cycles, ns; valid for packets without jitter.
     fn worst_ns(&self, cycles: usize) -> f64 {
         let real_ns = self.device_ns as f64 * (1.0 + self.drift_ppm * 1e-6);
         let step_ns = real_ns / (self.device_ns as f64 / self.period_ns as f64).round();

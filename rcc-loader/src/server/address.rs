@@ -1,25 +1,25 @@
-//! How a loaded net is addressed: `7`, `line`, or `line#7`. Pure; used by the server's threads.
+//! Parses the address of a loaded net: `7`, `line`, or `line#7`. Pure; used by the server's threads.
 //!
-//! A number is always an id, because no name of a net begins with a digit or has a `#`
-//! ([`rcc_language::syntax::is_net_name`]); with both, both must be right.
+//! A number is always an id, because a net's name neither begins with a digit nor contains a `#`
+//! ([`rcc_language::syntax::is_net_name`]). If both are given, both must match.
 
 use super::codes;
 use super::error::ApiError;
 use super::messages;
 
-/// What names a loaded net.
+/// The address of a loaded net.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CommandAddress<'a> {
-    /// `7`, or `#7`: the one with this id.
+    /// `7` or `#7`: the command with this id.
     Id(u64),
-    /// `line`: one of this name.
+    /// `line`: a command of the net with this name.
     Name(&'a str),
-    /// `line#7`: the one with this id, if that is its name.
+    /// `line#7`: the command with this id, if its net has this name.
     Both(&'a str, u64),
 }
 
 impl CommandAddress<'_> {
-    /// Reads an address; nothing for a text that can name no net, such as `line#x` or `07`.
+    /// Parses an address. Returns `None` for a text that cannot name a net, such as `line#x` or `07`.
     #[must_use]
     pub fn read(text: &str) -> Option<CommandAddress<'_>> {
         match text.rsplit_once('#') {
@@ -36,13 +36,13 @@ impl CommandAddress<'_> {
     }
 }
 
-/// An id as it is printed: digits, without a sign or leading zeros.
+/// Parses an id in its printed form: digits without a sign or leading zeros.
 fn id(digits: &str) -> Option<u64> {
     let number: u64 = digits.parse().ok()?;
     (number.to_string() == digits).then_some(number)
 }
 
-/// `wanted#id`, and the command of that id has another name: nothing is done to it.
+/// Returns the error for `wanted#id` when the command of that id belongs to another net.
 #[must_use]
 pub fn other_name(wanted: &str, id: u64, is: Option<&str>) -> ApiError {
     let is = match is.filter(|is| !is.is_empty()) {
@@ -51,9 +51,9 @@ pub fn other_name(wanted: &str, id: u64, is: Option<&str>) -> ApiError {
     };
     ApiError::new(
         codes::UNKNOWN_COMMAND,
-        format!("there is no command `{wanted}#{id}`: {is}"),
+        format!("command `{wanted}#{id}` not found: {is}"),
         format!(
-            "`{wanted}` means the newest of that name, `{id}` the command of that id; `rcc-cli ls` shows both"
+            "use `{wanted}` for the newest command of that name, or `{id}` for the command with that id; `rcc-cli ls` shows both"
         ),
     )
 }
@@ -86,7 +86,7 @@ mod tests {
         ] {
             assert_eq!(CommandAddress::read(text), address, "{text}");
         }
-        // A sign is no digit: it is looked for as a name, which no net has.
+        // A sign is not a digit: the text is looked up as a name, which no net has.
         assert_eq!(CommandAddress::read("+7"), Some(CommandAddress::Name("+7")));
     }
 }

@@ -30,10 +30,10 @@ pub struct Finding {
     pub message: String,
     /// Where.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<Place>,
+    pub place: Option<TextLocation>,
     /// Where the text with the fault is used, if that is another place: the instance of a fragment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub used_at: Option<Place>,
+    pub used_at: Option<TextLocation>,
     /// What to do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub help: Option<String>,
@@ -44,7 +44,8 @@ pub struct Finding {
 
 /// A place in a text, counted from 1.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct Place {
+#[schema(as = Place)]
+pub struct TextLocation {
     /// The text's name.
     pub file: String,
     /// Line.
@@ -82,7 +83,8 @@ pub struct Done {
 /// A command as a request names it: its id, the net's name, or `name#id`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged)]
-pub enum Named {
+#[schema(as = Named)]
+pub enum CommandRef {
     /// An id.
     Id(u64),
     /// A name (of several nets of that name the newest that it suits), `name#id`, or an id as text.
@@ -95,7 +97,7 @@ pub enum Named {
 pub struct Start {
     /// Commands that end between the same two cycles; if the net cannot take over from them, nothing changes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub after_stopping: Vec<Named>,
+    pub after_stopping: Vec<CommandRef>,
 }
 
 /// A hand-over: all of it between the same two cycles, or nothing.
@@ -104,10 +106,10 @@ pub struct Start {
 pub struct Switch {
     /// Active commands that end, at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub stop: Vec<Named>,
+    pub stop: Vec<CommandRef>,
     /// Ready commands that begin, at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub start: Vec<Named>,
+    pub start: Vec<CommandRef>,
 }
 
 /// Answer to a hand-over.

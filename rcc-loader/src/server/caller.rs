@@ -1,6 +1,7 @@
-//! Who waits for a request: until when, and whether still. What a client gave up is not begun any more, because it has
-//! told its user that it was not done; CANCEL and ABORT are the exception, see [`super::executor`].
-//! Made by the thread that serves connections, asked by blocking threads just before the executor is.
+//! The client that waits for a request: its deadline, and whether it is still connected. Work that a client has given
+//! up is not started, because the client has told its user that it was not done; CANCEL and ABORT are the exception,
+//! see [`super::executor`]. Created by the thread that serves connections, checked by blocking threads just before they
+//! call the executor.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,10 +10,10 @@ use std::time::{Duration, Instant};
 use super::codes;
 use super::error::ApiError;
 
-/// The line of a request's head that says how long its client waits, in milliseconds.
+/// The request header that gives the time for which the client waits, ms.
 pub const TIMEOUT_HEADER: &str = "rcc-timeout-ms";
 
-/// Somebody who waits for an answer.
+/// A client that waits for an answer.
 #[derive(Clone, Debug, Default)]
 pub struct Caller {
     deadline: Option<Instant>,
@@ -20,7 +21,7 @@ pub struct Caller {
 }
 
 impl Caller {
-    /// Waits until then, or as long as it takes.
+    /// Creates a caller that waits until `deadline`, or indefinitely.
     #[must_use]
     pub fn until(deadline: Option<Instant>) -> Caller {
         Caller {
@@ -29,33 +30,33 @@ impl Caller {
         }
     }
 
-    /// Keep it as long as the client's connection is open; dropped, the caller is gone.
+    /// Returns a guard to be kept while the client's connection is open; dropping it marks the caller as gone.
     #[must_use]
     pub fn guard(&self) -> CallerGuard {
         CallerGuard(Arc::clone(&self.gone))
     }
 
-    /// How long the executor may be waited for at most.
+    /// Returns the time for which the executor may be waited for: the time left, at most `most`.
     ///
     /// # Errors
-    /// Nobody waits any more.
+    /// Returns [`codes::GIVEN_UP`] if the client is gone or its deadline has passed.
     pub fn remaining_time(&self, most: Duration) -> Result<Duration, ApiError> {
         let left = self.deadline.map_or(most, |deadline| {
             deadline.saturating_duration_since(Instant::now())
         });
-        // Pairs with `CallerGuard::drop`; only the flag itself is told.
+        // Pairs with `CallerGuard::drop`. Relaxed, because only the flag itself is communicated.
         if left.is_zero() || self.gone.load(Ordering::Relaxed) {
             return Err(ApiError::new(
                 codes::GIVEN_UP,
-                "the client stopped waiting before this was begun, so it is not done",
-                "ask again, with more time: `--timeout`",
+                "the client stopped waiting before the request was started, so nothing was done",
+                "try again with more time: `--timeout`",
             ));
         }
         Ok(left.min(most))
     }
 }
 
-/// The connection of a caller.
+/// Represents the open connection of a caller.
 #[derive(Debug)]
 pub struct CallerGuard(Arc<AtomicBool>);
 

@@ -9,7 +9,7 @@ use rcc_ipc::control::PlanData;
 use rcc_language::names::Names;
 use rcc_language::syntax::is_net_name;
 
-use super::api::{Finding, Place};
+use super::api::{Finding, TextLocation};
 
 /// A net that the language accepts.
 #[derive(Clone, Debug)]
@@ -113,14 +113,14 @@ fn finding(row: DiagnosticRow) -> Finding {
         }
         .to_owned(),
         message: row.message,
-        place: (row.line > 0).then_some(Place {
+        place: (row.line > 0).then_some(TextLocation {
             file: row.file,
             line: row.line,
             column: row.column,
             length: row.length,
             label: row.label,
         }),
-        used_at: row.used_at.map(|place| Place {
+        used_at: row.used_at.map(|place| TextLocation {
             file: place.file,
             line: place.line,
             column: place.column,

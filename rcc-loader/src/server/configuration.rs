@@ -46,7 +46,7 @@ impl Service {
             return;
         }
         files.checked_at = Some(now);
-        let Some(change) = files.watch.as_mut().and_then(FileWatch::look) else {
+        let Some(change) = files.watch.as_mut().and_then(FileWatch::poll) else {
             return;
         };
         let (differs, fault) = described(change);
@@ -72,7 +72,7 @@ impl Service {
             let remedy = why.remedy();
             tracing::warn!(
                 "loads and starts nothing: the executor was {}: {why}; {remedy}",
-                why.made()
+                why.description()
             );
             self.record(why.event(executor));
         }
@@ -197,7 +197,7 @@ pub(super) fn disagreement_sentence(who: &str, why: &ProcessMismatch) -> String 
     let remedy = why.remedy();
     format!(
         "{who} was {} than the executor ({why}); {remedy}",
-        why.made()
+        why.description()
     )
 }
 
@@ -205,8 +205,8 @@ pub(super) fn disagreement_sentence(who: &str, why: &ProcessMismatch) -> String 
 fn described(change: &ConfigChange) -> (String, Option<String>) {
     match change {
         ConfigChange::None => (String::new(), None),
-        ConfigChange::Differs(words) => (events::text(&words.join("; ")), None),
-        ConfigChange::Invalid(fault) => (String::new(), Some(events::text(fault))),
+        ConfigChange::Differs(words) => (events::event_text(&words.join("; ")), None),
+        ConfigChange::Invalid(fault) => (String::new(), Some(events::event_text(fault))),
     }
 }
 

@@ -1,7 +1,7 @@
-//! The doors of the loader: a Unix socket, and TCP if it is configured. One request a connection, each bounded in size
-//! and time, so many requests at a time and a second for each peer; whoever asks too much is answered with words, cut
-//! off and told in the log, while the others are served. CANCEL and ABORT have places of their own.
-//! Run by the one thread that serves connections.
+//! Serves the connections of one listener: the Unix socket, or TCP if it is configured. A connection carries one
+//! request, bounded in size and time, and each peer has a quota of concurrent requests and of requests per second. A
+//! client that exceeds a limit gets an error, is disconnected and logged, while others are served. CANCEL and ABORT
+//! have quotas of their own. Run by the one thread that serves connections.
 
 mod quotas;
 
@@ -28,37 +28,39 @@ use super::error::ApiError;
 use super::request_head::{self, PrefixedStream, RequestHead};
 use super::token::Token;
 
-/// Longest head of a request, bytes.
+/// Maximum size of a request head, bytes.
 pub const HEAD_MAX: usize = 16 << 10;
-/// Most lines in a head.
+/// Maximum number of header lines.
 pub const HEADERS_MAX: usize = 64;
-/// So long the head of a request may take, from the connection on.
+/// Time allowed for the head of a request, from the connection on.
 pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
-/// So long a whole connection may take: request, work, and the client's taking the answer.
+/// Time allowed for a whole connection: request, work, and delivery of the answer.
 pub const CONNECTION_TIME: Duration = Duration::from_secs(20);
-/// So long, and so many bytes, a client that was answered early may go on talking: an answer would get lost otherwise.
+/// How long, and for how many bytes, the input of a client that was answered early is still read; closing at once would
+/// lose the answer.
 const LINGER_LIMITS: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
-/// So many of them at a time.
+/// Maximum number of connections being drained at a time.
 const DRAINING_MAX: usize = 64;
-/// Pause after the system gave no connection (no free descriptor).
+/// Pause after a failed `accept`, for example when no file descriptor is free.
 const ACCEPT_RETRY_AFTER: Duration = Duration::from_millis(50);
 
 thread_local! {
-    /// hyper 1.12 keeps a date for each thread that serves, makes it at the first request even if nobody wants one, and
-    /// panics when the wall clock shows a time before 1970 at that moment; later the clock may show anything.
+    /// hyper 1.12 caches a date per serving thread. It creates the cache at the first request, even with
+    /// `auto_date_header(false)`, and panics if the wall clock shows a time before 1970 at that moment; afterwards the
+    /// clock may show anything.
     static DATE_CACHED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Where connections come from.
+/// A listening socket.
 #[derive(Debug)]
 pub enum Listener {
-    /// The cell's socket.
+    /// The cell's Unix socket.
     Unix(UnixListener),
-    /// An address.
+    /// A TCP address.
     Tcp(TcpListener),
 }
 
-/// A door.
+/// State shared by the connections of one listener.
 struct ListenerContext {
     quotas: Arc<Quotas>,
     token: Option<Token>,
@@ -71,11 +73,11 @@ impl ListenerContext {
         let said = self.quotas.log_refusal(Instant::now());
         if let Some(others) = said {
             let (code, message) = (error.code.code, &error.message);
-            tracing::warn!(%peer, code, others, "cut off: {message}");
+            tracing::warn!(%peer, code, others, "client disconnected: {message}");
             if let Some(recorder) = &self.recorder {
                 recorder.tell(events::EventKind::ClientCutOff {
                     client: peer.to_string(),
-                    why: events::text(&format!("{code} {message}")),
+                    why: events::event_text(&format!("{code} {message}")),
                 });
             }
         }
@@ -87,7 +89,7 @@ impl ListenerContext {
     }
 }
 
-/// Serves one door for ever. Over TCP nobody gets in without the token.
+/// Serves one listener forever. With a `token`, requests without it are refused.
 pub async fn serve(
     listener: Listener,
     limits: ConnectionLimits,
@@ -112,13 +114,13 @@ pub async fn serve(
             }),
         };
         if let Err(error) = accepted {
-            tracing::warn!(%error, "no connection can be taken");
+            tracing::warn!(%error, "cannot accept a connection");
             tokio::time::sleep(ACCEPT_RETRY_AFTER).await;
         }
     }
 }
 
-/// Gives a connection a task of its own.
+/// Serves a connection in a task of its own.
 fn spawn_connection<I>(context: &Arc<ListenerContext>, peer: Peer, io: I, router: &Router)
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
@@ -134,7 +136,7 @@ where
     });
 }
 
-/// One request and its answer.
+/// Reads one request and answers it.
 async fn serve_request<I>(
     context: &ListenerContext,
     peer: Peer,
@@ -149,7 +151,7 @@ async fn serve_request<I>(
         Ok(None) => return,
         Err(error) => return refuse(context, peer, io, &error).await,
     };
-    // The token counts before the quota: whoever has none takes nothing from those of his address who have it.
+    // Check the token before the quota: a peer without the token takes nothing from those at its address who have it.
     if !context.is_authorized(head.bearer.as_deref()) {
         return match context
             .quotas
@@ -177,35 +179,36 @@ async fn serve_request<I>(
     let mut server = hyper::server::conn::http1::Builder::new();
     server
         .keep_alive(false)
-        // Nobody needs it, and the wall clock may show anything.
+        // Not needed, and the wall clock may show anything.
         .auto_date_header(false)
         .max_headers(HEADERS_MAX)
         .header_read_timeout(None);
     let io = TokioIo::new(PrefixedStream::new(head.bytes, io));
     let connection = server.serve_connection(io, TowerToHyperService::new(router));
     let served = connection.without_shutdown().await;
-    // It has its answer: what it still sends keeps nobody out.
+    // The client has its answer; draining its input must not occupy a slot.
     drop(permit);
-    // An error is a client that went away: there is nobody to tell.
+    // On an error the client is gone, and nobody can be told.
     if let Ok(parts) = served {
         drain_input(context, parts.io.into_inner().io).await;
     }
 }
 
-/// The head, unless it takes too long or others want the place more; nothing when the client said nothing.
+/// Reads the head, unless it takes too long or its slot is taken by another connection. Returns `None` if the client
+/// sent nothing.
 async fn read_head<I: AsyncRead + Unpin>(
     mut permit: HeadPermit,
     io: &mut I,
 ) -> Result<Option<RequestHead>, ApiError> {
     tokio::select! {
-        // What is there is read, however many wait.
+        // Data that is already there is read, however many connections wait.
         biased;
         head = timeout(HEAD_TIME_MAX, request_head::read(io)) => head.unwrap_or_else(|_| {
             Err(too_slow(format!("the head of the request took longer than {HEAD_TIME_MAX:?}")))
         }),
         _ = &mut permit.displaced => Err(ApiError::new(
             codes::TOO_MANY,
-            format!("{HEADS_MAX} connections have sent no whole head, and this is the oldest of its client"),
+            format!("{HEADS_MAX} connections have not sent a complete head, and this is the oldest one of its client"),
             "send the head of a request at once",
         )),
     }
@@ -214,8 +217,8 @@ async fn read_head<I: AsyncRead + Unpin>(
 fn no_clock() -> ApiError {
     ApiError::new(
         codes::PROCESS_FAILED,
-        "the clock of this machine shows a time before 1970, and no request can be answered then",
-        "set the clock (`timedatectl set-time`) and ask again; what runs goes on",
+        "the clock of this machine shows a time before 1970, and requests cannot be answered until it is set",
+        "set the clock (`timedatectl set-time`) and try again; running nets continue",
     )
 }
 
@@ -226,8 +229,8 @@ fn too_slow(what: String) -> ApiError {
 fn no_token() -> ApiError {
     ApiError::new(
         codes::NO_TOKEN,
-        "this door takes only requests with the cell's token, and this is not it",
-        "`rcc-cli --token-file FILE`, or RCC_TOKEN; in HTTP: `authorization: Bearer TOKEN`",
+        "the request has no valid token for this cell",
+        "use `rcc-cli --token-file FILE` or RCC_TOKEN; in HTTP: `authorization: Bearer TOKEN`",
     )
 }
 
@@ -244,16 +247,16 @@ where
     }
 }
 
-/// What goes into the socket's buffer at once is said; nobody is waited for.
+/// Writes as much as fits into the socket's buffer, without waiting.
 fn write_without_waiting<I: AsyncWrite + Unpin>(io: &mut I, error: &ApiError) {
     let mut context = std::task::Context::from_waker(std::task::Waker::noop());
     let _ = std::pin::Pin::new(io).poll_write(&mut context, &http_response(error));
 }
 
-/// An answer without an HTTP library: status, code and words.
+/// Formats an HTTP response with the error's status and JSON body, without the HTTP library.
 fn http_response(error: &ApiError) -> Vec<u8> {
     let status = StatusCode::from_u16(error.code.status).unwrap_or(StatusCode::BAD_REQUEST);
-    // Strings and a list: this cannot fail.
+    // Serializing strings and a list cannot fail.
     let body = serde_json::to_string(&error.body()).unwrap_or_default();
     let challenge = if status == StatusCode::UNAUTHORIZED {
         "www-authenticate: Bearer\r\n"
@@ -268,13 +271,13 @@ fn http_response(error: &ApiError) -> Vec<u8> {
     .into_bytes()
 }
 
-/// Ends our side and takes what is still coming, for a short time: closing at once would make the system throw away
-/// what the client has not read yet. Of too many clients at a time not all are waited for.
+/// Shuts down the sending side and reads the remaining input for a short time, because closing at once would make the
+/// kernel discard what the client has not read. Beyond [`DRAINING_MAX`] connections close at once.
 async fn drain_input<I: AsyncRead + AsyncWrite + Unpin>(context: &ListenerContext, mut io: I) {
     let (time, bytes) = LINGER_LIMITS;
-    // Relaxed: one thread counts.
+    // Relaxed, because only one thread counts.
     if context.draining.fetch_add(1, Ordering::Relaxed) < DRAINING_MAX {
-        // A client that is gone already, or goes on talking, is not our concern any more.
+        // Whether the client is gone or still sending does not matter.
         let _ = timeout(time, async {
             io.shutdown().await?;
             tokio::io::copy(&mut (&mut io).take(bytes), &mut tokio::io::sink()).await

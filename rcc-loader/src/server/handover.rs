@@ -4,7 +4,7 @@
 use rcc_core::message::CommandState;
 use rcc_ipc::control::{Answer, Call, SWITCH_MAX};
 
-use super::api::{Done, Named, Switch, Switched};
+use super::api::{CommandRef, Done, Switch, Switched};
 use super::caller::Caller;
 use super::codes;
 use super::error::ApiError;
@@ -81,7 +81,7 @@ impl Service {
         &self,
         attached: &ExecutorConnection,
         store: &CommandStore,
-        names: &[Named],
+        names: &[CommandRef],
         suits: impl Fn(CommandState) -> bool,
     ) -> Result<Vec<u64>, ApiError> {
         if names.len() > SWITCH_MAX {
@@ -90,8 +90,8 @@ impl Service {
             return Err(self.with_names(None, |names| names.refusal(0, refusal)));
         }
         let ids = names.iter().map(|name| match name {
-            Named::Id(id) => Ok(*id),
-            Named::Name(name) => self.resolve(attached, store, name, &suits),
+            CommandRef::Id(id) => Ok(*id),
+            CommandRef::Name(name) => self.resolve(attached, store, name, &suits),
         });
         ids.collect()
     }

@@ -2,7 +2,7 @@
 //! Pure; any thread.
 
 use rcc_core::guard::{Violation, ViolationKind};
-use rcc_core::impedance::ControlStrategy;
+use rcc_core::impedance::ControlMode;
 
 /// What helps whoever breaks a rule of impedance.
 pub(super) const STAY_WITHIN: &str =
@@ -21,14 +21,14 @@ pub(super) fn rule(kind: ViolationKind, joint: u32, value: f64, limit: f64) -> S
 }
 
 /// What brings a controller to the strategy that a net commands.
-pub(super) fn switch(wanted: Option<ControlStrategy>) -> &'static str {
+pub(super) fn switch(wanted: Option<ControlMode>) -> &'static str {
     match wanted {
-        Some(ControlStrategy::CartesianImpedance) => {
+        Some(ControlMode::CartesianImpedance) => {
             "switch the controller to Cartesian impedance control before its program begins command mode (KUKA LWR: \
              $STIFFNESS.STRATEGY = 20; lwr-sim: --strategy=cartesian-impedance), or command the arm with the primitive for \
              what it runs"
         }
-        Some(ControlStrategy::JointImpedance) => {
+        Some(ControlMode::JointImpedance) => {
             "switch the controller to joint impedance control before its program begins command mode (KUKA LWR: \
              $STIFFNESS.STRATEGY = 30; lwr-sim: --strategy=joint-impedance), or command the arm with the primitive for what \
              it runs"

@@ -1,5 +1,5 @@
-//! Opens the doors that a cell's configuration asks for, with their locks, and serves them.
-//! Opened once by the main thread, before it serves.
+//! Opens the listeners that a cell's configuration asks for, with their access control, and serves them. Opened once by
+//! the main thread, before it serves.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -15,43 +15,45 @@ use super::connection::{self, Listener};
 use super::socket::{self, SocketError};
 use super::token::{Token, TokenError};
 
-/// Why a door cannot be opened.
+/// The reason why a listener cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum ListenError {
-    /// The system does not know the group.
-    #[error("access: there is no group `{name}`: `groupadd {name}`, or name another one")]
+    /// The group does not exist.
+    #[error("access: group `{name}` not found: create it (`groupadd {name}`), or name another one")]
     NoGroup {
-        /// Its name.
+        /// Name of the group.
         name: String,
     },
-    /// The runtime folder cannot be given to the group.
-    #[error("access: {source} (to give it to group `{group}`, be in that group or root)")]
+    /// The runtime folder cannot be opened to the group.
+    #[error(
+        "access: {source}: the loader must be a member of group `{group}`, or root, to open the folder to that group"
+    )]
     Folder {
         /// The group.
         group: String,
-        /// What the system said.
+        /// The system's error.
         source: CellError,
     },
-    /// The Unix socket.
+    /// The Unix socket cannot be created.
     #[error(transparent)]
     Socket(#[from] SocketError),
-    /// The token.
+    /// The token cannot be used.
     #[error("access: {0}")]
     Token(#[from] TokenError),
-    /// The address cannot be listened on.
+    /// Listening on the address failed.
     #[error(
-        "access: {address}: {source}; choose another address or port, or end what listens there"
+        "access: cannot listen on {address}: {source}; choose another address or port, or stop the program that uses it"
     )]
     Address {
         /// The address.
         address: SocketAddr,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
 
 impl ListenError {
-    /// True if only another configuration helps, and starting again does not.
+    /// Returns true if only a change of the configuration helps, not a restart.
     #[must_use]
     pub fn is_final(&self) -> bool {
         matches!(
@@ -61,7 +63,7 @@ impl ListenError {
     }
 }
 
-/// The open doors of a cell.
+/// The open listeners of a cell.
 #[derive(Debug)]
 pub struct Listeners {
     unix: UnixListener,
@@ -70,10 +72,10 @@ pub struct Listeners {
 }
 
 impl Listeners {
-    /// Opens them. Call it while holding the loader's announcement.
+    /// Opens the listeners. Call it while holding the loader's announcement.
     ///
     /// # Errors
-    /// A group, token or address that cannot be used; then no door is open.
+    /// Returns an error if the group, the token or the address cannot be used; no listener is open then.
     pub fn open(cell: &Cell, access: &AccessConfig) -> Result<Listeners, ListenError> {
         let group = access.group.as_deref().map(group_of).transpose()?;
         let tcp = match &access.tcp {
@@ -97,14 +99,14 @@ impl Listeners {
         })
     }
 
-    /// Tells of clients that are cut off in the cell's event log, too.
+    /// Also reports disconnected clients to the cell's event log.
     #[must_use]
     pub fn with_event_log(mut self, recorder: EventRecorder) -> Listeners {
         self.recorder = Some(recorder);
         self
     }
 
-    /// Where the TCP door is.
+    /// Returns the address of the TCP listener, if there is one.
     #[must_use]
     pub fn address(&self) -> Option<SocketAddr> {
         self.tcp
@@ -112,10 +114,10 @@ impl Listeners {
             .and_then(|(listener, _)| listener.local_addr().ok())
     }
 
-    /// Serves all doors, for ever.
+    /// Serves all listeners forever.
     ///
     /// # Errors
-    /// The event queue does not take a listener.
+    /// Returns an error if a listener cannot be registered with the event queue.
     pub async fn serve(self, router: Router) -> io::Result<()> {
         let unix = Listener::Unix(tokio::net::UnixListener::from_std(self.unix)?);
         let log = self.recorder;

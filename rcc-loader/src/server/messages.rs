@@ -558,9 +558,7 @@ fn first_set_point(
     value: f64,
 ) -> (Code, String, String) {
     let help = match kind {
-        Some(ViolationKind::Strategy) => {
-            impedance::switch(ControlMode::from_number(value as u64))
-        }
+        Some(ViolationKind::Strategy) => impedance::switch(ControlMode::from_number(value as u64)),
         Some(
             ViolationKind::Stiffness
             | ViolationKind::StiffnessRate

@@ -4,7 +4,7 @@
 use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::FaultCode;
 use rcc_ipc::rehearsal::{
-    MotionPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
+    LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
 };
 
 use super::api::{PeakView, RehearsalView};
@@ -122,7 +122,7 @@ impl NameResolver<'_> {
         }
     }
 
-    fn place(&self, id: u64, place: Option<MotionPosition>) -> String {
+    fn place(&self, id: u64, place: Option<LegPosition>) -> String {
         let Some(place) = place else {
             return String::new();
         };

@@ -1,5 +1,5 @@
-//! The head of a request, read before anything is done for it: bounded in size and time, and answered with words when it
-//! is none. Run by the thread that serves connections.
+//! Reads the head of a request before any work is done for it: bounded in size and time, and answered with an error if
+//! it is malformed. Run by the thread that serves connections.
 
 use std::io;
 use std::pin::Pin;
@@ -12,20 +12,21 @@ use super::codes;
 use super::connection::{HEAD_MAX, HEADERS_MAX};
 use super::error::ApiError;
 
-/// Up to here every byte is looked at as it comes, so that nonsense is answered at once; later only at ends of lines.
+/// Up to this many bytes the head is parsed after each read, so that garbage is answered at once; beyond, only at line
+/// ends.
 const EVERY_BYTE_PARSED_MAX: usize = 64;
 
-/// What was read: the head, and maybe the beginning of the body.
+/// The bytes read so far: the head, and possibly the beginning of the body.
 pub(super) struct RequestHead {
-    /// All of it, as it came.
+    /// All bytes as received.
     pub bytes: Vec<u8>,
-    /// What follows `Bearer ` in `authorization`.
+    /// The token after `Bearer ` in the header `authorization`.
     pub bearer: Option<Vec<u8>>,
-    /// It is a CANCEL or an ABORT.
+    /// True for CANCEL and ABORT.
     pub is_stop: bool,
 }
 
-/// Reads a head; nothing when the client closed before it sent anything.
+/// Reads a head. Returns `None` if the client closed the connection without sending anything.
 pub(super) async fn read(
     io: &mut (impl AsyncRead + Unpin),
 ) -> Result<Option<RequestHead>, ApiError> {
@@ -36,7 +37,9 @@ pub(super) async fn read(
         let read = (&mut *io).take(room).read_buf(&mut bytes).await;
         match read {
             Ok(0) if before == 0 => return Ok(None),
-            Ok(0) | Err(_) => return Err(malformed("it ends in the middle of its head")),
+            Ok(0) | Err(_) => {
+                return Err(malformed("the connection ends before the end of its head"));
+            }
             Ok(_) => {}
         }
         let looked_at = before < EVERY_BYTE_PARSED_MAX || bytes[before..].contains(&b'\n');
@@ -53,7 +56,7 @@ pub(super) async fn read(
     }
 }
 
-/// The token of a whole head, if it has one, and whether it is a CANCEL or an ABORT; nothing while it is not whole.
+/// Parses a head. Returns its token, if any, and whether it is a CANCEL or ABORT; `None` while the head is incomplete.
 #[allow(clippy::type_complexity)] // Two facts of one head, used once.
 fn parse(bytes: &[u8]) -> Result<Option<(Option<Vec<u8>>, bool)>, ApiError> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS_MAX];
@@ -77,15 +80,15 @@ fn parse(bytes: &[u8]) -> Result<Option<(Option<Vec<u8>>, bool)>, ApiError> {
     }
 }
 
-/// What the HTTP library would refuse by itself, with a status but without code and words: a method, an address or a
-/// version that is none, and a body of which it is not clear where it ends (RFC 9112, section 6.3).
+/// Rejects what the HTTP library would refuse with a bare status: an invalid method, address or version, and a body
+/// whose end is ambiguous (RFC 9112, section 6.3).
 fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
     let method = request.method.unwrap_or_default();
     if Method::from_bytes(method.as_bytes()).is_err() {
-        return Err(malformed("its method is none"));
+        return Err(malformed("invalid method"));
     }
     if request.path.unwrap_or_default().parse::<Uri>().is_err() {
-        return Err(malformed("its address is none"));
+        return Err(malformed("invalid address"));
     }
     let mut length: Option<&[u8]> = None;
     let mut chunked = false;
@@ -95,28 +98,28 @@ fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
             let text = std::str::from_utf8(value).unwrap_or_default();
             let number = value.iter().all(u8::is_ascii_digit) && text.parse::<u64>().is_ok();
             if !number {
-                return Err(malformed("`content-length` is no number"));
+                return Err(malformed("`content-length` is not a number"));
             }
             if length.is_some_and(|before| before != value) {
-                return Err(malformed("it has two lengths"));
+                return Err(malformed("two different `content-length` headers"));
             }
             length = Some(value);
         } else if header.name.eq_ignore_ascii_case("transfer-encoding") {
             let value = header.value.trim_ascii();
             if chunked || request.version == Some(0) || !value.eq_ignore_ascii_case(b"chunked") {
-                return Err(malformed("only `transfer-encoding: chunked` is known here"));
+                return Err(malformed("only `transfer-encoding: chunked` is supported"));
             }
             chunked = true;
         }
     }
     if chunked && length.is_some() {
-        let why = "it has both `content-length` and `transfer-encoding`";
+        let why = "both `content-length` and `transfer-encoding` are given";
         return Err(malformed(why));
     }
     Ok(())
 }
 
-/// True for the paths of CANCEL and ABORT.
+/// Returns true for the paths of CANCEL and ABORT.
 #[must_use]
 pub fn is_stop(path: &str) -> bool {
     let path = path.split('?').next().unwrap_or_default();
@@ -127,7 +130,7 @@ pub fn is_stop(path: &str) -> bool {
 }
 
 fn malformed(why: impl std::fmt::Display) -> ApiError {
-    let message = format!("this is no HTTP/1.1 request: {why}");
+    let message = format!("not a valid HTTP/1.1 request: {why}");
     ApiError::new(
         codes::BAD_REQUEST,
         message,
@@ -137,19 +140,19 @@ fn malformed(why: impl std::fmt::Display) -> ApiError {
 
 fn too_large(what: String) -> ApiError {
     let message = format!("the head of the request has {what}");
-    ApiError::new(codes::HEAD_TOO_LARGE, message, "send what is long as body")
+    ApiError::new(codes::HEAD_TOO_LARGE, message, "send long data in the body")
 }
 
-/// A connection of which the beginning was read already.
+/// A connection whose first bytes have already been read.
 pub(super) struct PrefixedStream<I> {
     prefix: Vec<u8>,
     consumed: usize,
-    /// The connection itself.
+    /// The underlying connection.
     pub io: I,
 }
 
 impl<I> PrefixedStream<I> {
-    /// As if `prefix` had not been read yet.
+    /// Creates a connection that yields `prefix` before the rest of its input.
     pub fn new(prefix: Vec<u8>, io: I) -> PrefixedStream<I> {
         PrefixedStream {
             prefix,

@@ -277,8 +277,13 @@ async fn reading<T: Serialize>(
 }
 
 fn written<T: Serialize>(value: &T) -> Result<Vec<u8>, ApiError> {
-    serde_json::to_vec(value)
-        .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it as a bug"))
+    serde_json::to_vec(value).map_err(|error| {
+        ApiError::new(
+            codes::PROCESS_FAILED,
+            error.to_string(),
+            "report it as a bug",
+        )
+    })
 }
 
 fn text_of(body: Bytes, what: &str) -> Result<String, ApiError> {
@@ -598,8 +603,13 @@ async fn openapi(State(state): State<ServerState>) -> Result<Response, ApiError>
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| {
         let text = document();
-        text.map(String::into_bytes)
-            .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it as a bug"))
+        text.map(String::into_bytes).map_err(|error| {
+            ApiError::new(
+                codes::PROCESS_FAILED,
+                error.to_string(),
+                "report it as a bug",
+            )
+        })
     })
     .await
 }

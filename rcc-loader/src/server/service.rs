@@ -310,8 +310,9 @@ impl Service {
             .unwrap_or_else(PoisonError::into_inner);
         self.record(EventKind::Rejected {
             command: id,
-            executor: reported_executor
-                .map_or_else(String::new, |(_, incarnation)| events::hex_digits(incarnation)),
+            executor: reported_executor.map_or_else(String::new, |(_, incarnation)| {
+                events::hex_digits(incarnation)
+            }),
             net: events::event_text(&net.unwrap_or_default()),
             code: first.code.clone(),
             words: events::event_text(&first.message),

@@ -1,5 +1,5 @@
-//! Threads that do nothing but CANCEL and ABORT, made before the first request: whatever else the loader does, and however
-//! many blocking threads are busy, these are free.
+//! Threads reserved for CANCEL and ABORT. They are created before the first request, so they are free however many
+//! blocking threads are busy.
 
 use std::io;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -12,22 +12,22 @@ use super::codes;
 use super::connection::STOPS;
 use super::error::ApiError;
 
-/// Threads: one that waits for an executor without an answer does not keep the other from the next request.
+/// Number of threads: while one waits for an executor that does not answer, the other takes the next request.
 const THREADS: usize = 2;
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// The threads; they end with the last clone of this.
+/// Handle of the threads; they end when the last clone is dropped.
 #[derive(Clone, Debug)]
 pub struct StopWorkers(SyncSender<Job>);
 
 impl StopWorkers {
-    /// Makes the threads.
+    /// Starts the threads.
     ///
     /// # Errors
-    /// The system gives none.
+    /// Returns an error if the system cannot create a thread.
     pub fn start() -> io::Result<StopWorkers> {
-        // As many as the doors let in at a time, so that none is refused here; and some of another door.
+        // Twice the number that one listener admits, so that no admitted request of the two listeners is refused here.
         let (jobs, work) = sync_channel::<Job>(2 * STOPS.connections);
         let work = Arc::new(Mutex::new(work));
         for number in 0..THREADS {
@@ -37,31 +37,32 @@ impl StopWorkers {
         Ok(StopWorkers(jobs))
     }
 
-    /// Runs `what` on one of the threads; it is run also if nobody waits for its result any more.
+    /// Runs `what` on one of the threads, even if nobody waits for its result any more.
     ///
     /// # Errors
-    /// Those of `what`; or the lane is full, or `what` panicked.
+    /// Returns the error of `what`, [`codes::TOO_MANY`] if the queue is full, or [`codes::PROCESS_FAILED`] if `what`
+    /// panicked.
     pub async fn run<T: Send + 'static>(
         &self,
         what: impl FnOnce() -> Result<T, ApiError> + Send + 'static,
     ) -> Result<T, ApiError> {
         let (answer, answered) = oneshot::channel();
         let job: Job = Box::new(move || {
-            // Nobody waits any more: it is done nevertheless.
+            // The caller may be gone; the work is done nevertheless.
             let _ = answer.send(what());
         });
         if self.0.try_send(job).is_err() {
             return Err(ApiError::new(
                 codes::TOO_MANY,
-                "too many CANCEL and ABORT are under way",
+                "too many CANCEL and ABORT requests are being processed",
                 "try again at once",
             ));
         }
         answered.await.unwrap_or_else(|_| {
             Err(ApiError::new(
                 codes::PROCESS_FAILED,
-                "the loader could not do it",
-                "this is a fault of the loader: report it, and try again",
+                "the loader failed to process the request",
+                "this is a bug in the loader: report it, and try again",
             ))
         })
     }
@@ -73,7 +74,7 @@ fn run(work: &Mutex<Receiver<Job>>) {
         let Ok(job) = job else {
             return;
         };
-        // A panic is told by the hook and ends the job: the thread is for the next one.
+        // The panic hook reports a panic; the thread survives for the next job.
         let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(job));
     }
 }

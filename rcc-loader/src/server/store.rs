@@ -85,7 +85,7 @@ impl CommandFile {
 /// Keeps as many findings as fit into [`FINDINGS_MAX`], the first error among them, and says how many there were.
 fn limit_findings(findings: &mut Vec<Finding>) {
     let size = |row: &Finding| {
-        let place = |place: &Option<super::api::Place>| {
+        let place = |place: &Option<super::api::TextLocation>| {
             place
                 .as_ref()
                 .map_or(0, |place| place.file.len() + place.label.len())

@@ -1,5 +1,5 @@
-//! Who may use a door at a time, and how often: places for connections whose head is awaited, for requests of those who
-//! may come in, and, apart from both, for their CANCEL and ABORT. Used by the one thread that serves connections.
+//! Quotas of a listener: slots for connections whose head is awaited, for requests of authorized clients, and, apart
+//! from both, for their CANCEL and ABORT. Used by the one thread that serves connections.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -13,53 +13,55 @@ use tokio::sync::oneshot;
 use super::super::codes;
 use super::super::error::ApiError;
 
-/// How much a door lets in.
+/// Limits of a listener or of a class of requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ConnectionLimits {
-    /// Requests at a time.
+    /// Maximum number of concurrent requests.
     pub connections: usize,
-    /// Requests of one peer at a time.
+    /// Maximum number of concurrent requests of one peer.
     pub connections_of_peer: usize,
-    /// Requests of one peer a second, on average.
+    /// Maximum average number of requests of one peer per second.
     pub rate: u32,
-    /// Requests of one peer at once, after a quiet time.
+    /// Maximum burst of requests of one peer after an idle time.
     pub burst: u32,
 }
 
-/// A peer on the Unix socket is a process.
+/// Limits of the Unix socket, where a peer is a process.
 pub const UNIX: ConnectionLimits = ConnectionLimits {
     connections: 64,
     connections_of_peer: 16,
     rate: 1000,
     burst: 2000,
 };
-/// A peer on TCP is an address; these are requests with the right token.
+/// Limits of TCP, where a peer is an address; they apply to requests with the right token.
 pub const TCP: ConnectionLimits = ConnectionLimits {
     connections: 32,
     connections_of_peer: 8,
     rate: 100,
     burst: 200,
 };
-/// CANCEL and ABORT, at each door; they count nowhere else, and nothing else counts here.
+/// Limits of CANCEL and ABORT, for each listener; they are counted separately from all other requests.
 pub const STOPS: ConnectionLimits = ConnectionLimits {
     connections: 32,
     connections_of_peer: 8,
     rate: 100,
     burst: 200,
 };
-/// Requests of one address a second, and at once, that are told that their token is not right; others are only closed.
+/// Per second, and in a burst: requests of one address without the right token that get an answer; further ones are
+/// closed.
 pub const UNAUTHENTICATED: (u32, u32) = (5, 20);
-/// Connections of a door whose head is awaited; a further one takes the place of the oldest one of the peer that has most.
+/// Maximum number of connections of a listener whose head is awaited. A further one takes the slot of the oldest one of
+/// the peer that has the most.
 pub const HEADS_MAX: usize = 192;
-/// Peers that are remembered; beyond, those without a request are forgotten.
+/// Maximum number of known peers; beyond it, peers without a pending request are forgotten.
 pub(super) const PEERS_MAX: usize = 1024;
 
-/// Who comes.
+/// The origin of a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Peer {
-    /// On the Unix socket.
+    /// A process on the Unix socket.
     Process(i32),
-    /// On TCP.
+    /// An address on TCP.
     Address(IpAddr),
 }
 
@@ -72,18 +74,18 @@ impl fmt::Display for Peer {
     }
 }
 
-/// What a request is counted as.
+/// The class that a request is counted in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum RequestClass {
-    /// Everything else.
+    /// Any other request.
     Usual,
-    /// CANCEL or ABORT.
+    /// A CANCEL or ABORT.
     Stop,
-    /// Without the right token.
+    /// A request without the right token.
     Unauthenticated,
 }
 
-/// Requests that a peer may still make at once.
+/// Concurrent requests and remaining credit of one peer (token bucket).
 struct PeerQuota {
     connections: usize,
     credit: f64,
@@ -92,7 +94,7 @@ struct PeerQuota {
 
 struct PendingHead {
     peer: Peer,
-    /// Dropped, the connection ends.
+    /// Dropping it ends the connection.
     _stay: oneshot::Sender<()>,
 }
 
@@ -106,17 +108,17 @@ struct QuotaState {
     refusal_log: LogThrottle,
 }
 
-/// The accounts of a door.
+/// The quotas of one listener.
 pub(super) struct Quotas {
     limits: ConnectionLimits,
     inner: Mutex<QuotaState>,
 }
 
-/// A connection whose head is awaited, until this is dropped.
+/// Holds a slot for a connection whose head is awaited.
 pub(super) struct HeadPermit {
     quotas: Arc<Quotas>,
     number: u64,
-    /// Ends when another connection takes this place.
+    /// Resolves when another connection takes this slot.
     pub displaced: oneshot::Receiver<()>,
 }
 
@@ -126,7 +128,7 @@ impl Drop for HeadPermit {
     }
 }
 
-/// A request that is counted until this is dropped.
+/// Counts a request until it is dropped.
 pub(super) struct RequestPermit {
     quotas: Arc<Quotas>,
     peer: Peer,
@@ -156,12 +158,12 @@ impl Quotas {
     }
 
     fn inner(&self) -> MutexGuard<'_, QuotaState> {
-        // A panic in another task leaves numbers, and those are whole.
+        // A panic in another task leaves these numbers consistent.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for a connection whose head is awaited. Nobody is refused: whoever sends his head at once has it read before
-    /// he is the oldest.
+    /// Takes a slot for a connection whose head is awaited. No connection is refused: a client that sends its head at
+    /// once has it read before its connection is the oldest.
     pub(super) fn await_head(self: &Arc<Quotas>, peer: Peer) -> HeadPermit {
         let mut inner = self.inner();
         if inner.heads.len() >= HEADS_MAX {
@@ -188,7 +190,7 @@ impl Quotas {
         }
     }
 
-    /// A place for a request, if this peer has one left.
+    /// Takes a slot for a request, if the limits allow it.
     pub(super) fn admit(
         self: &Arc<Quotas>,
         peer: Peer,
@@ -218,7 +220,9 @@ impl Quotas {
             burst,
         } = limits;
         if open >= connections {
-            return Err(too_many(format!("{connections} requests are under way")));
+            return Err(too_many(format!(
+                "{connections} requests are being processed"
+            )));
         }
         if inner.peers.len() >= PEERS_MAX {
             inner.peers.retain(|_, quota| quota.connections > 0);
@@ -230,7 +234,7 @@ impl Quotas {
         });
         if quota.connections >= connections_of_peer {
             return Err(too_many(format!(
-                "{connections_of_peer} requests of {peer} are under way"
+                "{connections_of_peer} requests of {peer} are being processed"
             )));
         }
         let earned = now.saturating_duration_since(quota.counted).as_secs_f64() * f64::from(rate);
@@ -238,7 +242,7 @@ impl Quotas {
         quota.counted = now;
         if quota.credit < 1.0 {
             return Err(too_many(format!(
-                "{peer} asks more than {rate} times a second"
+                "{peer} sends more than {rate} requests per second"
             )));
         }
         quota.credit -= 1.0;
@@ -255,18 +259,18 @@ impl Quotas {
         })
     }
 
-    /// Whether to tell of one more that is cut off: then how many were not told of.
+    /// Returns the number of unlogged refusals if one more may be logged now.
     pub(super) fn log_refusal(&self, now: Instant) -> Option<u64> {
-        self.inner().refusal_log.say(now)
+        self.inner().refusal_log.admit(now)
     }
 }
 
 fn too_many(what: String) -> ApiError {
-    let message = format!("{what}, more are not taken");
+    let message = format!("{what}; this one is refused");
     ApiError::new(
         codes::TOO_MANY,
         message,
-        "try again in a moment, less often",
+        "try again in a moment, at a lower rate",
     )
 }
 
@@ -295,7 +299,7 @@ mod tests {
         let _other = usual(&listener, Peer::Process(2), now);
         assert!(
             usual(&listener, Peer::Process(3), now).is_err(),
-            "the door is full"
+            "all slots are taken"
         );
         drop(one);
         assert!(usual(&listener, Peer::Process(3), now).is_ok());
