@@ -57,7 +57,7 @@ fn a_driver_that_dies_too_often_has_failed_and_the_rest_goes_on() {
     assert!(signal(second.pid, Signal::SIGKILL), "it is gone");
     await_line(
         &cell,
-        "driver/io            failed: it is not started again (SIGKILL)",
+        "driver/io            failed: not restarted (SIGKILL)",
     );
     let line = await_line(&cell, "  > the rest of the cell keeps running");
     assert!(line.contains("died more than 1 times in 3600 s"), "{line}");

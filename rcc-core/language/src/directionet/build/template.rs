@@ -347,7 +347,7 @@ impl Conversion<'_, '_> {
             .collect();
         let message = format!("`{device}` has no channel {number} for {}", spec.name);
         let help = format!(
-            "available devices: {}; or say which one it is: `# channels: {device}.{theirs}=NAME` before the net",
+            "it has: {}; or say which one it is: `# channels: {device}.{theirs}=NAME` before the net",
             listed.join(", ")
         );
         self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));
