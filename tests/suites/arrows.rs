@@ -1,5 +1,5 @@
-//! Dependencies between packages point down only (ARCHITECTURE.md, code map), by `cargo metadata` and by the sources of the real-time core.
-//! Run by the threads of the test harness.
+//! Dependencies between packages point down only (ARCHITECTURE.md, code map): checked with `cargo metadata` and the
+//! sources of the real-time core. Run by the threads of the test harness.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
