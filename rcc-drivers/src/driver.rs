@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::{ControlStrategy, Impedance};
+use rcc_core::impedance::{ControlMode, Impedance};
 use rcc_core::message::{ANALOG_MAX, JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 use thiserror::Error;
@@ -79,7 +79,7 @@ pub struct Exchange {
     /// A net may begin to command it; otherwise `reason` says why not. What runs already goes on while commandable.
     pub startable: bool,
     /// What the device makes of set-points; a net for another strategy does not begin.
-    pub strategy: ControlStrategy,
+    pub strategy: ControlMode,
     /// Where the device holds itself while it is not commandable, rad.
     pub mirror: Joints,
     /// Periods of the device since the last exchange, at least 1.
@@ -90,9 +90,9 @@ pub struct Exchange {
     pub quality_permille: u32,
     /// One of the driver's reasons, 0 = fine.
     pub reason: u32,
-    /// Answers that the device did not get in time, since the driver began.
+    /// Answers that the device did not get in time, since the driver started.
     pub late: u64,
-    /// Datagrams refused, since the driver began.
+    /// Datagrams refused, since the driver started.
     pub refused: u64,
 }
 

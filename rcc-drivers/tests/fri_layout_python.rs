@@ -2,7 +2,7 @@
 //! Runs in the test harness; needs `python3` and says so when it is missing.
 
 use rcc_drivers::fri_lwr::wire::{
-    CommandDatagram, ControlStrategy, KrlBlock, MeasurementDatagram, Quality, SessionState,
+    CommandDatagram, FriControlStrategy, KrlBlock, MeasurementDatagram, Quality, SessionState,
 };
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -70,7 +70,7 @@ fn measurement() -> MeasurementDatagram {
         miss_rate: 8.5,
         miss_count: 4_000_000_000,
         power: 127,
-        control: ControlStrategy::Position,
+        control: FriControlStrategy::Position,
         error: 513,
         warning: 1027,
         temperature: ramp(10.0),

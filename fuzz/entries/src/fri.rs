@@ -8,7 +8,7 @@ use rcc_core::message::{CommandImage, JOINTS_MAX, Joints, SET_POINTS, SetPoint};
 use rcc_drivers::driver::Inputs;
 use rcc_drivers::drivers::fri_lwr::fri_session::{FriSession, KrlConvention};
 use rcc_drivers::fri_lwr::wire::{
-    CommandDatagram, ControlStrategy, MeasurementDatagram, Quality, SessionState,
+    CommandDatagram, FriControlStrategy, MeasurementDatagram, Quality, SessionState,
 };
 use rcc_drivers::host::device_session::DeviceSession;
 
@@ -49,7 +49,7 @@ static READY: LazyLock<FriHarness> = LazyLock::new(|| {
     let mut datagram = MeasurementDatagram {
         state: SessionState::Command,
         quality: Quality::Perfect,
-        control: ControlStrategy::Position,
+        control: FriControlStrategy::Position,
         power: 0x7f,
         measurement_period: 1e-3,
         command_period: 1e-3,
@@ -116,7 +116,7 @@ impl FriHarness {
             }
             6 => {
                 self.datagram.control =
-                    *bytes.choose(&[ControlStrategy::Other, ControlStrategy::Position])?
+                    *bytes.choose(&[FriControlStrategy::Other, FriControlStrategy::Position])?
             }
             7 => (self.datagram.power, self.datagram.error) = <_>::arbitrary(bytes)?,
             8 => self.datagram.send_sequence = u16::arbitrary(bytes)?,

@@ -8,7 +8,7 @@
 use std::time::{Duration, Instant};
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::ControlStrategy;
+use rcc_core::impedance::ControlMode;
 use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
@@ -91,7 +91,7 @@ impl Driver for IdealArm {
         let ticks = self.schedule();
         *inputs = self.inputs();
         Ok(Exchange {
-            strategy: ControlStrategy::Position,
+            strategy: ControlMode::Position,
             commandable: !self.released,
             startable: !self.released,
             mirror: self.position,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use nix::poll::{PollFd, ppoll};
 use nix::sys::time::TimeSpec;
 use rcc_config::DeviceConfig;
-use rcc_core::impedance::ControlStrategy;
+use rcc_core::impedance::ControlMode;
 use rcc_core::message::JOINTS_MAX;
 
 use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs};
@@ -219,7 +219,7 @@ impl Modbus {
         let counts = self.connections.iter().map(|one| one.server.counts());
         let quality = self.connections.iter().map(Connection::quality).min();
         Some(Exchange {
-            strategy: ControlStrategy::Position,
+            strategy: ControlMode::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],

@@ -12,7 +12,7 @@ use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::ControlStrategy;
+use rcc_core::impedance::ControlMode;
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::primitive::ChannelKind;
 
@@ -20,8 +20,8 @@ use crate::driver::{
     Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
     to_raw, to_si,
 };
+use crate::host::output_release::OutputRelease;
 use crate::host::reason::Reason;
-use crate::host::release::Release;
 
 // 1. What can be wrong with the device, in words for people; numbers of a driver begin at 100.
 
@@ -60,7 +60,7 @@ pub struct LineIo {
     released: Outputs,
     /// When the box was heard last, and how long it may be silent before its outputs are released.
     heard: Instant,
-    patience: Duration,
+    silence_max: Duration,
     /// Number of the next question.
     number: u64,
     late: u64,
@@ -100,9 +100,9 @@ impl Driver for LineIo {
                 points(device, ChannelKind::AnalogOutput)?,
             ],
             next: Instant::now(),
-            released: *Release::new(device).values(),
+            released: *OutputRelease::new(device).values(),
             heard: Instant::now(),
-            patience: Duration::from_nanos(device.command_timeout_ns).max(5 * period),
+            silence_max: Duration::from_nanos(device.command_timeout_ns).max(5 * period),
             number: 0,
             late: 0,
             refused: 0,
@@ -124,7 +124,7 @@ impl Driver for LineIo {
             self.late += 1;
             // It may hear us though we do not hear it: the host does not answer a silent device, so its safe values are
             // sent here.
-            if self.heard.elapsed() > self.patience {
+            if self.heard.elapsed() > self.silence_max {
                 let released = self.released;
                 self.send(&released)?;
             }
@@ -133,7 +133,7 @@ impl Driver for LineIo {
         self.heard = Instant::now();
         *inputs = read;
         Ok(Exchange {
-            strategy: ControlStrategy::Position,
+            strategy: ControlMode::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],

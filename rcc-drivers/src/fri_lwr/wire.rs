@@ -131,7 +131,7 @@ wire_enum! {
 
 wire_enum! {
     /// Control strategy that the controller's program has chosen.
-    ControlStrategy {
+    FriControlStrategy {
         /// None of those below.
         #[default]
         Other = 0,
@@ -288,7 +288,7 @@ datagram! {
     /// One bit a drive, 1 = powered.
     180 power: u16;
     /// Control strategy.
-    182 control: ControlStrategy;
+    182 control: FriControlStrategy;
     /// One bit a drive; an error takes the power away.
     184 error: u16;
     /// One bit a drive.
@@ -360,7 +360,7 @@ zero!(
     f32 = 0.0,
     SessionState = SessionState::Off,
     Quality = Quality::Unacceptable,
-    ControlStrategy = ControlStrategy::Other
+    FriControlStrategy = FriControlStrategy::Other
 );
 
 impl<const N: usize> Zero for [f32; N] {

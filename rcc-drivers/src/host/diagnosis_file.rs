@@ -1,4 +1,4 @@
-//! What people are content about a device's connection: counters since the driver began, and its last minute second by second.
+//! What people are content about a device's connection: counters since the driver started, and its last minute second by second.
 //! Counted by the exchange thread; a thread of its own writes them into `<cell>/drivers/<device>.json` once a second.
 //!
 //! A file, because it can be read by anybody at any time, with or without loader and executor, and a dead driver's last

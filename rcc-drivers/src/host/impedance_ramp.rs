@@ -5,7 +5,7 @@
 //! to what it is to have, along a straight line, in the time that the configured rate needs for the largest change.
 //! Released, an arm keeps its springs, which hold it where it is, and loses what it presses with on top.
 
-use rcc_core::impedance::{ControlStrategy, Impedance, ImpedanceLimits};
+use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
 
 /// The impedance of one arm.
 #[derive(Clone, Debug)]
@@ -42,7 +42,7 @@ impl ImpedanceRamp {
     }
 
     /// The device does not follow, and runs this strategy: whatever was sent is over.
-    pub fn reset(&mut self, strategy: ControlStrategy) {
+    pub fn reset(&mut self, strategy: ControlMode) {
         let holding = self
             .limits
             .map(|limits| limits.default_hold(strategy, self.joints));
@@ -55,7 +55,7 @@ impl ImpedanceRamp {
     /// commands, and its owner.
     pub fn next(
         &mut self,
-        strategy: ControlStrategy,
+        strategy: ControlMode,
         commanded: Option<(u64, &Impedance)>,
         dt_s: f64,
     ) -> Impedance {
@@ -85,7 +85,7 @@ impl ImpedanceRamp {
     }
 
     /// How long it takes from what was sent to `goal`, s.
-    fn duration(&self, strategy: ControlStrategy, goal: &Impedance) -> f64 {
+    fn duration(&self, strategy: ControlMode, goal: &Impedance) -> f64 {
         let Some(limits) = self.limits else {
             return 0.0;
         };
@@ -125,7 +125,7 @@ fn mixed(from: &Impedance, to: &Impedance, part: f64) -> Impedance {
 mod tests {
     use super::*;
 
-    const CARTESIAN: ControlStrategy = ControlStrategy::CartesianImpedance;
+    const CARTESIAN: ControlMode = ControlMode::CartesianImpedance;
     const DT_S: f64 = 1e-3;
 
     const LIMITS: ImpedanceLimits = ImpedanceLimits {
@@ -200,14 +200,11 @@ mod tests {
         let sent = impedance_ramp.next(CARTESIAN, None, DT_S);
         assert_eq!(sent, LIMITS.default_hold(CARTESIAN, 7));
         // And a set-point for another strategy is none.
-        let sent = impedance_ramp.next(ControlStrategy::JointImpedance, Some((1, &soft)), DT_S);
-        assert_eq!(
-            sent,
-            LIMITS.default_hold(ControlStrategy::JointImpedance, 7)
-        );
+        let sent = impedance_ramp.next(ControlMode::JointImpedance, Some((1, &soft)), DT_S);
+        assert_eq!(sent, LIMITS.default_hold(ControlMode::JointImpedance, 7));
         let mut plain = ImpedanceRamp::new(None, 7);
         assert_eq!(
-            plain.next(ControlStrategy::Position, None, DT_S),
+            plain.next(ControlMode::Position, None, DT_S),
             Impedance::NONE
         );
     }

@@ -48,7 +48,7 @@ pub struct DeviceCycle {
     pub commandable: bool,
     /// A net may begin.
     pub startable: bool,
-    /// [`rcc_core::impedance::ControlStrategy`] that the device runs, as a number.
+    /// [`rcc_core::impedance::ControlMode`] that the device runs, as a number.
     pub strategy: u64,
     /// Where the device holds itself while not commandable, rad.
     pub mirror: Joints,
@@ -114,7 +114,7 @@ impl SentSetPoint {
     }
 }
 
-/// Counters since the driver began.
+/// Counters since the driver started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlayerCounts {
     /// Times that there was no set-point to play while the arm moved.

@@ -142,7 +142,7 @@ impl StateLog {
         let event = events::Event::now(self.recorder.source().clone(), None, what);
         let words = event.sentence(&|_, id| format!("command {id}"));
         match event.severity {
-            events::Severity::Info => tracing::info!("{words}"),
+            events::EventSeverity::Info => tracing::info!("{words}"),
             _ => tracing::warn!("{words}"),
         }
         self.recorder.record(event);

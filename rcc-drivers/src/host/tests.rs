@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Instant;
 
 use rcc_config::OnRelease;
-use rcc_core::impedance::ControlStrategy;
+use rcc_core::impedance::ControlMode;
 use rcc_core::message::DeviceState;
 use rcc_core::message::{JOINTS_MAX, SetPoint};
 use rcc_core::primitive::ChannelKind;
@@ -32,7 +32,7 @@ impl Driver for FakeDevice {
             return Err(LinkError::Lost { reason: 100 });
         }
         Ok(Exchange {
-            strategy: ControlStrategy::Position,
+            strategy: ControlMode::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],

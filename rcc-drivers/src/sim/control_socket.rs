@@ -63,7 +63,7 @@ pub enum PathError {
     Link(PathBuf),
     /// The folder of the file is not there.
     #[error("the folder of {path}: {source}; name a file in one that is there")]
-    ControlFolder {
+    Folder {
         /// What was asked for.
         path: PathBuf,
         /// The system's reason.
@@ -86,12 +86,10 @@ impl ControlFolder {
         let (Some(parent), Some(name)) = (whole.parent(), whole.file_name()) else {
             return Err(outside());
         };
-        let parent = parent
-            .canonicalize()
-            .map_err(|source| PathError::ControlFolder {
-                path: asked.to_owned(),
-                source,
-            })?;
+        let parent = parent.canonicalize().map_err(|source| PathError::Folder {
+            path: asked.to_owned(),
+            source,
+        })?;
         if !parent.starts_with(&self.0) {
             return Err(outside());
         }

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::driver::LinkDiagnosis;
 use crate::fri_lwr::wire::{
-    ControlStrategy, MeasurementDatagram, Quality, SessionState, WireError,
+    FriControlStrategy, MeasurementDatagram, Quality, SessionState, WireError,
 };
 
 /// Larger steps of the sequence number are a new beginning of the controller, not a loss.
@@ -250,9 +250,9 @@ impl DatagramStatistics {
                 (Quality::Perfect as u32, "perfect"),
             ]).unwrap_or("unacceptable"),
             "control": word(&self.control, &[
-                (ControlStrategy::Position as u32, "position"),
-                (ControlStrategy::CartesianImpedance as u32, "cartesian impedance"),
-                (ControlStrategy::JointImpedance as u32, "joint impedance"),
+                (FriControlStrategy::Position as u32, "position"),
+                (FriControlStrategy::CartesianImpedance as u32, "cartesian impedance"),
+                (FriControlStrategy::JointImpedance as u32, "joint impedance"),
             ]).unwrap_or("other"),
             "power": self.power.load(Relaxed),
             "error": self.error.load(Relaxed),

@@ -5,7 +5,7 @@
 //! controller's own position: it refuses to begin otherwise.
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::ControlStrategy;
+use rcc_core::impedance::ControlMode;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
@@ -15,7 +15,7 @@ use crate::driver::{
     DriverError, Exchange, Inputs, Outputs, channel_error, channels, to_raw, to_si,
 };
 use crate::fri_lwr::wire::{
-    CMD_SIZE, CommandDatagram, ControlStrategy, JOINTS, KrlBlock, MeasurementDatagram, Quality,
+    CMD_SIZE, CommandDatagram, FriControlStrategy, JOINTS, KrlBlock, MeasurementDatagram, Quality,
     SessionState,
 };
 
@@ -232,7 +232,7 @@ impl FriSession {
         Exchange {
             commandable,
             startable: commandable && reason == 0,
-            strategy: self.strategy().unwrap_or(ControlStrategy::Position),
+            strategy: self.strategy().unwrap_or(ControlMode::Position),
             mirror: self.mirror(),
             ticks: std::mem::take(&mut self.ticks).max(1),
             period_ns: if known {
@@ -268,7 +268,7 @@ impl FriSession {
             joint_position,
             ..CommandDatagram::default()
         };
-        let strategy = self.strategy().unwrap_or(ControlStrategy::Position);
+        let strategy = self.strategy().unwrap_or(ControlMode::Position);
         let told = (&outputs.impedance, follows.then_some(&position));
         self.strategies.fill(&mut answer, strategy, told);
         answer.encode()
@@ -306,7 +306,7 @@ impl FriSession {
     }
 
     /// The control strategy that the controller runs, if the arm can be commanded in it.
-    fn strategy(&self) -> Option<ControlStrategy> {
+    fn strategy(&self) -> Option<ControlMode> {
         self.strategies.runs(&self.measured)
     }
 
@@ -314,7 +314,7 @@ impl FriSession {
     fn strategy_reason(&self) -> u32 {
         match self.strategy() {
             None => STRATEGY,
-            Some(ControlStrategy::CartesianImpedance) if !self.strategies.knows_the_tool() => POSE,
+            Some(ControlMode::CartesianImpedance) if !self.strategies.knows_the_tool() => POSE,
             Some(_) => 0,
         }
     }
@@ -382,7 +382,7 @@ fn is_near(one: &MeasurementDatagram, other: &MeasurementDatagram, bound_rad: f6
 }
 
 /// What does not change while the controller commands.
-fn mode(measured: &MeasurementDatagram) -> (SessionState, ControlStrategy, bool, u32) {
+fn mode(measured: &MeasurementDatagram) -> (SessionState, FriControlStrategy, bool, u32) {
     (
         measured.state,
         measured.control,

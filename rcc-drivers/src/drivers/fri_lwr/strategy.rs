@@ -6,12 +6,14 @@
 //! the joint positions beside it for the arm's redundancy, which a KRC takes from software 5.6 on.
 
 use rcc_config::DeviceConfig;
-use rcc_core::impedance::{ControlStrategy, Impedance, ImpedanceLimits};
+use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
 use rcc_core::kinematics::Arm;
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 
-use crate::fri_lwr::wire::{CommandDatagram, ControlStrategy, JOINTS, MeasurementDatagram, flags};
+use crate::fri_lwr::wire::{
+    CommandDatagram, FriControlStrategy, JOINTS, MeasurementDatagram, flags,
+};
 
 /// Flags of Cartesian impedance control.
 pub const CARTESIAN_FLAGS: u32 = flags::JOINT_POSITION
@@ -49,14 +51,12 @@ impl StrategyEncoder {
     }
 
     /// What this controller runs, if the arm can be commanded in it.
-    pub fn runs(&self, measured: &MeasurementDatagram) -> Option<ControlStrategy> {
+    pub fn runs(&self, measured: &MeasurementDatagram) -> Option<ControlMode> {
         let soft = self.limits.is_some();
         match measured.control {
-            ControlStrategy::Position => Some(ControlStrategy::Position),
-            ControlStrategy::CartesianImpedance if soft => {
-                Some(ControlStrategy::CartesianImpedance)
-            }
-            ControlStrategy::JointImpedance if soft => Some(ControlStrategy::JointImpedance),
+            FriControlStrategy::Position => Some(ControlMode::Position),
+            FriControlStrategy::CartesianImpedance if soft => Some(ControlMode::CartesianImpedance),
+            FriControlStrategy::JointImpedance if soft => Some(ControlMode::JointImpedance),
             _ => None,
         }
     }
@@ -83,7 +83,7 @@ impl StrategyEncoder {
     pub fn fill(
         &self,
         answer: &mut CommandDatagram,
-        strategy: ControlStrategy,
+        strategy: ControlMode,
         (impedance, position): (&Impedance, Option<&Joints>),
     ) {
         // Whoever commands nothing holds the arm as it was.
@@ -99,14 +99,14 @@ impl StrategyEncoder {
             None => Impedance::NONE.added,
         };
         match strategy {
-            ControlStrategy::Position => answer.flags = flags::JOINT_POSITION,
-            ControlStrategy::JointImpedance => {
+            ControlMode::Position => answer.flags = flags::JOINT_POSITION,
+            ControlMode::JointImpedance => {
                 answer.flags = JOINT_FLAGS;
                 answer.joint_stiffness = seven(&told.stiffness);
                 answer.joint_damping = seven(&told.damping);
                 answer.additional_joint_torque = seven(&added);
             }
-            ControlStrategy::CartesianImpedance => {
+            ControlMode::CartesianImpedance => {
                 answer.flags = CARTESIAN_FLAGS;
                 answer.cartesian_stiffness = six(&told.stiffness);
                 answer.cartesian_damping = six(&told.damping);

@@ -6,7 +6,9 @@ use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, Measureme
 
 use super::conforms::krc;
 use super::*;
-use crate::fri_lwr::wire::{CommandDatagram, ControlStrategy, MeasurementDatagram, SessionState};
+use crate::fri_lwr::wire::{
+    CommandDatagram, FriControlStrategy, MeasurementDatagram, SessionState,
+};
 use crate::host::device_session::DeviceSession;
 use crate::host::reason;
 use crate::sim::lwr::krc::Krc;
@@ -233,7 +235,7 @@ fn measurement(sequence: u16) -> MeasurementDatagram {
         send_sequence: sequence,
         state: SessionState::Command,
         quality: Quality::Perfect,
-        control: ControlStrategy::Position,
+        control: FriControlStrategy::Position,
         measurement_period: 0.001,
         power: 0x7f,
         commanded_position: [0.25; 7],
@@ -307,7 +309,7 @@ fn a_single_datagram_does_not_end_or_change_command_mode() {
             ..good
         },
         MeasurementDatagram {
-            control: ControlStrategy::Other,
+            control: FriControlStrategy::Other,
             ..good
         },
         MeasurementDatagram {
@@ -397,7 +399,7 @@ fn drives_strategy_and_quality_say_why_nothing_may_begin() {
         (MeasurementDatagram { error: 1, ..good }, DRIVES_OFF),
         (
             MeasurementDatagram {
-                control: ControlStrategy::Other,
+                control: FriControlStrategy::Other,
                 ..good
             },
             STRATEGY,

@@ -57,7 +57,7 @@ pub enum Form {
     /// One bit of a register, 0 is the lowest.
     RegisterBit(u8),
     /// A number in one register or several.
-    NumberType(RegisterFormat),
+    Number(RegisterFormat),
 }
 
 /// Where a channel is.
@@ -106,7 +106,7 @@ pub enum AddressError {
     Table(String),
     /// The number is missing, or beyond 16 bits.
     #[error("'{0}' is no number from 0 to 65535")]
-    NumberType(String),
+    Number(String),
     /// Not one of the types.
     #[error("'{0}' is no type; there are u16 i16 u32 i32 u64 i64 f32 f64, or bit 0 to bit 15")]
     Type(String),
@@ -120,7 +120,7 @@ pub enum AddressError {
     },
     /// Letters that are no order of this type.
     #[error("'{word}' is no byte order of a {number}; there are {known}")]
-    ByteOrder {
+    Order {
         /// What is written.
         word: String,
         /// The type.
@@ -174,10 +174,7 @@ pub fn parse(text: &str) -> Result<Address, AddressError> {
     Ok(address)
 }
 
-fn form<'t>(
-    table: Table,
-    words: &mut impl Iterator<ReadItem = &'t str>,
-) -> Result<Form, AddressError> {
+fn form<'t>(table: Table, words: &mut impl Iterator<Item = &'t str>) -> Result<Form, AddressError> {
     let word = words.next();
     if table.is_bits() {
         return match word {

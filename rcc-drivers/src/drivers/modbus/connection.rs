@@ -211,7 +211,7 @@ impl Connection {
 
     /// Who it is, for people.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn label(&self) -> String {
         let ServerSettings {
             name,
             address,

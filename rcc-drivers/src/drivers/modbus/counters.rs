@@ -11,7 +11,7 @@ use super::fault::{self, ServerFault};
 use super::settings::ServerSettings;
 use crate::driver::LinkDiagnosis;
 
-/// The counters of one server, since the driver began unless it is said.
+/// The counters of one server, since the driver started unless it is said.
 #[derive(Debug, Default)]
 pub struct ServerCounters {
     name: Option<String>,

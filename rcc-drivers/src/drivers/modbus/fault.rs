@@ -125,7 +125,7 @@ pub enum ServerFault {
     },
     /// Not Modbus TCP.
     #[error("it sends what is no answer: {0}")]
-    FrameError(FrameError),
+    Broken(FrameError),
     /// The server says no.
     #[error("{doing}: exception {code}: {}", words(exception_reason(*code)))]
     Exception {

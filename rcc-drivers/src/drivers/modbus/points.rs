@@ -30,7 +30,7 @@ pub enum InputTarget {
         bit: u8,
     },
     /// Analog input `index`.
-    NumberType {
+    Number {
         /// Place among the analog inputs.
         index: usize,
         /// How its registers are read.
@@ -80,7 +80,7 @@ pub enum OutputSource {
         bits: Vec<(u8, usize)>,
     },
     /// Analog output `index`.
-    NumberType {
+    Number {
         /// Place among the analog outputs.
         index: usize,
         /// How its registers are written.

@@ -77,7 +77,7 @@ impl PendingRequest {
     }
 }
 
-/// Counters since the driver began.
+/// Counters since the driver started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ServerCounts {
     /// Rounds that could not begin because the last one had not ended.

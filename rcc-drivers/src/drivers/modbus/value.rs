@@ -138,7 +138,7 @@ impl NumberType {
         names
     }
 
-    fn order_rows(self) -> impl Iterator<ReadItem = &'static (&'static str, ByteOrder)> {
+    fn order_rows(self) -> impl Iterator<Item = &'static (&'static str, ByteOrder)> {
         let width = self.width();
         let mut rows = ORDERS.iter();
         rows.find(move |row| row.0 == width)

@@ -33,7 +33,7 @@ fn a_captured_measurement_has_plausible_values() {
     );
     assert_eq!(datagram.state, SessionState::Command);
     assert_eq!(datagram.quality, Quality::Perfect);
-    assert_eq!(datagram.control, ControlStrategy::Position);
+    assert_eq!(datagram.control, FriControlStrategy::Position);
     assert_eq!(datagram.power, 0x7f);
     assert_eq!(datagram.measurement_period, 0.005);
     assert_eq!(datagram.temperature, [30.0; 7]);

@@ -191,7 +191,7 @@ mod tests {
     fn rounding_to_binary32_is_no_acceleration() {
         let mut stream = CommandStream::at_rest([1.9; JOINTS], T);
         let settings = Settings {
-            limits: super::super::settings::Limits {
+            limits: super::super::settings::SupervisedLimits {
                 acceleration: [0.2; JOINTS],
                 ..Default::default()
             },

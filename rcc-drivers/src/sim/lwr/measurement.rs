@@ -7,7 +7,7 @@ use super::model::geometry;
 use super::quality::WINDOW;
 use super::settings::KrlStrategy;
 use super::{JOINTS, Joints};
-use crate::fri_lwr::wire::{ControlStrategy, MeasurementDatagram, SessionState};
+use crate::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
 
 impl Krc {
     /// Approximate are the torques (the external wrench only: no gravity, no inertia) and the temperature (constant);
@@ -39,9 +39,9 @@ impl Krc {
             miss_count: self.counts.missed as u32,
             power: if self.drives_on() { 0x7f } else { 0 },
             control: match self.settings.strategy {
-                KrlStrategy::Position => ControlStrategy::Position,
-                KrlStrategy::CartesianImpedance => ControlStrategy::CartesianImpedance,
-                KrlStrategy::JointImpedance => ControlStrategy::JointImpedance,
+                KrlStrategy::Position => FriControlStrategy::Position,
+                KrlStrategy::CartesianImpedance => FriControlStrategy::CartesianImpedance,
+                KrlStrategy::JointImpedance => FriControlStrategy::JointImpedance,
             },
             error: self.fault.map_or(0, |fault| fault.drive_bits()),
             warning: 0,

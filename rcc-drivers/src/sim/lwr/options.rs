@@ -138,7 +138,7 @@ pub enum OptionError {
     Number(String),
     /// Not a wire.
     #[error("`{0}` is not FROM=TO with numbers from 1 to 16")]
-    KrlLoopback(String),
+    Wire(String),
     /// A number is out of range.
     #[error("--{option} is {value}, it must be {range}")]
     Range {

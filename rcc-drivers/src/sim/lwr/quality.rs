@@ -1,7 +1,7 @@
 //! How well the PC answers: a window of 100 cycles and the quality that follows from it.
 //! Pure; the clock thread runs it. KUKA publishes no thresholds; all of them are ours.
 
-use super::settings::QualityRules;
+use super::settings::QualityThresholds;
 use crate::fri_lwr::wire::Quality;
 
 /// Cycles that are looked at.

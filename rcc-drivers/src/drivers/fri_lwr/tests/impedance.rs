@@ -1,16 +1,16 @@
 //! Impedance set-points, from the command board to the bytes of the answer, against the simulated controller.
 
-use rcc_core::impedance::{ControlStrategy, Impedance};
+use rcc_core::impedance::{ControlMode, Impedance};
 
 use super::*;
 use crate::fri_lwr::wire::CMD_SIZE;
-use crate::sim::lwr::settings::ControlStrategy as KrcStrategy;
+use crate::sim::lwr::settings::KrlStrategy;
 
-const CARTESIAN: KrcStrategy = KrcStrategy::CartesianImpedance;
-const JOINT: KrcStrategy = KrcStrategy::JointImpedance;
+const CARTESIAN: KrlStrategy = KrlStrategy::CartesianImpedance;
+const JOINT: KrlStrategy = KrlStrategy::JointImpedance;
 
 /// Ready, with a controller that runs this strategy.
-fn bench(strategy: KrcStrategy) -> FriFixture {
+fn bench(strategy: KrlStrategy) -> FriFixture {
     let mut bench = FriFixture::new();
     bench.krc = Krc::new(KrcSettings {
         strategy,
@@ -25,7 +25,7 @@ fn bench(strategy: KrcStrategy) -> FriFixture {
 /// Along and about x, y, z all different.
 fn soft() -> Impedance {
     Impedance {
-        strategy: ControlStrategy::CartesianImpedance as u64,
+        strategy: ControlMode::CartesianImpedance as u64,
         stiffness: [1000.0, 1100.0, 1200.0, 100.0, 110.0, 120.0, 0.0, 0.0],
         damping: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.0],
         added: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0],
@@ -34,7 +34,7 @@ fn soft() -> Impedance {
 
 fn joints() -> Impedance {
     Impedance {
-        strategy: ControlStrategy::JointImpedance as u64,
+        strategy: ControlMode::JointImpedance as u64,
         stiffness: [100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 0.0],
         damping: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.0],
         added: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 0.0],
@@ -104,7 +104,7 @@ fn joint_set_points_go_out_with_their_flags() {
 #[test]
 fn the_flags_are_the_same_from_the_first_answer_to_the_last() {
     for (strategy, flags) in [
-        (KrcStrategy::Position, 0x1),
+        (KrlStrategy::Position, 0x1),
         (CARTESIAN, 0x3501),
         (JOINT, 0x35),
     ] {
@@ -179,7 +179,7 @@ fn null_and_the_loss_of_the_executor_take_the_force_away_and_keep_the_springs() 
 
 #[test]
 fn a_net_for_another_strategy_is_not_followed_and_the_driver_says_why() {
-    let strategies = [KrcStrategy::Position, CARTESIAN, JOINT];
+    let strategies = [KrlStrategy::Position, CARTESIAN, JOINT];
     let asked = [Impedance::NONE, soft(), joints()];
     for (runs, strategy) in strategies.into_iter().enumerate() {
         for (wants, impedance) in asked.into_iter().enumerate() {
@@ -248,7 +248,7 @@ fn the_driver_checks_each_set_point_again() {
 #[test]
 fn a_pose_that_is_none_is_not_commanded() {
     let mut wrong = measurement(1);
-    wrong.control = ControlStrategy::CartesianImpedance;
+    wrong.control = FriControlStrategy::CartesianImpedance;
     wrong.commanded_pose = [0.0; 12];
     let mut session = session();
     for sequence in 1..20 {

@@ -4,8 +4,8 @@
 use rcc_config::{ChannelConfig, DeviceConfig};
 
 use super::super::address::{Address, Form};
-use super::super::settings::Requests;
-use super::Placed;
+use super::super::settings::RequestLimits;
+use super::AddressedChannel;
 use crate::driver::{DriverError, channel_error, to_raw};
 
 /// Its value fits, and nobody else writes there.
