@@ -111,12 +111,12 @@ fn compile_then<T>(
     if let Err(error) = lowered.plan.plan().check(&cell.models(), cell.fingerprint) {
         // A net that passed every rule must lower to a valid plan. If not, this is a bug of the compiler, and it is
         // reported here instead of sending the plan.
-        let message = format!("the plan of this net does not check: {error:?}");
+        let message = format!("internal error: the plan of this net is invalid: {error:?}");
         let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
         faults.push(
             fault
                 .anywhere()
-                .help("this is a mistake of the loader: report it with the net"),
+                .help("this is a bug of the compiler: report it with the net"),
         );
         return Err(sources.finish(faults));
     }

@@ -135,7 +135,7 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
                             options.channels.push(row);
                         }
                         _ => {
-                            let message = format!("`{part}` does not say what is what");
+                            let message = format!("invalid mapping `{part}`");
                             let fault = Diagnostic::error(fault::WRONG_SHAPE, value.span, message);
                             faults.push(fault.help(
                                 "write `# devices: theirs=ours` and `# channels: device.InBool.8=name`",
@@ -148,7 +148,7 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
             other => {
                 let near = closest(other, HEADER_KEYS.iter().copied());
                 if let Some(near) = near.filter(|_| !other.contains(' ')) {
-                    let message = format!("`# {other}:` says nothing to a net");
+                    let message = format!("unknown header key `# {other}:`");
                     let fault = Diagnostic::error(fault::UNKNOWN_KEY, key.span, message);
                     faults.push(fault.help(format!("did you mean `# {near}:`?")));
                 }

@@ -213,7 +213,7 @@ impl<'a> Expander<'a, '_> {
         }
         if had_room {
             let span = scope.shift.span(primitive.id.span);
-            let message = "the instances of this net stand for more than an executor gives";
+            let message = "the net is too large after its fragments are expanded";
             let fault = Diagnostic::error(fault::NET_TOO_LARGE, span, message);
             let fault = fault.label("the first one too many");
             self.faults
@@ -450,8 +450,9 @@ impl<'a> Expander<'a, '_> {
                 None if inside.delayed => {
                     let message = format!("`{}` is a list and cannot be delayed", inside.from);
                     let fault = Diagnostic::error(fault::WRONG_SHAPE, inside.span, message);
-                    self.faults
-                        .push(fault.help("let its links be delayed where the instance is fed"));
+                    self.faults.push(
+                        fault.help("delay the links in the list that the instance is connected to"),
+                    );
                     Source::Refused
                 }
                 None => Source::List(list.clone()),
@@ -480,8 +481,7 @@ impl<'a> Expander<'a, '_> {
                 }
                 if link.delayed && inside.delayed {
                     let from = &inside.from;
-                    let message =
-                        format!("`{from}` is delayed here, and where the instance is fed");
+                    let message = format!("`{from}` is delayed here and at the instance");
                     let fault = Diagnostic::error(fault::DELAYED_TWICE, inside.span, message);
                     self.faults.push(fault);
                     return Source::Refused;
@@ -497,10 +497,10 @@ impl<'a> Expander<'a, '_> {
 
     fn no_element(&mut self, inside: &Link, outside: &str) -> Source {
         let from = &inside.from;
-        let message = format!("`{from}` is an element of {outside}, which has none of this number");
+        let message = format!("`{from}` does not exist: the instance is connected to {outside}");
         let fault = Diagnostic::error(fault::BAD_ELEMENT, inside.span, message);
         self.faults
-            .push(fault.help("feed the instance with a list or an array"));
+            .push(fault.help("connect the instance to a list or an array that has this element"));
         Source::Refused
     }
 
@@ -551,11 +551,11 @@ impl<'a> Expander<'a, '_> {
             };
             if found.part.is_some() && output.from.part.is_some() {
                 let message = format!(
-                    "`{}.{}` is an element already",
+                    "`{}.{}` already selects an element",
                     instance.id.name, output.name.name
                 );
                 let fault = Diagnostic::error(fault::BAD_ELEMENT, found.span, message);
-                self.faults.push(fault.help("take the index out"));
+                self.faults.push(fault.help("remove the index"));
                 return None;
             }
             found.part = found.part.or(output.from.part);

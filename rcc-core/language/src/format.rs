@@ -14,13 +14,13 @@ use crate::syntax::{self, fragment};
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum FormatError {
     /// The text is not a valid net or library.
-    #[error("the text has faults; it is laid out when it has none")]
+    #[error("the text has errors, so it is not formatted")]
     Faulty(Faults),
     /// The text is JSON, which programs write.
-    #[error("this is JSON, which is laid out by what writes it")]
+    #[error("the text is JSON, which is not formatted")]
     Json,
     /// Formatting would lose something; holds one diagnostic at its span.
-    #[error("the text has something that would be lost")]
+    #[error("formatting would lose a part of the text")]
     WouldLose(Faults),
 }
 
@@ -47,7 +47,7 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
         return Err(faulty(faults));
     }
     let lost = |place: Option<Span>| {
-        let message = "this cannot be kept when the text is laid out";
+        let message = "formatting would lose this";
         let fault = Diagnostic::error(fault::NOT_SUPPORTED, place.unwrap_or_default(), message);
         let fault =
             fault.help("write the comment on a line of its own, before the entry that it is about");

@@ -28,15 +28,20 @@ pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<InputValue>, Fa
                 values.extend(read);
             }
             _ => {
-                let message = format!("what is set is a mapping, this is {}", root.kind());
+                let message = format!(
+                    "expected a mapping from input names to values, found {}",
+                    root.kind()
+                );
                 let fault = Diagnostic::error(fault::WRONG_SHAPE, root.span, message);
-                faults.push(fault.help("write `NAME: VALUE`, or {\"NAME\": VALUE}; null unsets"));
+                faults.push(
+                    fault.help("write `NAME: VALUE`, or {\"NAME\": VALUE}; null clears a value"),
+                );
             }
         }
         let elements: usize = values.iter().map(|value| value.words.len()).sum();
         if values.len() > SET_MAX || elements > SET_ELEMENTS_MAX {
             let message = format!(
-                "{} values with {elements} elements are too many: at most {SET_MAX} with {SET_ELEMENTS_MAX}",
+                "{} values with {elements} elements are too many: at most {SET_MAX} values with {SET_ELEMENTS_MAX} elements are allowed",
                 values.len()
             );
             let fault = Diagnostic::error(fault::WRONG_SHAPE, root.span, message);
@@ -99,7 +104,7 @@ fn unknown(entry: &Entry, names: &Names) -> Diagnostic {
         .find(|primitive| primitive.id == *name);
     let message = match other {
         Some(other) => format!(
-            "`{name}` of `{net}` is a {}: only an Input is set from outside",
+            "`{name}` of `{net}` is a {}: only an Input can be set",
             other.type_name
         ),
         None => format!("`{net}` has no Input `{name}`"),

@@ -130,28 +130,28 @@ fn read_one(
     };
     let name = &key.name;
     if name.is_empty() || name.starts_with('/') {
-        let message = format!("`{name}` is no path of a library");
-        let help = "write it relative to this file: `library/filters.yaml`";
+        let message = format!("invalid library path `{name}`");
+        let help = "write a path relative to this file: `library/filters.yaml`";
         return Err(refuse(message, help));
     }
     // The net's own file is counted as well.
     if count > LIBRARIES_MAX + 1 {
         let message = format!("the net uses more than {LIBRARIES_MAX} libraries");
-        return Err(refuse(message, "join some of them"));
+        return Err(refuse(message, "merge some of them"));
     }
     let text = libraries.read(path).map_err(|error| match error {
         LibraryError::NoLibraries => refuse(
-            format!("this text came alone, and the library `{name}` is a file"),
-            "put the fragments that the net needs into its own `fragments:`",
+            format!("library `{name}` cannot be read: the net was received as text, without files"),
+            "copy the fragments that the net needs to its own `fragments:`",
         ),
         LibraryError::Io(error) => refuse(
-            format!("the library `{path}` cannot be read: {error}"),
+            format!("library `{path}` cannot be read: {error}"),
             "the path is relative to the file that names it",
         ),
     })?;
     *bytes += text.len();
     if *bytes > BYTES_MAX {
-        let message = format!("the libraries of the net have more than {BYTES_MAX} bytes");
+        let message = format!("the libraries of the net have more than {BYTES_MAX} bytes together");
         return Err(refuse(message, "use smaller ones"));
     }
     Ok(text)

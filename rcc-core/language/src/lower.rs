@@ -141,11 +141,11 @@ fn check_size(arena: &ArenaBuilder, operands: usize) -> Result<(), Box<Diagnosti
         return Ok(());
     }
     let message = format!(
-        "the net needs {slots} slots and {operands} operands, {SLOTS_MAX} and {OPERANDS_MAX} are possible"
+        "the net needs {slots} slots and {operands} operands; the limits are {SLOTS_MAX} and {OPERANDS_MAX}"
     );
     let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
     Err(Box::new(
-        fault.anywhere().help("divide it into several nets"),
+        fault.anywhere().help("split it into several nets"),
     ))
 }
 

@@ -41,7 +41,7 @@ pub enum NullInputCause {
     /// The input is the constant null, or not connected and null by default.
     Constant,
     /// The output that the input reads can be null.
-    OutputId(OutputId),
+    Output(OutputId),
     /// The input reads a delayed link that is null in the first cycle only.
     FirstCycle,
 }
@@ -242,7 +242,7 @@ impl NullAnalysis {
     fn words(&self, graph: &NetGraph<'_>, number: usize, output: Option<usize>) -> Option<String> {
         let item = graph.items.get(number)?;
         let words = match self.item(number)? {
-            NullCause::NotSet if is_age(item, output) => "it was never set".to_owned(),
+            NullCause::NotSet if is_age(item, output) => "it has never been set".to_owned(),
             NullCause::NotSet if has_first_value(item) => "it was set to null".to_owned(),
             NullCause::NotSet => "it is not set".to_owned(),
             NullCause::NotPublished => {

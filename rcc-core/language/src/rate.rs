@@ -35,7 +35,7 @@ fn read(timing: &Timing, cell: &DeviceTable) -> Result<Rate, RateError> {
     let every = match (&timing.period, &timing.rate) {
         (None, None) => 1,
         (Some(_), Some(rate)) => {
-            let message = "`period` and `rate` say the same thing";
+            let message = "`period` and `rate` exclude each other";
             return Err(refuse(
                 fault::WRONG_SHAPE,
                 rate.span,
@@ -72,7 +72,10 @@ fn every(
     // Negated, so that NaN is refused as well.
     let in_range = cycles >= 1.0 - TOLERANCE && cycles <= most + TOLERANCE;
     if !in_range {
-        let message = format!("the net would be evaluated every {}", time(cycles * base_s));
+        let message = format!(
+            "the net's period of {} is out of range",
+            time(cycles * base_s)
+        );
         let help = format!(
             "choose from {} (every cycle) to {}",
             shown(1.0),
@@ -85,7 +88,7 @@ fn every(
         None => {
             let [less, more] = [cycles.floor().max(1.0), cycles.ceil().min(most)];
             let message = format!(
-                "the net's period of {} is no multiple of the cell's, {}",
+                "the net's period of {} is not a multiple of the cell's period of {}",
                 time(cycles * base_s),
                 time(base_s)
             );
@@ -101,18 +104,18 @@ fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, RateError> {
     let in_range = (-TOLERANCE..=last + TOLERANCE).contains(&cycles);
     if !in_range {
         let message = format!(
-            "the phase of {} is not within the net's period",
+            "the phase of {} is outside of the net's period",
             time(cycles * base_s)
         );
         let help = match every {
-            1 => "take it out: this net is evaluated in every cycle".to_owned(),
+            1 => "remove it: this net is evaluated in every cycle".to_owned(),
             _ => format!("choose from 0 ms to {}", time(last * base_s)),
         };
         return Err(refuse(fault::OUT_OF_RANGE, literal.span, message, help));
     }
     whole(cycles).ok_or_else(|| {
         let message = format!(
-            "the phase of {} is between two cycles",
+            "the phase of {} is not a whole number of cycles",
             time(cycles * base_s)
         );
         let [less, more] = [cycles.floor(), cycles.ceil()].map(|cycles| time(cycles * base_s));
@@ -133,7 +136,7 @@ fn number(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64
     if value > 0.0 {
         return Ok(value);
     }
-    let message = format!("`{key}` must be more than 0");
+    let message = format!("`{key}` must be greater than 0");
     Err(refuse(
         fault::OUT_OF_RANGE,
         literal.span,

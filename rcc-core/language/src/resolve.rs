@@ -364,7 +364,7 @@ fn scope_of(id: &str) -> &str {
 enum IdTarget {
     /// A primitive of unknown type.
     Unknown,
-    ResolvedPrimitive(usize, &'static Spec),
+    Item(usize, &'static Spec),
 }
 
 struct Resolver<'a, 'f> {
@@ -390,7 +390,7 @@ impl<'a> Resolver<'a, '_> {
             let name = &primitive.type_name;
             let row = primitives::find(&name.name);
             if row.is_none() && !name.name.is_empty() {
-                let message = format!("there is no primitive type `{}`", name.name);
+                let message = format!("unknown primitive type `{}`", name.name);
                 let help = self.suggestions.primitive_type(&name.name);
                 self.error(fault::UNKNOWN_TYPE, name.span, message, Some(help));
             }
@@ -538,7 +538,8 @@ impl<'a> Resolver<'a, '_> {
             Source::Refused => InputSource::Refused,
             Source::Literal(literal) => match &literal.shape {
                 LiteralShape::Text(text) => {
-                    let message = format!("`{}` cannot be fed by the text `{text}`", port.name);
+                    let message =
+                        format!("`{}` cannot be connected to the text `{text}`", port.name);
                     self.error(fault::WRONG_SHAPE, literal.span, message, None);
                     InputSource::Refused
                 }
@@ -686,15 +687,13 @@ impl<'a> Resolver<'a, '_> {
                     discarded.push((output, reference.span));
                     continue;
                 }
-                (Some(_), Some(_)) => {
-                    "an output is discarded as a whole, not by element".to_string()
-                }
-                (None, _) => format!("`discard` names `{reference}`, and there is no such output"),
+                (Some(_), Some(_)) => "an output can only be discarded as a whole".to_string(),
+                (None, _) => format!("unknown output `{reference}` in `discard`"),
             };
             let help = match (target, found) {
                 (Some(IdTarget::Item(_, spec)), None) => self.suggestions.output(reference, spec),
                 (_, Some(_)) => format!("write `{}.{}`", reference.primitive, reference.port),
-                (_, None) => "take it out of `discard`".to_string(),
+                (_, None) => "remove it from `discard`".to_string(),
             };
             let help = Some(help);
             self.error(fault::BAD_DISCARD, reference.span, message, help);

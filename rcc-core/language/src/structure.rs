@@ -123,7 +123,7 @@ pub enum SourceInfo {
     /// The default of the spec, abbreviated.
     Default(String),
     /// A link from an output.
-    LinkInfo(LinkInfo),
+    Link(LinkInfo),
 }
 
 /// A link.

@@ -266,8 +266,9 @@ pub(crate) fn bad_net_name(name: &Key) -> Option<Diagnostic> {
         return None;
     }
     let message = format!("`{}` cannot be the name of a net", name.name);
-    let mut help =
-        format!("use small letters, digits and `-`, at most {NAME_MAX}, beginning with a letter");
+    let mut help = format!(
+        "use lowercase letters, digits and `-`, at most {NAME_MAX} characters, beginning with a letter"
+    );
     let lettered = format!("net-{}", name.name);
     if is_net_name(&lettered) {
         help = format!("{help}, as in `{lettered}`; a number is the id of a loaded net");
@@ -315,7 +316,7 @@ fn report_bad_id(id: &Key, what: &str, faults: &mut Vec<Diagnostic>) {
         let message = format!("`{}` cannot be {what}", id.name);
         let fault = Diagnostic::error(fault::BAD_NAME, id.span, message);
         faults.push(fault.help(format!(
-            "use small letters, digits and `_`, at most {NAME_MAX}, beginning with a letter"
+            "use lowercase letters, digits and `_`, at most {NAME_MAX} characters, beginning with a letter"
         )));
     }
 }
@@ -364,12 +365,9 @@ fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic
             return faults.push(fault.help("add `type: …`"));
         }
         (Some(_), Some(given)) => {
-            let message = format!(
-                "`{}` has a type and a fragment: it is made from one of them",
-                primitive.id.name
-            );
+            let message = format!("`{}` has both `type` and `fragment`", primitive.id.name);
             let fault = Diagnostic::error(fault::WRONG_SHAPE, given.span, message);
-            return faults.push(fault.help("take `type` or `fragment` out"));
+            return faults.push(fault.help("remove `type` or `fragment`"));
         }
     };
     let Some(name) = given.text() else {
@@ -487,14 +485,10 @@ fn read_link(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
     if let (Some(initial), false) = (&initial, delayed) {
         let message = "only a delayed link has an initial value";
         let fault = Diagnostic::error(fault::WRONG_SHAPE, initial.span, message);
-        faults.push(fault.help("add `delayed: true`, or leave `initial` out"));
+        faults.push(fault.help("add `delayed: true`, or remove `initial`"));
     }
     let Some(from) = node.get("from") else {
-        let fault = Diagnostic::error(
-            fault::MISSING_KEY,
-            node.span,
-            "a link does not say where it comes from",
-        );
+        let fault = Diagnostic::error(fault::MISSING_KEY, node.span, "a link has no source");
         faults.push(fault.help("add `from: PRIMITIVE.PORT`"));
         return Source::Refused;
     };

@@ -341,6 +341,6 @@ fn the_age_of_an_input_is_null_until_it_is_set_with_an_initial_value_too() {
 ");
     assert_eq!(
         why[1..],
-        ["it was never set: speed", "it was set to null: speed"]
+        ["it has never been set: speed", "it was set to null: speed"]
     );
 }

@@ -73,7 +73,7 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic
         };
         let fault = Diagnostic::error(fault::NOT_READ, item.primitive.id.span, message);
         faults.push(fault.help(format!(
-            "connect them, or say that nobody needs them: `discard: [{list}]`"
+            "connect them, or discard them: `discard: [{list}]`"
         )));
     }
 }
@@ -90,7 +90,7 @@ pub fn discards_are_unread_and_unique(net: Typed<'_>, faults: &mut Vec<Diagnosti
         } else if read.contains(output) {
             let message = format!("`{name}` is discarded and read");
             let fault = Diagnostic::error(fault::DISCARDED_BUT_READ, *span, message);
-            faults.push(fault.help("take it out of `discard`"));
+            faults.push(fault.help("remove it from `discard`"));
         }
     }
 }

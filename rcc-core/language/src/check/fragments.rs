@@ -25,7 +25,7 @@ pub fn inputs_match_fragment_declarations(net: Typed<'_>, faults: &mut Vec<Diagn
             && have != want
         {
             let message = format!(
-                "type mismatch: `{input}` is said to be a {want}, and feeds `{id}.{name}`, which is a {have}"
+                "type mismatch: `{input}` is declared as {want}, but feeds `{id}.{name}`, which is a {have}"
             );
             faults.push(Diagnostic::error(fault::TYPE_MISMATCH, span, message));
             continue;
@@ -35,7 +35,7 @@ pub fn inputs_match_fragment_declarations(net: Typed<'_>, faults: &mut Vec<Diagn
             && have != want
         {
             let message = format!(
-                "unit mismatch: `{input}` is said to be in {want}, and feeds `{id}.{name}`, which is in {have}"
+                "unit mismatch: `{input}` is declared in {want}, but feeds `{id}.{name}`, which is in {have}"
             );
             faults.push(Diagnostic::error(fault::UNIT_MISMATCH, span, message));
         }
@@ -95,14 +95,10 @@ pub fn outputs_read_outside_a_region_can_become_null(net: Typed<'_>, faults: &mu
             .get(region)
             .map_or("", |region| &region.id.name);
         let message = format!(
-            "`{name}` is never evaluated, and would not become null while `{around}` is not active"
+            "`{name}` is read outside of its region, and would not become null while `{around}` is not active"
         );
         let fault = Diagnostic::error(fault::NEVER_NULL, link.span, message);
-        faults.push(
-            fault.help(
-                "read it only where it stands, or take it out of what is under the condition",
-            ),
-        );
+        faults.push(fault.help("read it only within the region, or move it out of the region"));
     };
     for item in &graph.items {
         for (_, link) in item.links() {

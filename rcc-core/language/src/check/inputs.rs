@@ -31,10 +31,14 @@ pub fn bounds_are_numeric(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let bounds = ["at_least", "at_most"];
         for (name, literal) in bounds.map(|name| (name, given(item, name))) {
             if let (Some(literal), false) = (literal, ordered) {
-                let message = format!("`{}.{name}` bounds a {ty}, which has no order", item.id());
+                let message = format!(
+                    "`{}.{name}` is a bound of a {ty}, which has no order",
+                    item.id()
+                );
                 let fault = Diagnostic::error(fault::TYPE_MISMATCH, literal.span, message);
-                faults
-                    .push(fault.help("bounds are for Real, Int and arrays of them: leave it out"));
+                faults.push(
+                    fault.help("bounds apply to Real, Int and arrays of them only: remove it"),
+                );
             }
         }
         let before = elements;
@@ -43,7 +47,7 @@ pub fn bounds_are_numeric(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let message =
                 format!("the inputs of a net have at most {INPUT_ELEMENTS_MAX} elements together");
             let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
-            faults.push(fault.help("divide it into several nets"));
+            faults.push(fault.help("split it into several nets"));
         }
     }
 }
@@ -86,10 +90,10 @@ pub fn units_are_given_for_numbers_only(net: Typed<'_>, faults: &mut Vec<Diagnos
             continue;
         };
         let message = format!(
-            "`{}` is a {ty}, and `unit: {unit}` says nothing of it",
+            "`{}` is a {ty}, to which `unit: {unit}` does not apply",
             item.id()
         );
         let fault = Diagnostic::error(fault::UNIT_MISMATCH, item.primitive.id.span, message);
-        faults.push(fault.help("take `unit` out: the type says it, or there is none"));
+        faults.push(fault.help("remove `unit`: the type implies its unit, or has none"));
     }
 }

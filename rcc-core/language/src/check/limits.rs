@@ -32,11 +32,11 @@ pub fn there_is_one_termination(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in terminations {
         let first = first.map_or("", ResolvedPrimitive::id);
         let message = format!(
-            "`{}` is a second Termination, `{first}` is the first",
+            "`{}` is a second Termination; `{first}` is the first one",
             item.id()
         );
         let fault = Diagnostic::error(fault::MANY_TERMINATIONS, item.primitive.id.span, message);
-        faults.push(fault.help("join their conditions with Or"));
+        faults.push(fault.help("combine their conditions with Or"));
     }
 }
 
@@ -81,13 +81,13 @@ pub fn resources_are_commanded_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>
             format!("`{}` of `{name}`", channel.name)
         });
         let message = format!(
-            "`{}` commands {what}, and `{}` does so already",
+            "`{}` commands {what}, which `{}` already commands",
             item.id(),
             holder.id()
         );
         let fault = Diagnostic::error(fault::CLAIMED_TWICE, item.primitive.id.span, message);
         faults
-            .push(fault.help("decide between the two values with Select, and command the result"));
+            .push(fault.help("choose between the two values with Select, and command the result"));
     }
 }
 
@@ -146,7 +146,7 @@ pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let period_s = 1.0 / net.graph.evaluations_hz();
         let most_s = period_s * f64::from(CYCLES_MAX);
         let message = format!(
-            "a window of {seconds} s is not possible: `{}` is evaluated every {period_s} s and remembers 1 to {CYCLES_MAX} evaluations",
+            "a window of {seconds} s is out of range: `{}` is evaluated every {period_s} s and stores 1 to {CYCLES_MAX} evaluations",
             item.id()
         );
         let span = span.unwrap_or(item.primitive.id.span);
@@ -163,7 +163,7 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         }
         for (_, link) in item.links().filter(|(_, link)| link.delayed) {
             let message =
-                "a monitor shows the values of its own cycle, never those of the one before";
+                "a monitor shows the values of its own cycle and cannot read a delayed link";
             let fault = Diagnostic::error(fault::WRONG_SHAPE, link.span, message);
             faults.push(fault.help(format!(
                 "write `value: {}`",
@@ -180,7 +180,7 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, this is a {ty}");
             let span = feed_span(feed).unwrap_or(item.primitive.id.span);
             let fault = Diagnostic::error(fault::TOO_WIDE, span, message);
-            faults.push(fault.help("watch single elements: `value: PRIMITIVE.PORT[0]`"));
+            faults.push(fault.help("monitor single elements: `value: PRIMITIVE.PORT[0]`"));
         }
         rate_is_possible(net, item, faults);
     }
@@ -207,9 +207,9 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
     };
     let id = item.id();
     let has = if net.graph.rate.every > 1 {
-        "the net has"
+        "the net runs at"
     } else {
-        "the cell has"
+        "the cell runs at"
     };
     let Some(rate) = literal.number() else {
         let message = format!("type mismatch: `{id}.rate` is a number, this is {literal}");
@@ -224,8 +224,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
         return error(fault::UNIT_MISMATCH, message, "write `100 Hz`".to_string());
     }
     if rate > cycle_hz * (1.0 + RATE_TOLERANCE) {
-        let message =
-            format!("`{id}` is to be shown {rate} times a second, {has} {cycle_hz} cycles");
+        let message = format!("the rate of `{id}` is {rate} Hz, but {has} {cycle_hz} Hz");
         return error(
             fault::RATE_TOO_HIGH,
             message,
@@ -235,7 +234,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
     let Some(every) = every(item, net.graph).filter(|_| rate > 0.0) else {
         if rate > 0.0 {
             let message = format!(
-                "`{id}` is to be shown every {} s: that is too rarely",
+                "the period of `{id}` is {} s, which is too long",
                 1.0 / rate
             );
             error(
@@ -248,16 +247,16 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
     };
     let real = cycle_hz / f64::from(every);
     if (real - rate).abs() > rate * 1e-6 {
-        let message = format!("`{id}` will be shown {real:.3} times a second, not {rate}");
+        let message = format!("the rate of `{id}` is rounded from {rate} Hz to {real:.3} Hz");
         let fault = Diagnostic::warning(fault::RATE_ROUNDED, literal.span, message);
-        faults.push(fault.help(format!("rates that divide {cycle_hz} Hz are kept exactly")));
+        faults.push(fault.help(format!("choose a rate that divides {cycle_hz} Hz")));
     }
 }
 
 /// Requires that the numbers of monitors, inputs, motions and topics are within the limits of an executor.
 pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let divide = "divide it into several nets";
-    let join = "put values that belong together into one list: `in: [a.out, b.out]`";
+    let divide = "split it into several nets";
+    let join = "publish related values as one list: `in: [a.out, b.out]`";
     let any: fn(&&ResolvedPrimitive<'_>) -> bool = |_| true;
     let by_topic: fn(&&ResolvedPrimitive<'_>) -> bool = |item| item.topic().is_some();
     for (role, which, what, most, help) in [
@@ -282,7 +281,7 @@ pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let mut items = of_role(net, role).filter(which);
         if let Some(item) = items.nth(most) {
             let count = most + 1 + items.count();
-            let message = format!("the net has {count} {what}, {most} are possible");
+            let message = format!("the net has {count} {what}, at most {most} are allowed");
             let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
             faults.push(fault.label("the first one too many").help(help));
         }
@@ -298,11 +297,9 @@ pub fn arms_are_commanded_in_every_cycle(net: Typed<'_>, faults: &mut Vec<Diagno
         let message =
             format!("`{id}` commands joints, and the net is evaluated only every {every} cycles");
         let fault = Diagnostic::error(fault::SLOW_ARM, item.primitive.id.span, message);
-        faults.push(
-            fault
-                .label("an arm gets one set-point a cycle; fewer would be a staircase")
-                .help("take `period`, `rate` and `phase` out, and put what may be slower into a net of its own"),
-        );
+        faults.push(fault.label("an arm needs a set-point in every cycle").help(
+            "remove `period`, `rate` and `phase`, and move the slower part to a net of its own",
+        ));
     }
 }
 

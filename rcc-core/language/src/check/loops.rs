@@ -59,7 +59,7 @@ fn describe<'g>(
     if parts.len() > NAMED_MAX {
         let count = parts.len() - NAMED_MAX;
         parts.truncate(NAMED_MAX);
-        parts.push(format!("and {count} more links back to the beginning"));
+        parts.push(format!("and {count} more links back to the start"));
     }
     Some((parts.join(", "), closing?))
 }
@@ -71,11 +71,11 @@ pub fn loops_have_a_delay(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let Some((path, link)) = describe(net.graph, &circle(&sources, &component)) else {
             continue;
         };
-        let message = format!("these primitives wait for each other: {path}");
+        let message = format!("loop without a delayed link: {path}");
         let from = net.graph.output_name(link.from);
         let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, link.span, message);
         faults.push(fault.label("closes the loop").help(format!(
-            "let one of these links carry the value of the cycle before: `{{from: {from}, delayed: true, initial: …}}`"
+            "delay one of these links by a cycle: `{{from: {from}, delayed: true, initial: …}}`"
         )));
     }
 }
@@ -92,11 +92,13 @@ pub fn delayed_loops_have_a_first_value(net: Typed<'_>, faults: &mut Vec<Diagnos
             }
             let from = net.graph.output_name(link.from);
             let message = format!(
-                "the delayed link `{from}` → `{}.{input}` closes a loop and has no first value",
+                "the delayed link `{from}` → `{}.{input}` closes a loop and has no initial value",
                 item.id()
             );
             let fault = Diagnostic::error(fault::LOOP_WITHOUT_INITIAL, link.span, message);
-            faults.push(fault.help(format!("say what it carries in the first cycle: `{{from: {from}, delayed: true, initial: …}}`")));
+            faults.push(fault.help(format!(
+                "give its value in the first cycle: `{{from: {from}, delayed: true, initial: …}}`"
+            )));
         }
     }
 }
@@ -121,10 +123,12 @@ pub fn loops_can_lose_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         if !has_delay(net.graph, &delayed) {
             continue;
         }
-        let message = format!("null, once in this loop, would stay for ever: {path}");
+        let message = format!("this loop could never recover from null: {path}");
         let fault = Diagnostic::error(fault::NULL_FOR_EVER, link.span, message);
         faults.push(
-            fault.help("lead the loop through OrElse: `{type: OrElse, inputs: {in: …, other: 0}}`"),
+            fault.help(
+                "insert an OrElse into the loop: `{type: OrElse, inputs: {in: …, other: 0}}`",
+            ),
         );
     }
 }

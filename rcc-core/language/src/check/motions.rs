@@ -15,12 +15,16 @@ use crate::syntax::literal::{Literal, LiteralShape};
 
 /// Pairs of parameters that exclude each other, and why.
 const EXCLUSIVE: [(&str, &str, &str); 6] = [
-    ("to", "pose", "each says where the motion ends"),
-    ("to", "branch", "joints say the branch themselves"),
-    ("to", "status", "joints say the branch themselves"),
-    ("to", "turn", "joints say the turn themselves"),
-    ("branch", "status", "each says the branch"),
-    ("arm_angle", "elbow", "each says where the elbow turns to"),
+    ("to", "pose", "each gives the goal of the motion"),
+    ("to", "branch", "joint angles determine the branch"),
+    ("to", "status", "joint angles determine the branch"),
+    ("to", "turn", "joint angles determine the turn"),
+    ("branch", "status", "each gives the branch"),
+    (
+        "arm_angle",
+        "elbow",
+        "each gives the direction of the elbow",
+    ),
 ];
 
 /// Returns the value given for a parameter, unless it is null.
@@ -47,9 +51,9 @@ pub fn parameters_do_not_contradict(net: Typed<'_>, faults: &mut Vec<Diagnostic>
             let (Some(_), Some(literal)) = (given(item, first), given(item, second)) else {
                 continue;
             };
-            let message = format!("`{}` has `{first}` and `{second}`: {why}", item.id());
+            let message = format!("`{}` has both `{first}` and `{second}`: {why}", item.id());
             let fault = Diagnostic::error(fault::CONTRADICTION, literal.span, message);
-            faults.push(fault.help(format!("take `{first}` or `{second}` out")));
+            faults.push(fault.help(format!("remove `{first}` or `{second}`")));
         }
     }
 }
@@ -97,7 +101,7 @@ pub fn turns_have_a_bit_for_each_joint(net: Typed<'_>, faults: &mut Vec<Diagnost
                 continue;
             }
             let message = format!(
-                "`turn` of `{}` is {turn}: `{name}` has {} joints, and a bit for each makes {most} at most",
+                "`turn` of `{}` is {turn}: `{name}` has {} joints, so it is at most {most}",
                 item.id(),
                 model.joints
             );
@@ -139,7 +143,7 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             }
             let [value, lower, upper] = [value, *lower, *upper].map(f64::to_degrees);
             let message = format!(
-                "`{}.goal` cannot be reached: J{joint} of `{name}` goes from {lower:.3}° to {upper:.3}°, this is {value:.3}°",
+                "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}° to {upper:.3}°, this is {value:.3}°",
                 item.id()
             );
             let fault = Diagnostic::error(fault::OUT_OF_RANGE, goal.span, message);
@@ -161,7 +165,8 @@ pub fn motion_outputs_are_read(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             continue;
         }
         let id = item.id();
-        let message = format!("nobody reads `{id}.joints` or `{id}.pose`: the motion moves no arm");
+        let message =
+            format!("neither `{id}.joints` nor `{id}.pose` is read: the motion moves no arm");
         let fault = Diagnostic::error(fault::NOT_READ, item.primitive.id.span, message);
         faults.push(fault.help(format!(
             "add `{{type: JointPositionCommand, parameters: {{device: …}}, inputs: {{position: {id}.joints}}}}`, or say that it is meant: `discard: [{id}.joints]`"
@@ -180,9 +185,9 @@ pub fn commands_are_not_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 continue;
             };
             let (id, name) = (item.id(), port.name);
-            let message = format!("`{id}.{name}` is null for ever: nothing would be commanded");
+            let message = format!("`{id}.{name}` is always null: nothing would be commanded");
             let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
-            faults.push(fault.help(format!("give a value: {}", port.doc)));
+            faults.push(fault.help(format!("give a value other than null: {}", port.doc)));
         }
     }
 }
@@ -213,6 +218,6 @@ pub fn axes_have_a_direction(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         }
         let message = format!("`{}.axis` has no direction: its length is 0", item.id());
         let fault = Diagnostic::error(fault::OUT_OF_RANGE, axis.span, message);
-        faults.push(fault.help("give any length but 0, such as [0, 0, -1]"));
+        faults.push(fault.help("give an axis with a length other than 0, such as [0, 0, -1]"));
     }
 }

@@ -24,7 +24,7 @@ pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (item, topic) in items(net, Role::Publish) {
         if let Some(first) = publishers.get(topic) {
             let message = format!(
-                "`{}` publishes `{topic}`, and `{}` does so already",
+                "`{}` publishes `{topic}`, which `{}` already publishes",
                 item.id(),
                 first.id()
             );
@@ -50,7 +50,7 @@ pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let (first, other) = *kinds.entry(topic).or_insert((item, kind));
         if kind != other && first.spec().role == item.spec().role {
             let message = format!(
-                "`{}` means {} by `{topic}`, and `{}` means {}",
+                "`{}` uses {} for topic `{topic}`, but `{}` uses {}",
                 item.id(),
                 words(kind),
                 first.id(),
@@ -87,7 +87,7 @@ pub fn no_net_subscribes_to_itself(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
             let span = span.unwrap_or(item.primitive.id.span);
             let fault = Diagnostic::error(fault::OWN_TOPIC, span, message);
             let help = format!(
-                "within a net values go by links: `{{from: {}.out, delayed: true, initial: …}}`",
+                "within a net, use a link: `{{from: {}.out, delayed: true, initial: …}}`",
                 own.id()
             );
             faults.push(fault.help(help));

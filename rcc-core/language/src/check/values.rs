@@ -25,11 +25,15 @@ pub fn elements_exist(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let name = net.graph.output_name(link.from);
         let (message, help) = match (parts_of(ty), part) {
             (None, _) => (
-                format!("`{name}` is a {ty} and has no parts to pick"),
-                "only arrays such as Real[7], matrices and composites have parts".to_string(),
+                format!("`{name}` is a {ty}, which has no elements or members"),
+                "only arrays such as Real[7], matrices and composites have elements or members"
+                    .to_string(),
             ),
             (Some(help), ValuePart::Element(_)) if ty.element().is_some() => (
-                format!("`{name}` has {} elements, there is no {part}", ty.width()),
+                format!(
+                    "`{name}` has {} elements, so {part} is out of range",
+                    ty.width()
+                ),
                 help,
             ),
             (Some(help), _) => (format!("`{name}` is a {ty} and has no `{part}`"), help),
@@ -249,7 +253,7 @@ pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 spec.name
             )
         } else {
-            format!("nothing says how long `{}.{}` is", item.id(), port.name)
+            format!("cannot infer the length of `{}.{}`", item.id(), port.name)
         };
         let fault = Diagnostic::error(fault::TYPE_MISMATCH, item.primitive.id.span, message);
         faults.push(fault.help(format!("`{}` is {}", port.name, port.doc)));
@@ -285,7 +289,7 @@ pub(crate) fn literal_fits(
 fn example_of(literal: &Literal, ty: Type) -> Option<String> {
     match (ty, &literal.shape) {
         (Type::Real | Type::Int, LiteralShape::Text(text)) if text.parse::<f64>().is_ok() => {
-            Some("a number in quotes is text: leave the quotes out".to_string())
+            Some("a number in quotes is text: remove the quotes".to_string())
         }
         (_, LiteralShape::Text(text)) if text.contains('.') => Some(format!(
             "a parameter is a constant: `{text}` can feed an input only"

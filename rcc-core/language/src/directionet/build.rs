@@ -190,7 +190,8 @@ impl<'t> Conversion<'t, '_> {
         }
         if let Counterpart::None(_) = entry.row.to {
             let message = format!("`{}` has no counterpart: {}", entry.name, entry.row.note);
-            let help = Some("docs/from-the-predecessor.md says what becomes of each type".into());
+            let help =
+                Some("docs/from-the-predecessor.md lists the counterpart of each type".into());
             self.error(fault::NO_COUNTERPART, primitive.ty.span, message, help);
             return None;
         }

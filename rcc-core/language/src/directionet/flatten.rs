@@ -194,7 +194,7 @@ impl<'t> Flattener<'t, '_> {
                 let message = format!("`{}` is another name for `{}`", item.name.name, other.name);
                 let fault = Diagnostic::error(fault::WRONG_SHAPE, other.span, message);
                 self.faults.push(fault.help(format!(
-                    "name an output, `{}={}.outPort`, or take it out",
+                    "name an output, `{}={}.outPort`, or remove it",
                     item.name.name, other.name
                 )));
                 return;
@@ -386,10 +386,10 @@ impl<'t> Flattener<'t, '_> {
                 }
             }
         }
-        let message = "this link leads through fragments in a circle";
+        let message = "this link forms a cycle through fragments";
         let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, port.span, message);
         self.faults
-            .push(fault.help("let one of the fragments' outputs come from a primitive"));
+            .push(fault.help("connect one of the fragments' outputs to a primitive"));
         Some(FlatSource::Refused)
     }
 

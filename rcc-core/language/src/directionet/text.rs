@@ -121,7 +121,7 @@ pub fn looks_like(text: &str) -> bool {
 pub fn parse(text: &str) -> Result<(HeaderLines, AstFragment), Box<Diagnostic>> {
     if text.len() > BYTES_MAX {
         let message = format!(
-            "the text has {} bytes, {BYTES_MAX} are possible",
+            "the text has {} bytes, at most {BYTES_MAX} are allowed",
             text.len()
         );
         return Err(Box::new(
@@ -201,8 +201,8 @@ impl<'t> TextParser<'t> {
             .get(self.at..)
             .and_then(|rest| rest.chars().next());
         let (message, length) = match found {
-            Some(c) => (format!("here should be {what}, not `{c}`"), c.len_utf8()),
-            None => (format!("the text ends where {what} should be"), 0),
+            Some(c) => (format!("expected {what}, found `{c}`"), c.len_utf8()),
+            None => (format!("expected {what}, found the end of the text"), 0),
         };
         let span = Span::new(self.at, self.at + length);
         let fault = Diagnostic::error(fault::BROKEN, span, message);
@@ -368,7 +368,7 @@ impl<'t> TextParser<'t> {
                     Some((_, c @ ('\'' | '\\'))) => text.push(c),
                     _ => {
                         self.at = start + offset;
-                        return Err(self.wanted("`\\'` or `\\\\`: nothing else is escaped"));
+                        return Err(self.wanted("`\\'` or `\\\\` as the only escapes"));
                     }
                 },
                 c => text.push(c),

@@ -141,11 +141,7 @@ impl<'t> ValueParser<'t> {
         };
         let message = format!("`{}` is not {wanted}", shortened(self.text));
         let fault = Diagnostic::error(fault::BAD_QUANTITY, self.span, message);
-        Box::new(
-            fault.help(
-                "correct it: the predecessor silently took 0, false or what it could read of it",
-            ),
-        )
+        Box::new(fault.help("correct it: the predecessor silently read 0, false or a part of it"))
     }
 
     fn blanks(&mut self) {

@@ -65,7 +65,7 @@ pub fn text(
     {
         writer.refuse(
             literal.span,
-            "a period: it is said when a net is loaded".to_string(),
+            "a period, which is given there when a net is loaded".to_string(),
         );
     }
     let items: Vec<String> = net
@@ -159,10 +159,11 @@ fn comes_from_outside(ty: &str) -> bool {
 
 impl TextWriter<'_, '_> {
     fn refuse(&mut self, span: Span, what: String) {
-        let message = format!("DirectIONet has no counterpart of {what}");
+        let message = format!("DirectIONet has no counterpart for {what}");
         let fault = Diagnostic::error(fault::NO_COUNTERPART, span, message);
-        self.faults
-            .push(fault.help("docs/from-the-predecessor.md says what there is"));
+        self.faults.push(
+            fault.help("docs/from-the-predecessor.md lists the types that have a counterpart"),
+        );
     }
 
     /// Returns the items for a primitive.
@@ -410,7 +411,7 @@ impl TextWriter<'_, '_> {
         if let Some(initial) = initial {
             self.refuse(
                 initial.span,
-                "a first value of a delayed link: there it is null".to_string(),
+                "an initial value of a delayed link, which is null there".to_string(),
             );
         }
         match link.delayed {

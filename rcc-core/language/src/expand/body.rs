@@ -106,7 +106,7 @@ impl<'a> Bodies<'a> {
         for fragment in net.fragments.iter().chain(library) {
             let name = &fragment.name;
             if by_name.contains_key(name.name.as_str()) {
-                let message = format!("there is another fragment `{}`", name.name);
+                let message = format!("fragment `{}` is defined more than once", name.name);
                 let fault = Diagnostic::error(fault::FRAGMENT_TWICE, name.span, message);
                 faults.push(fault);
                 continue;
@@ -245,11 +245,11 @@ impl<'a> Bodies<'a> {
         for FragmentOutput { name, from, .. } in outputs {
             if let ReferenceTarget::Input(input) = self.target(body, from) {
                 let message = format!(
-                    "the output `{}` is the input `{}`: an output comes from a primitive of the fragment",
+                    "the output `{}` is the input `{}`: an output must come from a primitive of the fragment",
                     name.name, input.name.name
                 );
                 let fault = Diagnostic::error(fault::WRONG_SHAPE, from.span, message);
-                faults.push(fault.help("connect what feeds the instance to the reader"));
+                faults.push(fault.help("connect the reader to the source of the instance's input"));
             }
         }
         for reference in body.references().chain(body.discard) {
@@ -296,7 +296,7 @@ impl<'a> Bodies<'a> {
             let Some((_, fragment)) = self.fragment_of(instance) else {
                 let names = self.fragments.iter().map(|(_, fragment)| &fragment.name);
                 let help = nearest(&of.name, "fragments", names);
-                let message = format!("there is no fragment `{}`", of.name);
+                let message = format!("unknown fragment `{}`", of.name);
                 let fault = Diagnostic::error(fault::UNKNOWN_FRAGMENT, of.span, message);
                 faults.push(fault.help(help));
                 continue;
@@ -346,7 +346,7 @@ impl<'a> Bodies<'a> {
                     format!("`{reference}` is discarded twice"),
                 )
             } else if reference.part.is_some() {
-                let message = "an output is discarded as a whole, not by element";
+                let message = "an output can only be discarded as a whole";
                 (fault::BAD_DISCARD, message.to_owned())
             } else if read.contains(&names(reference)) {
                 let message = format!("`{reference}` is discarded and read");
@@ -385,7 +385,7 @@ impl<'a> Bodies<'a> {
             };
             let fault = Diagnostic::error(fault::NOT_READ, instance.id.span, message);
             faults.push(fault.help(format!(
-                "connect them, or say that nobody needs them: `discard: [{list}]`"
+                "connect them, or discard them: `discard: [{list}]`"
             )));
         }
     }
@@ -399,7 +399,7 @@ impl<'a> Bodies<'a> {
         for (_, fragment) in self.fragments.iter().take(self.own) {
             let name = &fragment.name;
             if !used.contains(name.name.as_str()) {
-                let message = format!("the fragment `{}` has no instance", name.name);
+                let message = format!("the fragment `{}` is not used", name.name);
                 faults.push(Diagnostic::warning(
                     fault::FRAGMENT_NOT_USED,
                     name.span,
@@ -490,7 +490,9 @@ fn unknown_input(body: &Body<'_>, reference: &Reference) -> Diagnostic {
     let names: BTreeSet<&str> = names.map(|key| key.name.as_str()).collect();
     let help = match closest(primitive, names.iter().copied()) {
         Some(near) => format!("did you mean `{near}`?"),
-        None => "an input is one word, the output of a primitive is `primitive.port`".to_owned(),
+        None => {
+            "write an input as one word, an output of a primitive as `primitive.port`".to_owned()
+        }
     };
     Diagnostic::error(fault::UNKNOWN_PRIMITIVE, reference.span, message).help(help)
 }
@@ -511,7 +513,7 @@ fn parameters_are_known_and_used(body: &Body<'_>, faults: &mut Vec<Diagnostic>) 
         if !known.contains(name) {
             let help = match body.fragment {
                 Some(_) => nearest(name, "parameters", parameters.iter().map(|it| &it.name)),
-                None => "only fragments have parameters: write the value".to_owned(),
+                None => "a net has no parameters: write the value".to_owned(),
             };
             faults.push(unknown(name, span, help));
         }
@@ -524,7 +526,7 @@ fn parameters_are_known_and_used(body: &Body<'_>, faults: &mut Vec<Diagnostic>) 
         named_in(default, &mut names);
     }
     for (name, span) in names {
-        faults.push(unknown(name, span, "a default is a value".to_owned()));
+        faults.push(unknown(name, span, "a default must be a value".to_owned()));
     }
     for parameter in parameters {
         let name = &parameter.name;
@@ -558,7 +560,7 @@ fn inputs_are_used(body: &Body<'_>, fragment: &Fragment, faults: &mut Vec<Diagno
 }
 
 fn no_text(span: Span) -> Diagnostic {
-    let message = "no input carries Text: only parameters do";
+    let message = "an input cannot be of type Text";
     Diagnostic::error(fault::WRONG_SHAPE, span, message).help("make it a parameter of the fragment")
 }
 

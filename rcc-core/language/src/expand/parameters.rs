@@ -206,7 +206,7 @@ fn named_in_node<'n>(node: &'n Node, names: &mut Vec<(&'n str, Span)>) {
 
 /// Returns the diagnostic of an unknown parameter.
 pub fn unknown(name: &str, span: Span, help: String) -> Diagnostic {
-    let message = format!("`${name}` is no parameter of a fragment around it");
+    let message = format!("unknown parameter `${name}`: no enclosing fragment declares it");
     Diagnostic::error(fault::NO_SUCH_PARAMETER, span, message).help(help)
 }
 

@@ -15,7 +15,7 @@ use crate::syntax::literal::{Literal, LiteralShape};
 
 /// Help text for an invalid unit.
 const DECLARED_UNITS_HELP: &str =
-    "write a unit of the SI such as `m/s`, `N`, `rad`; a plain number needs no `unit`";
+    "write an SI unit such as `m/s`, `N`, `rad`; a plain number needs no `unit`";
 /// Longest name of a topic, characters.
 const TOPIC_MAX: usize = 64;
 
@@ -122,7 +122,7 @@ impl<'a> Resolver<'a, '_> {
             LiteralShape::Text(name) => self.suggestions.word(name, "words", known, None),
             _ => format!("words: {}", words.join(", ")),
         };
-        let message = format!("`{}` is a word, not {literal}", parameter.name);
+        let message = format!("`{}` must be a word, not {literal}", parameter.name);
         let message = match &literal.shape {
             LiteralShape::Text(name) => format!("`{}` cannot be `{name}`", parameter.name),
             _ => message,
@@ -137,9 +137,9 @@ impl<'a> Resolver<'a, '_> {
         let good = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
         let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
         if !begins || name.len() > TOPIC_MAX || !name.chars().all(good) {
-            let message = format!("`{name}` is no name of a topic");
+            let message = format!("invalid topic name `{name}`");
             let help = format!(
-                "a letter and up to {TOPIC_MAX} letters, digits and `_ - . /`, as in `tool/force`"
+                "use a letter followed by letters, digits and `_ - . /`, at most {TOPIC_MAX} characters, as in `tool/force`"
             );
             self.error(fault::BAD_NAME, literal.span, message, Some(help));
         }
@@ -181,7 +181,10 @@ impl<'a> Resolver<'a, '_> {
                 [] => "the cell has no arm".to_string(),
                 names => format!("arms of the cell: {}", names.join(", ")),
             };
-            let message = format!("{} needs an arm, and `{}` has none", spec.name, device.name);
+            let message = format!(
+                "{} needs an arm, and `{}` is not one",
+                spec.name, device.name
+            );
             self.error(fault::NO_ARM, span, message, Some(help));
         }
         is_arm

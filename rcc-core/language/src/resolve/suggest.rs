@@ -54,7 +54,7 @@ impl Suggestions {
         let names = CATALOGUE.iter().map(|entry| entry.spec.name);
         match self.near(name, names) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => "`rcc-cli primitives` lists all primitives types".to_string(),
+            None => "`rcc-cli primitives` lists all types".to_string(),
         }
     }
 

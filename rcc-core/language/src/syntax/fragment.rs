@@ -288,14 +288,14 @@ fn read_outputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentOutput
 /// The types of ports, as help text.
 pub const TYPES: &str = "types: Bool, Int, Real, Vector3, Rotation, Pose, Twist, Wrench, Bool[n], Int[n], Real[n], Real[r,c]";
 /// Units, as help text.
-pub const UNITS: &str = "write a unit of the SI such as `m/s`, `N`, `rad`, or `1`";
+pub const UNITS: &str = "write an SI unit such as `m/s`, `N`, `rad`, or `1`";
 
 fn read_type(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Type, Span)> {
     let ty = node.text().and_then(parse_type);
     if ty.is_none() {
         let what = match node.text() {
-            Some(text) => format!("there is no type `{text}`"),
-            None => format!("a type is a name, not {}", node.kind()),
+            Some(text) => format!("unknown type `{text}`"),
+            None => format!("a type must be a name, not {}", node.kind()),
         };
         let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, what);
         faults.push(fault.help(format!("{TYPES}, and Text")));
@@ -355,12 +355,12 @@ fn read_unit(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Unit, Span)> 
     if text.and_then(si_unit).is_none() {
         let (message, help) = match (text, unit) {
             (Some(text), Some((unit, _))) => (
-                format!("`{text}` is not the unit in which values travel"),
+                format!("values are in SI units, and `{text}` is not one"),
                 format!("write `unit: {unit}`; constants may be in any unit: `20 mm`"),
             ),
-            (Some(text), None) => (format!("there is no unit `{text}`"), UNITS.to_string()),
+            (Some(text), None) => (format!("unknown unit `{text}`"), UNITS.to_string()),
             (None, _) => (
-                format!("a unit is a name, not {}", node.kind()),
+                format!("a unit must be a name, not {}", node.kind()),
                 UNITS.to_string(),
             ),
         };

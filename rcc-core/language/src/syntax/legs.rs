@@ -66,9 +66,9 @@ pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<L
         read.is_some_and(|blend| blend.value > 0.0)
     };
     if let Some(blend) = blend.filter(is_zone) {
-        let message = "`blend` of the last leg: there is no leg to go over into";
+        let message = "the last leg has a `blend`, but no leg follows to blend into";
         let fault = Diagnostic::error(fault::CONTRADICTION, blend.span, message);
-        faults.push(fault.help("take `blend` out: the path ends at rest"));
+        faults.push(fault.help("remove `blend`: the path ends at rest"));
     }
     (faults.len() == before).then_some(rows)
 }
@@ -137,9 +137,9 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
         "ptp" => {
             ptp(what, &mut row, faults);
             if let (Some(_), Some(relative)) = (what.get("joints"), node.get("relative")) {
-                let message = "`relative` is for poses: joints are where they are, from 0";
+                let message = "`relative` applies to poses only: joint angles are absolute";
                 let fault = Diagnostic::error(fault::CONTRADICTION, relative.span, message);
-                faults.push(fault.help("take `relative` out, or give a pose"));
+                faults.push(fault.help("remove `relative`, or give a pose"));
             }
         }
         "lin" => {
@@ -279,9 +279,9 @@ fn number(node: &Node, what: &str, unit: Unit, faults: &mut Vec<Diagnostic>) -> 
 fn either(node: &Node, keys: [&str; 2], faults: &mut Vec<Diagnostic>) {
     let [first, second] = keys;
     if let (Some(_), Some(other)) = (node.get(first), node.get(second)) {
-        let message = format!("`{first}` and `{second}` say the same thing in two ways");
+        let message = format!("`{first}` and `{second}` exclude each other");
         let fault = Diagnostic::error(fault::CONTRADICTION, other.span, message);
-        faults.push(fault.help(format!("take `{first}` or `{second}` out")));
+        faults.push(fault.help(format!("remove `{first}` or `{second}`")));
     }
 }
 

@@ -495,12 +495,12 @@ fn read_pose(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<LiteralShape> 
         (None, Some(quat)) => read_quaternion(quat, faults),
         (given, _) => {
             let message = match given {
-                Some(_) => "a rotation is given twice",
+                Some(_) => "the rotation is given twice",
                 None => "the rotation is missing",
             };
             let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, message);
             faults
-                .push(fault.help("give one of `rpy: [roll, pitch, yaw]` and `quat: [x, y, z, w]`"));
+                .push(fault.help("give either `rpy: [roll, pitch, yaw]` or `quat: [x, y, z, w]`"));
             None
         }
     };
@@ -521,7 +521,7 @@ fn read_quaternion(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<[f64; 4]
     if (length - 1.0).abs() <= LENGTH_TOLERANCE {
         return Some(elements.map(|x| x / length));
     }
-    let message = format!("the quaternion is of length {length:.4}, not 1");
+    let message = format!("the quaternion has length {length:.4}, not 1");
     let fault = Diagnostic::error(fault::NOT_NORMALISED, node.span, message);
     faults.push(fault.help("the order is x, y, z, w; or use `rpy: [roll, pitch, yaw]`"));
     None

@@ -44,7 +44,7 @@ impl fmt::Display for Reference {
 pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Reference> {
     let parsed = parse(text, node.span);
     if parsed.is_none() {
-        let message = format!("`{text}` names no output");
+        let message = format!("`{text}` is not a reference to an output");
         let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, message);
         faults.push(fault.help(
             "an output is written `primitive.port`, a part of it `primitive.port[index]`, `[from..to]`, `[row,column]`, `[row,..]`, `.x` or `.position`",

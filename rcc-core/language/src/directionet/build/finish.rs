@@ -93,13 +93,13 @@ impl Conversion<'_, '_> {
                 .collect();
             if !missing.is_empty() {
                 let message = format!(
-                    "the net commands {} of the {joints} axes of `{device}`, and not {}",
+                    "the net commands only {} of the {joints} axes of `{device}`; missing: {}",
                     arm.axes.len(),
                     missing.join(", ")
                 );
                 let fault = Diagnostic::error(fault::WRONG_ARM, arm.span, message);
                 self.faults.push(fault.help(
-                    "an arm is commanded as a whole: command all axes, or let `# devices:` name the arm that the net was made for",
+                    "command all axes, or name the arm that the net was made for in `# devices:`",
                 ));
                 continue;
             }
@@ -169,10 +169,10 @@ impl Conversion<'_, '_> {
             done = self.built_output(made, "out");
         }
         if never {
-            let message = "the net never ends by itself: `outTerminate` is always false";
+            let message = "the net never terminates: `outTerminate` is always false";
             let fault = Diagnostic::warning(fault::NEVER_ENDS, span, message);
             self.faults.push(fault.help(
-                "the predecessor's application ended it when a result came: name these results, `# end: _1, _2`, or abort it",
+                "the predecessor's application ended it on a result: name these results, `# end: _1, _2`, or abort it",
             ));
         }
         self.add(BuiltPrimitive {
@@ -187,7 +187,7 @@ impl Conversion<'_, '_> {
     }
 
     fn unknown_key(&mut self, end: &str, place: Span) {
-        let message = format!("the net gives no value with the key `{end}` to the application");
+        let message = format!("the net sends no value with the key `{end}` to the application");
         let keys: Vec<&str> = self.keys.iter().map(|(key, _)| key.as_str()).collect();
         let help = match rcc_config::diagnostic::closest(end, keys.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
@@ -206,12 +206,12 @@ impl Conversion<'_, '_> {
         };
         let count = self.flat.debug.len();
         let message = format!(
-            "a history for debugging is asked for, here and at {} other inputs: it is not kept",
+            "a debug history is requested here and at {} other inputs, but is not kept",
             count - 1
         );
         let fault = Diagnostic::warning(fault::NO_HISTORY, *first, message);
         self.faults.push(fault.help(
-            "every input of a device and every set-point is in the flight recorder, and `rcc-cli watch` shows any port",
+            "the flight recorder keeps all device inputs and set-points, and `rcc-cli watch` shows any port",
         ));
     }
 

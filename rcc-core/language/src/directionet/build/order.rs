@@ -98,14 +98,11 @@ impl Conversion<'_, '_> {
         } else {
             ""
         };
-        let message = format!(
-            "primitives wait for each other in a circle: {}{more}",
-            names.join(" → ")
-        );
+        let message = format!("loop without a `Pre`: {}{more}", names.join(" → "));
         let span = self.span(number);
         let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, span, message);
         self.faults.push(
-            fault.help("lead one link of the circle through a `Pre`, such as `Core::DoublePre`"),
+            fault.help("insert a `Pre` into one link of the loop, such as `Core::DoublePre`"),
         );
     }
 }

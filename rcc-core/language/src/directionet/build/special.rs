@@ -100,7 +100,9 @@ impl Conversion<'_, '_> {
                 match elements.get_mut(index as usize) {
                     Some(element) => *element = value,
                     None => {
-                        let message = format!("there is no element {index} of {size}");
+                        let message = format!(
+                            "element {index} is out of range: the array has {size} elements"
+                        );
                         self.error(fault::BAD_ELEMENT, span, message, None);
                     }
                 }
@@ -190,8 +192,9 @@ impl Conversion<'_, '_> {
             return;
         };
         if matches!(&initial.shape, LiteralShape::List(elements) if elements.is_empty()) {
-            let message = "an array from outside of length 0 never gets a value".to_string();
-            let help = Some("give `Value` as many elements as it has: `[0,0,0]`".to_string());
+            let message = "an array input of length 0 never gets a value".to_string();
+            let help =
+                Some("give `Value` one element for each of the array's: `[0,0,0]`".to_string());
             return self.error(fault::OUT_OF_RANGE, initial.span, message, help);
         }
         let name = super::finish::id(&format!("in{key}"));
@@ -465,13 +468,12 @@ impl Conversion<'_, '_> {
         let earlier = arm.axes.insert(axis, (value, at)).is_some();
         if earlier {
             let message = format!("axis {axis} of `{device}` is commanded twice");
-            let help =
-                Some("choose between the two values with a `Core::DoubleConditional`".into());
+            let help = Some("choose between the two values with `Core::DoubleConditional`".into());
             self.error(fault::CLAIMED_TWICE, span, message, help);
         } else if !same {
             let message =
-                format!("axis {axis} of `{device}` has another condition than the others");
-            let help = Some("put all axes of a robot into one fragment".to_string());
+                format!("axis {axis} of `{device}` has a different condition than the other axes");
+            let help = Some("move all axes of a robot to one fragment".to_string());
             self.error(fault::NO_COUNTERPART, span, message, help);
         }
     }

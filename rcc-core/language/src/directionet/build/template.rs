@@ -158,7 +158,7 @@ impl Conversion<'_, '_> {
             _ => None,
         };
         if known.is_none() && !matches!(of, BuiltValue::Refused) {
-            let message = format!("there is no element {index}");
+            let message = format!("element {index} is out of range");
             self.error(fault::BAD_ELEMENT, span, message, None);
         }
         known.unwrap_or(BuiltValue::Refused)
@@ -192,7 +192,7 @@ impl Conversion<'_, '_> {
         let span = self.span(place.number);
         let Some((_, catalogue)) = primitives::find(&ty.name) else {
             let message = format!(
-                "`{}` needs `{}`, which is not there",
+                "`{}` needs the primitive type `{}`, which the catalogue does not have",
                 place.entry.name, ty.name
             );
             let help = Some("this version of the catalogue does not have it".to_string());
@@ -248,10 +248,10 @@ impl Conversion<'_, '_> {
 
     fn must_be_constant(&mut self, entry: &TypeEntry, parameter: &str, span: Span) {
         let message = format!(
-            "this is connected, and what becomes of {} takes it as the constant `{parameter}`",
+            "this is connected, but the counterpart of {} takes it as the constant parameter `{parameter}`",
             entry.name
         );
-        let help = Some("give it as the parameter instead of the link".to_string());
+        let help = Some("set the parameter instead of connecting the input".to_string());
         self.error(fault::NO_COUNTERPART, span, message, help);
     }
 
@@ -302,11 +302,11 @@ impl Conversion<'_, '_> {
                 .map(|device| device.name.as_str())
                 .collect();
             let message = match found {
-                Some(_) => format!("the cell's device `{mapped}` is no arm"),
+                Some(_) => format!("the cell's device `{mapped}` is not an arm"),
                 None => format!("the cell has no {wanted} `{mapped}`"),
             };
             let help = format!(
-                "say which {wanted} of the cell `{name}` is: `# devices: {name}=NAME` before the net; the cell has: {}",
+                "name the cell's {wanted} for `{name}` in a line before the net, `# devices: {name}=NAME`; the cell has: {}",
                 names.join(", ")
             );
             let code = if found.is_some() {
@@ -347,7 +347,7 @@ impl Conversion<'_, '_> {
             .collect();
         let message = format!("`{device}` has no channel {number} for {}", spec.name);
         let help = format!(
-            "it has: {}; or say which one it is: `# channels: {device}.{theirs}=NAME` before the net",
+            "channels: {}; or name it in a line before the net, `# channels: {device}.{theirs}=NAME`",
             listed.join(", ")
         );
         self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));

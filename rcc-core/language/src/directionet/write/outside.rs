@@ -111,9 +111,7 @@ impl TextWriter<'_, '_> {
         let own = &self.net.name.name;
         self.refuse(
             primitive.id.span,
-            format!(
-                "the topic `{topic}`: there it is `{own}/outKEY` or `NET/inKEY` of what a net gives"
-            ),
+            format!("the topic `{topic}`; write `{own}/outKEY` or `NET/inKEY`"),
         );
     }
 }
