@@ -1,10 +1,10 @@
-//! Names the build for what primitives cost: a hash (FNV-1a, 64 bits) of the sources that the cycle is made of, and of
-//! how they are optimised. Costs that were measured of another build are measured again.
+//! Computes the build id under which measured costs are stored: a hash (FNV-1a, 64 bits) of the sources that run in the
+//! cycle, and of the optimisation settings. Costs measured with another build are measured again.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
-/// Folders with everything that a cycle runs.
+/// Folders with all sources that run in a cycle.
 const SOURCES: [&str; 3] = ["../src", "../motion/src", "src"];
 
 fn main() -> io::Result<()> {
@@ -27,7 +27,7 @@ fn main() -> io::Result<()> {
     Ok(())
 }
 
-/// All files of a folder and of its folders, sorted.
+/// All files in a folder and its subfolders, sorted.
 fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {

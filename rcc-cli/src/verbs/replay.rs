@@ -1,5 +1,5 @@
-//! `replay FILE`: evaluates the nets of an incident again on the recorded inputs and compares every cycle. Needs nothing
-//! but the file: no cell, and not the machine it comes from.
+//! `replay FILE`: evaluates the nets of an incident again with the recorded inputs and compares every cycle. Needs only
+//! the file: neither a cell nor the machine that recorded it.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -21,26 +21,26 @@ use crate::incident::{IncidentNet, ShownSlots, text, value_of};
 use crate::output::print_line;
 use crate::table::{self, grouped};
 
-/// What is replayed and shown.
+/// Arguments of `replay`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The incident file (`rcc-cli incidents` lists them).
+    /// Incident file; `rcc-cli incidents` lists them
     file: PathBuf,
-    /// Stop after this cycle of the executor.
+    /// Stop after this executor cycle
     #[arg(long, value_name = "CYCLE")]
     until: Option<u64>,
-    /// ValuePrinter values from this cycle of the executor on.
+    /// Show values from this executor cycle on
     #[arg(long, value_name = "CYCLE", requires = "show")]
     from: Option<u64>,
-    /// ValuePrinter these values in each cycle: net/primitive.port, with * and ? for any characters.
+    /// Show these values in each cycle: net/primitive.port, with * and ? as wildcards
     #[arg(long, value_name = "PATTERN")]
     show: Vec<Pattern>,
-    /// Write the values to this file as a table (comma-separated) instead.
+    /// Write the values to this CSV file instead
     #[arg(long, value_name = "FILE", requires = "show")]
     csv: Option<PathBuf>,
 }
 
-/// What came of a net, with names.
+/// Result of one net.
 #[derive(Clone, Debug, Serialize)]
 struct ReplayResult {
     net: String,
@@ -54,10 +54,10 @@ struct ReplayResult {
     mismatch: Option<Value>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The file cannot be replayed, the replay differs, or there is nothing to compare.
+/// Fails if the file cannot be replayed, if the replay differs, or if there is nothing to compare.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let path = arguments.file.display().to_string();
     let incident = Incident::read(&arguments.file).map_err(|error| unusable(&path, error))?;
@@ -106,7 +106,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 fn unusable(path: &str, error: IncidentError) -> Failure {
     match error {
         IncidentError::Read(error) => Failure::unreadable(path, &error),
-        IncidentError::NotOne => Failure::new(
+        IncidentError::NotAnIncident => Failure::new(
             codes::NO_INCIDENT,
             format!("{path}: {error}"),
             "`rcc-cli incidents` lists them",
@@ -258,15 +258,15 @@ fn mismatch_json(mismatch: &Mismatch, named: &IncidentNet) -> Value {
     json!({"cycle": mismatch.cycle, "net_cycle": mismatch.net_cycle, "slot": slot})
 }
 
-/// Values by name, cycle by cycle.
+/// Prints or stores the shown values, cycle by cycle.
 struct ValuePrinter {
     format: Format,
-    /// By net what is shown of it, and the first of its columns.
+    /// Shown slots of each net, and the index of its first column.
     nets: BTreeMap<u64, (Vec<ShownSlots>, usize)>,
     columns: usize,
     csv: Option<BufWriter<File>>,
     first_ns: Option<u64>,
-    /// The row of the table that is being filled: cycle, time, values.
+    /// The row that is being filled: cycle, time, values.
     row: Option<(u64, f64, Vec<String>)>,
 }
 

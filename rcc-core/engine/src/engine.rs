@@ -1,8 +1,8 @@
-//! The real-time thread's work of one cycle, without clock, boards and sleep: the same code runs in
-//! tests in virtual time. Owns the command table, every running net and every device's commands.
+//! The work of one cycle of the real-time thread, without clock, boards and sleep: tests run the same code in virtual
+//! time. Owns the command table, every running net and the commands of every device.
 //!
-//! Order within a cycle: latch (done by the caller into [`Engine::latch`]) → orders → values from net to net → nets →
-//! guard → images and tables → records. Nothing here allocates, locks, formats or calls the system.
+//! Order within a cycle: latch inputs (by the caller, into [`Engine::latch`]) → requests → values between nets → nets →
+//! guard → command images and tables → records. Nothing here allocates, locks, formats or calls the system.
 
 mod admission;
 mod devices;
@@ -30,72 +30,72 @@ use handover::{Handover, rows};
 use timing::CycleTimer;
 use topics::PublishedTopics;
 
-/// Orders taken in one cycle.
+/// Most requests that are taken in one cycle.
 pub const REQUESTS_PER_CYCLE: usize = 8;
-/// The tables are written when they change and at least once in so long.
+/// Longest time between two writes of the tables; they are also written when they change.
 pub const TABLES_EVERY_NS: u64 = 16_000_000;
-/// How long a driver may take to follow its first set-points, and to settle after the last.
+/// Longest time that a driver may take to follow its first set-points, and to settle after the last.
 pub const SETTLE_MAX_NS: u64 = 1_000_000_000;
 
-/// What the engine must know about the cell.
+/// The engine's view of the cell's configuration.
 #[derive(Clone, Debug)]
 pub struct EngineConfig {
     /// Incarnation of this executor.
     pub incarnation: u64,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
-    /// A board older than this is a lost device.
+    /// Age at which a board counts as stale and its device as lost, ns.
     pub stale_after_ns: u64,
-    /// After so many late cycles in a row the most expensive net ends; 0 = never.
+    /// Number of consecutive late cycles after which the most expensive net is terminated; 0: never.
     pub late_in_a_row_max: u32,
-    /// Devices in the order of the configuration.
+    /// Devices, in the order of the configuration.
     pub models: Vec<DeviceModel>,
 }
 
-/// One device as the engine sees it.
+/// One device in the engine.
 #[derive(Debug)]
 struct EngineDevice {
     guard: Guard,
-    /// The command that holds the arm and commands it now, and the number of that engagement.
+    /// The engagement of the command that currently commands the arm.
     engagement: Option<Engagement>,
-    /// Guard and engagement as they were before a hand-over was tried.
+    /// Guard and engagement before a hand-over is tried, to restore them if it is refused.
     before_handover: (Guard, Option<Engagement>),
-    /// Set-point of this cycle.
+    /// Output of this cycle.
     output: DeviceOutput,
     image: Box<CommandImage>,
 }
 
-/// One stretch of cycles in which a net commands an arm without a gap.
+/// An uninterrupted sequence of cycles in which a net commands an arm.
 #[derive(Clone, Copy, Debug)]
 struct Engagement {
     row: usize,
     number: u64,
     since_cycle: u64,
     followed: bool,
-    /// The driver follows this engagement, and not one before it, when it has played this logical time, ns.
+    /// Logical time that the driver must have played before it follows this engagement and not the previous one, ns.
     follows_from_ns: u64,
 }
 
-/// A row that was started or terminated and waits for something.
+/// A transition that a started or terminated row waits for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum PendingTransition {
     Nothing,
-    /// The first evaluation, in the net's next cycle, decides about START.
+    /// START was accepted; the first evaluation, in the net's next cycle, decides about it.
     Start {
         ticket: u64,
     },
-    /// Over, but its arms still play the last set-points.
+    /// The net has ended, but its arms still play the last set-points.
     Settle {
         since_cycle: u64,
     },
 }
 
-/// Everything the real-time thread owns.
+/// Everything that the real-time thread owns.
 #[derive(Debug)]
 pub struct Engine {
     config: EngineConfig,
     dt_s: f64,
-    /// In cycles, at least 1.
+    /// Cycles between two writes of unchanged tables, at least 1.
     tables_every: u64,
     rings: RtRingEnds,
     inputs: Vec<DeviceInput>,
@@ -103,12 +103,12 @@ pub struct Engine {
     boards: Vec<Option<(u64, Box<BoardReader<Measurement>>)>>,
     nets: Box<Nets>,
     pending: [PendingTransition; COMMANDS_MAX],
-    /// Bit r: row r is active or waits for something; no other row has anything to do in a cycle.
+    /// Bit r: row r is active or has a pending transition; all other rows have nothing to do in a cycle.
     busy: u64,
-    /// Bit r: the net in row r, ready or active, shows values of others.
+    /// Bit r: the net in row r, ready or active, subscribes to values of other nets.
     subscribers: u64,
     topics: Box<PublishedTopics>,
-    /// A hand-over that is tried before the rows are evaluated, as soon as all that begin are due.
+    /// A hand-over that waits until all nets that start are due; it is tried before the rows are evaluated.
     handover: Option<Handover>,
     status: CycleStatus,
     tables: Box<Tables>,
@@ -122,7 +122,7 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// All memory of the real-time thread. `first_id` is the first command id that will be given out.
+    /// Allocates all memory of the real-time thread.
     pub fn new(config: EngineConfig, rings: RtRingEnds) -> Engine {
         let mut status = CycleStatus::zeroed();
         status.magic = MAGIC;
@@ -174,21 +174,21 @@ impl Engine {
         }
     }
 
-    /// The same engine, which tells what its thread was granted (bits, see [`CycleStatus::grants`]).
+    /// Sets what the thread was granted, for the status (bits, see [`CycleStatus::grants`]).
     #[must_use]
     pub fn with_grants(mut self, grants: u32) -> Engine {
         self.status.grants = grants;
         self
     }
 
-    /// Records everything that replay needs.
+    /// Adds a flight recorder, which records everything that replay needs.
     #[must_use]
     pub fn recorded_by(mut self, recorder: Recorder) -> Engine {
         self.recorder = Some(Box::new(recorder));
         self
     }
 
-    /// Hands over what was frozen and waits for its time, before the engine ends.
+    /// Hands over a recording that is frozen but still waits for its time; to be called before the engine ends.
     pub fn end_recording(&mut self) {
         if let Some(recorder) = &mut self.recorder {
             recorder.hand_over();
@@ -205,33 +205,34 @@ impl Engine {
         &self.tables
     }
 
-    /// True if the tables should be written in this cycle.
+    /// Returns true if the tables should be written in this cycle.
     pub fn tables_due(&self) -> bool {
         self.tables_changed || self.status.cycle.is_multiple_of(self.tables_every)
     }
 
-    /// What a device measured, as it was latched for this cycle; `None` while it is lost.
+    /// The measurement of a device that was latched for this cycle; `None` while the device is lost.
     pub fn measurement(&self, device: usize) -> Option<&Measurement> {
         let input = self.inputs.get(device)?;
         input.present.then_some(&input.measurement)
     }
 
-    /// Where the cycles' time comes from, for the status board.
+    /// Sets the source of the cycles' time, for the status board.
     pub fn set_clock(&mut self, clock: ClockStatus) {
         self.status.clock = clock;
     }
 
-    /// What a device is told.
+    /// The command image of a device, which its driver reads.
     pub fn image(&self, device: usize) -> Option<&CommandImage> {
         self.devices.get(device).map(|device| &*device.image)
     }
 
-    /// No net is active.
+    /// Returns true if no net is active.
     pub fn is_idle(&self) -> bool {
         self.status.running == 0
     }
 
-    /// From now on no net is started; running ones are cancelled, or aborted if they cannot be.
+    /// Stops the cell: from now on no net is started; running nets are cancelled, or aborted if they cannot be
+    /// cancelled.
     pub fn begin_stop(&mut self) {
         if !std::mem::replace(&mut self.stopping, true) {
             self.cancel_all();
@@ -247,7 +248,7 @@ impl Engine {
         }
     }
 
-    /// One cycle, after the devices were latched. `now_ns` is when it woke.
+    /// Runs one cycle, after the devices were latched. `now_ns` is the time at which it woke (CLOCK_MONOTONIC).
     pub fn cycle(&mut self, now_ns: u64) {
         self.status.cycle += 1;
         self.status.stamp_ns = now_ns;
@@ -272,12 +273,13 @@ impl Engine {
 
     fn take_requests(&mut self) {
         for _ in 0..REQUESTS_PER_CYCLE {
-            // Each order has at most three outcomes now or later; without room none is taken, and none is lost.
+            // Each request has at most three replies, now or later; without room for them no request is taken, so none
+            // is lost.
             if self.rings.replies.slots() < COMMANDS_MAX + 3 {
                 return;
             }
             match self.rings.requests.pop() {
-                // What comes behind a hand-over is obeyed after it was tried.
+                // Requests behind a hand-over are executed after it was tried.
                 Ok(request @ EngineRequest::Handover { .. }) => return self.execute(request),
                 Ok(request) => self.execute(request),
                 Err(_) => return,
@@ -285,10 +287,10 @@ impl Engine {
         }
     }
 
-    /// Hands something to the intake thread. There is room: see [`Engine::take_requests`].
+    /// Sends a reply to the intake thread. There is room: see [`Engine::take_requests`].
     fn give_back(&mut self, reply: EngineReply) {
         if let Err(rtrb::PushError::Full(reply)) = self.rings.replies.push(reply) {
-            // Unreachable by the rule above; leaking is the one reaction that does not free memory here.
+            // Unreachable by the rule above; leaking is the only reaction that does not free memory here.
             std::mem::forget(reply);
         }
     }
@@ -335,7 +337,7 @@ impl Engine {
         self.status.running = self.busy.count_ones();
     }
 
-    /// What a net claims, by row.
+    /// The resources that the net in `row` claims.
     fn claims(&self, row: usize) -> Option<&Resources> {
         self.nets.get(row)?.as_ref().map(|net| net.resources())
     }
@@ -348,7 +350,7 @@ impl Engine {
         }
     }
 
-    /// The state of a device: what its driver says, or offline if it is not present.
+    /// State of a device as its driver reports it; offline if it is not present.
     fn device_state(&self, device: usize) -> DeviceState {
         match self.inputs.get(device) {
             Some(input) if input.present => DeviceState::from_number(input.measurement.state),

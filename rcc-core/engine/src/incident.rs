@@ -92,7 +92,7 @@ pub enum IncidentError {
     Read(#[from] io::Error),
     /// Not ours.
     #[error("it is no incident file")]
-    NotOne,
+    NotAnIncident,
     /// Too large.
     #[error("it has {0} bytes, more than any incident file")]
     TooLarge(u64),
@@ -267,10 +267,10 @@ pub fn read_head(path: &Path) -> Result<(IncidentHead, Option<Vec<u8>>), Inciden
     let mut file = rcc_os::file::open(path)?;
     let mut start = [0; 16];
     file.read_exact(&mut start)
-        .map_err(|_| IncidentError::NotOne)?;
+        .map_err(|_| IncidentError::NotAnIncident)?;
     let [mark, length] = bytemuck::cast::<_, [u64; 2]>(start).map(u64::from_le);
     if mark != MARK || length > HEAD_MAX {
-        return Err(IncidentError::NotOne);
+        return Err(IncidentError::NotAnIncident);
     }
     let mut text = vec![0; length as usize];
     file.read_exact(&mut text)?;
@@ -334,10 +334,10 @@ impl Incident {
     /// As [`Incident::read`].
     pub fn parse(all: &[u64]) -> Result<Incident, IncidentError> {
         let Some((sum, body)) = all.split_last() else {
-            return Err(IncidentError::NotOne);
+            return Err(IncidentError::NotAnIncident);
         };
         if body.first() != Some(&MARK) {
-            return Err(IncidentError::NotOne);
+            return Err(IncidentError::NotAnIncident);
         }
         let mut summed = WordChecksum::default();
         body.iter().for_each(|word| summed.take(*word));

@@ -1,5 +1,6 @@
-//! Values that come from outside: set and checked, or copied from another net, and laid ready between two cycles; written
-//! into the net's slots when it is evaluated next. Run by the real-time thread; all memory is made with the net.
+//! Values from outside a net: set by clients and checked, or copied from another net. They are staged between two
+//! cycles and written into the net's slots at its next evaluation. Run by the real-time thread; all memory is allocated
+//! with the net.
 
 use rcc_core::plan::{InputPoint, Plan};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
@@ -7,7 +8,7 @@ use rcc_ipc::control::{InputFault, InputValue, Refusal};
 
 use crate::net::Nets;
 
-/// The slots of a net.
+/// The arenas of a net.
 #[derive(Debug)]
 pub struct ArenaSlices<'a> {
     /// `Real`.
@@ -18,12 +19,12 @@ pub struct ArenaSlices<'a> {
     pub ints: &'a mut [i64],
 }
 
-/// What lies ready for the inputs of a net.
+/// The staged values for the inputs of a net.
 #[derive(Debug)]
 pub struct NetInputs {
     buffers: Box<[InputBuffer]>,
     words: Box<[u64]>,
-    /// [`NetInputs::bind`] was called for this version of what is published.
+    /// Version of the published topics for which [`NetInputs::bind`] was called last.
     bound: u64,
 }
 
@@ -33,34 +34,34 @@ struct InputBuffer {
     width: usize,
     staged: StagedValue,
     source: Option<TopicSource>,
-    /// Cycle in which `source` computed what came last.
+    /// Cycle in which `source` computed the value that was copied last.
     source_cycle: Option<u64>,
-    /// What came last came from another net that ran then.
+    /// The last value came from another net that was running.
     from_topic: bool,
-    /// Evaluations of this net in which what is ready could have been seen before; it began later.
+    /// Number of evaluations of this net that the staged value missed, because the net started later.
     late: u16,
 }
 
-/// The value of another net that an input shows.
+/// The value of another net that an input subscribes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TopicSource {
-    /// The net's row.
+    /// Row of the publishing net.
     pub row: usize,
-    /// Index in its plan.
+    /// Index in the list of values that the net publishes.
     pub publish: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum StagedValue {
     Nothing,
-    /// For the next evaluation.
+    /// Staged for the next evaluation.
     Waiting,
-    /// The first evaluation has taken it; if that does not count, it waits again.
+    /// Taken by the first evaluation; staged again if START is refused.
     TakenFirst,
 }
 
 impl NetInputs {
-    /// Room for the inputs of a checked plan. Not for the real-time thread.
+    /// Allocates room for the inputs of a checked plan. Not for the real-time thread.
     pub fn of(points: &[InputPoint]) -> NetInputs {
         let mut first = 0;
         let place = |point: &InputPoint| {
@@ -84,7 +85,7 @@ impl NetInputs {
         }
     }
 
-    /// Finds out from where what other nets publish comes, if what is published has another version than the last time.
+    /// Looks up the sources of all topics again if `version`, the version of the published topics, has changed.
     pub fn bind(
         &mut self,
         points: &[InputPoint],
@@ -102,8 +103,8 @@ impl NetInputs {
         }
     }
 
-    /// Lays ready what other nets have computed since the last time, and null for what no net gives any more. `cycle` is
-    /// the executor's, `every` how many there are from one evaluation of this net to the next.
+    /// Stages the values that other nets have computed since the last call, and null for topics that no net publishes
+    /// any more. `cycle` is the executor's cycle, `every` the number of cycles between two evaluations of this net.
     pub fn receive(&mut self, points: &[InputPoint], nets: &Nets, cycle: u64, every: u32) {
         let buffers = self.buffers.iter_mut().zip(points);
         for (place, point) in buffers.filter(|(_, point)| point.topic.is_some()) {
@@ -132,10 +133,10 @@ impl NetInputs {
         }
     }
 
-    /// Lays all values ready, or none of them. The bounds are constants of the plan.
+    /// Stages all values, or none of them. Bounds are constants of the plan.
     ///
     /// # Errors
-    /// The first value that cannot be set.
+    /// Returns [`Refusal::Input`] for the first value that cannot be set.
     pub fn set(&mut self, plan: &Plan<'_>, values: &[InputValue]) -> Result<(), Refusal> {
         for (index, value) in values.iter().enumerate() {
             let twice = values
@@ -156,8 +157,8 @@ impl NetInputs {
         Ok(())
     }
 
-    /// Lays one value ready, as it was checked before; words that do not fit are passed over. `late`: so many evaluations
-    /// of the net could have seen it.
+    /// Stages one value that was checked before; ignores words of the wrong number. `late` is the number of evaluations
+    /// of the net that the value missed.
     pub fn stage_value(&mut self, input: u32, words: &[u64], late: u16) {
         let Some(place) = self.buffers.get_mut(input as usize) else {
             return;
@@ -169,7 +170,7 @@ impl NetInputs {
         }
     }
 
-    /// What waits for the next evaluation, with how late it is.
+    /// The staged values as (input, words, missed evaluations).
     pub fn staged_values(&self) -> impl Iterator<Item = (u32, &[u64], u16)> {
         let buffers = self.buffers.iter().zip(0u32..);
         let buffers = buffers.filter(|(place, _)| place.staged == StagedValue::Waiting);
@@ -179,15 +180,15 @@ impl NetInputs {
         })
     }
 
-    /// What waits is forgotten.
+    /// Discards all staged values.
     pub fn discard_staged(&mut self) {
         for place in &mut self.buffers {
             place.staged = StagedValue::Nothing;
         }
     }
 
-    /// The first evaluation did not count: what it took waits again. What another net published comes again by itself, if
-    /// it still is published then.
+    /// Stages the values again that the first evaluation took, because its START was refused. Values of other nets are
+    /// copied again if they are still published then.
     pub fn restore_first(&mut self, points: &[InputPoint]) {
         for (place, point) in self.buffers.iter_mut().zip(points) {
             if point.topic.is_some() {
@@ -199,8 +200,8 @@ impl NetInputs {
         }
     }
 
-    /// An evaluation begins: what waits is written, and everything else is older by `step_s`. `first`: from the initial
-    /// state.
+    /// Begins an evaluation: writes staged values into the slots; all other values age by `step_s` (s). `first`: the
+    /// net evaluates from its initial state.
     pub fn begin(
         &mut self,
         points: &[InputPoint],
@@ -318,12 +319,12 @@ fn check(plan: &Plan<'_>, value: &InputValue) -> Result<(), InputFault> {
     Ok(())
 }
 
-/// Null is in every range, and a null bound is none.
+/// Null is in every range, and a null bound does not limit.
 fn is_inside(plan: &Plan<'_>, store: Store, word: u64, slot: usize, least: bool) -> bool {
     match store {
         Store::Real => plan.reals.get(slot).is_none_or(|bound| {
             let value = f64::from_bits(word);
-            // Written so that a NaN on either side is inside.
+            // Written such that a NaN on either side counts as inside.
             !(if least {
                 value < *bound
             } else {

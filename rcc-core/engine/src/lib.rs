@@ -1,4 +1,4 @@
-//! The work of the real-time thread, without clock, boards' names and sleep: nets, the command table, devices and guard.
+//! The work of the real-time thread, without clock, board names and sleep: nets, command table, devices and guard.
 //!
 //! The executor runs it on its SCHED_FIFO thread; tests, replay and simulation run the same code in virtual time, where
 //! a cycle is a step.

@@ -1,4 +1,4 @@
-//! One loaded net with its arena: built by the intake thread, evaluated by the real-time thread.
+//! A loaded net with its arenas: built by the intake thread, evaluated by the real-time thread.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -21,84 +21,84 @@ use crate::input::{ArenaSlices, NetInputs, TopicSource, null};
 use crate::queue::ValueReading;
 use crate::record::entry::Snapshot;
 
-/// A net that can be run. All memory it needs is in it.
+/// A net that can be evaluated, with all memory that it needs.
 #[derive(Debug)]
 pub struct Net {
-    // Shared with who writes incident files; the last one of them is never dropped by the real-time thread, which
-    // gives the whole net back.
+    // Shared with the writer of incident files. The real-time thread never drops the last reference: it gives the whole
+    // net back.
     data: Arc<PlanData>,
     checked: CheckedPlan,
     reals: Box<[f64]>,
     bools: Box<[u8]>,
     ints: Box<[i64]>,
     motions: MotionSet,
-    /// Where the arms rested when its start values were computed, and the period that it was built for.
+    /// Conditions for which the start values were computed.
     start_conditions: StartConditions,
     inputs: NetInputs,
     outputs: Box<[DeviceOutput]>,
-    /// Primitives in each run.
+    /// Number of primitives in each run.
     run_lengths: Box<[u32]>,
-    /// What one evaluation is expected to take on this machine, ns; 0 = not known.
+    /// Expected duration of one evaluation on this machine, ns; 0: not known.
     pub expected_ns: u64,
-    /// Cycles evaluated since START.
+    /// Number of evaluations since START.
     pub cycles: u64,
-    /// Executor cycle of the last evaluation; means nothing before the first one.
+    /// Executor cycle of the last evaluation; undefined before the first one.
     pub evaluated_cycle: u64,
     /// CANCEL was requested.
     pub cancel_requested: bool,
     #[cfg(test)]
-    /// The next evaluation panics.
+    /// Makes the next evaluation panic.
     pub panics: bool,
 }
 
-/// What a net begins from: the same gives the same net.
+/// Everything that determines a net: equal origins give equal nets.
 #[derive(Clone, Debug)]
 pub struct NetOrigin {
     /// The plan, with start values.
     pub data: Arc<PlanData>,
-    /// What its start values depend on.
+    /// Conditions for which the start values were computed.
     pub start_conditions: StartConditions,
 }
 
-/// What start values depend on.
+/// Conditions that start values depend on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StartConditions {
-    /// The hold set-point of each device, `None` if it was not known.
+    /// Hold set-point of each device, rad; `None` if it was not known.
     pub holds: Arc<[Option<Joints>]>,
     /// The executor's period, s.
     pub dt_s: f64,
-    /// How many times it was prepared anew because its arms rested elsewhere at START; counted modulo 256.
+    /// How often the net was prepared again because its arms rested elsewhere at START; modulo 256.
     pub prepared_again: u8,
 }
 
-/// What one evaluation came to.
+/// Result of one evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evaluation {
-    /// Goes on.
+    /// The net continues.
     Running,
-    /// `Termination` said true.
+    /// `Termination` was true.
     Terminated,
-    /// The net cannot go on.
+    /// The net cannot continue.
     Fault(FaultCode),
 }
 
-/// What one run of equal primitives took.
+/// Duration of one run of equal primitives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunTime {
-    /// Number of the kernel.
+    /// Number of the kernel in plans.
     pub kernel: u16,
-    /// Primitives in the run.
+    /// Number of primitives in the run.
     pub primitives: u32,
-    /// Time, ns, with one look at the clock.
+    /// Duration, ns; includes the cost of one clock read.
     pub ns: u64,
 }
 
 impl Net {
-    /// Checks the plan, computes its start values from the devices' hold set-points and makes its memory. `dt_s` is the
-    /// executor's period. Not for the real-time thread.
+    /// Checks the plan, computes its start values from the hold set-points of the devices and allocates its memory.
+    /// `dt_s` is the executor's period, s. Not for the real-time thread.
     ///
     /// # Errors
-    /// The plan does not check, or its start values cannot be computed.
+    /// Returns [`Refusal::Plan`] if the plan check fails, [`Refusal::Prepare`] if start values cannot be computed.
     pub fn build(
         mut data: PlanData,
         models: &[DeviceModel],
@@ -126,11 +126,11 @@ impl Net {
         ))
     }
 
-    /// A net from what [`Net::origin`] gave: checked again, and its start values computed again. Not for the real-time
+    /// Builds a net again from [`Net::origin`]: checks the plan and computes its start values. Not for the real-time
     /// thread.
     ///
     /// # Errors
-    /// The plan does not check, or its start values cannot be computed.
+    /// Returns [`Refusal::Plan`] if the plan check fails, [`Refusal::Prepare`] if start values cannot be computed.
     pub fn rebuild(
         origin: &NetOrigin,
         models: &[DeviceModel],
@@ -147,10 +147,11 @@ impl Net {
         Ok(net)
     }
 
-    /// The same net from where its arms rest now: its start values are computed anew. Not for the real-time thread.
+    /// Builds the same net for the current hold set-points: computes its start values again. Not for the real-time
+    /// thread.
     ///
     /// # Errors
-    /// Its start values cannot be computed from there.
+    /// Returns a [`Refusal`] if start values cannot be computed for these hold set-points.
     pub fn prepare_again(
         origin: &NetOrigin,
         models: &[DeviceModel],
@@ -170,7 +171,7 @@ impl Net {
         Ok(net)
     }
 
-    /// How many times it was prepared anew, as [`StartConditions::prepared_again`].
+    /// How often the net was prepared again, see [`StartConditions::prepared_again`].
     pub fn prepared_again(&self) -> u8 {
         self.start_conditions.prepared_again
     }
@@ -210,7 +211,7 @@ impl Net {
         })
     }
 
-    /// What the net begins from. Not for the real-time thread.
+    /// The origin of the net. Not for the real-time thread.
     pub fn origin(&self) -> NetOrigin {
         NetOrigin {
             data: Arc::clone(&self.data),
@@ -218,7 +219,7 @@ impl Net {
         }
     }
 
-    /// All slots: reals, bools, ints.
+    /// The arenas: reals, bools, ints.
     pub fn arenas(&self) -> (&[f64], &[u8], &[i64]) {
         (&self.reals, &self.bools, &self.ints)
     }
@@ -228,7 +229,7 @@ impl Net {
         &self.motions
     }
 
-    /// Goes on from a state that was recorded; `None`, and nothing changes, if it is that of another net.
+    /// Restores a recorded state. Returns `None` and changes nothing if the sizes belong to another net.
     pub fn restore(&mut self, state: &Snapshot<'_>) -> Option<()> {
         let fits = state.reals.len() == self.reals.len()
             && state.ints.len() == self.ints.len()
@@ -251,35 +252,35 @@ impl Net {
         Some(())
     }
 
-    /// What the net claims.
+    /// The resources that the net claims.
     pub fn resources(&self) -> &Resources {
         &self.checked.resources
     }
 
-    /// It has a `Cancel` primitive.
+    /// Returns true if it has a `Cancel` primitive.
     pub fn can_cancel(&self) -> bool {
         self.checked.can_cancel
     }
 
-    /// It goes on with null when a device that it commands is lost.
+    /// Returns true if it continues with null when a device that it commands is lost.
     pub fn survives_device_loss(&self) -> bool {
         self.data.survives_device_loss
     }
 
-    /// In which cycles it is evaluated.
+    /// The cycles in which it is evaluated.
     pub fn rate(&self) -> Rate {
         self.data.rate
     }
 
-    /// What the last evaluation commands, by device.
+    /// Outputs of the last evaluation, by device.
     pub fn outputs(&self) -> &[DeviceOutput] {
         &self.outputs
     }
 
-    /// Copies values out, as the last evaluation left them.
+    /// Copies values as the last evaluation left them into `reading`.
     ///
     /// # Errors
-    /// A value lies outside of the net.
+    /// Returns [`Refusal::NoSuchValue`] if a value lies outside of the arenas.
     pub fn read(&self, reading: &mut ValueReading) -> Result<(), Refusal> {
         let mut room = reading.values.words.iter_mut();
         for (point, value) in reading.points.iter().zip(0u32..) {
@@ -297,8 +298,8 @@ impl Net {
         Ok(())
     }
 
-    /// Gives a value of it to another net; one of another width or kind of slot, which a plan that lies about its types has,
-    /// is null.
+    /// Copies a published value to another net. It becomes null if width or type of slot differ, which happens if a
+    /// plan declares wrong types.
     pub fn copy_published(&self, publish: usize, to: &InputPoint, room: &mut [u64]) {
         room.fill(null(to.store));
         let point = self.data.publishes.get(publish);
@@ -309,13 +310,13 @@ impl Net {
                 slot: point.slot,
                 width: point.width,
             };
-            // `Plan::check` has proved that it lies within.
+            // `Plan::check` has proved that it lies within the arena.
             let _: Option<()> = self.copy(point, &mut room.iter_mut());
         }
     }
 
-    /// Lays ready what other nets have published; `version` is that of what is published, and `find` says who publishes
-    /// what an input shows.
+    /// Stages values that other nets have published; `version` is the version of the published topics, and `find`
+    /// returns the source for an input.
     pub fn receive(
         &mut self,
         (cycle, version): (u64, u64),
@@ -328,18 +329,18 @@ impl Net {
             .receive(points, nets, cycle, self.data.rate.every);
     }
 
-    /// The first evaluation did not count: the state after `build`, and what was set waits again.
+    /// Restores the state after `build` when START was refused; values that were taken are staged again.
     pub fn reset_after_refused_start(&mut self) {
         self.reset();
         self.inputs.restore_first(&self.data.inputs);
     }
 
-    /// It shows values of other nets.
+    /// Returns true if it subscribes to values of other nets.
     pub fn subscribes(&self) -> bool {
         self.data.inputs.iter().any(|input| input.topic.is_some())
     }
 
-    /// One word an element.
+    /// Copies a value, one word per element.
     fn copy<'w>(
         &self,
         point: ValuePoint,
@@ -370,25 +371,25 @@ impl Net {
         Some(())
     }
 
-    /// Lays values ready for the next evaluation, all or none.
+    /// Stages values for the next evaluation, all or none.
     ///
     /// # Errors
-    /// The first value that cannot be set.
+    /// Returns [`Refusal::Input`] for the first value that cannot be set.
     pub fn set(&mut self, values: &[InputValue]) -> Result<(), Refusal> {
         self.inputs.set(&self.data.plan(), values)
     }
 
-    /// What is set from outside and waits for the next evaluation.
+    /// The staged values from outside.
     pub fn inputs(&self) -> &NetInputs {
         &self.inputs
     }
 
-    /// The same, to be changed.
+    /// The staged values from outside, mutable.
     pub fn inputs_mut(&mut self) -> &mut NetInputs {
         &mut self.inputs
     }
 
-    /// Back to the state after `build`; what was set and is not yet seen goes on waiting. Copies, allocates nothing.
+    /// Restores the state after `build`; staged values stay staged. Copies, does not allocate.
     pub fn reset(&mut self) {
         self.reals.copy_from_slice(&self.data.reals);
         self.bools.copy_from_slice(&self.data.bools);
@@ -399,8 +400,8 @@ impl Net {
         self.outputs.fill(DeviceOutput::NONE);
     }
 
-    /// Evaluates one cycle; `dt_s` is the executor's period, of which the net's own is a multiple. Its commands are in
-    /// [`Net::outputs`] and count only if it does not end in a fault.
+    /// Evaluates one cycle. `dt_s` is the executor's period (s), of which the net's own period is a multiple. The
+    /// commands are in [`Net::outputs`]; they are valid only if the evaluation is not a fault.
     pub fn evaluate(
         &mut self,
         models: &[DeviceModel],
@@ -410,7 +411,7 @@ impl Net {
         self.evaluate_with(models, devices, dt_s, cycle)
     }
 
-    /// As [`Net::evaluate`], and tells `seen` the index and the state of each motion that is stepped.
+    /// As [`Net::evaluate`]; passes index and state of each motion that is stepped to `seen`.
     pub fn evaluate_observed(
         &mut self,
         models: &[DeviceModel],
@@ -443,7 +444,7 @@ impl Net {
         })
     }
 
-    /// As [`Net::evaluate`], and says what the run `timed` took by `clock`.
+    /// As [`Net::evaluate`]; also returns the duration of the run with index `timed`, measured with `clock` (ns).
     pub fn evaluate_timed(
         &mut self,
         models: &[DeviceModel],
@@ -456,7 +457,7 @@ impl Net {
             ns = cycle_timed(plan, frame, timed, clock);
         });
         let run = self.data.runs.get(timed).zip(self.run_lengths.get(timed));
-        // A run whose region is not active took no time, which says nothing about it.
+        // A run whose region is inactive took no time; that is not a measurement.
         let run = run.filter(|_| ns > 0);
         let time = run.map(|(run, primitives)| RunTime {
             kernel: run.kernel,
@@ -510,8 +511,8 @@ impl Net {
         let plan = self.data.plan();
         #[cfg(test)]
         let panics = self.panics;
-        // A panic here would be a bug of ours; it ends this net and no other. Nothing of a net is used again after a
-        // panic before `reset` has written all of it anew, so that it need not be unwind safe.
+        // A panic here is a bug of a primitive; it ends this net and no other. After a panic nothing of a net is used
+        // before `reset` has overwritten it, so it need not be unwind safe.
         let completed = catch_unwind(AssertUnwindSafe(|| {
             #[cfg(test)]
             assert!(!panics, "asked for by a test");
@@ -528,7 +529,7 @@ impl Net {
         }
     }
 
-    /// Calls `push` with each monitor that is due in the cycle evaluated last.
+    /// Calls `push` with each monitor that is due in the last evaluated cycle.
     pub fn monitors(&self, mut push: impl FnMut(u32, &[f64])) {
         let evaluated = self.cycles.saturating_sub(1);
         for (monitor, index) in self.data.monitors.iter().zip(0..) {
@@ -567,7 +568,7 @@ impl Net {
     }
 }
 
-/// Motions whose states are shown to somebody.
+/// Passes the states of all stepped motions to an observer.
 struct ObservedMotions<'a, F> {
     motions: &'a mut dyn Motions,
     seen: F,
@@ -585,8 +586,8 @@ impl<F: FnMut(usize, &MotionState)> Motions for ObservedMotions<'_, F> {
     }
 }
 
-/// Logical time from one evaluation of a net to the next, s: the number nearest to the whole nanoseconds that it has, so
-/// that 10 steps of a net at 100 Hz are the same time as 100 of one at 1 kHz.
+/// Logical time between two evaluations of a net, s. Computed from whole nanoseconds, so that 10 steps of a net at 100
+/// Hz take exactly as long as 100 steps of one at 1 kHz.
 fn step_s(dt_s: f64, rate: Rate) -> f64 {
     match rate.every {
         0 | 1 => dt_s,
@@ -594,7 +595,7 @@ fn step_s(dt_s: f64, rate: Rate) -> f64 {
     }
 }
 
-/// Fills a monitor record.
+/// Makes a monitor record.
 pub fn monitor_record(
     cycle: u64,
     stamp_ns: u64,
@@ -618,7 +619,7 @@ pub fn monitor_record(
     }
 }
 
-/// Runs the `prepare` of every primitive that has one, over the initial arena, and builds the motions.
+/// Runs `prepare` of every primitive that has one on the initial arenas, and builds the motions.
 fn prepare(
     data: &mut PlanData,
     models: &[DeviceModel],
@@ -658,7 +659,7 @@ fn primitives_in(run: &KernelRun) -> u32 {
     run.operands / (group.max(1) as u32)
 }
 
-/// Rows for nets, as many as there are commands.
+/// One slot per row of the command table.
 pub type Nets = [Option<Box<Net>>; COMMANDS_MAX];
 
 #[cfg(test)]

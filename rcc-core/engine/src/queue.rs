@@ -1,5 +1,5 @@
-//! What crosses between the real-time thread and the helper threads, through preallocated rings.
-//! Whatever is handed to the real-time thread comes back and is freed elsewhere.
+//! Messages between the real-time thread and the helper threads, through preallocated rings. Everything that is handed
+//! to the real-time thread comes back and is freed elsewhere.
 
 use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
 use rcc_core::plan::ValuePoint;
@@ -10,31 +10,32 @@ use rtrb::{Consumer, Producer};
 
 use crate::net::Net;
 
-/// Orders to the real-time thread that may wait.
+/// Capacity of the ring of requests to the real-time thread.
 pub const REQUESTS_MAX: usize = 256;
-/// Outcomes that may wait for the intake thread; the real-time thread takes no order without room for its outcomes.
+/// Capacity of the ring of replies to the intake thread; the real-time thread takes a request only if there is room for
+/// its replies.
 pub const REPLIES_MAX: usize = 1024;
-/// Monitor records that may wait for the pump thread.
+/// Capacity of the ring of monitor records to the pump thread.
 pub const RECORDS_MAX: usize = 16_384;
-/// Events that may wait for the pump thread.
+/// Capacity of the ring of events to the pump thread.
 pub const EVENTS_MAX: usize = 4096;
 
-/// To the real-time thread. `ticket` names the caller who waits for the answer.
+/// A request to the real-time thread. `ticket` identifies the caller that waits for the answer.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Debug)]
 pub enum EngineRequest {
-    /// Gives out a row of the command table.
+    /// Reserves a row of the command table.
     Reserve { ticket: u64 },
     /// Makes a loading command ready.
     Install { ticket: u64, id: u64, net: Box<Net> },
-    /// Another net for a ready command, prepared anew from where its arms rest; what was set waits in it. The other one
-    /// comes back; this one does if the command is not ready.
+    /// Replaces the net of a ready command by one that was prepared again for the current rest positions of its arms;
+    /// staged values move to it. The previous net comes back, or this one if the command is not ready.
     Renew { id: u64, net: Box<Net> },
     /// Makes a loading command rejected.
     Reject { ticket: u64, id: u64 },
     /// START.
     Start { ticket: u64, id: u64 },
-    /// Hand-over: stops and starts commands between the same two cycles, or changes nothing; 0 names none.
+    /// Hand-over: stops and starts commands between the same two cycles, or changes nothing; unused ids are 0.
     Handover {
         ticket: u64,
         stop: [u64; SWITCH_MAX],
@@ -44,7 +45,7 @@ pub enum EngineRequest {
     Cancel { ticket: u64, id: u64 },
     /// ABORT.
     Abort { ticket: u64, id: u64 },
-    /// Frees the row of a command that is not active.
+    /// UNLOAD: frees the row of a command that is not active.
     Unload { ticket: u64, id: u64 },
     /// Sets inputs of a ready or active command, all or none; the list comes back.
     Set {
@@ -52,37 +53,37 @@ pub enum EngineRequest {
         id: u64,
         values: Vec<InputValue>,
     },
-    /// Reads values of a command; what was read comes back.
+    /// Reads values of a command; the values come back in `reading`.
     Read {
         ticket: u64,
         id: u64,
         reading: ValueReading,
     },
-    /// Freezes the flight recorder.
+    /// Freezes the recording of the flight recorder.
     Record { ticket: u64 },
-    /// Late cycles are acknowledged: what is latched begins anew.
+    /// Acknowledges late cycles: resets latches, worst values and histograms.
     Acknowledge { ticket: u64 },
-    /// A driver announced itself; its board replaces the device's last one.
+    /// A driver announced itself; its board replaces the previous board of the device.
     Attach {
         device: usize,
         incarnation: u64,
         board: Box<BoardReader<Measurement>>,
     },
-    /// The driver with this incarnation is dead; its board is given back.
+    /// The driver with this incarnation is dead; its board comes back.
     Detach { device: usize, incarnation: u64 },
 }
 
-/// What is to be read, with room for it.
+/// Values to be read, with room for the result.
 #[derive(Debug)]
 pub struct ValueReading {
-    /// Where it is.
+    /// Where the values are.
     pub points: Vec<ValuePoint>,
-    /// What is read.
+    /// The result.
     pub values: NetValues,
 }
 
 impl ValueReading {
-    /// With as much room as the points need. Not for the real-time thread.
+    /// Allocates as much room as the points need. Not for the real-time thread.
     pub fn of(points: Vec<ValuePoint>) -> ValueReading {
         let elements: usize = points.iter().map(|point| point.width as usize).sum();
         let values = NetValues {
@@ -93,27 +94,27 @@ impl ValueReading {
     }
 }
 
-/// From the real-time thread to the intake thread.
+/// A message from the real-time thread to the intake thread.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Debug)]
 pub enum EngineReply {
-    /// An order is done or refused.
+    /// A request was executed or refused.
     Answer { ticket: u64, answer: Answer },
-    /// What was read, or why not.
+    /// The result of a read, or why it was refused.
     Read {
         ticket: u64,
         reading: ValueReading,
         refused: Option<Refusal>,
     },
-    /// A net that is not needed any more.
+    /// A net that is no longer needed.
     Net(Box<Net>),
-    /// Values that were set or refused.
+    /// The list of values of a `Set` request, to be freed.
     Values(Vec<InputValue>),
-    /// A board that is not read any more.
+    /// A board that is no longer read.
     Board(Box<BoardReader<Measurement>>),
 }
 
-/// From the real-time thread to the log.
+/// An event for the log, from the real-time thread.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EngineEvent {
@@ -125,9 +126,9 @@ pub enum EngineEvent {
         reason: u32,
         fault: FaultRecord,
     },
-    /// A device changed its state from `was` to `state` (numbers of `DeviceState`); `age_ns` is the age of its last
-    /// measurement when that is of no use any more, else 0; `driver` is the incarnation of its driver, 0 = none;
-    /// `attached` is false when that driver was found dead.
+    /// A device changed its state from `was` to `state` (numbers of `DeviceState`). `age_ns` is the age of its last
+    /// measurement if that is stale or invalid, else 0; `driver` is the incarnation of its driver, 0: none; `attached`
+    /// is false if the driver was found dead.
     Device {
         cycle: u64,
         device: u32,
@@ -140,37 +141,37 @@ pub enum EngineEvent {
     },
     /// A cycle was late.
     Late(LateCycle),
-    /// So many late cycles were acknowledged.
+    /// Late cycles were acknowledged; `late` is their number.
     Acknowledged { cycle: u64, late: u64 },
 }
 
 /// The real-time thread's ends of all rings.
 #[derive(Debug)]
 pub struct RtRingEnds {
-    /// Orders in.
+    /// Receives requests.
     pub requests: Consumer<EngineRequest>,
-    /// Outcomes out.
+    /// Sends replies.
     pub replies: Producer<EngineReply>,
-    /// Monitor records out.
+    /// Sends monitor records.
     pub records: Producer<MonitorRecord>,
-    /// Events out.
+    /// Sends events.
     pub events: Producer<EngineEvent>,
 }
 
-/// The helper threads' ends.
+/// The helper threads' ends of all rings.
 #[derive(Debug)]
 pub struct HelperRingEnds {
-    /// Orders out.
+    /// Sends requests.
     pub requests: Producer<EngineRequest>,
-    /// Outcomes in.
+    /// Receives replies.
     pub replies: Consumer<EngineReply>,
-    /// Monitor records in.
+    /// Receives monitor records.
     pub records: Consumer<MonitorRecord>,
-    /// Events in.
+    /// Receives events.
     pub events: Consumer<EngineEvent>,
 }
 
-/// Makes all rings.
+/// Allocates all rings.
 pub fn rings() -> (RtRingEnds, HelperRingEnds) {
     let (request_in, requests) = rtrb::RingBuffer::new(REQUESTS_MAX);
     let (replies, reply_out) = rtrb::RingBuffer::new(REPLIES_MAX);

@@ -210,7 +210,7 @@ impl Recorder {
     pub fn request(&mut self, request: &EngineRequest) {
         let (kind, id) = kind_of(request);
         self.ring
-            .push(&[head(RecordTag::EngineRequest, kind as u8, 0, 1), id]);
+            .push(&[head(RecordTag::Request, kind as u8, 0, 1), id]);
     }
 
     /// A command changed its state; a fault freezes the recording.

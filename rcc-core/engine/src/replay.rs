@@ -207,7 +207,7 @@ pub fn replay(
                     .result
                     .too_large = words;
             }
-            RecordEntry::EngineRequest { .. }
+            RecordEntry::Request { .. }
             | RecordEntry::State { .. }
             | RecordEntry::Times { .. } => {}
         }

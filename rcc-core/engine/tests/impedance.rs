@@ -5,14 +5,14 @@ mod common;
 use common::{EngineFixture, HOLD, TestPlan, drift_net, model};
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::{ViolationKind, axis};
-use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlStrategy};
+use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlMode};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
 use rcc_engine::net::Net;
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
 use rcc_ipc::rehearsal::RehearsalRule;
 
-const CARTESIAN: u64 = ControlStrategy::CartesianImpedance as u64;
+const CARTESIAN: u64 = ControlMode::CartesianImpedance as u64;
 
 const LIMITS: ImpedanceLimits = ImpedanceLimits {
     translation: [0.01, 5000.0],

@@ -1,4 +1,4 @@
-//! Admission: nets that run together are expected to need no more of a cycle than the cell's budget. Real-time thread.
+//! Admission: the expected durations of nets that run in the same cycle must fit the cell's budget. Real-time thread.
 
 use rcc_core::message::COMMANDS_MAX;
 use rcc_core::plan::Rate;
@@ -7,17 +7,19 @@ use rcc_ipc::control::Refusal;
 use super::{Engine, PendingTransition, is_active};
 
 impl Engine {
-    /// The same engine with a limit to what nets may need together in one cycle, ns; 0 = none.
+    /// Sets the budget: the time that nets may need together in one cycle, ns; 0: unlimited.
     #[must_use]
     pub fn with_budget(mut self, budget_ns: u64) -> Engine {
         self.status.budget_ns = budget_ns;
         self
     }
 
-    /// The net in `row` fits beside those that run and those in `start`, when those in `leave` are gone. Bit r of both:
-    /// row r. Nets of which no cycle has both do not count together; all others do, whatever their rates.
+    /// Checks that the net in `row` fits beside the running nets and those in `start`, without those in `leave` (bit r:
+    /// row r). Durations of nets that are never due in the same cycle are not added; all others are, whatever their
+    /// rates.
     ///
-    /// This is enough: a cycle that is fuller than the budget has a net that was started last, and then it was refused.
+    /// Checking each net when it starts is sufficient: if a cycle exceeded the budget, the last net started in it would
+    /// have been refused.
     pub(super) fn check_budget(&self, row: usize, start: u64, leave: u64) -> Result<(), Refusal> {
         let (needed_ns, budget_ns) = (self.expected_ns(row), self.status.budget_ns);
         let in_use_ns = (0..COMMANDS_MAX)
@@ -42,7 +44,7 @@ impl Engine {
         net.map_or(0, |net| net.expected_ns)
     }
 
-    /// It is evaluated, or will be from its first cycle on.
+    /// Returns true if the net is evaluated, or will be from its first cycle on.
     fn is_evaluated(&self, row: usize) -> bool {
         let entry = self.tables.commands.get(row);
         match self.pending.get(row) {
@@ -53,10 +55,10 @@ impl Engine {
     }
 }
 
-/// There are cycles in which both are due.
+/// Returns true if there are cycles in which both rates are due.
 fn meet(a: Rate, b: Rate) -> bool {
     let (mut common, mut rest) = (a.every.max(1), b.every.max(1));
-    // Euclid: at most 46 steps for 32 bits.
+    // Euclid's algorithm: at most 46 steps for 32 bits.
     for _ in 0..64 {
         let Some(next) = common.checked_rem(rest) else {
             break;

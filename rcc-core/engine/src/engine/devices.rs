@@ -1,5 +1,5 @@
-//! Devices in the engine: latching what drivers measure, and passing what nets command through the
-//! guard. Real-time thread.
+//! Devices in the engine: latches the measurements of drivers, and passes the commands of nets through the guard.
+//! Real-time thread.
 
 use rcc_core::frame::DeviceOutput;
 use rcc_core::guard::{Violation, ViolationKind};
@@ -18,8 +18,8 @@ impl Engine {
         let Some(input) = self.inputs.get_mut(index) else {
             return;
         };
-        // Another life of the driver: for one cycle nobody is there, so that what the last one was commanded to do ends,
-        // however quickly it was replaced. A net never goes on with a driver that has just been started.
+        // A driver was restarted: the device is absent for one cycle, so that nets that commanded the previous
+        // incarnation end, however quickly it was replaced. A net never continues with a restarted driver.
         let known = (self.tables.devices.get(index)).map_or(0, |entry| entry.incarnation);
         let board = board.filter(|(incarnation, _)| known == 0 || known == *incarnation);
         let before = input.present;
@@ -27,10 +27,10 @@ impl Engine {
         input.present = false;
         let mut forward = true;
         if let Some((_, measurement)) = board {
-            // Within one life of a driver its exchanges are counted upwards.
+            // Within one incarnation of a driver the sequence number of its exchanges never decreases.
             let counted = (self.tables.devices.get(index)).map_or(0, |entry| entry.sequence);
             forward = known == 0 || measurement.sequence >= counted;
-            // A stamp from the future is no better than an old one: nobody could tell when it ages.
+            // A stamp from the future is as bad as an old one: it would not age.
             let age_ns = now_ns.abs_diff(measurement.stamp_ns);
             fresh = measurement.magic == MAGIC && age_ns <= self.config.stale_after_ns;
             let joints = self
@@ -58,7 +58,8 @@ impl Engine {
         entry.attached = u32::from(board.is_some());
         let driver = board.map_or(entry.incarnation, |(incarnation, _)| incarnation);
         entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
-        // One that went back stays lost until it is where it was, or lives anew.
+        // After a sequence number went back, the device stays lost until it reaches the old one, or its driver is
+        // restarted.
         if forward {
             entry.sequence = measurement.sequence;
         }
@@ -91,7 +92,7 @@ impl Engine {
         }
     }
 
-    /// A driver announced itself: its board replaces the last one, which goes back.
+    /// A driver announced itself: its board replaces the previous one, which is given back.
     pub(super) fn attach(
         &mut self,
         device: usize,
@@ -107,7 +108,7 @@ impl Engine {
         }
     }
 
-    /// A driver is dead: its board goes back, unless another one took its place.
+    /// A driver is dead: its board is given back, unless another one has replaced it.
     pub(super) fn detach(&mut self, device: usize, incarnation: u64) {
         let Some(place) = self.boards.get_mut(device) else {
             return;
@@ -117,7 +118,7 @@ impl Engine {
         }
     }
 
-    /// Passes what the net in `row` commands on to its devices: all of it, or a fault and nothing.
+    /// Passes the commands of the net in `row` on to its devices: all of them, or none and a fault.
     pub(super) fn pass_commands(&mut self, row: usize) -> Result<(), FaultRecord> {
         for index in 0..self.devices.len() {
             let claimed = self
@@ -136,7 +137,8 @@ impl Engine {
         Ok(())
     }
 
-    /// Checks an arm's set-point: the first of an engagement against the hold set-point, others against the last.
+    /// Checks the set-point of an arm: the first of an engagement against the hold set-point, all others against the
+    /// previous one.
     fn guard_arm(&mut self, row: usize, index: usize) -> Result<(), FaultRecord> {
         let state = self.device_state(index);
         let output = self
@@ -182,7 +184,7 @@ impl Engine {
         let waited_ns = (cycle - engagement.since_cycle) * self.config.period_ns;
         let follows = match state {
             DeviceState::Commanded => true,
-            // The driver lets some set-points gather before it follows the first.
+            // The driver buffers some set-points before it follows the first.
             DeviceState::Ready => !engagement.followed && waited_ns < SETTLE_MAX_NS,
             _ => false,
         };
@@ -200,14 +202,14 @@ impl Engine {
         next.map_err(|violation| fault_of(FaultCode::Limit, index, cycle, violation))
     }
 
-    /// The first device, if any, that the net in `row` commands and that cannot be commanded now.
+    /// The first device that the net in `row` uses and that is offline.
     pub(super) fn lost_device(&self, row: usize) -> Option<usize> {
         let claims = self.claims(row)?;
         (0..self.devices.len())
             .find(|index| claims.uses(*index) && self.device_state(*index) == DeviceState::Offline)
     }
 
-    /// All arms of the net in `row` have played everything up to `logical_ns` and rest.
+    /// Returns true if all arms of the net in `row` have played everything up to `logical_ns` and rest.
     pub(super) fn arms_settled(&self, row: usize, logical_ns: u64) -> bool {
         let Some(claims) = self.claims(row) else {
             return true;
@@ -219,7 +221,7 @@ impl Engine {
         })
     }
 
-    /// Nobody commands the arms of the net in `row` any more.
+    /// Ends the engagements of the net in `row`.
     pub(super) fn disengage(&mut self, row: usize) {
         for device in &mut self.devices {
             if device
@@ -232,8 +234,8 @@ impl Engine {
     }
 }
 
-/// Whether this can come from a driver of a device with so many joints. What a driver writes is only believed as far as
-/// it makes sense: a measured value that is not finite becomes null, a hold set-point must be one.
+/// Returns true if the measurement is plausible for a driver of a device with this number of joints. Data from drivers
+/// is validated: measured values that are not finite become null; a hold set-point must be finite.
 fn makes_sense(measurement: &mut Measurement, joints: u32) -> bool {
     let online = match DeviceState::from_number(measurement.state) {
         DeviceState::Offline => false,
@@ -286,7 +288,7 @@ fn fault_at(code: FaultCode, device: usize, cycle: u64) -> FaultRecord {
 }
 
 fn fault_of(code: FaultCode, device: usize, cycle: u64, violation: Violation) -> FaultRecord {
-    // A first set-point that breaks a limit is a matter of the limit, not of where the device is.
+    // If the first set-point violates a limit, the fault is the limit, not the position of the device.
     let code = match (code, violation.kind) {
         (_, ViolationKind::Jump) => FaultCode::Jump,
         (FaultCode::Jump, _) => FaultCode::Limit,

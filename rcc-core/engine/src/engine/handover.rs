@@ -1,9 +1,9 @@
-//! Hand-over: one order stops some commands and starts others between the same two cycles, or changes nothing.
+//! Hand-over: one request stops some commands and starts others between the same two cycles, or changes nothing.
 //! Real-time thread.
 //!
-//! The order is checked and tried before any row of a cycle is evaluated: in the cycle that takes it, or, with slower nets,
-//! in the next one in which all that begin are due. An arm that a command leaves and another one takes stays engaged: its
-//! driver sees one stream of set-points, and the guard goes on with its history.
+//! The request is checked and tried before any row of a cycle is evaluated: in the cycle that takes it or, with slower
+//! nets, in the next one in which all nets that start are due. An arm that passes from one command to another stays
+//! engaged: its driver sees one stream of set-points, and the guard continues with its history.
 
 use rcc_core::frame::DeviceOutput;
 use rcc_core::message::{
@@ -15,7 +15,7 @@ use super::{Engagement, Engine, PendingTransition};
 use crate::net::Evaluation;
 use crate::queue::EngineReply;
 
-/// A hand-over that waits to be tried; an id of 0 names none.
+/// A hand-over that waits to be tried; unused ids are 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Handover {
     ticket: u64,
@@ -24,22 +24,22 @@ pub(super) struct Handover {
     since_cycle: u64,
 }
 
-/// Its rows. Bit r: row r of the command table.
+/// The rows of a hand-over. Bit r: row r of the command table.
 #[derive(Clone, Copy, Debug)]
 struct HandoverRows {
     stop: u64,
     start: u64,
 }
 
-/// So long a hand-over waits for a cycle in which all that begin are due.
+/// Longest time that a hand-over waits for a cycle in which all nets that start are due.
 const TOGETHER_MAX_NS: u64 = 1_000_000_000;
 
 const _: () = assert!(COMMANDS_MAX <= u64::BITS as usize);
 
-/// A refusal and the id of the command that it is about, 0 = none.
+/// A refusal with the id of the command that it concerns; 0: none.
 type HandoverRefusal = (u64, Refusal);
 
-/// The rows of a set, in order.
+/// The rows in a bit set, in ascending order.
 pub(super) fn rows(mut set: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let row = set.trailing_zeros();
@@ -49,7 +49,7 @@ pub(super) fn rows(mut set: u64) -> impl Iterator<Item = usize> {
 }
 
 impl Engine {
-    /// Takes a hand-over, unless another one waits for nets that are not due yet.
+    /// Accepts a hand-over, unless another one still waits for its nets to be due.
     pub(super) fn take_handover(
         &mut self,
         ticket: u64,
@@ -67,7 +67,7 @@ impl Engine {
         });
     }
 
-    /// Whether states, resources and devices allow it now.
+    /// Checks states, resources and devices.
     fn checked(&self, handover: &Handover) -> Result<HandoverRows, HandoverRefusal> {
         let stop = self.rows_of(&handover.stop, CommandState::is_active)?;
         let start = self.rows_of(&handover.start, |state| state == CommandState::Ready)?;
@@ -81,7 +81,7 @@ impl Engine {
                 return Err(about(Refusal::WrongState { state }));
             }
             self.check_free(row, stop, start).map_err(about)?;
-            // Of one that waits the others are looked at when its time has come, and not in every cycle before.
+            // Topics of a net that is not due yet are checked when it is due, and not in every cycle before.
             if self.is_due(row) {
                 self.check_topics(row, stop, start).map_err(about)?;
             }
@@ -91,7 +91,7 @@ impl Engine {
         Ok(HandoverRows { stop, start })
     }
 
-    /// The rows of commands that are all in a state that allows what is asked; 0 names none.
+    /// The rows of the commands with these ids, all of which must be in an allowed state; an id of 0 is skipped.
     fn rows_of(
         &self,
         ids: &[u64; SWITCH_MAX],
@@ -112,7 +112,8 @@ impl Engine {
         self.tables.commands.get(row).map_or(0, |entry| entry.id)
     }
 
-    /// Whether one that leaves commands the arm of a device now, or is over while the arm plays its last set-points.
+    /// Returns true if a command in `leave` commands the arm of a device, or has ended while the arm plays its last
+    /// set-points.
     pub(super) fn leaves_arm(&self, index: usize, leave: u64) -> bool {
         self.engaged_by(index, leave) || self.settled_by(index, leave)
     }
@@ -137,7 +138,7 @@ impl Engine {
             .is_some_and(|claims| claims.arms >> index & 1 == 1)
     }
 
-    /// Tries the hand-over that waits, if there is one, and answers it. Returns the rows that it evaluated.
+    /// Tries the pending hand-over, if there is one, and answers it. Returns the rows that it evaluated.
     pub(super) fn try_handover(&mut self, now_ns: u64) -> u64 {
         let Some(handover) = self.handover.take() else {
             return 0;
@@ -177,8 +178,8 @@ impl Engine {
         }
     }
 
-    /// Evaluates all that begin and passes their commands on; returns those that said that they are over. When one cannot
-    /// begin, everything is as before.
+    /// Evaluates all nets that start and passes their commands on; returns the rows that terminated in this cycle. If
+    /// one cannot start, everything is restored.
     fn try_all(&mut self, sets: HandoverRows) -> Result<u64, HandoverRefusal> {
         let next_engagement = self.next_engagement;
         for device in &mut self.devices {
@@ -198,7 +199,7 @@ impl Engine {
         Ok(ended)
     }
 
-    /// Ends those that leave and counts the first cycle of those that begin.
+    /// Ends the commands that leave and commits the first cycle of those that start.
     fn complete(&mut self, sets: HandoverRows, ended: u64, now_ns: u64) {
         for row in rows(sets.stop) {
             self.leave(row);
@@ -213,7 +214,7 @@ impl Engine {
         }
     }
 
-    /// The first evaluation of a row that takes over from those that leave.
+    /// The first evaluation of a row that takes over from the commands in `leave`.
     fn try_first(&mut self, row: usize, leave: u64) -> Result<Evaluation, Refusal> {
         let evaluation = self.evaluate(row);
         if let Evaluation::Fault(code) = evaluation {
@@ -232,8 +233,8 @@ impl Engine {
         Ok(evaluation)
     }
 
-    /// Engages the row with an arm that one of those that leave engages or has just let go. False if there is none such,
-    /// and the arm must rest where it is held.
+    /// Engages the row with an arm that a command in `leave` commands or has just released. Returns false if there is
+    /// no such command; the arm must then rest at its hold set-point.
     fn take_over(&mut self, row: usize, index: usize, leave: u64) -> Result<bool, Refusal> {
         let engaged = self.engaged_by(index, leave);
         let settled =
@@ -255,7 +256,7 @@ impl Engine {
             return Ok(true);
         }
         if !device.guard.rests() {
-            // It is over in motion: its driver will brake, and nobody knows where the arm comes to rest.
+            // The command ended in motion: its driver will brake, and the rest position of the arm is unknown.
             return Err(Refusal::DeviceNotReady {
                 device: number,
                 state: DeviceState::Commanded as u32,
@@ -282,7 +283,7 @@ impl Engine {
         Ok(true)
     }
 
-    /// The refusal of a first set-point that does not continue what was commanded.
+    /// The refusal for a first set-point that does not continue the previous ones.
     fn discontinued(&self, fault: FaultRecord) -> Refusal {
         if fault.code == FaultCode::DeviceLost as u32 {
             return self.refusal_of(fault);
@@ -296,7 +297,7 @@ impl Engine {
         }
     }
 
-    /// As if nothing had been asked.
+    /// Restores the state before the hand-over was tried.
     fn undo(&mut self, start: u64) {
         for device in &mut self.devices {
             (device.guard, device.engagement) = device.before_handover.clone();
@@ -307,7 +308,7 @@ impl Engine {
         }
     }
 
-    /// Ends a row in favour of others: its last cycle was the one before.
+    /// Ends a row in a hand-over: its last cycle was the previous one.
     fn leave(&mut self, row: usize) {
         if matches!(
             self.pending.get(row),

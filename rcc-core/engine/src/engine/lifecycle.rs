@@ -1,4 +1,4 @@
-//! The life cycle of the paper's figure 2: orders, evaluation of rows, and how they end. Real-time thread.
+//! The life cycle of commands (figure 2 of the paper): requests, evaluation of rows, and termination. Real-time thread.
 
 use bytemuck::Zeroable;
 use rcc_core::message::{
@@ -28,7 +28,7 @@ impl Engine {
                 Ok(()) => return,
                 Err(refusal) => (ticket, Err(refusal)),
             },
-            // Answered when it was tried.
+            // Answered after it was tried.
             EngineRequest::Handover {
                 ticket,
                 stop,
@@ -76,7 +76,7 @@ impl Engine {
         self.give_back(EngineReply::Answer { ticket, answer });
     }
 
-    /// An incident on request.
+    /// Freezes the recording on request.
     fn freeze(&mut self) -> Result<(), Refusal> {
         let recorder = self.recorder.as_mut().ok_or(Refusal::NoRecorder)?;
         recorder.trigger(TriggerReason::Request);
@@ -161,8 +161,8 @@ impl Engine {
         Ok(())
     }
 
-    /// No other active command holds what this one claims, but for those that leave (bit r: row r); those that arrive
-    /// with it hold theirs already.
+    /// Checks that no other active command holds a resource that this one claims, except for those that leave (bit r:
+    /// row r). Commands that arrive in the same hand-over count as holding theirs.
     pub(super) fn check_free(&self, row: usize, leave: u64, arrive: u64) -> Result<(), Refusal> {
         let Some(claims) = self.claims(row) else {
             return Err(Refusal::UnknownCommand);
@@ -175,7 +175,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Rows and ids of the other active commands but for those that leave, and of those that arrive.
+    /// Rows and ids of the other active commands, without those that leave, and with those that arrive.
     pub(super) fn other_active(
         &self,
         row: usize,
@@ -192,7 +192,8 @@ impl Engine {
         others.map(|(other, entry)| (other, entry.id))
     }
 
-    /// Each arm rests, or is handed over by one that leaves (bit r: row r), and each other device answers.
+    /// Checks that each arm is ready, or is handed over by a command that leaves (bit r: row r), and that no other
+    /// device is offline.
     pub(super) fn check_devices(&self, row: usize, leave: u64) -> Result<(), Refusal> {
         let Some(claims) = self.claims(row) else {
             return Err(Refusal::UnknownCommand);
@@ -237,7 +238,7 @@ impl Engine {
         Ok(())
     }
 
-    /// As the last evaluation left it.
+    /// Reads values as the last evaluation left them.
     fn read(&self, id: u64, reading: &mut ValueReading) -> Result<(), Refusal> {
         let row = self.row_in(id, |_| true)?;
         let state = self.tables.commands.get(row).map_or(0, |entry| entry.state);
@@ -249,7 +250,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Seen by the next evaluation of the net.
+    /// Stages values for the next evaluation of the net.
     fn set(&mut self, id: u64, values: Vec<InputValue>) -> Result<(), Refusal> {
         let allowed = |state: CommandState| state == CommandState::Ready || state.is_active();
         let row = self.row_in(id, allowed);
@@ -279,7 +280,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Cancels every net that can be, and aborts the others.
+    /// Cancels every net that can be cancelled, and aborts the others.
     pub(super) fn cancel_all(&mut self) {
         for row in 0..COMMANDS_MAX {
             let Some(entry) = self.tables.commands.get(row) else {
@@ -292,7 +293,7 @@ impl Engine {
         }
     }
 
-    /// Aborts everything that is still active.
+    /// Aborts all active commands.
     pub fn abort_all(&mut self) {
         for row in 0..COMMANDS_MAX {
             if self
@@ -332,7 +333,7 @@ impl Engine {
         net.is_some_and(|net| net.survives_device_loss())
     }
 
-    /// Why the net in `row` cannot go on: a device that it commands is lost, and it does not handle that itself.
+    /// The fault of the net in `row` if a device that it uses is lost and it does not handle device loss.
     pub(super) fn loss(&self, row: usize) -> Option<FaultRecord> {
         let lost = self.lost_device(row)?;
         (!self.survives_device_loss(row)).then(|| FaultRecord {
@@ -363,8 +364,8 @@ impl Engine {
         }
     }
 
-    /// The first evaluation decides about START: its set-points must begin where the devices are held. If they do
-    /// not, nothing of this cycle is written and the command is as ready as before.
+    /// The first evaluation decides about START: its set-points must begin at the hold set-points of the arms. If they
+    /// do not, nothing of this cycle is written and the command stays ready.
     fn first_cycle(&mut self, row: usize, ticket: u64, now_ns: u64) {
         self.pending[row] = PendingTransition::Nothing;
         if let Some(refusal) = self.lost_while_waiting(row) {
@@ -395,7 +396,7 @@ impl Engine {
         self.give_back(EngineReply::Answer { ticket, answer });
     }
 
-    /// The first cycle of a row counts.
+    /// Commits the first cycle of a row: the command is running.
     pub(super) fn commit_start(&mut self, row: usize, evaluation: Evaluation, now_ns: u64) {
         if let Some(entry) = self.tables.commands.get_mut(row) {
             entry.started_cycle = self.status.cycle;
@@ -408,7 +409,7 @@ impl Engine {
         }
     }
 
-    /// The row is as ready as if it had not been evaluated.
+    /// Restores the state of a ready row whose first evaluation was not accepted.
     pub(super) fn reset_to_ready(&mut self, row: usize) {
         if let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) {
             net.reset_after_refused_start();
@@ -476,7 +477,7 @@ impl Engine {
         evaluation
     }
 
-    /// Sends the monitors that are due to the pump.
+    /// Sends the monitors that are due to the pump thread.
     fn show(&mut self, row: usize, now_ns: u64) {
         let (Some(Some(net)), Some(entry)) = (self.nets.get(row), self.tables.commands.get(row))
         else {
@@ -498,7 +499,7 @@ impl Engine {
         });
     }
 
-    /// The net said that it is over: its arms play their last set-points, then it is terminated.
+    /// The net has terminated: its arms play their last set-points, then the command is terminated.
     fn terminate(&mut self, row: usize) {
         let since_cycle = self.status.cycle;
         if let Some(entry) = self.tables.commands.get_mut(row) {
@@ -517,7 +518,7 @@ impl Engine {
         let period_ns = self.config.period_ns;
         self.disengage(row);
         let waited_ns = (self.status.cycle - since_cycle) * period_ns;
-        // The first set-point that commands nothing is that of the cycle after the last evaluation.
+        // The driver receives the first image without a position in the cycle after the last evaluation.
         if self.arms_settled(row, (since_cycle + 1) * period_ns) {
             return self.finish(row);
         }
@@ -550,8 +551,8 @@ impl Engine {
         self.end(row, reason, FaultRecord::NONE);
     }
 
-    /// Terminates a row, whatever it was doing. Its outputs of this cycle, if any were passed on, stay written; from
-    /// the next cycle on nothing is commanded.
+    /// Terminates a row in any state. Outputs that were passed on in this cycle stay written; from the next cycle on
+    /// nothing is commanded.
     pub(super) fn end(&mut self, row: usize, reason: EndReason, fault: FaultRecord) {
         self.pending[row] = PendingTransition::Nothing;
         self.subscribers &= !(1 << row);
@@ -591,7 +592,7 @@ impl Engine {
         self.log(event);
     }
 
-    /// The row of a command, if it is in a state that allows what is asked.
+    /// The row of a command that must be in an allowed state.
     pub(super) fn row_in(
         &self,
         id: u64,

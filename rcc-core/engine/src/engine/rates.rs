@@ -1,9 +1,9 @@
-//! Nets that are evaluated every so many cycles: when they are due, what holds in between, and how START and ABORT meet
-//! them. Real-time thread.
+//! Nets that are not evaluated in every cycle: when they are due, what holds in between, and the effect of START and
+//! ABORT. Real-time thread.
 //!
-//! A net is evaluated in the cycles with `cycle % every == phase`. In between its outputs stay as they were commanded,
-//! no monitor is due, and a lost device ends it at once. START is answered in its first evaluation, CANCEL is seen by its
-//! next one, ABORT takes effect at once.
+//! A net is evaluated in the cycles with `cycle % every == phase`. In between its outputs stay as commanded, no monitor
+//! is due, and a lost device ends it at once. START is answered in the first evaluation, CANCEL is seen by the next
+//! evaluation, ABORT takes effect at once.
 
 use rcc_core::message::{CommandState, EndReason, FaultRecord};
 use rcc_core::plan::Rate;
@@ -19,12 +19,12 @@ impl Engine {
         net.map_or(Rate::EVERY_CYCLE, |net| net.rate())
     }
 
-    /// The net in `row` is to be evaluated in this cycle.
+    /// Returns true if the net in `row` is evaluated in this cycle.
     pub(super) fn is_due(&self, row: usize) -> bool {
         self.rate(row).is_due(self.status.cycle)
     }
 
-    /// A cycle in which the active net in `row` is not evaluated: what it commanded last is still commanded.
+    /// A cycle in which the active net in `row` is not evaluated: its last outputs stay commanded.
     pub(super) fn between_cycles(&mut self, row: usize) {
         if let Some(fault) = self.loss(row) {
             return self.end(row, EndReason::Fault, fault);
@@ -32,13 +32,13 @@ impl Engine {
         let Some(net) = self.nets.get(row).and_then(Option::as_ref) else {
             return;
         };
-        // No joints are among it: nets that command joints are evaluated in every cycle.
+        // These contain no joints: nets that command joints are evaluated in every cycle.
         for (device, output) in self.devices.iter_mut().zip(net.outputs()) {
             merge(&mut device.output, output);
         }
     }
 
-    /// A started net whose first cycle has not come yet: an executor that stops starts nothing any more.
+    /// A net that waits for its first cycle: refuses its START if the executor is stopping.
     pub(super) fn await_first_cycle(&mut self, row: usize, ticket: u64) {
         if self.stopping {
             self.pending[row] = PendingTransition::Nothing;
@@ -47,7 +47,7 @@ impl Engine {
         }
     }
 
-    /// In the first cycle of a net that had to wait for it: why it does not start after all.
+    /// Why a net that waited for its first cycle cannot start any more.
     pub(super) fn lost_while_waiting(&self, row: usize) -> Option<Refusal> {
         if self.rate(row).every <= 1 {
             return None;
@@ -56,7 +56,7 @@ impl Engine {
     }
 
     /// ABORT of a command whose START waits for the net's first cycle: it is never evaluated, and START is refused.
-    /// False if it does not wait.
+    /// Returns false if the command does not wait.
     pub(super) fn abort_before_first_cycle(&mut self, id: u64) -> bool {
         let mut rows = self.tables.commands.iter();
         let Some(row) = rows.position(|entry| entry.id == id && id != 0) else {

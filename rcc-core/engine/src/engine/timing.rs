@@ -1,6 +1,8 @@
-//! Time in the engine: histograms, late cycles with cause and culprit, and what primitives cost. Real-time thread.
+//! Timing: histograms, late cycles with their cause and the most expensive net, and the cost of primitives. Real-time
+//! thread.
 //!
-//! The clock is read twice a net, and twice for the one run of primitives that is timed in a cycle: no system call.
+//! The clock is read twice per net, and twice for the one run of primitives that is timed per cycle, without a system
+//! call.
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
@@ -16,27 +18,27 @@ use crate::net::{Evaluation, Net, RunTime};
 use crate::queue::EngineEvent;
 use crate::record::TriggerReason;
 
-/// The timing board is written so often.
+/// Period of writing the timing board, ns.
 const TIMING_EVERY_NS: u64 = 100_000_000;
-/// Looks at the clock for the cost of one.
+/// Number of clock reads for measuring the cost of one.
 const CLOCK_READS: usize = 1000;
 
-/// What the engine knows about time.
+/// Timing data of the engine.
 #[derive(Debug)]
 pub(super) struct CycleTimer {
     timing: Box<CycleTiming>,
     clock: fn() -> u64,
-    /// What one look at the clock costs.
+    /// Cost of one clock read, ns.
     clock_read_ns: u64,
     woke_ns: u64,
-    /// The row of the command table whose net is timed next.
+    /// Row of the command table whose net is timed next.
     next_row: usize,
-    /// Which of a net's runs is next, by row.
+    /// Index of the run that is timed next, by row.
     next_runs: [usize; COMMANDS_MAX],
     sampled: bool,
-    /// The command that computed longest in this cycle, and how long.
+    /// Id of the command with the longest evaluation in this cycle, and its duration, ns.
     most_expensive: (u64, u64),
-    /// Late cycles since the last one in time that were late because of what they computed.
+    /// Late cycles because of long computation since the last cycle in time.
     late_in_a_row: u32,
     every: u64,
     due: bool,
@@ -62,7 +64,7 @@ impl CycleTimer {
         }
     }
 
-    /// A cycle woke.
+    /// A cycle begins; `now_ns` is when it woke.
     pub(super) fn begin(&mut self, now_ns: u64) {
         if self.woke_ns != 0 {
             self.timing.length.add(now_ns.saturating_sub(self.woke_ns));
@@ -72,7 +74,7 @@ impl CycleTimer {
         self.due = false;
     }
 
-    /// Evaluates the net in `row`, and says how long that took; if it is its turn, one of its runs is timed, too.
+    /// Evaluates the net in `row` and returns the duration, ns; times one of its runs if it is the row's turn.
     pub(super) fn evaluate(
         &mut self,
         row: usize,
@@ -115,7 +117,7 @@ impl CycleTimer {
         }
     }
 
-    /// A command computed so long in this cycle.
+    /// Records the duration of a command's evaluation in this cycle.
     pub(super) fn remember(&mut self, id: u64, exec_ns: u64) {
         if exec_ns >= self.most_expensive.1 {
             self.most_expensive = (id, exec_ns);
@@ -124,7 +126,7 @@ impl CycleTimer {
 }
 
 impl Engine {
-    /// The same engine with another clock for what nets take, in ns; it must be fit for the real-time thread.
+    /// Uses another clock (ns) for durations of nets; it must be suitable for the real-time thread.
     #[must_use]
     pub fn with_clock(mut self, clock: fn() -> u64) -> Engine {
         self.time.clock = clock;
@@ -132,27 +134,27 @@ impl Engine {
         self
     }
 
-    /// Histograms and what primitives cost.
+    /// Histograms, and the cost of primitives.
     pub fn timing(&self) -> &CycleTiming {
         &self.time.timing
     }
 
-    /// True if the timing should be written in this cycle.
+    /// Returns true if the timing board should be written in this cycle.
     pub fn timing_due(&self) -> bool {
         self.time.due
     }
 
-    /// After the nets: the turn of being timed goes on to a net that is active.
+    /// After the nets: selects the active net that is timed next.
     pub(super) fn move_on_sampling(&mut self) {
         let cycle = self.status.cycle;
         self.time.due |= cycle.is_multiple_of(self.time.every);
         if self.time.due {
             self.time.timing.cycle = cycle;
         }
-        // A net that was not due has its turn when the others had theirs: what runs seldom is timed seldom.
+        // A net that was not due waits for its turn in the next round: slow nets are timed less often.
         let sampled = std::mem::take(&mut self.time.sampled);
         let first = (self.time.next_row + usize::from(!sampled)) % COMMANDS_MAX;
-        // Every active row is busy: nothing else need be looked at. Those from `first` on, then the others.
+        // Every active row is in `busy`, so other rows need not be checked. Rows from `first` on, then the others.
         let mut turns = rows(self.busy >> first << first).chain(rows(self.busy));
         let active = |row: &usize| {
             let entry = self.tables.commands.get(*row);
@@ -161,8 +163,8 @@ impl Engine {
         self.time.next_row = turns.find(active).unwrap_or(0);
     }
 
-    /// After the cycle: how long after its deadline it woke, how long it took, and how many periods it skipped; any
-    /// makes it a late one.
+    /// Accounts for a finished cycle: how late it woke, how long it took (ns), and how many periods it skipped; a cycle
+    /// that skipped a period is late.
     pub fn account(&mut self, wake_ns: u64, exec_ns: u64, skipped_periods: u64) {
         let status = &mut self.status;
         status.exec_last_ns = exec_ns;
@@ -196,7 +198,7 @@ impl Engine {
             status.first_late = late;
         }
         self.log(EngineEvent::Late(late));
-        // That it was woken late is no net's fault: such a cycle neither counts nor ends the row.
+        // Waking late is not the fault of a net: such a cycle neither counts nor resets the count.
         if cause == LateCause::ComputedLong {
             self.time.late_in_a_row += 1;
             if self.time.late_in_a_row == self.config.late_in_a_row_max {
@@ -209,7 +211,7 @@ impl Engine {
         }
     }
 
-    /// Late cycles are acknowledged: latches, worst values and histograms begin anew.
+    /// Acknowledges late cycles: resets latches, worst values and histograms.
     pub(super) fn acknowledge(&mut self) {
         let status = &mut self.status;
         let late = status.late - status.late_acknowledged;
@@ -227,7 +229,7 @@ impl Engine {
         self.log(EngineEvent::Acknowledged { cycle, late });
     }
 
-    /// Ends the net that took longest in its last cycle: too many cycles were late because of what nets compute.
+    /// Ends the net with the longest last evaluation: too many cycles were late because of computation.
     fn end_most_expensive(&mut self) {
         let active = self
             .tables
@@ -244,7 +246,7 @@ impl Engine {
     }
 }
 
-/// The shortest of many: what is between two looks at the clock if nothing is between them.
+/// The shortest of many intervals between two consecutive clock reads, ns.
 fn clock_read_cost(clock: fn() -> u64) -> u64 {
     let differences = (0..CLOCK_READS).map(|_| {
         let before_ns = clock();

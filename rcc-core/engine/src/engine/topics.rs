@@ -1,8 +1,8 @@
-//! Values from net to net: what nets published up to the cycle before is laid ready in those that subscribe to it, before
-//! any of them is evaluated, so that the order of the rows never shows. Real-time thread.
+//! Values between nets: values that nets published up to the previous cycle are staged in the subscribing nets before
+//! any net is evaluated, so that the order of rows has no effect. Real-time thread.
 //!
-//! Who publishes what is looked up when a net that publishes begins or ceases to run; in all other cycles a value costs its
-//! copy, in nets that run only.
+//! Sources are looked up when a publishing net starts or ends; in all other cycles a value costs one copy, in running
+//! nets only.
 
 use rcc_core::message::COMMANDS_MAX;
 use rcc_core::plan::{InputPoint, TOPICS_MAX};
@@ -17,12 +17,12 @@ use crate::net::Net;
 /// Room for the topics of all nets.
 const PUBLISHED_MAX: usize = COMMANDS_MAX * TOPICS_MAX;
 
-/// What running nets publish, by topic.
+/// The values that running nets publish, sorted by topic.
 #[derive(Debug)]
 pub(super) struct PublishedTopics {
     published: [(Topic, TopicSource); PUBLISHED_MAX],
     count: usize,
-    /// Another one whenever that changes.
+    /// Changes whenever the list does.
     version: u64,
 }
 
@@ -48,7 +48,7 @@ impl PublishedTopics {
         (*known == topic).then_some(*feed)
     }
 
-    /// One net at a time publishes a topic, and no net more than [`TOPICS_MAX`]: there is room.
+    /// A topic has one publisher, and a net publishes at most [`TOPICS_MAX`] topics: there is room.
     fn add(&mut self, row: usize, net: &Net) {
         for (point, publish) in net.plan().publishes.iter().zip(0..) {
             if let Some(place) = self.published.get_mut(self.count) {
@@ -82,13 +82,13 @@ impl PublishedTopics {
 }
 
 impl Engine {
-    /// To the nets in these rows that are evaluated in this cycle (bit r: row r).
+    /// Stages values in the nets of these rows that are evaluated in this cycle (bit r: row r).
     pub(super) fn deliver(&mut self, to: u64) {
         for row in rows(self.subscribers & to) {
             if !self.is_due(row) {
                 continue;
             }
-            // Out of its row while it reads the others; nobody subscribes to itself.
+            // Take the net out of its row while it reads the others; a net does not subscribe to itself.
             let Some(mut net) = self.nets.get_mut(row).and_then(Option::take) else {
                 continue;
             };
@@ -102,7 +102,7 @@ impl Engine {
         }
     }
 
-    /// A net runs from now on.
+    /// The net in `row` runs from now on.
     pub(super) fn publish(&mut self, row: usize) {
         if let Some(Some(net)) = self.nets.get(row)
             && !net.plan().publishes.is_empty()
@@ -111,13 +111,13 @@ impl Engine {
         }
     }
 
-    /// A net is over, also while its arms still play its last set-points.
+    /// The net in `row` has ended, even if its arms still play its last set-points.
     pub(super) fn unpublish(&mut self, row: usize) {
         self.topics.remove(row);
     }
 
-    /// What a net publishes means the same to those that subscribe to it, and the other way round. `leave` and `arrive` as
-    /// for [`Engine::check_free`].
+    /// Checks that a published topic has the same type in this net and in the other active nets, in both directions.
+    /// `leave` and `arrive` as for [`Engine::check_free`].
     pub(super) fn check_topics(&self, row: usize, leave: u64, arrive: u64) -> Result<(), Refusal> {
         let net = |row: usize| self.nets.get(row).and_then(Option::as_deref);
         let Some(own) = net(row) else {
@@ -133,7 +133,7 @@ impl Engine {
     }
 }
 
-/// A topic that one publishes and the other one subscribes to as something else.
+/// A topic that one net publishes and the other one subscribes to with a different type.
 fn clash(publishes: &Net, subscribes: &Net) -> Option<Topic> {
     let given = publishes.plan().publishes;
     if given.is_empty() || !subscribes.subscribes() {
@@ -141,7 +141,7 @@ fn clash(publishes: &Net, subscribes: &Net) -> Option<Topic> {
     }
     let shown = subscribes.plan().inputs.iter();
     let mut shown = shown.filter_map(|input| input.topic);
-    // `Plan::check` has proved that they are sorted.
+    // `Plan::check` has proved that topics are sorted.
     shown.find(|shown| {
         let found = given.binary_search_by_key(&shown.key, |point| point.topic.key);
         let given = found.ok().and_then(|found| given.get(found));

@@ -16,7 +16,7 @@ pub const MEASUREMENT_WORDS: usize = size_of::<Measurement>() / 8;
 pub(super) enum RecordTag {
     Cycle = 1,
     Input = 2,
-    EngineRequest = 3,
+    Request = 3,
     State = 4,
     Net = 5,
     Snapshot = 6,
@@ -28,7 +28,7 @@ pub(super) enum RecordTag {
 const RECORD_TAGS: [RecordTag; 9] = [
     RecordTag::Cycle,
     RecordTag::Input,
-    RecordTag::EngineRequest,
+    RecordTag::Request,
     RecordTag::State,
     RecordTag::Net,
     RecordTag::Snapshot,
@@ -138,7 +138,7 @@ pub enum RecordEntry<'a> {
         words: Option<&'a [u64; MEASUREMENT_WORDS]>,
     },
     /// An order was obeyed or refused.
-    EngineRequest {
+    Request {
         /// [`RequestKind`].
         kind: u8,
         /// Id of the command, or index of the device.
@@ -275,7 +275,7 @@ fn read(head: u64, words: &[u64]) -> Option<RecordEntry<'_>> {
                 words => Some(words.try_into().ok()?),
             },
         },
-        (RecordTag::EngineRequest, &[id]) => RecordEntry::EngineRequest { kind: small, id },
+        (RecordTag::Request, &[id]) => RecordEntry::Request { kind: small, id },
         (RecordTag::State, &[id, state, ref fault @ ..]) => RecordEntry::State {
             id,
             state: state as u32,
