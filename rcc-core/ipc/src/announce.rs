@@ -1,5 +1,5 @@
-//! Announcements: the small file by which a process tells the others of its cell who it is and what it offers.
-//! Written and read by threads that are not real-time.
+//! Announcements: each process of a cell writes a small file that names its role, its process id and its services. Read
+//! and written by threads that are not real-time.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -17,39 +17,39 @@ use crate::ownership;
 use crate::process_instance::{Liveness, ProcessInstance};
 use crate::session::{Role, Session};
 
-/// Longest announcement that is read, bytes.
+/// Maximum size of an announcement file, bytes.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// Who a process is, and the full names of its services.
+/// Identity of a process and the full names of its services.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Announcement {
-    /// What it does in the cell.
+    /// Role of the process in the cell.
     pub role: Role,
-    /// Which one of its role; a driver's is its device's name.
+    /// Distinguishes processes of one role; for a driver, the name of its device.
     pub label: String,
-    /// Which life of a process it is: no other one has this number.
+    /// Incarnation number, unique to this run of the process (see [`ProcessInstance::incarnation`]).
     #[serde(with = "hexadecimal")]
     pub incarnation: u64,
-    /// Its process id.
+    /// Process id.
     pub pid: u32,
-    /// Its start, in clock ticks after boot.
+    /// Start time of the process, clock ticks after boot.
     pub start_time_ticks: u64,
-    /// Full service names by short names.
+    /// Full service names, by short name.
     #[serde(default)]
     pub services: BTreeMap<String, String>,
-    /// A word for people.
+    /// Note for people; a driver lists its reason numbers here, one `NUMBER TEXT` per line.
     #[serde(default)]
     pub note: String,
-    /// The configuration that it was started with; `None` of processes that need none, and of older builds.
+    /// Configuration that the process was started with; `None` for processes without one, and for older builds.
     #[serde(default)]
     pub configuration: Option<Configuration>,
-    /// Of which build it is; `None` of older builds, which do not announce it.
+    /// Build of the process; `None` for older builds, which do not announce it.
     #[serde(default)]
     pub build: Option<Build>,
 }
 
 impl Announcement {
-    /// The announcement of this process, still without services.
+    /// Returns the announcement of this process, without services.
     #[must_use]
     pub fn of(session: &Session) -> Announcement {
         let life = session.instance();
@@ -73,21 +73,21 @@ impl Announcement {
         self
     }
 
-    /// Sets the word for people.
+    /// Sets the note for people.
     #[must_use]
     pub fn note(mut self, note: &str) -> Announcement {
         note.clone_into(&mut self.note);
         self
     }
 
-    /// Sets the configuration that it was started with.
+    /// Sets the configuration that the process was started with.
     #[must_use]
     pub fn configured(mut self, configuration: Configuration) -> Announcement {
         self.configuration = Some(configuration);
         self
     }
 
-    /// Who it is, for people: `executor`, `driver io`.
+    /// Returns a name for people: `executor`, `driver io`.
     #[must_use]
     pub fn who(&self) -> String {
         match self.role {
@@ -96,7 +96,7 @@ impl Announcement {
         }
     }
 
-    /// The life of the process that announced this.
+    /// Returns the process instance that made this announcement.
     #[must_use]
     pub fn instance(&self) -> ProcessInstance {
         ProcessInstance {
@@ -105,17 +105,17 @@ impl Announcement {
         }
     }
 
-    /// Whether that very process runs (a zombie does not), as far as the system tells.
+    /// Returns whether exactly this process instance still runs (a zombie does not), as far as the system can tell.
     #[must_use]
     pub fn liveness(&self) -> Liveness {
         self.instance().liveness()
     }
 }
 
-/// Why an announcement was not made or not read.
+/// Error while making or reading an announcement.
 #[derive(Debug, thiserror::Error)]
 pub enum AnnounceError {
-    /// A living process already has this role and label in the cell.
+    /// A live process already has this role and label in the cell.
     #[error(
         "{role} '{label}' already runs in cell '{cell}' (process {pid}): stop it, or use another cell"
     )]
@@ -126,26 +126,26 @@ pub enum AnnounceError {
         label: String,
         /// The cell.
         cell: String,
-        /// The process that runs; 0 when it has not yet said who it is.
+        /// Process id of the running process; 0 if it has locked its announcement but not written it yet.
         pid: u32,
     },
-    /// A file that is not an announcement.
+    /// The file is not an announcement.
     #[error("{path} is not an announcement ({source}): remove it")]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Parse error.
         source: serde_json::Error,
     },
-    /// A file that cannot be read or written.
+    /// The file cannot be read or written.
     #[error("{path}: {source}")]
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error from the system.
         source: io::Error,
     },
-    /// The lock beside the announcement cannot be used.
+    /// The lock file beside the announcement cannot be used.
     #[error(transparent)]
     Lock(LockError),
     /// The runtime folder cannot be used.
@@ -153,7 +153,7 @@ pub enum AnnounceError {
     Cell(#[from] CellError),
 }
 
-/// An announcement in force; dropping it takes it back. The kernel does the same for its lock at any death.
+/// A published announcement; dropping it removes the file. If the process dies, the kernel releases the lock.
 #[derive(Debug)]
 pub struct Announced {
     announcement: Announcement,
@@ -163,16 +163,16 @@ pub struct Announced {
 }
 
 impl Announced {
-    /// What is announced.
+    /// Returns the announcement.
     #[must_use]
     pub fn announcement(&self) -> &Announcement {
         &self.announcement
     }
 
-    /// Announces something else instead (more services, another note); role, label and life stay.
+    /// Replaces the services and the note; role, label and process identity stay the same.
     ///
     /// # Errors
-    /// The file cannot be written; then the old announcement stays.
+    /// Returns an error if the file cannot be written; the old announcement then stays in force.
     pub fn update(
         &mut self,
         services: BTreeMap<String, String>,
@@ -191,12 +191,12 @@ impl Announced {
 
 impl Drop for Announced {
     fn drop(&mut self) {
-        // Given back with the cell: what lies there now is somebody else's.
+        // The cell was released: files at these paths now belong to another process.
         if !ownership::is_locked_file(&self.lock_path, &self.lock) {
             return;
         }
-        // Nobody but the holder of the lock writes or removes these files; failing to is harmless, as the next
-        // process of this role and label replaces them.
+        // Only the holder of the lock writes or removes these files. A failure is harmless: the next process of this
+        // role and label replaces them.
         if read(&self.path).is_ok_and(|found| {
             found.is_some_and(|a| a.incarnation == self.announcement.incarnation)
         }) {
@@ -207,10 +207,11 @@ impl Drop for Announced {
 }
 
 impl Cell {
-    /// Announces a process: from now on others find it, and a second one of the same role and label is refused.
+    /// Publishes the announcement, so that other processes find this one. A second process with the same role and label
+    /// is refused.
     ///
     /// # Errors
-    /// [`AnnounceError::AlreadyRunning`], or files that cannot be written.
+    /// Returns [`AnnounceError::AlreadyRunning`] if such a process runs, or an error if a file cannot be written.
     pub fn announce(&self, announcement: &Announcement) -> Result<Announced, AnnounceError> {
         self.make_folders()?;
         let path = self.announcement_file(announcement.role, &announcement.label);
@@ -237,10 +238,10 @@ impl Cell {
         })
     }
 
-    /// What the process of this role and label announced, living or dead.
+    /// Returns the announcement with this role and label, whether its process is alive or dead.
     ///
     /// # Errors
-    /// A file that is there but cannot be read.
+    /// Returns an error if the file exists but cannot be read.
     pub fn announced(
         &self,
         role: Role,
@@ -249,11 +250,12 @@ impl Cell {
         read(&self.announcement_file(role, label))
     }
 
-    /// All announcements of the cell, living or dead, by role and label. Files that are not announcements are left
-    /// out here (asked for by name they are an error), so that one of them does not hide the others.
+    /// Returns all announcements of the cell, of live and dead processes, sorted by role and label. Skips files that
+    /// are not announcements, so that one bad file does not hide the others ([`Cell::announced`] reports such a file).
     ///
     /// # Errors
-    /// The folder (a missing one is empty) or a file cannot be read: a list that lacks processes would be an untrue one.
+    /// Returns an error if the folder or a file cannot be read, because an incomplete list would be wrong. A missing
+    /// folder counts as empty.
     pub fn announced_all(&self) -> Result<Vec<Announcement>, AnnounceError> {
         let folder = self.processes_dir();
         let failed = |source| AnnounceError::File {
@@ -304,7 +306,7 @@ fn read(path: &Path) -> Result<Option<Announcement>, AnnounceError> {
     }
 }
 
-/// Writes beside and renames, so that readers see the old file or the new one, and never a part.
+/// Writes a temporary file and renames it, so that readers see either the old file or the new one, never part of it.
 fn write(path: &Path, announcement: &Announcement) -> Result<(), AnnounceError> {
     let failed = |source| AnnounceError::File {
         path: path.to_owned(),
@@ -317,7 +319,7 @@ fn write(path: &Path, announcement: &Announcement) -> Result<(), AnnounceError> 
         .map_err(failed)
 }
 
-/// 64 bits as text: JSON readers in other languages keep only 53 of a number.
+/// A `u64` as hexadecimal text: JSON readers in other languages keep only 53 bits of a number.
 pub(crate) mod hexadecimal {
     use serde::de::{Deserialize, Deserializer, Error};
 

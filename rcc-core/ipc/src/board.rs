@@ -1,6 +1,6 @@
-//! Boards: the newest value of one writer in shared memory, read by anybody at any time (an iceoryx2 blackboard).
-//! Created and opened by helper threads, handed over, written and read by the real-time threads: both allocate nothing
-//! and make no system call.
+//! Boards: the newest value of one writer in shared memory, which any process can read at any time (an iceoryx2
+//! blackboard). Helper threads create and open boards and hand them over; real-time threads write and read them without
+//! allocation or system call.
 
 use std::fmt;
 
@@ -15,53 +15,53 @@ use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
 use crate::shm_space::{self, OutOfSharedMemory};
 
-/// At most this many readers of one board, dead ones that were not cleaned up included.
+/// Maximum number of readers of one board, including dead readers that have not been cleaned up.
 pub const READERS_MAX: usize = 32;
-/// Processes that may have a board open.
+/// Maximum number of processes that have a board open.
 const NODES_MAX: usize = 40;
-/// A board has one value; this is its key.
+/// Key of the single value of a board.
 const KEY: u32 = 0;
-/// Shared memory of a board beside its value.
+/// Shared memory that a board needs besides its value, bytes.
 const BOARD_ROOM: u64 = 256 << 10;
 
 pub(crate) type Service = ipc_threadsafe::Service;
 
-/// Why a board is not there.
+/// Error while creating or opening a board.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
-    /// Too little shared memory.
+    /// Not enough shared memory.
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
-    /// A name that is empty, too long or not printable.
+    /// The name is empty, too long or not printable.
     #[error("'{name}' cannot name a board: use up to 100 printable characters without spaces")]
     BadName {
-        /// What was given.
+        /// The given name.
         name: String,
     },
-    /// No such board: its writer is gone, or has another incarnation now.
-    #[error("there is no board {service}: read its writer's announcement again")]
+    /// The board does not exist: its writer has ended, or was restarted under another incarnation.
+    #[error("board {service} not found: read its writer's announcement again")]
     DoesNotExist {
         /// Full service name.
         service: String,
     },
-    /// The board holds another type, or the same one with another layout.
+    /// The board holds another type, or the same type with another layout.
     #[error(
         "board {service} does not hold {want} of {size} bytes: are both programs of the same build?"
     )]
     OtherLayout {
         /// Full service name.
         service: String,
-        /// The type we expected.
+        /// The type that was expected.
         want: &'static str,
-        /// Its bytes.
+        /// Size of that type, bytes.
         size: usize,
     },
-    /// Anything else that iceoryx2 says.
+    /// Any other error from iceoryx2.
     #[error("board {service}: {cause}")]
     Failed {
         /// Full service name.
         service: String,
-        /// What iceoryx2 said.
+        /// Error from iceoryx2.
         cause: IceoryxError,
     },
 }
@@ -70,19 +70,19 @@ pub enum BoardError {
 pub struct BoardWriter<T: Pod> {
     entry: EntryHandleMut<Service, u32, Shared<T>>,
     service: String,
-    // Both keep the board in being as long as the entry is written.
+    // Both keep the board alive as long as the entry is written.
     _writer: Writer<Service, u32>,
     _membership: Membership,
 }
 
 impl<T: Pod> BoardWriter<T> {
-    /// Makes `value` the newest one. Real-time safe: two copies of the value and one atomic addition.
-    /// A death in the midst of it leaves the old value.
+    /// Publishes `value` as the newest value. Real-time safe: two copies of the value and one atomic addition. If the
+    /// process dies during the call, readers keep the old value.
     pub fn write(&mut self, value: &T) {
         self.entry.update_with_copy(Shared(*value));
     }
 
-    /// Full name under which others open this board.
+    /// Returns the full name under which other processes open this board.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
@@ -95,33 +95,34 @@ impl<T: Pod> fmt::Debug for BoardWriter<T> {
     }
 }
 
-/// One reader of a board; the value stays readable after its writer's death.
+/// One reader of a board; the value stays readable after the writer has died.
 pub struct BoardReader<T: Pod> {
     entry: EntryHandle<Service, u32, Shared<T>>,
     service: String,
-    // Both keep the board in being as long as the entry is read.
+    // Both keep the board alive as long as the entry is read.
     _reader: Reader<Service, u32>,
     _membership: Membership,
 }
 
 impl<T: Pod> BoardReader<T> {
-    /// The newest value; all zero before the first write. Real-time safe: no allocation, no system call.
+    /// Returns the newest value; all zero before the first write. Real-time safe: no allocation, no system call.
     ///
-    /// iceoryx2 copies again when a write lands during the copy. This is the one loop without a constant bound that a
-    /// cycle runs: a repetition needs another whole write within one copy (62 ns for 4 kB, with writers that write
-    /// each millisecond), and never more than one was seen.
+    /// iceoryx2 repeats the copy if a write lands during it. This is the only loop in a cycle without a constant bound:
+    /// a repetition needs another complete write within one copy (62 ns for 4 kB, with writers that write once per
+    /// millisecond). More than one repetition was never observed.
     #[must_use]
     pub fn read(&self) -> T {
         self.entry.get().0
     }
 
-    /// Full name of the board.
+    /// Returns the full name of the board.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
     }
 
-    /// The life of the process that writes it. Ask it with [`ProcessInstance::liveness`], not in a real-time thread.
+    /// Returns the process instance that writes the board. Calling [`ProcessInstance::liveness`] on it is not real-time
+    /// safe.
     #[must_use]
     pub fn writer(&self) -> Option<ProcessInstance> {
         owner_of(&self.service)
@@ -135,10 +136,10 @@ impl<T: Pod> fmt::Debug for BoardReader<T> {
 }
 
 impl Session {
-    /// Creates the board `name` of this session with the value zero; up to some 100 kB are fine.
+    /// Creates the board `name` of this session with an all-zero value. Values up to about 100 kB are practical.
     ///
     /// # Errors
-    /// Too little shared memory, a name used twice or of another form, or what iceoryx2 says.
+    /// Returns an error if shared memory is short, if the name is invalid or in use, or if iceoryx2 fails.
     pub fn create_board<T: Pod>(&self, name: &str) -> Result<BoardWriter<T>, BoardError> {
         let (writer, service) =
             self.create_blackboard(name, size_of::<T>() as u64, |blackboard| {
@@ -158,13 +159,13 @@ impl Session {
         })
     }
 
-    /// Opens the board of that full name, as its writer announced it.
+    /// Opens a board by the full name that its writer announced.
     ///
     /// # Errors
-    /// No such board, another layout, too many readers, or what iceoryx2 says.
+    /// Returns an error if the board does not exist, has another layout or too many readers, or if iceoryx2 fails.
     pub fn open_board<T: Pod>(&self, service: &str) -> Result<BoardReader<T>, BoardError> {
         let reader = self.open_blackboard(service)?;
-        // A board always has its key, so a refusal here is about the type.
+        // A board always has its key, so a refusal here is a type mismatch.
         let entry = reader
             .entry::<Shared<T>>(&KEY)
             .map_err(|_| BoardError::OtherLayout {
@@ -180,14 +181,15 @@ impl Session {
         })
     }
 
-    /// A blackboard `name` of this session with the entries that `fill` adds, `bytes` in all, and its full name.
+    /// Creates the blackboard `name` of this session with the entries that `fill` adds (`bytes` in total); returns its
+    /// writer and its full name.
     pub(crate) fn create_blackboard(
         &self,
         name: &str,
         bytes: u64,
         fill: impl FnOnce(Creator<u32, Service>) -> Creator<u32, Service>,
     ) -> Result<(Writer<Service, u32>, String), BoardError> {
-        // Each entry is there twice.
+        // iceoryx2 stores each entry twice.
         shm_space::require(2 * bytes + BOARD_ROOM)?;
         let service_name = self.service_name(name).ok_or_else(|| BoardError::BadName {
             name: name.to_owned(),
@@ -213,7 +215,7 @@ impl Session {
         Ok((writer, service))
     }
 
-    /// A reader of the blackboard of that full name.
+    /// Opens a reader of the blackboard with this full name.
     pub(crate) fn open_blackboard(
         &self,
         service: &str,

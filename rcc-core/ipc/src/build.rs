@@ -1,5 +1,6 @@
-//! Of which build a process is: its version, and the layout of what it shares with other processes. Announced, so that
-//! processes of different builds refuse each other with words. Made at start, compared by threads that are not real-time.
+//! Identity of a build: the version and the layout of everything in shared memory. Processes announce it, so that
+//! processes of different builds refuse each other with a message. Built at start-up; compared by threads that are not
+//! real-time.
 
 use std::fmt;
 
@@ -13,10 +14,10 @@ use rcc_core::timing::{CycleTiming, LateCycle, PrimitiveTime};
 
 use crate::announce::Announcement;
 
-/// What helps processes of different builds.
+/// Remedy for a mismatch of builds.
 pub const REMEDY: &str = "install all programs from one build, and restart the cell";
 
-/// A build as far as processes compare it.
+/// A build, as far as processes compare it.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Build {
     /// Version of the programs.
@@ -27,7 +28,7 @@ pub struct Build {
 }
 
 impl Build {
-    /// The build of this process.
+    /// Returns the build of this process.
     #[must_use]
     pub fn own() -> Build {
         Build {
@@ -36,10 +37,10 @@ impl Build {
         }
     }
 
-    /// Checks, before anything of `other` is opened, that it means the same by what lies in shared memory.
+    /// Checks that `other` uses the same shared-memory layout, before any of its services is opened.
     ///
     /// # Errors
-    /// It has another layout, or announces none because it is of an older build.
+    /// Returns an error if `other` has another layout, or announces none because it is an older build.
     pub fn require_layout(other: &Announcement) -> Result<(), BuildMismatch> {
         match &other.build {
             Some(build) if build.layout == LAYOUT => Ok(()),
@@ -59,7 +60,7 @@ impl fmt::Display for Build {
     }
 }
 
-/// A build that was announced, or that none was.
+/// Describes a build, or the absence of an announced one.
 pub(crate) fn words(build: Option<&Build>) -> String {
     build.map_or_else(
         || "an older one that does not announce it".to_owned(),
@@ -67,7 +68,7 @@ pub(crate) fn words(build: Option<&Build>) -> String {
     )
 }
 
-/// What another process shares has another layout than here.
+/// Another process uses a different shared-memory layout.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the {who} was built from another version ({theirs}) than this program ({own}); {REMEDY}")]
 pub struct BuildMismatch {
@@ -75,12 +76,12 @@ pub struct BuildMismatch {
     pub who: String,
     /// Its build.
     pub theirs: String,
-    /// This process' build.
+    /// Build of this process.
     pub own: String,
 }
 
-/// Fingerprint of sizes and alignments. It does not see that two fields of one size change places: [`MAGIC`] is changed
-/// with the layout, and is part of it.
+/// Fingerprint of sizes and alignments. It does not detect two fields of the same size that swap places, so [`MAGIC`]
+/// must be changed together with the layout; it is part of the fingerprint.
 macro_rules! layout {
     ($($shared:ty),* $(,)?) => {
         fingerprint(&[
@@ -95,7 +96,7 @@ macro_rules! layout {
     };
 }
 
-/// The layout of this build.
+/// Layout fingerprint of this build.
 const LAYOUT: u64 = layout![
     Measurement,
     SetPoint,
@@ -114,7 +115,7 @@ const LAYOUT: u64 = layout![
     HelperEntry,
 ];
 
-/// FNV-1a of these numbers, their lowest bytes first.
+/// FNV-1a hash of the numbers in little-endian byte order.
 const fn fingerprint(numbers: &[u64]) -> u64 {
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     let mut number = 0;
@@ -136,7 +137,7 @@ mod tests {
 
     #[test]
     fn the_fingerprint_is_fnv_and_sees_each_number_and_their_order() {
-        // The same over bytes.
+        // FNV-1a over the same bytes.
         let text = u64::from_le_bytes(*b"rcc-v004");
         let mut expected = 0xcbf2_9ce4_8422_2325_u64;
         for byte in b"rcc-v004" {

@@ -1,5 +1,5 @@
-//! A cell by name: its runtime folder, its shared-memory prefix, and where every file of it lies.
-//! Run by any thread that is not real-time; what it makes is only folders of mode 0700.
+//! A cell by name: its runtime folder, its shared-memory prefix and the paths of its files. Runs on any thread that is
+//! not real-time; creates only folders, with mode 0700.
 
 use std::fs::{self, DirBuilder};
 use std::io;
@@ -9,19 +9,19 @@ use std::path::{Path, PathBuf};
 use crate::prefix;
 use crate::shm_space::SHM;
 
-/// Names have at most this many characters.
+/// Maximum length of a cell name, characters.
 const NAME_LENGTH_MAX: usize = 32;
-/// A folder that goes as soon as it is made is made again so often.
+/// Number of attempts to create a folder that another process keeps removing.
 const REMOVALS_MAX: u32 = 100;
-/// `sun_path` of a Unix socket address holds 108 bytes, the last of them zero (unix(7)).
+/// `sun_path` of a Unix socket address holds 108 bytes including the terminating zero (unix(7)).
 const SOCKET_PATH_MAX: usize = 107;
-/// What the name of a simulator's socket begins with.
+/// Prefix of the name of a simulator's socket.
 const SIMULATOR: &str = "sim-";
-/// What the name of a socket ends with.
+/// Suffix of a socket's name.
 const SOCKET: &str = ".sock";
 
-/// One running instance of the whole system: everything it shares lies in its runtime folder, or in `/dev/shm` under
-/// its prefix. Two cells, also of two users, never meet.
+/// One running instance of the whole system. Everything that it shares is in its runtime folder, or in `/dev/shm` under
+/// its prefix. Two cells never share a file, even if they belong to different users.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cell {
     name: String,
@@ -29,42 +29,42 @@ pub struct Cell {
     prefix: String,
 }
 
-/// Why there is no such cell.
+/// Error while looking up or creating a cell.
 #[derive(Debug, thiserror::Error)]
 pub enum CellError {
-    /// The name has another form than `[a-z0-9][a-z0-9_-]{0,31}`.
+    /// The name does not match `[a-z0-9][a-z0-9_-]{0,31}`.
     #[error(
         "'{name}' cannot name a cell: use 1 to 32 of a-z 0-9 _ -, beginning with a letter or digit"
     )]
     BadName {
-        /// What was given.
+        /// The given name.
         name: String,
     },
-    /// The socket in this folder would have a longer path than the system allows.
+    /// The path of the socket in this folder is longer than the system allows.
     #[error(
         "{path} has {size} bytes, a Unix socket's path at most {SOCKET_PATH_MAX}: set RCC_RUNTIME_DIR to a shorter folder"
     )]
     PathTooLong {
         /// Path of the socket.
         path: PathBuf,
-        /// Its bytes.
+        /// Its length, bytes.
         size: usize,
     },
-    /// The folder could not be made or looked at.
+    /// The folder cannot be created or inspected.
     #[error("{path}: {source}; set RCC_RUNTIME_DIR to a folder you may write to")]
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error from the system.
         source: io::Error,
     },
-    /// The cell was taken down, and made anew with another prefix, since it was looked up.
-    #[error("cell '{cell}' was made anew meanwhile: try again")]
+    /// The cell was removed and created again with another prefix after it was looked up.
+    #[error("cell '{cell}' was recreated meanwhile: try again")]
     MadeAnew {
         /// The cell.
         cell: String,
     },
-    /// The folder is there but belongs to somebody else.
+    /// The folder exists but belongs to another user.
     #[error(
         "{path} belongs to {}, you are {}: ask that user or root to remove it, use another cell name (--cell), or set RCC_RUNTIME_DIR to a folder of your own",
         person(*owner), person(*uid)
@@ -72,12 +72,12 @@ pub enum CellError {
     NotOurs {
         /// The folder.
         path: PathBuf,
-        /// Its owner's user id.
+        /// User id of the owner.
         owner: u32,
-        /// Ours.
+        /// User id of this process.
         uid: u32,
     },
-    /// Others may write to the folder, and so could put their files in the place of ours.
+    /// Other users may write to the folder and could replace our files.
     #[error(
         "{path} can be written by others (mode {mode:04o}): `chmod go-w {path}`, or set RCC_RUNTIME_DIR to a folder of your own"
     )]
@@ -90,11 +90,12 @@ pub enum CellError {
 }
 
 impl Cell {
-    /// The cell `name` below the usual base: `$RCC_RUNTIME_DIR`, else `/run/rcc` for root, else `$XDG_RUNTIME_DIR/rcc`,
-    /// else `/tmp/rcc-<uid>`. Makes the folders.
+    /// Returns the cell `name` below the default base folder: `$RCC_RUNTIME_DIR`, else `/run/rcc` for root, else
+    /// `$XDG_RUNTIME_DIR/rcc`, else `/tmp/rcc-<uid>`. Creates the folders.
     ///
     /// # Errors
-    /// A name of another form, a folder that cannot be made or is not ours, a path too long for a socket.
+    /// Returns an error if the name is invalid, if a folder cannot be created or is not ours, or if the path is too
+    /// long for a socket.
     pub fn new(name: &str) -> Result<Cell, CellError> {
         check_name(name)?;
         let base = base_dir();
@@ -102,7 +103,8 @@ impl Cell {
         Cell::at(name, &base.join(name))
     }
 
-    /// The cell `name` below the usual base if its folder is there; makes nothing when it is not.
+    /// Returns the cell `name` below the default base folder, or `None` if its folder does not exist. Creates nothing
+    /// in that case.
     ///
     /// # Errors
     /// As [`Cell::new`].
@@ -115,7 +117,8 @@ impl Cell {
         Cell::at(name, &runtime_dir).map(Some)
     }
 
-    /// The cell `name` in exactly this folder (tests give each cell its own). Makes the folder and its parents.
+    /// Returns the cell `name` in exactly this folder (tests give each cell its own). Creates the folder and its
+    /// parents.
     ///
     /// # Errors
     /// As [`Cell::new`].
@@ -140,79 +143,82 @@ impl Cell {
         Ok(cell)
     }
 
-    /// The name people gave it.
+    /// Returns the name of the cell.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its folder, absolute and without symbolic links.
+    /// Returns the runtime folder, absolute and without symbolic links.
     #[must_use]
     pub fn runtime_dir(&self) -> &Path {
         &self.runtime_dir
     }
 
-    /// What the names of all its files in `/dev/shm` begin with: `rcc_` + 10 hexadecimal digits + `_`.
+    /// Returns the prefix of all its files in `/dev/shm`: `rcc_` + 10 hexadecimal digits + `_`.
     #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
-    /// The loader's control socket.
+    /// Returns the path of the loader's control socket.
     #[must_use]
     pub fn socket(&self) -> PathBuf {
         self.runtime_dir.join("loader.sock")
     }
 
-    /// The control port of a simulator of the cell.
+    /// Returns the path of the control socket of a simulator of the cell.
     #[must_use]
     pub fn simulator_socket(&self, simulator: &str) -> PathBuf {
         simulator_socket(&self.runtime_dir, simulator)
     }
 
-    /// One announcement file for each process.
+    /// Returns the folder with one announcement file per process.
     #[must_use]
     pub fn processes_dir(&self) -> PathBuf {
         self.runtime_dir.join("processes")
     }
 
-    /// Names and texts of the commands, written by the loader.
+    /// Returns the folder in which the loader stores the names and texts of the commands.
     #[must_use]
     pub fn commands_dir(&self) -> PathBuf {
         self.runtime_dir.join("commands")
     }
 
-    /// What the executor's flight recorder wrote, unless the configuration names another folder.
+    /// Returns the default folder for incident files of the executor's flight recorder; the configuration can name
+    /// another.
     #[must_use]
     pub fn incidents_dir(&self) -> PathBuf {
         self.runtime_dir.join("incidents")
     }
 
-    /// What each driver knows about its device's connection, one JSON file a device; see `rcc-cli doctor device`.
+    /// Returns the folder with the connection diagnosis of each driver, one JSON file per device; see `rcc-cli doctor
+    /// device`.
     #[must_use]
     pub fn drivers_dir(&self) -> PathBuf {
         self.runtime_dir.join("drivers")
     }
 
-    /// Where iceoryx2 keeps the files that it does not map, and where long requests lie. Beside the shared memory,
-    /// because iceoryx2 writes its files through (fsync): on a busy disk one of them took up to 13.5 s.
+    /// Returns the folder for the files that iceoryx2 does not map, and for long requests. It is next to the shared
+    /// memory because iceoryx2 calls fsync on its files: on a busy disk one such call took up to 13.5 s.
     #[must_use]
     pub fn iox_root(&self) -> PathBuf {
         Path::new(SHM).join(format!("{}iox", self.prefix))
     }
 
-    /// The configuration this cell was started with.
+    /// Returns the path of the copy of the configuration that this cell was started with.
     #[must_use]
     pub fn config_copy(&self) -> PathBuf {
         self.runtime_dir.join("cell.yaml")
     }
 
-    /// What keeps the prefix, if it is not the usual one.
+    /// Returns the path of the file that stores the prefix, if it is not the default one.
     pub(crate) fn prefix_file(&self) -> PathBuf {
         self.runtime_dir.join("prefix")
     }
 
-    /// Makes sure that this cell is still what it was when it was looked up. Call it while holding the cell's lock.
+    /// Checks that the prefix is still the one found when the cell was looked up. Call it while holding the lock of the
+    /// cell.
     pub(crate) fn require_same_prefix(&self) -> Result<(), CellError> {
         match prefix::current(uid(), &self.runtime_dir, &self.prefix_file())? {
             now if now == self.prefix => Ok(()),
@@ -222,7 +228,7 @@ impl Cell {
         }
     }
 
-    /// Held shared by every process in the cell, exclusively by whoever wipes it.
+    /// Every process in the cell holds this lock shared; a process that wipes the cell holds it exclusively.
     pub(crate) fn lock_file(&self) -> PathBuf {
         self.runtime_dir.join("cell.lock")
     }
@@ -232,18 +238,20 @@ impl Cell {
         self.runtime_dir.join("janitor.lock")
     }
 
-    /// The folder above this cell's, if it is the usual one and not of the user's choice (`$RCC_RUNTIME_DIR`).
+    /// Returns the parent of the runtime folder if it is the default base folder and was not chosen with
+    /// `$RCC_RUNTIME_DIR`.
     pub(crate) fn own_base(&self) -> Option<PathBuf> {
         let chosen = std::env::var_os("RCC_RUNTIME_DIR").is_some_and(|value| !value.is_empty());
         let above = self.runtime_dir.parent().map(Path::to_owned);
         above.filter(|above| !chosen && *above == base_dir())
     }
 
-    /// Lets the members of a group reach the cell's socket, or nobody but us: the runtime folder gets that group and mode
-    /// 0750 (0700 without). The usual base folder is made passable then (0711): who may do what is decided below it.
+    /// Gives the members of `group` access to the cell's socket: the runtime folder gets that group and mode 0750
+    /// (without a group 0700, owner only). With a group the default base folder becomes passable (0711); permissions
+    /// are then decided below it.
     ///
     /// # Errors
-    /// The folder cannot be given to that group: we are neither root nor in it.
+    /// Returns an error if the folder cannot be given to the group: this process is neither root nor a member.
     pub fn open_to_group(&self, group: Option<u32>) -> Result<(), CellError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -263,7 +271,7 @@ impl Cell {
         Ok(())
     }
 
-    /// Makes what [`Cell::at`] made, again: a wipe may have removed it since.
+    /// Creates the folders of [`Cell::at`] again: a wipe may have removed them since.
     pub(crate) fn make_folders(&self) -> Result<(), CellError> {
         for path in [
             self.runtime_dir.clone(),
@@ -276,7 +284,7 @@ impl Cell {
         Ok(())
     }
 
-    /// Makes iceoryx2's folder. It lies where everybody may write, so nobody else may have prepared it.
+    /// Creates iceoryx2's folder. Its parent is world-writable, so the owner is checked.
     pub(crate) fn make_iox_root(&self) -> Result<(), CellError> {
         make_private_dir(&self.iox_root())
     }
@@ -286,13 +294,13 @@ fn uid() -> u32 {
     nix::unistd::getuid().as_raw()
 }
 
-/// A user as people know him: `user rcc (uid 998)`.
+/// Describes a user for people: `user rcc (uid 998)`.
 #[must_use]
 pub fn person(uid: u32) -> String {
     let found = nix::unistd::User::from_uid(nix::unistd::Uid::from_raw(uid));
     match found.ok().flatten() {
         Some(user) => format!("user {} (uid {uid})", user.name),
-        None => format!("a user without name (uid {uid})"),
+        None => format!("a user without a name (uid {uid})"),
     }
 }
 
@@ -306,21 +314,21 @@ fn check_name(name: &str) -> Result<(), CellError> {
     }
 }
 
-/// The control port of a simulator, in the folder of its cell.
+/// Returns the path of the control socket of a simulator, in the runtime folder of its cell.
 #[must_use]
 pub fn simulator_socket(runtime_dir: &Path, simulator: &str) -> PathBuf {
     runtime_dir.join(format!("{SIMULATOR}{simulator}{SOCKET}"))
 }
 
-/// Whether a file of a runtime folder is the control port of a simulator, by its name.
+/// Returns whether a file name in a runtime folder is that of a simulator's control socket.
 pub(crate) fn is_simulator_socket(name: &str) -> bool {
     name.starts_with(SIMULATOR) && name.ends_with(SOCKET)
 }
 
-/// Refuses the path of a socket that the system would refuse, with the remedy.
+/// Refuses a socket path that the system would refuse, and names the remedy.
 ///
 /// # Errors
-/// It is too long.
+/// Returns an error if the path is too long.
 pub fn check_socket_path(path: &Path) -> Result<(), CellError> {
     let size = path.as_os_str().len();
     if size > SOCKET_PATH_MAX {
@@ -339,7 +347,7 @@ fn is_name(name: &str) -> bool {
         && name.starts_with(|first: char| first.is_ascii_alphanumeric())
 }
 
-/// The usual base folder, in which each cell has its own; see [`Cell::new`]. It need not be there.
+/// Returns the default base folder, in which each cell has its own; see [`Cell::new`]. It need not exist.
 #[must_use]
 pub fn base_dir() -> PathBuf {
     let variable = |name| {
@@ -359,7 +367,8 @@ pub fn base_dir() -> PathBuf {
     }
 }
 
-/// Does it again when a folder is gone at once: a cell that ends removes its own while the next one of its name is made.
+/// Retries `act` while a folder disappears during it: a cell that ends removes its folder while the next one of the
+/// same name is created.
 fn unless_removed<T>(mut act: impl FnMut() -> Result<T, CellError>) -> Result<T, CellError> {
     for _ in 0..REMOVALS_MAX {
         match act() {
@@ -371,15 +380,15 @@ fn unless_removed<T>(mut act: impl FnMut() -> Result<T, CellError>) -> Result<T,
 }
 
 impl CellError {
-    /// True for a folder that goes while it is made: there when it should be made, and gone when it is looked at.
+    /// Returns true for a folder that disappeared between creation and inspection.
     pub(crate) fn is_passing(&self) -> bool {
         use io::ErrorKind::{AlreadyExists, NotFound};
         matches!(self, CellError::Folder { source, .. } if matches!(source.kind(), NotFound | AlreadyExists))
     }
 }
 
-/// Makes the folder if it is missing (mode 0700) and makes sure that nobody else can have prepared it for us, or can put
-/// anything into it. One that others may only look into stays as it is: the cell's configuration may want that.
+/// Creates the folder if it is missing (mode 0700), and checks that no other user can have prepared it or can write to
+/// it. A folder that others may only read stays as it is, because the cell's configuration may ask for that.
 fn make_private_dir(path: &Path) -> Result<(), CellError> {
     let failed = |source| CellError::Folder {
         path: path.to_owned(),
@@ -391,7 +400,7 @@ fn make_private_dir(path: &Path) -> Result<(), CellError> {
         owner,
         uid,
     };
-    // A link of somebody else's would lead us wherever he likes. First of all, as the kernel may refuse to follow it.
+    // A symbolic link of another user could lead anywhere. Check this first, since the kernel may refuse to follow it.
     if let Ok(named) = fs::symlink_metadata(path)
         && named.is_symlink()
         && named.uid() != uid
@@ -467,7 +476,7 @@ mod tests {
             let result = Cell::at("demo", &base);
             let still = fs::metadata(&base)?.mode() & 0o7777;
             fs::remove_dir_all(&base)?;
-            assert_eq!(still, mode, "it is not changed");
+            assert_eq!(still, mode, "the mode is not changed");
             match result {
                 Err(error @ CellError::Writable { .. }) if refuse => {
                     assert!(error.to_string().contains("chmod go-w"), "{error}");
@@ -501,7 +510,7 @@ mod tests {
                 ));
             }
         } else {
-            // An ordinary user cannot give folders away, but meets one of root's.
+            // An ordinary user cannot give folders away, but can try a folder of root.
             let refused = Cell::at("demo", Path::new("/usr"));
             assert!(matches!(refused, Err(CellError::NotOurs { owner: 0, .. })));
         }

@@ -1,14 +1,14 @@
-//! The one clock of a cell, CLOCK_MONOTONIC in nanoseconds, equal in every process of the machine, and the sleep by it.
-//! Run by any thread, real-time ones included (reading it: vDSO, no system call on the usual machines).
+//! The common clock of a cell: CLOCK_MONOTONIC in nanoseconds, equal in all processes of the machine, and sleeping on
+//! it. Runs on any thread, also on real-time threads (a read goes through the vDSO: no system call on common machines).
 
 use std::time::Duration;
 
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
-/// Nanoseconds of CLOCK_MONOTONIC (since boot, without time asleep); the same for all processes of the machine.
+/// Returns CLOCK_MONOTONIC in nanoseconds: time since boot without suspend, the same in all processes of the machine.
 ///
-/// It cannot fail: the kernel refuses only clocks it does not know, and this one is mandatory (POSIX).
+/// It cannot fail: the kernel refuses only unknown clocks, and POSIX requires this one.
 #[must_use]
 pub fn monotonic_ns() -> u64 {
     match clock_gettime(ClockId::CLOCK_MONOTONIC) {
@@ -22,8 +22,8 @@ pub fn monotonic_ns() -> u64 {
     }
 }
 
-/// Sleeps until a time of [`monotonic_ns`]: the executor's one sleep, and that of whoever measures what it would meet. An
-/// interruption by a signal is slept through.
+/// Sleeps until an absolute time of [`monotonic_ns`]; resumes after an interruption by a signal. This is the one sleep
+/// of the executor, and of programs that measure its latency.
 pub fn sleep_until(deadline_ns: u64) {
     let deadline = TimeSpec::from_duration(Duration::from_nanos(deadline_ns));
     while clock_nanosleep(

@@ -1,5 +1,5 @@
-//! The commands of a device as they cross from the executor to its driver: one set-point a cycle, and the driver finds the
-//! last [`SET_POINTS`] of them. Opened by helper threads; written and read by the real-time threads.
+//! The set-points of one device on their way from the executor to its driver: one per cycle, of which the driver finds
+//! the last [`SET_POINTS`]. Opened by helper threads; written and read by the real-time threads.
 
 use bytemuck::Zeroable;
 use rcc_core::message::{CommandHead, CommandImage, SET_POINTS, SetPoint};
@@ -8,15 +8,15 @@ use crate::board::BoardError;
 use crate::ring::{RingReader, RingWriter};
 use crate::session::Session;
 
-/// Fits `u32` by far.
+/// Well within `u32`.
 const LENGTH: u32 = SET_POINTS as u32;
 
-/// Where the executor writes the commands of one device.
+/// Writing end of a device's set-points, in the executor.
 #[derive(Debug)]
 pub struct CommandWriter(RingWriter<CommandHead, SetPoint>);
 
 impl CommandWriter {
-    /// Writes the newest set-point of `image`, and its head. Call it for each cycle. Real-time safe.
+    /// Writes the newest set-point of `image` and its head. To be called once per cycle. Real-time safe.
     pub fn write(&mut self, image: &CommandImage) {
         let number = image.head.sequence;
         // Nothing is written before the first cycle.
@@ -25,14 +25,14 @@ impl CommandWriter {
         }
     }
 
-    /// Full name under which a driver opens it.
+    /// Returns the full name under which a driver opens it.
     #[must_use]
     pub fn service(&self) -> &str {
         self.0.service()
     }
 }
 
-/// Where a driver reads the commands of its device.
+/// Reading end of a device's set-points, in the driver.
 #[derive(Debug)]
 pub struct CommandReader {
     ring: RingReader<CommandHead, SetPoint>,
@@ -40,19 +40,19 @@ pub struct CommandReader {
 }
 
 impl CommandReader {
-    /// Whose set-points there are, and how far they go.
+    /// Returns the newest head: the source of the set-points and the number of the newest one.
     #[must_use]
     pub fn head(&self) -> CommandHead {
         self.ring.head()
     }
 
-    /// Takes over what is new. Real-time safe: copies the set-points since the last look, at most [`SET_POINTS`].
+    /// Copies the set-points that are new since the last call, at most [`SET_POINTS`]. Real-time safe.
     pub fn read(&mut self) -> &CommandImage {
         let head = self.ring.head();
         let oldest = head.sequence.saturating_sub(SET_POINTS as u64 - 1);
         let first = oldest.max(self.image.head.sequence.saturating_add(1));
         for number in first..=head.sequence {
-            // One that was overwritten meanwhile has another number, and `CommandImage::at` does not find it.
+            // A set-point that was overwritten meanwhile has another number; `CommandImage::at` does not return it.
             self.image.keep(number, self.ring.at(number));
         }
         self.image.head = head;
@@ -61,7 +61,7 @@ impl CommandReader {
 }
 
 impl Session {
-    /// Creates where the commands of a device are written.
+    /// Creates the ring of set-points of a device.
     ///
     /// # Errors
     /// As [`Session::create_board`].
@@ -69,7 +69,7 @@ impl Session {
         self.create_ring(name, LENGTH).map(CommandWriter)
     }
 
-    /// Opens the commands of that full name, as the executor announced them.
+    /// Opens the ring of set-points by the full name that the executor announced.
     ///
     /// # Errors
     /// As [`Session::open_board`].

@@ -1,5 +1,5 @@
-//! What a process announces of the configuration that it was started with, so that others notice a different one.
-//! Written at start, compared by threads that are not real-time.
+//! The configuration that a process announces, so that other processes notice a different one. Written at start-up;
+//! compared by threads that are not real-time.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,35 +8,34 @@ use crate::announce::Announcement;
 use crate::build;
 use crate::events::{self, EventKind};
 
-/// A configuration as far as processes compare it.
+/// A configuration, as far as processes compare it.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Configuration {
-    /// Its file.
+    /// Path of the file.
     pub file: String,
-    /// Fingerprint of what plans depend on.
+    /// Fingerprint of everything that plans depend on.
     #[serde(with = "crate::announce::hexadecimal")]
     pub cell: u64,
-    /// The devices that the process knows, in the order of the file; a driver's is its own only.
+    /// The devices that the process knows, in the order of the file; a driver lists only its own.
     pub devices: Vec<DeviceFingerprints>,
 }
 
-/// Fingerprints of one device's configuration.
+/// Fingerprints of the configuration of one device.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct DeviceFingerprints {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
-    /// 16 hexadecimal digits, by the part of the configuration.
+    /// Fingerprint (16 hexadecimal digits) of each part of the configuration.
     pub parts: BTreeMap<String, String>,
 }
 
-/// What `CellConfig::identity` tells: file, fingerprint of the cell, names of the parts, and a fingerprint for each part of
+/// Result of `CellConfig::identity`: file, fingerprint of the cell, names of the parts, and one fingerprint per part of
 /// each device.
 type Identity<'a, const PARTS: usize> =
     (String, u64, [&'a str; PARTS], Vec<(String, [u64; PARTS])>);
 
 impl Configuration {
-    /// The configuration of this file and fingerprint, and its devices with a fingerprint for each of the parts `names`
-    /// (`CellConfig::identity`).
+    /// Builds the announced form of `CellConfig::identity`.
     #[must_use]
     pub fn new<const PARTS: usize>(
         (file, cell, names, devices): Identity<'_, PARTS>,
@@ -58,14 +57,14 @@ impl Configuration {
         }
     }
 
-    /// Only this device, as its driver announces it.
+    /// Keeps only this device, as its driver announces it.
     #[must_use]
     pub fn only(mut self, device: &str) -> Configuration {
         self.devices.retain(|one| one.name == device);
         self
     }
 
-    /// The parts of `device` that are not the same in both, as words; empty if they agree.
+    /// Returns the parts of `device` that differ; empty if they agree.
     #[must_use]
     pub fn device_differences(&self, other: &Configuration, device: &str) -> Vec<String> {
         let parts = |configuration: &Configuration| {
@@ -75,7 +74,7 @@ impl Configuration {
                 .map(|one| one.parts.clone())
         };
         let (Some(here), Some(there)) = (parts(self), parts(other)) else {
-            return vec![format!("one of them has no device {device}")];
+            return vec![format!("device {device} is missing in one of them")];
         };
         let keys = here
             .keys()
@@ -85,7 +84,7 @@ impl Configuration {
             .collect()
     }
 
-    /// What is not the same in both, as words; empty if they agree in everything, also in the order of devices.
+    /// Returns all differences; empty if both agree in everything, including the order of the devices.
     #[must_use]
     pub fn differences(&self, other: &Configuration) -> Vec<String> {
         if self.cell == other.cell && self.devices == other.devices {
@@ -119,30 +118,29 @@ impl Configuration {
     }
 }
 
-/// Two processes that do not work together, because they are of different builds or were started with different
-/// configurations.
+/// Two processes cannot work together because their builds or their configurations differ.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ProcessMismatch {
-    /// They were built from different versions: what they share need not mean the same to both.
+    /// They were built from different versions, so shared data may not mean the same to both.
     Build {
-        /// Who the first one is, and its build.
+        /// Name and build of the first process.
         one: (String, String),
-        /// Who the second one is, and its build.
+        /// Name and build of the second process.
         other: (String, String),
     },
     /// They were started with different configurations.
     Configuration {
-        /// What differs; empty if one of them does not announce any configuration.
+        /// The differences; empty if one of them announces no configuration.
         differs: Vec<String>,
-        /// Who was started earlier, and has therefore read the older file: `executor`, `driver io`.
+        /// Name of the process that was started earlier and so has read the older file: `executor`, `driver io`.
         older: String,
     },
 }
 
 impl ProcessMismatch {
-    /// What keeps a driver and an executor from working together; none if they are of one build and their configurations
-    /// of the driver's device are the same. It cannot change while both live: each announces what it was started with,
-    /// before anybody can find it, and reads no file again.
+    /// Returns why a driver and an executor cannot work together; `None` if their builds agree and their configurations
+    /// of the driver's device agree. The result is constant while both live: each process announces what it was started
+    /// with before others can find it, and never reads the file again.
     #[must_use]
     pub fn about_device(
         driver: &Announcement,
@@ -154,7 +152,7 @@ impl ProcessMismatch {
         })
     }
 
-    /// What keeps two processes that know all devices from working together.
+    /// Returns why two processes that know all devices cannot work together.
     #[must_use]
     pub fn about_cell(one: &Announcement, other: &Announcement) -> Option<ProcessMismatch> {
         ProcessMismatch::between(one, other, Configuration::differences)
@@ -165,7 +163,7 @@ impl ProcessMismatch {
         other: &Announcement,
         differences: impl FnOnce(&Configuration, &Configuration) -> Vec<String>,
     ) -> Option<ProcessMismatch> {
-        // First: configurations of different builds may differ for that alone.
+        // Compare builds first: configurations of different builds may differ for that reason alone.
         if one.build != other.build {
             let named =
                 |process: &Announcement| (process.who(), build::words(process.build.as_ref()));
@@ -189,7 +187,7 @@ impl ProcessMismatch {
         })
     }
 
-    /// What one of them has that the other has not, as the end of `it was …`: `started with another configuration`.
+    /// Returns the mismatch as the end of `it was …`: `started with another configuration`.
     #[must_use]
     pub fn description(&self) -> &'static str {
         match self {
@@ -198,7 +196,7 @@ impl ProcessMismatch {
         }
     }
 
-    /// For the event log of a process that does not work with `other` because of this.
+    /// Returns the event for the log of a process that refuses to work with `other` because of this.
     #[must_use]
     pub fn event(&self, other: &Announcement) -> EventKind {
         let (process, life) = (other.who(), events::hex_digits(other.incarnation));
@@ -225,13 +223,13 @@ impl ProcessMismatch {
         }
     }
 
-    /// What to do.
+    /// Returns the remedy.
     #[must_use]
     pub fn remedy(&self) -> String {
         match self {
             ProcessMismatch::Configuration { differs, older } if !differs.is_empty() => format!(
-                "restart the cell, so that all its processes read the same file; {older} was started first and has read the \
-                 older one"
+                "restart the cell, so that all its processes read the same file; {older} was started first and has read an \
+                 older version"
             ),
             ProcessMismatch::Configuration { .. } | ProcessMismatch::Build { .. } => {
                 build::REMEDY.to_owned()
@@ -240,7 +238,7 @@ impl ProcessMismatch {
     }
 }
 
-/// What differs.
+/// Formats the differences.
 impl fmt::Display for ProcessMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -257,19 +255,19 @@ impl fmt::Display for ProcessMismatch {
     }
 }
 
-/// That the files of a configuration are not in force, as a sentence: what `differs`, or the first `fault` of files that
-/// no process could be started with.
+/// Formats that the files of a configuration are not in force: `differs` lists the differences, `fault` is the first
+/// fault of files with which no process could be started.
 #[must_use]
 pub fn changed(differs: &str, fault: Option<&str>) -> String {
     match (differs, fault) {
         (_, Some(fault)) => format!(
-            "the configuration's files are not valid any more ({fault}); the cell goes on with what it was started with, \
-             but a process that dies now does not come back: correct them"
+            "the configuration files are no longer valid ({fault}); the cell continues with the configuration that it was \
+             started with, but a process that dies now cannot be restarted: correct the files"
         ),
-        ("", None) => "the configuration's files say again what is in force".to_owned(),
+        ("", None) => "the configuration files match the running configuration again".to_owned(),
         (differs, None) => format!(
-            "the configuration's files have changed ({differs}), and that is not in force: restart the cell; a process \
-             that is started alone reads the new files, and the others do not work with it"
+            "the configuration files have changed ({differs}), but the change is not in force: restart the cell; a process \
+             that is restarted alone reads the new files, and the others refuse to work with it"
         ),
     }
 }

@@ -1,5 +1,5 @@
-//! What loader and executor say to each other: the life cycle of the paper's figure 2 as calls.
-//! Plain data; used by the executor's intake thread and by the loader, never by the real-time thread.
+//! Requests and answers between loader and executor: the life cycle of figure 2 of the paper as calls. Plain data; used
+//! by the executor's intake thread and by the loader, never by the real-time thread.
 
 use rcc_core::frame::PrepareFault;
 use rcc_core::plan::{
@@ -27,20 +27,20 @@ pub const RECORDS: &str = "records";
 /// Name of a driver's board with [`rcc_core::message::Measurement`].
 pub const MEASUREMENT: &str = "measurement";
 
-/// Most commands that one [`Call::Switch`] stops, and most that it starts.
+/// Maximum number of commands that one [`Call::Switch`] stops, and maximum that it starts.
 pub const SWITCH_MAX: usize = 8;
 
-/// Most values that one [`Call::Set`] sets.
+/// Maximum number of values in one [`Call::Set`].
 pub const SET_MAX: usize = 64;
-/// Most elements that one [`Call::Set`] sets.
+/// Maximum number of elements in one [`Call::Set`].
 pub const SET_ELEMENTS_MAX: usize = 1024;
 
-/// Most values that one [`Call::Read`] reads.
+/// Maximum number of values in one [`Call::Read`].
 pub const READ_MAX: usize = 1024;
-/// Most elements that one [`Call::Read`] reads.
+/// Maximum number of elements in one [`Call::Read`].
 pub const READ_ELEMENTS_MAX: usize = 1536;
 
-/// Name of the executor's ring with the commands of a device.
+/// Returns the name of the executor's ring with the set-points of a device.
 #[must_use]
 pub fn command_board(device: &str) -> String {
     format!("command-{device}")
@@ -59,34 +59,34 @@ pub struct PlanData {
     pub bools: Vec<u8>,
     /// Initial arena of `Int`.
     pub ints: Vec<i64>,
-    /// What to run, in order.
+    /// Kernel runs, in order of evaluation.
     pub runs: Vec<KernelRun>,
     /// Operands of all runs.
     pub operands: Vec<u32>,
     /// How the runs are divided among regions.
     pub blocks: Vec<RunBlock>,
-    /// What is evaluated only under a condition.
+    /// Parts of the net that are evaluated only under a condition.
     pub regions: Vec<PlanRegion>,
-    /// What becomes null when a region ceases to be evaluated.
+    /// Slots that become null when a region stops being evaluated.
     pub blanks: Vec<NullRange>,
     /// Delayed links.
     pub delays: Vec<Delay>,
     /// Monitors.
     pub monitors: Vec<MonitorPoint>,
-    /// Values that come from outside.
+    /// Inputs that are set from outside the net.
     pub inputs: Vec<InputPoint>,
-    /// Values that other nets can read, by rising key of their topics.
+    /// Values that other nets can read, sorted by the keys of their topics.
     pub publishes: Vec<PublishPoint>,
     /// Number of path clocks.
     pub clocks: u32,
-    /// In which cycles it is evaluated.
+    /// Cycles in which the net is evaluated.
     pub rate: Rate,
-    /// The net goes on with null when a device that it commands is lost.
+    /// True if the net continues with null when a device that it commands is lost.
     pub survives_device_loss: bool,
 }
 
 impl PlanData {
-    /// The plan, borrowing these arrays.
+    /// Returns the plan, borrowing these arrays.
     #[must_use]
     pub fn plan(&self) -> Plan<'_> {
         Plan {
@@ -114,52 +114,53 @@ impl PlanData {
 /// A new value for an [`InputPoint`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputValue {
-    /// Its index in the plan.
+    /// Index of the input in the plan.
     pub input: u32,
-    /// One word an element: the bits of a Real or an Int; 0, 1 or 2 (null) of a Bool.
+    /// One word per element: the bits of a Real or an Int; 0, 1 or 2 (null) for a Bool.
     pub words: Vec<u64>,
 }
 
-/// Values of a net, all of one cycle.
+/// Values of a net, all from the same cycle.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NetValues {
-    /// Executor cycle in which the net was evaluated last; 0 = it was not yet evaluated, and these are its first values.
+    /// Executor cycle of the last evaluation; 0 if the net has not been evaluated yet and these are its initial values.
     pub cycle: u64,
-    /// Its evaluations so far.
+    /// Number of evaluations so far.
     pub evaluations: u64,
-    /// Cycles from one evaluation to the next.
+    /// Cycles between two evaluations.
     pub every: u32,
     /// [`rcc_core::message::CommandState`] as a number.
     pub state: u32,
-    /// The elements of all points, one after the other, as in [`InputValue`].
+    /// Elements of all points, one after the other, encoded as in [`InputValue`].
     pub words: Vec<u64>,
 }
 
-/// Why a value cannot be set.
+/// Reason why a value cannot be set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum InputFault {
-    /// The plan has no input of this index.
+    /// The plan has no input with this index.
     Unknown,
-    /// It has another number of elements.
+    /// The input has another number of elements.
     Elements,
-    /// An element is infinite, or no truth value.
+    /// An element is infinite, or is not a valid truth value.
     NoValue,
-    /// An element is out of the input's range.
+    /// An element is outside the input's range.
     OutOfRange,
-    /// The request sets it twice.
+    /// The request sets the input twice.
     Twice,
-    /// It comes from another net.
+    /// The input is fed by another net.
     Subscribed,
 }
 
-/// How the bytes of a call begin, in the order of [`Call`].
+/// First bytes of an encoded call; variants in the order of [`Call`].
 #[derive(Deserialize)]
 enum CallHead {
     Reserve,
     Install { id: u64 },
 }
 
-/// The command of an encoded [`Call::Install`], without decoding its plan; `None` for all other calls and bytes.
+/// Returns the command id of an encoded [`Call::Install`] without decoding its plan; `None` for all other calls and
+/// bytes.
 #[must_use]
 pub fn installs(bytes: &[u8]) -> Option<u64> {
     match wire::decode_beginning(bytes) {
@@ -172,16 +173,16 @@ pub fn installs(bytes: &[u8]) -> Option<u64> {
 #[allow(clippy::large_enum_variant)] // One at a time, and sent at once.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum Call {
-    /// Gives out a command id in state `loading`.
+    /// Allocates a command id in state `loading`.
     Reserve,
-    /// Hands the plan of a `loading` command over; it becomes `ready` or `rejected`.
+    /// Delivers the plan of a `loading` command, which becomes `ready` or `rejected`.
     Install {
         /// Command id.
         id: u64,
-        /// Its plan.
+        /// The plan.
         plan: PlanData,
     },
-    /// The loader refused the text of a `loading` command: it becomes `rejected`.
+    /// The loader refused the text of a `loading` command, which becomes `rejected`.
     Reject {
         /// Command id.
         id: u64,
@@ -193,7 +194,8 @@ pub enum Call {
     },
     /// Hand-over: stops some commands and starts others between the same two cycles, or changes nothing.
     Switch {
-        /// Ids of active commands, at most [`SWITCH_MAX`]; each ends `aborted` (one whose motion is over: `finished`).
+        /// Ids of active commands, at most [`SWITCH_MAX`]; each ends as `aborted` (as `finished` if its motion is
+        /// over).
         stop: Vec<u64>,
         /// Ids of ready commands, at most [`SWITCH_MAX`].
         start: Vec<u64>,
@@ -208,33 +210,33 @@ pub enum Call {
         /// Command id.
         id: u64,
     },
-    /// Forgets a command that is not active.
+    /// Removes a command that is not active.
     Unload {
         /// Command id.
         id: u64,
     },
-    /// Sets inputs of a ready or active command, all of them between the same two cycles, or none.
+    /// Sets inputs of a ready or active command: all of them between the same two cycles, or none.
     Set {
         /// Command id.
         id: u64,
-        /// At most [`SET_MAX`] with together at most [`SET_ELEMENTS_MAX`] elements.
+        /// At most [`SET_MAX`] values with at most [`SET_ELEMENTS_MAX`] elements in total.
         values: Vec<InputValue>,
     },
-    /// Reads values of a command as its last evaluation left them, all of one cycle.
+    /// Reads values of a command as of its last evaluation, all from the same cycle.
     Read {
         /// Command id.
         id: u64,
-        /// At most [`READ_MAX`] with together at most [`READ_ELEMENTS_MAX`] elements.
+        /// At most [`READ_MAX`] values with at most [`READ_ELEMENTS_MAX`] elements in total.
         points: Vec<ValuePoint>,
     },
-    /// Freezes the flight recorder's last seconds, which are then written to a file: ask with [`Call::Recorded`].
+    /// Freezes the last seconds of the flight recorder, to be written to a file; poll with [`Call::Recorded`].
     Record,
-    /// Whether the recording that was frozen in this cycle is in a file.
+    /// Asks whether the recording frozen in this cycle has been written to a file.
     Recorded {
-        /// Of the answer to [`Call::Record`].
+        /// Cycle from the answer to [`Call::Record`].
         cycle: u64,
     },
-    /// Late cycles are acknowledged: what is latched begins anew.
+    /// Acknowledges late cycles: clears what is latched.
     Acknowledge,
 }
 
@@ -249,7 +251,7 @@ impl Message for Answer {
 /// The executor's answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Answer {
-    /// A new command exists.
+    /// A new command was created.
     Reserved {
         /// Its id.
         id: u64,
@@ -259,78 +261,78 @@ pub enum Answer {
         /// Executor cycle.
         cycle: u64,
     },
-    /// As [`Answer::Done`], of a net that was rehearsed before.
+    /// Like [`Answer::Done`], for a net that was rehearsed first.
     Rehearsed {
         /// Executor cycle.
         cycle: u64,
-        /// What the rehearsal came to.
+        /// Result of the rehearsal.
         rehearsed: RehearsalReport,
     },
-    /// What became of a recording.
+    /// State of a recording.
     Recorded(RecordingState),
-    /// What was read.
+    /// The values that were read.
     Values(NetValues),
-    /// Refused; nothing changed, except that a refused plan makes its command `rejected`.
+    /// Refused. Nothing changed, except that a refused plan makes its command `rejected`.
     Refused(Refusal),
-    /// A hand-over is refused because of one of its commands; nothing changed.
+    /// A hand-over was refused because of one of its commands; nothing changed.
     RefusedFor {
         /// Command id.
         id: u64,
-        /// Why.
+        /// The reason.
         refusal: Refusal,
     },
 }
 
-/// What became of a recording.
+/// State of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RecordingState {
-    /// It is not over yet, or is being written.
+    /// The recording is still in progress or is being written.
     NotYet,
-    /// It is in this file.
+    /// The recording is in this file.
     Written {
         /// Its path.
         file: String,
     },
-    /// It could not be written and is lost.
+    /// The recording could not be written and is lost.
     Lost {
-        /// Why.
+        /// The reason.
         why: String,
     },
 }
 
-/// Why the executor refused.
+/// Reason for a refusal by the executor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refusal {
-    /// The bytes were no call: caller and executor are of different builds.
+    /// The bytes are not a valid call: caller and executor are from different builds.
     NotUnderstood,
     /// All rows of the command table are in use.
     TableFull,
-    /// There is no such command.
+    /// No command with this id exists.
     UnknownCommand,
-    /// The command is in a state ([`rcc_core::message::CommandState`] as a number) that does not allow it.
+    /// The state of the command ([`rcc_core::message::CommandState`] as a number) does not allow the call.
     WrongState {
         /// The state.
         state: u32,
     },
     /// Another command holds a resource.
     Busy {
-        /// Id of the holder.
+        /// Id of the command that holds it.
         holder: u64,
-        /// What it holds.
+        /// The resource.
         resource: Resource,
     },
     /// The net has no `Cancel` primitive and can only be aborted.
     NotCancelable,
-    /// A device that the net commands cannot be commanded now.
+    /// A device that the net commands is not ready for commands.
     DeviceNotReady {
         /// Device index.
         device: u32,
         /// [`rcc_core::message::DeviceState`] as a number.
         state: u32,
-        /// The driver's reason number.
+        /// Reason number of the driver.
         reason: u32,
     },
-    /// The first set-point is not where the device is held (`rcc_core::guard`).
+    /// The first set-point is not at the position where the device is held (`rcc_core::guard`).
     FirstSetPoint {
         /// Device index.
         device: u32,
@@ -338,61 +340,61 @@ pub enum Refusal {
         joint: u32,
         /// Set-point minus hold set-point, or the set-point that breaks a limit; rad.
         value: f64,
-        /// What is allowed.
+        /// The allowed value.
         limit: f64,
         /// [`rcc_core::guard::ViolationKind`] as a number.
         violation: u32,
     },
-    /// A hand-over names more commands than this to stop or to start.
+    /// A hand-over stops or starts more commands than this.
     SwitchTooLarge {
         /// [`SWITCH_MAX`].
         max: u32,
     },
-    /// A hand-over names the command twice.
+    /// A hand-over names the same command twice.
     NamedTwice,
     /// A hand-over starts nets of several rates that are not evaluated in a common cycle within a second.
     NeverTogether,
-    /// The first set-point does not continue the motion of what a hand-over stops (`rcc_core::guard`).
+    /// The first set-point does not continue the motion of the command that the hand-over stops (`rcc_core::guard`).
     Continuation {
         /// Device index.
         device: u32,
         /// Joint, counted from 1.
         joint: u32,
-        /// What was asked for: rad, rad/s or rad/s².
+        /// The commanded value: rad, rad/s or rad/s².
         value: f64,
-        /// What is allowed.
+        /// The allowed value.
         limit: f64,
         /// [`rcc_core::guard::ViolationKind`] as a number.
         violation: u32,
     },
-    /// A hand-over would let go of an arm: the command claims it but has no set-point for it in its first cycle.
+    /// A hand-over would release an arm: the command claims it but has no set-point for it in its first cycle.
     LetsGo {
         /// Device index.
         device: u32,
     },
     /// The first cycle of the net ended with a fault ([`rcc_core::message::FaultCode`] as a number).
     FirstCycle {
-        /// The code.
+        /// The fault code.
         code: u32,
     },
-    /// The plan does not check.
+    /// The plan failed its check.
     Plan(PlanError),
     /// The start values could not be computed.
     Prepare(PrepareFault),
-    /// In its rehearsal the net breaks a limit of an arm.
+    /// The rehearsal shows that the net breaks a limit of an arm.
     Foreseen(PredictedViolation),
-    /// The nets would need more of a cycle than the cell's budget.
+    /// The nets would need more of a cycle than the budget of the cell.
     Budget {
-        /// What the net is expected to need, ns.
+        /// Expected time of the net, ns.
         needed_ns: u64,
-        /// What those need that run in the same cycles, ns.
+        /// Time of the nets that run in the same cycles, ns.
         in_use_ns: u64,
-        /// What nets may need together, ns.
+        /// Budget for all nets together, ns.
         budget_ns: u64,
     },
-    /// Another command that runs publishes or subscribes to a topic with values of another type or unit.
+    /// Another running command publishes or subscribes to the topic with another type or unit.
     OtherTopic {
-        /// The other command.
+        /// Id of the other command.
         other: u64,
         /// [`rcc_core::topic::Topic::key`].
         key: u64,
@@ -401,35 +403,35 @@ pub enum Refusal {
     Input {
         /// Index of the input in the plan.
         input: u32,
-        /// Why.
+        /// The reason.
         fault: InputFault,
     },
-    /// A request reads more values, or more elements, than this.
+    /// A request reads more values or elements than this.
     ReadTooLarge {
         /// [`READ_MAX`].
         values: u32,
         /// [`READ_ELEMENTS_MAX`].
         elements: u32,
     },
-    /// A value to be read lies outside of the net.
+    /// A value to be read is outside the net.
     NoSuchValue {
-        /// Its place in the list.
+        /// Index of the value in the request.
         value: u32,
     },
-    /// A request sets more values, or more elements, than this.
+    /// A request sets more values or elements than this.
     SetTooLarge {
         /// [`SET_MAX`].
         values: u32,
         /// [`SET_ELEMENTS_MAX`].
         elements: u32,
     },
-    /// The executor has no room for it now; try again.
+    /// The executor is too busy now; try again.
     Overloaded,
     /// The executor is stopping.
     Stopping,
-    /// The cell's configuration switches the flight recorder off.
+    /// The configuration of the cell switches the flight recorder off.
     NoRecorder,
-    /// A CANCEL or ABORT came before the START had begun: the command stays ready.
+    /// A CANCEL or ABORT arrived before the START had taken effect: the command stays ready.
     Withdrawn,
 }
 
@@ -438,7 +440,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plan_is_told_from_other_calls_by_the_beginning_of_its_bytes() {
+    fn an_encoded_plan_is_recognised_by_its_first_bytes() {
         let plan = PlanData::default();
         let calls = [
             (Call::Install { id: 1 << 40, plan }, Some(1 << 40)),

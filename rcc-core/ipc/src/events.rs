@@ -1,11 +1,11 @@
-//! The cell's event log: what happened in the cell, one JSON object a line, in a file that needs no living process.
-//! Written by threads that are not real-time (mostly by a [`EventRecorder`]'s own), read by anybody.
+//! The event log of a cell: one JSON object per line, in a file that can be read without any live process. Written by
+//! threads that are not real-time (usually by the thread of an [`EventRecorder`]); read by any process.
 //!
-//! Several writers: a line is at most [`LINE_MAX`] bytes and written by one `write` to a file opened with `O_APPEND`,
-//! so that lines of different processes never mix (Linux holds the file's lock for the whole call). A process that is
-//! killed within that call may leave a torn line, which readers skip. Who finds the file full ([`FILE_MAX`]) moves it
-//! to `events.1.jsonl` under a lock; before each line a writer looks whether the file that it has open is still the one at
-//! that name, so that nobody writes to a moved one for longer than one line.
+//! Several processes write the log. A line is at most [`LINE_MAX`] bytes and is written by one `write` to a file opened
+//! with `O_APPEND`, so that lines of different processes never interleave (Linux holds the inode lock for the whole
+//! call). A process that is killed within that call may leave a torn line, which readers skip. A writer that finds the
+//! file full ([`FILE_MAX`]) moves it to `events.1.jsonl` under a lock. Before each line a writer checks that its open
+//! file is still the one at that path, so that no writer appends more than one line to a file that was moved.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -33,30 +33,30 @@ pub use reader::EventReader;
 pub use recorder::EventRecorder;
 pub use wall_time::{wall_time, wall_time_before};
 
-/// Longest line, with its end; longer texts are cut.
+/// Maximum length of a line including the line feed, bytes; longer texts are truncated.
 pub const LINE_MAX: usize = 4096;
-/// A file that is longer is moved aside; two of this size exist at most.
+/// Size at which the file is rotated, bytes; at most two files of this size exist.
 pub const FILE_MAX: u64 = 1 << 20;
-/// Longest text of a field, in bytes.
+/// Maximum length of a text field, bytes.
 const TEXT_MAX: usize = 480;
 
-/// What a process is that writes events.
+/// Kind of process that writes an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EventOrigin {
-    /// The cycle.
+    /// Runs the cycle.
     Executor,
-    /// Text to plans; the REST server.
+    /// Compiles nets to plans and serves the REST interface.
     Loader,
-    /// One device.
+    /// Drives one device.
     Driver,
     /// Reads streams.
     Monitor,
-    /// A command that a person typed.
+    /// A command entered by a person.
     Cli,
     /// `rcc-cli up`.
     Supervisor,
-    /// Cleans up after the dead.
+    /// Cleans up after dead processes.
     Janitor,
 }
 
@@ -73,7 +73,7 @@ impl From<Role> for EventOrigin {
 }
 
 impl EventOrigin {
-    /// As in the log.
+    /// Returns the name used in the log.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -88,24 +88,24 @@ impl EventOrigin {
     }
 }
 
-/// Who writes an event.
+/// Writer of an event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EventSource {
-    /// What it does in the cell.
+    /// Kind of the process.
     pub role: EventOrigin,
-    /// Which one of its role; a driver's is its device's name.
+    /// Distinguishes processes of one kind; for a driver, the name of its device.
     pub label: String,
-    /// Its process id.
+    /// Process id.
     pub pid: u32,
-    /// Its life, 16 hexadecimal digits.
+    /// Incarnation of the process, 16 hexadecimal digits.
     pub incarnation: String,
 }
 
 impl EventSource {
-    /// This process, in this role.
+    /// Returns the source for this process.
     #[must_use]
     pub fn this(role: EventOrigin, label: &str) -> EventSource {
-        // Unknown only to a program that is in no session: its events still have its process id.
+        // `/proc` may be unreadable for a program outside a session: its events still carry the process id.
         let life = ProcessInstance::current().unwrap_or(ProcessInstance {
             pid: std::process::id(),
             start_time_ticks: 0,
@@ -119,39 +119,39 @@ impl EventSource {
     }
 }
 
-/// How much an event matters.
+/// Severity of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EventSeverity {
-    /// In order.
+    /// Normal operation.
     Info,
-    /// Not in order; the cell copes.
+    /// Unexpected, but the cell copes.
     Warning,
-    /// Something was lost or ended because of it.
+    /// Something was lost, or ended because of it.
     Error,
 }
 
 /// One line of the log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    // First, because readers find the beginning of a line after a torn one by it.
+    // First field, because readers search for it to find the beginning of a line after a torn one.
     /// Wall time, `2026-11-21T16:02:03.123456Z`.
     pub time: String,
     /// CLOCK_MONOTONIC, ns.
     pub monotonic_ns: u64,
-    /// Executor cycle, where there is one.
+    /// Executor cycle, if the event belongs to one.
     pub cycle: Option<u64>,
-    /// Who says so.
+    /// Writer of the event.
     pub source: EventSource,
-    /// How much it matters.
+    /// Severity.
     pub severity: EventSeverity,
-    /// What happened.
+    /// The event itself.
     #[serde(flatten)]
     pub what: EventKind,
 }
 
 impl Event {
-    /// What happens now.
+    /// Creates an event with the current time.
     #[must_use]
     pub fn now(source: EventSource, cycle: Option<u64>, what: EventKind) -> Event {
         Event {
@@ -164,7 +164,7 @@ impl Event {
         }
     }
 
-    /// As one line with its end, never longer than [`LINE_MAX`]; nothing for an event that cannot be written.
+    /// Encodes the event as one line with its line feed, at most [`LINE_MAX`] bytes; `None` if that is not possible.
     fn line(&self) -> Option<Vec<u8>> {
         let mut line = serde_json::to_vec(self).ok()?;
         line.push(b'\n');
@@ -173,13 +173,13 @@ impl Event {
 }
 
 impl Cell {
-    /// The newest events.
+    /// Returns the path of the current log file.
     #[must_use]
     pub fn events_file(&self) -> PathBuf {
         self.runtime_dir().join("events.jsonl")
     }
 
-    /// The events before those.
+    /// Returns the path of the previous log file.
     #[must_use]
     pub fn events_before_file(&self) -> PathBuf {
         self.runtime_dir().join("events.1.jsonl")
@@ -189,13 +189,14 @@ impl Cell {
         self.runtime_dir().join("events.lock")
     }
 
-    /// Configuration and ports of the running cell, for programs that come later.
+    /// Returns the path of the file with configuration and ports of the running cell, for programs that start later.
     #[must_use]
     pub fn running_file(&self) -> PathBuf {
         self.runtime_dir().join("cell.json")
     }
 
-    /// What belongs to one life of the cell and goes with its orderly end, whether it is there or not.
+    /// Returns the files that belong to one run of the cell and are removed when it ends in order, whether they exist
+    /// or not.
     pub(crate) fn life_files(&self) -> [PathBuf; 4] {
         [
             self.events_file(),
@@ -206,21 +207,21 @@ impl Cell {
     }
 }
 
-/// Appends an event. Nobody can be told when that fails, so callers usually ignore it.
+/// Appends an event. A failure cannot be reported anywhere, so callers usually ignore it.
 ///
 /// # Errors
-/// The folder is gone (the cell has ended), the disk is full, or the event is too long.
+/// Returns an error if the folder is gone (the cell has ended), if the disk is full, or if the event is too long.
 pub fn append(cell: &Cell, event: &Event) -> io::Result<()> {
     append_to(&mut None, cell, event)
 }
 
-/// As [`append`]; `kept` is the file of the last time, used as long as it is the one that readers find. Who keeps it can
-/// write when no descriptor is free.
+/// Like [`append`]; `kept` is the file from the previous call, reused as long as it is the one that readers find. A
+/// caller that keeps it can write even when no file descriptor is free.
 fn append_to(kept: &mut Option<File>, cell: &Cell, event: &Event) -> io::Result<()> {
     let line = event
         .line()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "the event is too long"))?;
-    // Once more if the file was moved aside twice between opening and writing, and with it the line out of sight.
+    // Try once more if the file was rotated twice between opening and writing, since then no reader sees the line.
     for _ in 0..2 {
         let mut file = match kept.take().filter(|file| is_at(file, &cell.events_file())) {
             Some(file) => file,
@@ -239,7 +240,7 @@ fn append_to(kept: &mut Option<File>, cell: &Cell, event: &Event) -> io::Result<
     Ok(())
 }
 
-/// True if this open file lies at `path`.
+/// Returns true if this open file is the one at `path`.
 fn is_at(file: &File, path: &Path) -> bool {
     let numbers = |found: fs::Metadata| (found.dev(), found.ino());
     let (ours, there) = (
@@ -249,16 +250,16 @@ fn is_at(file: &File, path: &Path) -> bool {
     matches!((ours, there), (Ok(ours), Ok(there)) if ours == there)
 }
 
-/// Appends an event of this process, written at once.
+/// Appends an event of this process immediately.
 pub fn tell(cell: &Cell, role: EventOrigin, label: &str, what: EventKind) {
-    // A log that cannot be written has nobody to be told to.
+    // A failure to write the log cannot be reported anywhere.
     let _ = append(
         cell,
         &Event::now(EventSource::this(role, label), None, what),
     );
 }
 
-/// A pipe in its place would be waited for, by every process of the cell.
+/// Non-blocking, so that a named pipe at this path cannot block every process of the cell.
 fn opened(path: &Path) -> io::Result<File> {
     OpenOptions::new()
         .append(true)
@@ -268,25 +269,26 @@ fn opened(path: &Path) -> io::Result<File> {
         .open(path)
 }
 
-/// Moves the full file with this inode aside; who comes second finds another one.
+/// Rotates the full file with this inode; a second caller finds another inode and does nothing.
 fn rotate(cell: &Cell, inode: u64) {
     let path = cell.events_file();
-    // Somebody else is at it: they will do it.
+    // Another process is rotating it.
     let Ok(_alone) = lock::exclusive(&cell.events_lock_file()) else {
         return;
     };
     if fs::metadata(&path).is_ok_and(|found| found.ino() == inode) {
-        // What fails now is tried again after the next line.
+        // A failure now is retried after the next line.
         let _ = fs::rename(&path, cell.events_before_file());
     }
 }
 
-/// A new life of the cell begins: what the life before it wrote becomes the old file, and is told in the first event.
+/// Begins the log of a new run of the cell: rotates the log of the previous run and reports its last event in the first
+/// event.
 pub fn begin_log(cell: &Cell, config: &str, ports: &BTreeMap<String, u16>) {
     let path = cell.events_file();
     let mut previous = None;
     if path.exists() {
-        // An orderly end removes the log: whoever finds one follows a cell that died.
+        // An orderly end removes the log, so an existing log means that the previous run died.
         let last = EventReader::open(cell).poll().unwrap_or_default().pop();
         previous = last.map(|event| LastEvent {
             time: event.time.clone(),
@@ -303,8 +305,8 @@ pub fn begin_log(cell: &Cell, config: &str, ports: &BTreeMap<String, u16>) {
     tell(cell, EventOrigin::Supervisor, "up", what);
 }
 
-/// The dead process that left its announcement under this role and label: whoever announces itself there follows it.
-/// An orderly end takes the announcement back, so it tells of a death.
+/// Returns the dead process whose announcement is still there under this role and label, and which a newly announced
+/// process therefore succeeds. An orderly end removes the announcement, so one that is left means a death.
 #[must_use]
 pub fn predecessor(cell: &Cell, role: Role, label: &str) -> Option<Predecessor> {
     let dead = cell.announced(role, label).ok().flatten()?;
@@ -315,7 +317,7 @@ pub fn predecessor(cell: &Cell, role: Role, label: &str) -> Option<Predecessor> 
     })
 }
 
-/// Tells what a janitor removed, if anything, and who was dead then.
+/// Records what a janitor removed, if anything, and which announced processes were dead at that time.
 pub fn log_cleaning(cell: &Cell, report: &CleanReport) {
     if *report == CleanReport::default() {
         return;
@@ -334,7 +336,8 @@ pub fn log_cleaning(cell: &Cell, report: &CleanReport) {
     tell(cell, EventOrigin::Janitor, "janitor", what);
 }
 
-/// What a driver's announcement says about this number: lines of `NUMBER TEXT`. Empty when it says nothing.
+/// Returns the text for a reason number from the driver's announcement (lines of `NUMBER TEXT`), or `reason NUMBER` if
+/// it has none; empty for 0.
 #[must_use]
 pub fn reason_words(cell: &Cell, device: &str, number: u32) -> String {
     if number == 0 {
@@ -353,13 +356,13 @@ pub fn reason_words(cell: &Cell, device: &str, number: u32) -> String {
     )
 }
 
-/// A life or a fingerprint as 16 hexadecimal digits: JSON numbers are not exact so far.
+/// Formats an incarnation or a fingerprint as 16 hexadecimal digits: JSON numbers are not exact in that range.
 #[must_use]
 pub fn hex_digits(word: u64) -> String {
     format!("{word:016x}")
 }
 
-/// A text that fits into an event: short, one line, no control characters (readers print it on terminals).
+/// Makes a text fit into an event: truncated, one line, without control characters (readers print it on terminals).
 #[must_use]
 pub fn event_text(given: &str) -> String {
     let mut out = String::with_capacity(given.len().min(TEXT_MAX));

@@ -1,9 +1,9 @@
-//! What the processes of one cell share: names, boards (newest value), rings (last values), streams, requests,
-//! announcements and cleaning. The only package that names iceoryx2; run by every thread that is not real-time, except
-//! reading and writing of boards and rings, which the real-time threads do.
+//! Communication between the processes of one cell: names, boards (newest value), rings (last values), streams,
+//! requests, announcements and cleaning. This is the only package that depends on iceoryx2. Runs on threads that are
+//! not real-time, except for reading and writing boards and rings, which the real-time threads do.
 //!
-//! No service has a fixed name: a process creates its own under `<role>-<label>/<incarnation>.<n>/<name>`, writes the
-//! full names into its [`Announcement`], and others open what they find there.
+//! No service has a fixed name: a process creates its services under `<role>-<label>/<incarnation>.<n>/<name>` and
+//! writes the full names into its [`Announcement`]; other processes open the names that they find there.
 //!
 //! ```no_run
 //! use rcc_ipc::{Announcement, Cell, Role, Session};

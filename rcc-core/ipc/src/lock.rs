@@ -1,5 +1,5 @@
-//! Files whose lock tells that a process lives: the kernel releases it at any death, between any two instructions.
-//! Run by threads that are not real-time.
+//! Lock files that prove that a process lives: the kernel releases the lock whenever the process dies. Used by threads
+//! that are not real-time.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
-/// How often a lock that somebody else holds is tried again.
+/// Interval between attempts to take a lock that another process holds.
 const RETRY: Duration = Duration::from_millis(5);
 
-/// Why there is no lock.
+/// Error while taking a lock.
 #[derive(Debug, thiserror::Error)]
 pub enum LockError {
-    /// Somebody else holds it.
+    /// Another process holds the lock.
     #[error("{path} is locked by another process")]
     Held {
         /// The file.
@@ -27,17 +27,17 @@ pub enum LockError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error from the system.
         source: io::Error,
     },
 }
 
-/// Shares the lock with any number of others, waiting at most `patience` for an exclusive holder.
+/// Takes the lock shared, waiting at most `patience` for an exclusive holder.
 pub(crate) fn shared_within(path: &Path, patience: Duration) -> Result<Flock<File>, LockError> {
     within(path, FlockArg::LockSharedNonblock, patience)
 }
 
-/// The lock for us alone, waiting at most `patience` for it.
+/// Takes the lock exclusively, waiting at most `patience`.
 pub(crate) fn exclusive_within(path: &Path, patience: Duration) -> Result<Flock<File>, LockError> {
     within(path, FlockArg::LockExclusiveNonblock, patience)
 }
@@ -52,13 +52,13 @@ fn within(path: &Path, kind: FlockArg, patience: Duration) -> Result<Flock<File>
     }
 }
 
-/// The lock for us alone, or at once [`LockError::Held`].
+/// Takes the lock exclusively, or returns [`LockError::Held`] at once.
 pub(crate) fn exclusive(path: &Path) -> Result<Flock<File>, LockError> {
     attempt(path, FlockArg::LockExclusiveNonblock)
 }
 
-/// Locks the file that `path` names. A holder may remove the file, so after locking we look whether the name still
-/// leads to the file we locked; each retry means that somebody else just removed one.
+/// Locks the file at `path`. A holder may remove the file, so after locking check that the path still leads to the
+/// locked file; each retry means that another process just removed one.
 fn attempt(path: &Path, kind: FlockArg) -> Result<Flock<File>, LockError> {
     let failed = |source| LockError::File {
         path: path.to_owned(),

@@ -1,27 +1,27 @@
-//! Words about what others may cause as often as they like: said at most once in a while, with how often it happened.
-//! Used by threads that log; never by a real-time thread.
+//! Rate limit for log messages about events that others can cause at any rate: one message per interval, with the
+//! number of suppressed ones. Used by threads that log; never by a real-time thread.
 
 use std::time::{Duration, Instant};
 
-/// How often something is said at most.
+/// Minimum interval between two messages.
 pub const LOG_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Remembers when it was said last, and how often it was kept back since.
+/// Time of the last message and number of messages suppressed since.
 #[derive(Debug, Default)]
 pub struct LogThrottle {
-    said: Option<Instant>,
+    last: Option<Instant>,
     suppressed: u64,
 }
 
 impl LogThrottle {
-    /// Whether to say it now: then how often it was kept back since the last time.
+    /// Returns the number of messages suppressed since the last one if a message may be logged now, else `None`.
     pub fn admit(&mut self, now: Instant) -> Option<u64> {
-        let soon = |said| now.saturating_duration_since(said) < LOG_INTERVAL;
-        if self.said.is_some_and(soon) {
+        let soon = |last| now.saturating_duration_since(last) < LOG_INTERVAL;
+        if self.last.is_some_and(soon) {
             self.suppressed += 1;
             return None;
         }
-        self.said = Some(now);
+        self.last = Some(now);
         Some(std::mem::take(&mut self.suppressed))
     }
 }
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_many_in_a_second_one_is_said_and_the_others_are_counted() {
+    fn admits_one_message_per_interval_and_counts_the_others() {
         let mut throttle = LogThrottle::default();
         let begin = Instant::now();
         assert_eq!(throttle.admit(begin), Some(0));

@@ -1,5 +1,6 @@
-//! Who has a cell: it is taken and given back in one act each, of which only one of many at once succeeds. What another
-//! one has is never touched. Run by supervisors, by whoever removes dead cells, and never by a real-time thread.
+//! Ownership of a cell: acquiring and releasing it are atomic, so that of several concurrent attempts only one
+//! succeeds, and a cell owned by another process is never touched. Run by supervisors and by programs that remove dead
+//! cells, never by a real-time thread.
 
 use std::fs::{self, File};
 use std::io;
@@ -14,19 +15,19 @@ use crate::clean::{WipeError, WipeReport, remove_rest, wipe_locked};
 use crate::lock::{self, LockError};
 use crate::session::Role;
 
-/// A killed process counts as dead before the system has closed its files, and a janitor is in the cell for a moment; so
-/// long the lock of the cell is waited for.
+/// Time limit for the lock of the cell: a killed process counts as dead before the system has closed its files, and a
+/// janitor is in the cell for a moment.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// How often it is tried.
+/// Interval between attempts.
 const RETRY: Duration = Duration::from_millis(2);
-/// What the supervisor of a cell announces itself as: there is one of this role and label.
+/// Role and label under which the supervisor of a cell announces itself; at most one process has them.
 const SUPERVISOR: (Role, &str) = (Role::Cli, "up");
 
 impl Announcement {
-    /// The announcement of this process as the supervisor of a cell.
+    /// Returns the announcement of this process as the supervisor of a cell.
     ///
     /// # Errors
-    /// The system does not tell when this process began.
+    /// Returns an error if the system does not tell the start time of this process.
     pub fn supervisor() -> io::Result<Announcement> {
         let life = crate::ProcessInstance::current()?;
         Ok(Announcement {
@@ -42,19 +43,19 @@ impl Announcement {
         })
     }
 
-    /// True if whoever announced this supervises the cell.
+    /// Returns true if the announcing process supervises the cell.
     #[must_use]
     pub fn is_supervisor(&self) -> bool {
         (self.role, self.label.as_str()) == SUPERVISOR
     }
 }
 
-/// Takes a cell for the process of `announcement`: removes what a dead cell left and announces the process, both under
-/// the lock of the cell. Of many that do it at once one succeeds; the others, and all that come later, are refused
-/// before they have touched anything.
+/// Acquires a cell for the process of `announcement`: removes what a dead cell left behind and announces the process,
+/// both under the lock of the cell. Of several concurrent attempts one succeeds; all others are refused before they
+/// have touched anything.
 ///
 /// # Errors
-/// The cell is alive (then somebody has it), or files cannot be removed or written.
+/// Returns an error if the cell is alive (then another process owns it), or if files cannot be removed or written.
 pub fn acquire(cell: &Cell, announcement: &Announcement) -> Result<Announced, WipeError> {
     let alone = lock_exclusively(cell, None)?;
     wipe_locked(cell, &alone)?;
@@ -62,11 +63,12 @@ pub fn acquire(cell: &Cell, announcement: &Announcement) -> Result<Announced, Wi
     Ok(cell.announce(announcement)?)
 }
 
-/// Gives a cell back that was taken: removes everything of it, with the folder, unless that holds foreign files. Until
-/// then the cell is announced as taken; from then on it can be taken again.
+/// Releases an acquired cell: removes all its files and its folder, unless the folder holds foreign files. Until then
+/// the cell is announced as owned; afterwards it can be acquired again.
 ///
 /// # Errors
-/// Another process is still in the cell, or a file cannot be removed; then what is left is for whoever takes it next.
+/// Returns an error if another process is still in the cell, or if a file cannot be removed; whoever acquires the cell
+/// next removes the rest.
 pub fn release(cell: &Cell, announced: &Announced) -> Result<WipeReport, WipeError> {
     let alone = lock_exclusively(cell, Some(announced.announcement()))?;
     let report = wipe_locked(cell, &alone)?;
@@ -74,15 +76,15 @@ pub fn release(cell: &Cell, announced: &Announced) -> Result<WipeReport, WipeErr
     Ok(report)
 }
 
-/// Proof that no other process is in the cell, and that none comes in.
+/// Proof that no other process is in the cell and that none can join.
 #[derive(Debug)]
 pub(crate) struct ExclusiveAccess {
-    /// Everybody who is announced, all dead but perhaps the caller.
+    /// All announced processes; all are dead except possibly the caller.
     pub(crate) announced: Vec<Announcement>,
     _lock: Flock<File>,
 }
 
-/// Waits for the lock of the cell, as long as nobody who is announced lives but `own`.
+/// Waits for the exclusive lock of the cell, unless an announced process other than `own` is alive.
 pub(crate) fn lock_exclusively(
     cell: &Cell,
     own: Option<&Announcement>,
@@ -90,7 +92,7 @@ pub(crate) fn lock_exclusively(
     let limit = Instant::now() + PATIENCE;
     loop {
         match attempt(cell, own) {
-            // Another one just removed the folder, or somebody is about to leave.
+            // Another process just removed the folder, or is about to leave.
             Err(error) if is_passing(&error) && Instant::now() < limit => thread::sleep(RETRY),
             result => return result,
         }
@@ -107,7 +109,7 @@ fn attempt(cell: &Cell, own: Option<&Announcement>) -> Result<ExclusiveAccess, W
         },
         other => WipeError::Lock(other),
     })?;
-    // Whoever was announced in between is in, or was, and nobody is from now on.
+    // A process that announced itself in between is found here; none can from now on.
     let announced = refuse_living(cell, own)?;
     Ok(ExclusiveAccess {
         announced,
@@ -126,12 +128,12 @@ fn is_passing(error: &WipeError) -> bool {
     }
 }
 
-/// Everybody who is announced, if nobody of them but `own` lives; the supervisor is named first, as the others are its
-/// children.
+/// Returns all announcements, or an error if a process other than `own` is alive. The error names the supervisor if
+/// possible, because the others are its children.
 fn refuse_living(cell: &Cell, own: Option<&Announcement>) -> Result<Vec<Announcement>, WipeError> {
     let announced = cell.announced_all()?;
     let other = |one: &&Announcement| own.is_none_or(|own| own.incarnation != one.incarnation);
-    // Whoever may live counts as living.
+    // A process that may be alive counts as alive.
     let living = announced
         .iter()
         .filter(other)
@@ -147,7 +149,7 @@ fn refuse_living(cell: &Cell, own: Option<&Announcement>) -> Result<Vec<Announce
     }
 }
 
-/// True if `path` names the file that is locked, and not one that somebody made in its place.
+/// Returns true if `path` is the locked file, and not a new file in its place.
 pub(crate) fn is_locked_file(path: &std::path::Path, locked: &File) -> bool {
     use std::os::unix::fs::MetadataExt;
     let of = |found: io::Result<fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));

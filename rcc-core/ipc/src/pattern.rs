@@ -1,20 +1,19 @@
-//! Which values are shown: `line/move.pose`, `*/ik.joints[2]`, `fig?/*`.
-//! Pure.
+//! Patterns that select values: `line/move.pose`, `*/ik.joints[2]`, `fig?/*`. Pure functions.
 
 use std::str::FromStr;
 
-/// A pattern for `net/primitive.port`, with `*` for any characters, `?` for one, and an element in brackets.
+/// A pattern for `net/primitive.port`: `*` matches any characters, `?` one, and an element is given in brackets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     glob: String,
-    /// The only element that is shown, counted from 0.
+    /// Index of the only selected element, from 0.
     pub element: Option<usize>,
 }
 
-/// Text that is no pattern.
+/// The text is not a valid pattern.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "'{given}' is no pattern: write net/primitive.port or net/primitive.port[index], with * and ? for any characters"
+    "invalid pattern '{given}': write net/primitive.port or net/primitive.port[index], with * for any characters and ? for one"
 )]
 pub struct PatternError {
     given: String,
@@ -45,7 +44,7 @@ impl FromStr for Pattern {
 }
 
 impl Pattern {
-    /// True if it means this name. A pattern without `/` means the port of any net.
+    /// Returns true if the pattern matches this name. A pattern without `/` matches the port in any net.
     #[must_use]
     pub fn matches(&self, name: &str) -> bool {
         let name = match self.glob.contains('/') {
@@ -57,7 +56,7 @@ impl Pattern {
     }
 }
 
-/// Glob matching in at most pattern × name steps: the last `*` is the only one that is ever tried again.
+/// Glob matching in at most pattern × name steps: only the last `*` is ever retried.
 fn matches(glob: &[u8], name: &[u8]) -> bool {
     let (mut g, mut n) = (0, 0);
     let mut retry: Option<(usize, usize)> = None;
@@ -102,12 +101,12 @@ mod tests {
     }
 
     #[test]
-    fn a_port_alone_means_that_port_of_any_net() {
+    fn a_port_alone_matches_that_port_in_any_net() {
         assert!(means("move.pose", "line/move.pose") && !means("move.pose", "line/move.poses"));
     }
 
     #[test]
-    fn an_element_is_told_apart_from_the_name() {
+    fn an_element_is_separated_from_the_name() {
         let pattern: Result<Pattern, _> = "line/ik.joints[2]".parse();
         assert!(pattern.is_ok_and(|p| p.element == Some(2) && p.matches("line/ik.joints")));
         let all: Result<Pattern, _> = "line/ik.joints[*]".parse();
@@ -115,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pattern_is_refused() {
+    fn invalid_patterns_are_refused() {
         for text in ["", "a[", "a[x]", "a[1", "[1]", "a b"] {
             assert!(text.parse::<Pattern>().is_err(), "{text}");
         }

@@ -1,6 +1,7 @@
-//! The prefix of a cell's shared memory. Usually user and runtime folder make it, so that leftovers are found whatever
-//! became of the folder. `/dev/shm` is open to everybody: when another user has laid files under it, the cell takes one by
-//! chance instead, and keeps it in its runtime folder. Run by any thread that is not real-time.
+//! The prefix of a cell's shared memory. By default it is derived from the user and the runtime folder, so that
+//! leftovers are found even if the folder is gone. `/dev/shm` is world-writable: if another user has created files
+//! under the default prefix, the cell takes a random one and stores it in its runtime folder. Runs on any thread that
+//! is not real-time.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -14,13 +15,13 @@ use crate::lock::{self, LockError};
 
 /// Length of a prefix: `rcc_` + 10 hexadecimal digits + `_`.
 const LENGTH: usize = 15;
-/// So long a process that writes the file is waited for; it takes microseconds.
+/// How long to wait for a process that is writing the file; that takes microseconds.
 const WRITING: Duration = Duration::from_secs(2);
 
-/// The prefix of the cell in this folder.
+/// Returns the prefix of the cell in `folder`.
 ///
 /// # Errors
-/// The file that keeps it cannot be read or written.
+/// Returns an error if the file that stores the prefix cannot be read or written.
 pub(crate) fn of(
     uid: u32,
     folder: &Path,
@@ -29,13 +30,14 @@ pub(crate) fn of(
 ) -> Result<String, CellError> {
     let prefix = current(uid, folder, file)?;
     let is_blocked = |prefix: &str| {
-        // What cannot be listed is told by whoever needs it.
+        // An unreadable folder is reported by the code that needs it.
         below_prefix(prefix).is_ok_and(|(_, foreign)| !foreign.is_empty())
     };
     if !is_blocked(&prefix) {
         return Ok(prefix);
     }
-    // Processes in the cell use it: it stays until they are gone. Whoever comes holds this lock, and looks again.
+    // Processes in the cell use the prefix, so it stays until they are gone. Take the lock against new ones, and check
+    // again.
     let Ok(_alone) = lock::exclusive(cell_lock) else {
         return Ok(prefix);
     };
@@ -49,21 +51,21 @@ pub(crate) fn of(
     Ok(other)
 }
 
-/// The prefix that holds now, without looking at what lies under it.
+/// Returns the prefix that is in force, without checking for foreign files.
 ///
 /// # Errors
-/// The file that keeps it cannot be read.
+/// Returns an error if the file that stores the prefix cannot be read.
 pub(crate) fn current(uid: u32, folder: &Path, file: &Path) -> Result<String, CellError> {
     match rcc_os::file::read_text(file, 64) {
         Ok(text) if is_prefix(text.trim_end()) => Ok(text.trim_end().to_owned()),
-        // Its writer died: as if it was not there.
+        // Its writer died: treat the file as missing.
         Ok(_) => Ok(default_prefix(uid, folder)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(default_prefix(uid, folder)),
         Err(error) => Err(failed(file)(error)),
     }
 }
 
-/// FNV-1a over user and folder: stable over builds and machines, unlike the standard library's hashers.
+/// FNV-1a over user id and folder: stable across builds and machines, unlike the hashers of the standard library.
 fn default_prefix(uid: u32, folder: &Path) -> String {
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     for &byte in uid
@@ -94,14 +96,14 @@ fn is_prefix(text: &str) -> bool {
         && digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
 }
 
-/// Nobody is in the cell, and nobody will look for these again.
+/// Removes our files under a prefix that is given up: no process is in the cell, and nobody will look for them again.
 fn remove_ours(prefix: &str) {
     for path in below_prefix(prefix)
         .map(|(ours, _)| ours)
         .unwrap_or_default()
     {
         let is_folder = fs::symlink_metadata(&path).is_ok_and(|found| found.is_dir());
-        // What stays is found by `rcc-cli doctor`.
+        // `rcc-cli doctor` finds what remains.
         let _ = match is_folder {
             true => fs::remove_dir_all(&path),
             false => fs::remove_file(&path),
@@ -109,7 +111,7 @@ fn remove_ours(prefix: &str) {
     }
 }
 
-/// Readers take no lock: a half-written file is none.
+/// Writes the prefix. Readers take no lock; they ignore a half-written file.
 fn write(path: &Path, prefix: &str) -> Result<(), CellError> {
     let mut file = lock::exclusive_within(path, WRITING).map_err(|error| match error {
         LockError::File { path, source } => CellError::Folder { path, source },
@@ -137,7 +139,7 @@ mod tests {
     use crate::shm_space::SHM;
 
     #[test]
-    fn user_and_folder_make_the_usual_prefix() {
+    fn the_default_prefix_depends_on_user_and_folder() {
         let demo = default_prefix(1000, Path::new("/run/rcc/demo"));
         assert_eq!(demo, default_prefix(1000, Path::new("/run/rcc/demo")));
         assert_ne!(demo, default_prefix(1001, Path::new("/run/rcc/demo")));
@@ -147,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_prefix_is_counts_as_nothing() -> Result<(), CellError> {
+    fn an_invalid_prefix_file_is_ignored() -> Result<(), CellError> {
         let file = std::env::temp_dir().join(format!("rcc-prefix-{}", std::process::id()));
         let folder = Path::new("/run/rcc/demo");
         for text in [
@@ -172,9 +174,9 @@ mod tests {
         Ok(())
     }
 
-    /// Only root can lay down files of another user.
+    /// Only root can create files of another user.
     #[test]
-    fn files_of_another_user_under_the_prefix_block_nobody()
+    fn files_of_another_user_under_the_prefix_do_not_block_the_cell()
     -> Result<(), Box<dyn std::error::Error>> {
         if !nix::unistd::getuid().is_root() {
             println!("skipped: files of another user need root");
@@ -202,7 +204,7 @@ mod tests {
         fs::remove_dir_all(folder)?;
         assert_eq!((while_it_lives, kept), (usual.clone(), true));
         assert_ne!(other, usual);
-        assert_eq!(other, again, "it is kept");
+        assert_eq!(other, again, "the prefix is stored");
         assert_eq!((foreign_stays, ours_stays), (true, false));
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! One life of a process, told apart from all others: its id together with the moment it began.
-//! Run by any thread that may read /proc (not the real-time ones).
+//! One incarnation of a process, identified by its process id and start time. Runs on threads that may read /proc (not
+//! the real-time ones).
 
 use std::fs;
 use std::io;
@@ -12,14 +12,14 @@ use nix::unistd::Pid;
 
 use crate::clock::monotonic_ns;
 
-/// Process ids of Linux are below 2^22 (`PID_MAX_LIMIT`), so the id and the start fit into one number.
+/// Process ids of Linux are below 2^22 (`PID_MAX_LIMIT`), so process id and start time fit into one number.
 const PID_BITS: u32 = 22;
-/// [`ProcessInstance::incarnation`] of this process once it is known, else 0: afterwards nothing has to be opened for it.
+/// Cached [`ProcessInstance::incarnation`] of this process, 0 until it is known: later calls need not open a file.
 static OWN: AtomicU64 = AtomicU64::new(0);
 /// `USER_HZ`, the unit of `/proc`: 100 on every architecture that this software runs on.
 const TICKS_PER_S: u64 = 100;
 
-/// One life of one process: a process id alone is reused, the pair with the start time is not.
+/// One incarnation of a process. A process id alone is reused; together with the start time it is unique.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ProcessInstance {
     /// Process id, below 2^22.
@@ -29,13 +29,15 @@ pub struct ProcessInstance {
 }
 
 impl ProcessInstance {
-    /// The life of the calling process.
+    /// Returns the instance of the calling process.
     ///
     /// # Errors
-    /// `/proc/self/stat` cannot be read: without its start time a process cannot be told from a later one with the same id.
+    /// Returns an error if `/proc/self/stat` cannot be read: without its start time a process cannot be told from a
+    /// later one with the same id.
     pub fn current() -> io::Result<ProcessInstance> {
         let pid = std::process::id();
-        // Relaxed: the number is all there is. A forked child finds its parent's, which has another process id.
+        // Relaxed: the number is self-contained. A forked child finds the value of its parent, which has another
+        // process id.
         let known = ProcessInstance::from_incarnation(OWN.load(Ordering::Relaxed));
         if known.pid == pid {
             return Ok(known);
@@ -49,13 +51,13 @@ impl ProcessInstance {
         Ok(life)
     }
 
-    /// The number that names this life: start and process id in one, shown as 16 hexadecimal digits.
+    /// Returns the incarnation number: start time and process id in one, displayed as 16 hexadecimal digits.
     #[must_use]
     pub fn incarnation(self) -> u64 {
         (self.start_time_ticks << PID_BITS) | u64::from(self.pid)
     }
 
-    /// The life that a number made by [`ProcessInstance::incarnation`] names.
+    /// Returns the instance that an incarnation number identifies.
     #[must_use]
     pub fn from_incarnation(incarnation: u64) -> ProcessInstance {
         let pid = (incarnation & ((1 << PID_BITS) - 1)) as u32;
@@ -65,9 +67,9 @@ impl ProcessInstance {
         }
     }
 
-    /// Whether this very process runs. A zombie is dead, and so is a life whose process id belongs to another process by
-    /// now. What cannot be found out (no descriptor is free, no memory, no permission) is neither: act on
-    /// [`Liveness::Dead`] only, report [`Liveness::Unknown`] and look again.
+    /// Returns whether this process instance runs. A zombie counts as dead, and so does an instance whose process id
+    /// now belongs to another process. If the system cannot tell (no free descriptor, no memory, no permission) the
+    /// result is [`Liveness::Unknown`]: act only on [`Liveness::Dead`]; report `Unknown` and ask again.
     #[must_use]
     pub fn liveness(self) -> Liveness {
         match stat_of(self.pid) {
@@ -80,25 +82,25 @@ impl ProcessInstance {
     }
 }
 
-/// What is known about a life. There is no truth value in it on purpose: "not known to be alive" is not "dead".
+/// Result of a liveness check. Deliberately not a `bool`: "not known to be alive" is not "dead".
 #[derive(Debug)]
 pub enum Liveness {
     /// The process runs.
     Alive,
     /// The process is gone: no such process, a zombie, or another process under the same id.
     Dead,
-    /// The system did not tell: why not.
+    /// The system could not tell, for this reason.
     Unknown(io::Error),
 }
 
 impl Liveness {
-    /// True if the process is known to run.
+    /// Returns true if the process is known to run.
     #[must_use]
     pub fn is_alive(&self) -> bool {
         matches!(self, Liveness::Alive)
     }
 
-    /// True if the process is known to be gone.
+    /// Returns true if the process is known to be gone.
     #[must_use]
     pub fn is_dead(&self) -> bool {
         matches!(self, Liveness::Dead)
@@ -108,14 +110,14 @@ impl Liveness {
 struct Stat {
     start_time_ticks: u64,
     runs: bool,
-    /// A dead process too has one, its first, until its parent has waited for it.
+    /// A dead process still counts its first thread until its parent has waited for it.
     threads: u64,
 }
 
-/// What the kernel says about the process `pid`; nothing if there is no such process. Only the kernel's own word for that
-/// counts, ESRCH: an open that fails for another reason says nothing about the process.
+/// Returns the kernel's data about process `pid`, or `None` if there is no such process. Only ESRCH proves that: an
+/// open that fails for another reason says nothing about the process.
 fn stat_of(pid: u32) -> io::Result<Option<Stat>> {
-    // First, because it needs no descriptor: a death is seen even where nothing can be opened.
+    // First, because it needs no descriptor: a death is detected even if no file can be opened.
     if !exists(pid)? {
         return Ok(None);
     }
@@ -125,23 +127,23 @@ fn stat_of(pid: u32) -> io::Result<Option<Stat>> {
             Some(stat) => Ok(Some(stat)),
             None => Err(io::Error::new(
                 io::ErrorKind::InvalidData,
-                format!("{path} has an unknown form"),
+                format!("{path} has an unknown format"),
             )),
         },
-        // It ended after the first look; or /proc is not mounted, or hides it.
+        // The process ended after the first check; or /proc is not mounted or hides it.
         Err(error) if exists(pid)? => Err(io::Error::new(error.kind(), format!("{path}: {error}"))),
         Err(_) => Ok(None),
     }
 }
 
-/// Whether the kernel knows a process of this id, running or not yet waited for.
+/// Returns whether the kernel knows a process with this id, running or not yet waited for.
 fn exists(pid: u32) -> io::Result<bool> {
-    // 0 and negative numbers name groups, not processes.
+    // 0 and negative numbers name process groups.
     let Some(pid) = i32::try_from(pid).ok().filter(|pid| *pid > 0) else {
         return Ok(false);
     };
     match kill(Pid::from_raw(pid), None) {
-        // Not permitted: there is one, of another user.
+        // EPERM: the process exists and belongs to another user.
         Ok(()) | Err(Errno::EPERM) => Ok(true),
         Err(Errno::ESRCH) => Ok(false),
         Err(error) => Err(error.into()),
@@ -149,7 +151,7 @@ fn exists(pid: u32) -> io::Result<bool> {
 }
 
 fn parse(text: &str) -> Option<Stat> {
-    // Field 2, the name in parentheses, may itself hold spaces and parentheses: count from the last one.
+    // Field 2, the name in parentheses, may itself contain spaces and parentheses: count from the last one.
     let mut fields = text.rsplit_once(')')?.1.split_ascii_whitespace();
     let state = fields.next()?;
     let threads = fields.nth(16)?.parse().ok()?;
@@ -161,12 +163,12 @@ fn parse(text: &str) -> Option<Stat> {
     })
 }
 
-/// The earliest CLOCK_MONOTONIC time, in nanoseconds, at which the process `pid` may have begun; nothing if it is dead.
-/// The kernel counts starts with the time the machine slept and this clock does not, hence the doubt. A killed process
-/// some of whose threads are still ending is not dead here: it still holds its files and their locks.
+/// Returns the earliest CLOCK_MONOTONIC time, ns, at which process `pid` may have started; `None` if it is dead. The
+/// kernel counts start times including suspend and this clock does not, so the result is a lower bound. A killed
+/// process with threads that are still ending does not count as dead: it still holds its files and their locks.
 ///
 /// # Errors
-/// The system does not tell whether there is such a process, or when it began.
+/// Returns an error if the system cannot tell whether the process exists or when it started.
 pub(crate) fn started_ns(pid: u32) -> io::Result<Option<u64>> {
     let Some(stat) = stat_of(pid)?.filter(|stat| stat.runs || stat.threads > 1) else {
         return Ok(None);
@@ -184,11 +186,11 @@ pub(crate) fn started_ns(pid: u32) -> io::Result<Option<u64>> {
 mod tests {
     use super::*;
 
-    /// Set in the process that a test starts from its own program, to run one test in it.
+    /// Set in the child process in which the test runs itself again.
     const INSIDE: &str = "RCC_LIFE_INSIDE";
 
     #[test]
-    fn the_number_names_the_life_and_back() -> io::Result<()> {
+    fn an_incarnation_number_converts_back() -> io::Result<()> {
         let life = ProcessInstance::current()?;
         assert!(life.liveness().is_alive() && life.start_time_ticks > 0);
         assert_eq!(ProcessInstance::from_incarnation(life.incarnation()), life);
@@ -196,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_process_id_with_another_start_is_dead() -> io::Result<()> {
+    fn the_same_process_id_with_another_start_time_is_dead() -> io::Result<()> {
         let life = ProcessInstance::current()?;
         let other = ProcessInstance {
             start_time_ticks: life.start_time_ticks + 1,
@@ -235,13 +237,14 @@ mod tests {
         child.wait().map(|_| ())
     }
 
-    /// The limit is the process', so the test runs in one of its own.
+    /// The limit is per process, so the test runs in a process of its own.
     #[test]
-    fn without_a_free_descriptor_a_life_is_unknown_and_a_death_is_still_seen() -> io::Result<()> {
+    fn without_a_free_descriptor_liveness_is_unknown_and_death_is_still_detected() -> io::Result<()>
+    {
         use nix::sys::resource::{Resource, getrlimit, setrlimit};
         let mut child = std::process::Command::new("sleep").arg("600").spawn()?;
         if std::env::var_os(INSIDE).is_none() {
-            let test = "process_instance::tests::without_a_free_descriptor_a_life_is_unknown_and_a_death_is_still_seen";
+            let test = "process_instance::tests::without_a_free_descriptor_liveness_is_unknown_and_death_is_still_detected";
             let inside = std::process::Command::new(std::env::current_exe()?)
                 .args([test, "--exact"])
                 .env(INSIDE, "1")

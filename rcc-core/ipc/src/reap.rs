@@ -1,5 +1,5 @@
-//! Removes the files of dead processes that iceoryx2's own cleaning leaves or fails on, by what their names tell.
-//! Run by the janitor's process only, after iceoryx2 had its turn.
+//! Removes the files of dead processes that iceoryx2's own cleaning leaves or fails on, identified by their names. Run
+//! only by the janitor's process, after iceoryx2 has cleaned.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -13,15 +13,15 @@ use crate::cell::Cell;
 use crate::process_instance::started_ns;
 use crate::spill_file;
 
-/// Ticks, clocks and their reading differ by less than this.
+/// Upper bound of the difference between clock ticks, clocks and their reading, ns.
 const CLOCK_SLACK_NS: u64 = 50_000_000;
-/// Longest description of a service that is read, bytes; they have about one kilobyte.
+/// Maximum size of a service description that is read, bytes; typical is one kilobyte.
 const DESCRIPTION_MAX: u64 = 64 << 10;
-/// A file of iceoryx2 that is still empty after this time was never finished (it waits 100 ms itself).
+/// A file of iceoryx2 that is still empty after this time was never finished (iceoryx2 itself waits 100 ms).
 const UNFINISHED_AFTER: Duration = Duration::from_secs(1);
 
-/// The number in the names of files and nodes (`UniqueSystemId` of iceoryx2 0.10.0), least significant part first:
-/// seconds and nanoseconds of CLOCK_MONOTONIC when it was made, process id, counter; 32 bits each.
+/// The id in the names of files and nodes (`UniqueSystemId` of iceoryx2 0.10.0), least significant part first: seconds
+/// and nanoseconds of CLOCK_MONOTONIC at its creation, process id, counter; 32 bits each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct UniqueId {
     created_ns: u64,
@@ -37,32 +37,32 @@ impl UniqueId {
         }
     }
 
-    /// True if the process that made this number is known to be dead; whoever may live keeps its files. Its process id
-    /// alone may belong to another one by now: that one started after the number was made.
+    /// Returns true if the process that created this id is known to be dead; files of a process that may live are kept.
+    /// A process id may have been reused; the new process then started after the id was created.
     fn creator_is_dead(self) -> bool {
         let made_by = |started| started <= self.created_ns + CLOCK_SLACK_NS;
         started_ns(self.pid).is_ok_and(|started| !started.is_some_and(made_by))
     }
 }
 
-/// The numbers in a file's name; all other digits in such names are far shorter.
+/// Returns the ids in a file name; all other digit strings in such names are far shorter.
 fn ids_in(name: &str) -> impl Iterator<Item = UniqueId> {
     name.split(['_', '.'])
         .filter(|part| part.len() >= 15)
         .filter_map(|part| part.parse().ok().map(UniqueId::from_value))
 }
 
-/// Numbers whose makers were dead at one moment.
+/// Ids whose creators were dead at one moment.
 #[derive(Debug)]
 pub(crate) struct DeadProcesses(BTreeSet<UniqueId>);
 
 impl DeadProcesses {
-    /// Whose files lie in the cell although their makers are dead now. Look before iceoryx2 has its turn: whoever dies
-    /// after that has not been struck out of what it shared with the living, so its node must stay for the next turn. A
-    /// node that is removed too early leaves its place in a living board taken for ever.
+    /// Collects the ids of dead creators from all files of the cell. Call it before iceoryx2 cleans: a process that
+    /// dies after that has not been unregistered from what it shared with the living, so its node must stay for the
+    /// next run. If a node is removed too early, its slot in a live board stays occupied forever.
     ///
     /// # Errors
-    /// A folder cannot be read; with its path.
+    /// Returns an error with its path if a folder cannot be read.
     pub(crate) fn of(cell: &Cell) -> Result<DeadProcesses, (PathBuf, io::Error)> {
         let here = |error| (PathBuf::from(crate::shm_space::SHM), error);
         let mut paths = cell.leftovers().map_err(here)?;
@@ -84,10 +84,10 @@ impl DeadProcesses {
     }
 }
 
-/// Removes what dead processes left in shared memory and in iceoryx2's folders. Returns how many files went.
+/// Removes what dead processes left in shared memory and in iceoryx2's folders. Returns the number of removed files.
 ///
 /// # Errors
-/// A folder cannot be read, or a file cannot be removed; with its path.
+/// Returns an error with its path if a folder cannot be read, or if a file cannot be removed.
 pub(crate) fn reap(cell: &Cell, dead: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     Ok(reap_shared_memory(cell, dead)?
         + reap_services(cell, dead)?
@@ -95,8 +95,8 @@ pub(crate) fn reap(cell: &Cell, dead: &DeadProcesses) -> Result<usize, (PathBuf,
         + reap_spill_files(cell)?)
 }
 
-/// Removes what takes room and what nobody uses any more, and makes nothing: shared memory of the dead that nobody has
-/// mapped, and their long requests. Nodes and services stay for iceoryx2. Returns how many files went.
+/// Frees memory without creating anything: removes shared memory of dead processes that no process has mapped, and
+/// their spill files. Nodes and services stay for iceoryx2. Returns the number of removed files.
 ///
 /// # Errors
 /// As [`reap`].
@@ -104,14 +104,14 @@ pub(crate) fn free(cell: &Cell, dead: &DeadProcesses) -> Result<usize, (PathBuf,
     Ok(reap_shared_memory(cell, dead)? + reap_spill_files(cell)?)
 }
 
-/// True if the name of a file tells who made it, and all of them are dead.
+/// Returns true if the file name identifies its creators and all of them are dead.
 pub(crate) fn is_orphaned(path: &Path) -> bool {
     let name = name_of(path);
     let mut makers = ids_in(&name).peekable();
     makers.peek().is_some() && makers.all(|id| id.creator_is_dead())
 }
 
-/// Files of long requests whose sender is dead.
+/// Removes spill files whose sender is dead.
 fn reap_spill_files(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     let mut dead = files_in(&cell.iox_root())?;
     dead.retain(|path| {
@@ -120,8 +120,8 @@ fn reap_spill_files(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     remove_all(dead)
 }
 
-/// Shared memory that a dead process took part in and that nobody has mapped. What a living one still has mapped is
-/// left for it to clean.
+/// Removes shared memory that a dead process took part in and that no process has mapped. Memory still mapped by a live
+/// process is left for that process to clean.
 fn reap_shared_memory(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     let here = |error| (PathBuf::from(crate::shm_space::SHM), error);
     let mut dead = cell.shared_memory().map_err(here)?;
@@ -134,7 +134,7 @@ fn reap_shared_memory(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathB
     remove_all(dead)
 }
 
-/// Descriptions of services whose creator is dead and whose shared memory is gone, or that were never finished.
+/// Removes descriptions of services whose creator is dead and whose shared memory is gone, and unfinished descriptions.
 fn reap_services(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     let shared = cell
         .shared_memory()
@@ -157,7 +157,7 @@ fn reap_services(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, i
     remove_all(dead)
 }
 
-/// Folders and lock files of nodes whose process is dead.
+/// Removes folders and lock files of nodes whose process is dead.
 fn reap_nodes(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     let nodes = cell.iox_root().join("nodes");
     let mut removed = 0;
@@ -177,7 +177,7 @@ fn reap_nodes(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::
     Ok(removed)
 }
 
-/// The number of a service as its description tells it.
+/// Returns the id of a service from its description.
 fn service_id(text: &str) -> Option<u128> {
     let section = text.split_once("[unique_service_id]")?.1;
     let value = |name: &str| -> Option<u128> {
@@ -187,19 +187,19 @@ fn service_id(text: &str) -> Option<u128> {
     Some(value("unique_value")? << 64 | value("payload_value")?)
 }
 
-/// A description that tells no number: its creator died while it wrote it, or writes it now. One dated in the future is
-/// of before the clock was set, or the clock is wrong: then it is no reason to keep it for ever.
+/// Returns true for a description without an id that is old enough: its creator died while writing it. A date in the
+/// future comes from a clock that was set, or is wrong; that is no reason to keep the file forever.
 fn is_unfinished(path: &Path) -> bool {
     let modified = fs::symlink_metadata(path).and_then(|found| found.modified());
     modified.is_ok_and(|modified| wall::age(modified).is_none_or(|age| age >= UNFINISHED_AFTER))
 }
 
-/// This cell's shared memory that any process we may look at has mapped.
+/// Returns this cell's shared memory that is mapped by any process that we may inspect.
 fn mapped_files(cell: &Cell) -> io::Result<BTreeSet<PathBuf>> {
     let start = format!("{}/{}", crate::shm_space::SHM, cell.prefix());
     let mut mapped = BTreeSet::new();
     for entry in fs::read_dir("/proc")? {
-        // Processes end meanwhile, and those of other users hide their maps: neither is in this cell.
+        // A process may end meanwhile, and processes of other users hide their maps: neither is in this cell.
         let Ok(maps) = fs::read_to_string(entry?.path().join("maps")) else {
             continue;
         };
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_numbers_in_a_name_tell_who_made_them_and_when() {
+    fn the_ids_in_a_name_identify_creator_and_time() {
         let (one, two) = (id_of(12, 5_000_000_123), id_of(34, 6_000_000_456));
         let name =
             format!("rcc_0f7541e085_b9fc73e5c1f646968758453273c6c65c_{one}_{two}__1.connection");
@@ -276,18 +276,18 @@ mod tests {
     }
 
     #[test]
-    fn a_reused_process_id_is_not_its_maker() {
+    fn a_reused_process_id_is_not_the_creator() {
         let pid = std::process::id();
         assert!(!UniqueId::from_value(id_of(pid, monotonic_ns())).creator_is_dead());
         assert!(
             UniqueId::from_value(id_of(pid, 1)).creator_is_dead(),
-            "made before this process began"
+            "created before this process started"
         );
         assert!(UniqueId::from_value(id_of(u32::MAX, monotonic_ns())).creator_is_dead());
     }
 
     #[test]
-    fn who_dies_while_iceoryx2_has_its_turn_is_left_for_the_next_one() {
+    fn a_process_that_dies_while_iceoryx2_cleans_is_left_for_the_next_run() {
         let folder = std::env::temp_dir().join(format!("rcc-reap-{}", std::process::id()));
         let cell = Cell::at("reap", &folder).unwrap();
         let nodes = cell.iox_root().join("nodes");
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_description_tells_its_number() {
+    fn a_description_contains_its_id() {
         let text =
             "name = \"x\"\n\n[unique_service_id]\npayload_value = 5\nunique_value = 3\n\n[y]\n";
         assert_eq!(service_id(text), Some(3 << 64 | 5));

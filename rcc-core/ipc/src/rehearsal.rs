@@ -1,60 +1,60 @@
-//! What the rehearsal of a net came to: the executor's answer to LOAD and START has it. Plain data between processes.
+//! Result of the rehearsal of a net, part of the executor's answer to LOAD and START. Plain data between processes.
 
 use serde::{Deserialize, Serialize};
 
-/// What a net did in its rehearsal, when it broke no limit.
+/// Summary of a rehearsal in which the net broke no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RehearsalReport {
-    /// Virtual time, s.
+    /// Simulated time, s.
     pub time_s: f64,
-    /// How it ended.
+    /// How the rehearsal ended.
     pub end: RehearsalEnd,
-    /// Greatest share of the limit of velocity, acceleration and jerk that a joint used.
+    /// Highest use of the limits of velocity, acceleration and jerk by a joint.
     pub peaks: [LimitPeak; 3],
-    /// Smallest distance to a singularity of an arm that it commands, as its kinematics define it; NaN = not known.
+    /// Smallest distance to a singularity of a commanded arm, as defined by its kinematics; NaN if unknown.
     pub singularity: f64,
-    /// How many roundings of its paths are smaller than asked for.
+    /// Number of blends that are smaller than requested.
     pub shortened: u32,
-    /// The one of them that lacks most, if any.
+    /// The blend with the largest shortfall, if any.
     pub most_shortened: Option<ShortenedBlend>,
-    /// What the rehearsal took, ns.
+    /// Duration of the rehearsal, ns.
     pub took_ns: u64,
 }
 
-/// A rounding (`blend`) that is smaller than asked for.
+/// A blend (`blend`) that is smaller than requested.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShortenedBlend {
     /// Index of the motion in its net.
     pub motion: u32,
-    /// The leg at whose end it is, from 0.
+    /// Index of the leg that ends at the blend, from 0.
     pub leg: u32,
-    /// What was asked for, m.
+    /// Requested blend distance, m.
     pub asked_m: f64,
-    /// What there is, m; 0: the motion rests in the corner.
+    /// Actual blend distance, m; 0: the motion stops at the corner.
     pub made_m: f64,
 }
 
 /// How a rehearsal ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RehearsalEnd {
-    /// The net said that it is over.
+    /// The net terminated.
     Finished,
-    /// Nothing moved any more: it waits for something outside, which a rehearsal does not know.
+    /// Nothing moves any more: the net waits for an external event, which a rehearsal does not know.
     Waits,
-    /// It went on when the time or the work of a rehearsal was used up.
+    /// The net was still running when the time or work limit of the rehearsal was reached.
     TooLong,
-    /// Its first set-points are not where its arms are held now, or an arm does not rest: START compares again.
+    /// Its first set-points differ from the current hold positions, or an arm is not at rest: START checks again.
     Elsewhere,
 }
 
-/// How much of a limit was used.
+/// Use of a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LimitPeak {
     /// Device index.
     pub device: u32,
     /// Joint, counted from 1; 0 = no joint moved.
     pub joint: u32,
-    /// Value in parts of the limit; 1 = all of it.
+    /// Value divided by the limit; 1 = the limit is fully used.
     pub share: f64,
 }
 
@@ -67,78 +67,78 @@ impl LimitPeak {
     };
 }
 
-/// What a net would do that its arm does not allow, found out before anything is commanded.
+/// A violation of an arm's limits that the rehearsal predicts, before anything is commanded.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictedViolation {
-    /// Which rule it would break.
+    /// The violated rule.
     pub rule: RehearsalRule,
     /// Device index.
     pub device: u32,
-    /// Joint, counted from 1; of [`RehearsalRule::Workspace`] the axis: 1, 2, 3 = x, y, z; of [`RehearsalRule::Singularity`] its
-    /// kind as [`rcc_core::kinematics::SingularityKind::number`] counts; else 0.
+    /// Joint, counted from 1; for [`RehearsalRule::Workspace`] the axis: 1, 2, 3 = x, y, z; for
+    /// [`RehearsalRule::Singularity`] its kind as in [`rcc_core::kinematics::SingularityKind::number`]; else 0.
     pub joint: u32,
-    /// What it would be: rad, rad/s, rad/s², rad/s³; of the workspace m; the distance to a singular position
-    /// is a sine.
+    /// Predicted value: rad, rad/s, rad/s², rad/s³; m for the workspace; the distance to a singular position is a sine.
     pub value: f64,
-    /// What is allowed.
+    /// The allowed value.
     pub limit: f64,
-    /// When, in s after START.
+    /// Time after START, s.
     pub time_s: f64,
-    /// Where a motion is at that time, if one is under way.
+    /// Position of the motion at that time, if one is in progress.
     pub place: Option<LegPosition>,
-    /// With so much of its speed the motion would keep all limits of speed, acceleration and jerk; 1 = speed is not the
-    /// reason.
+    /// Fraction of its speed at which the motion would keep all limits of velocity, acceleration and jerk; 1 if speed
+    /// is not the reason.
     pub speed: f64,
-    /// The singular position that an arm came nearest to on the whole way; `None` = not known.
+    /// The singular position that an arm came closest to in the whole rehearsal; `None` if unknown.
     pub near: Option<NearestSingularity>,
 }
 
 /// A singular position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NearestSingularity {
-    /// As [`rcc_core::kinematics::SingularityKind::number`] counts.
+    /// Kind of the singularity, as in [`rcc_core::kinematics::SingularityKind::number`].
     pub kind: u32,
-    /// How far it is, as [`rcc_core::kinematics::Singularity::distance`] says.
+    /// Distance, as defined by [`rcc_core::kinematics::Singularity::distance`].
     pub distance: f64,
 }
 
-/// Where a motion is.
+/// Position of a motion on its path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LegPosition {
     /// Index of the motion in its net.
     pub motion: u32,
-    /// The leg that it is in, from 0.
+    /// Index of the current leg, from 0.
     pub leg: u32,
-    /// Part of the way to where the motion ends (in the rehearsal) that lies behind it, 0 to 1; NaN = not known.
+    /// Fraction of the path (to its end in the rehearsal) that has been travelled, 0 to 1; NaN if unknown.
     pub fraction: f64,
-    /// Way of the flange since the start, m.
+    /// Distance travelled by the flange since the start, m.
     pub distance_m: f64,
 }
 
-/// The rules of a rehearsal.
+/// Rules that a rehearsal checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RehearsalRule {
-    /// A set-point is a finite number.
+    /// A set-point must be finite.
     NotFinite,
-    /// Range of a joint.
+    /// Position range of a joint.
     Position,
-    /// Largest velocity of a joint.
+    /// Maximum velocity of a joint.
     Velocity,
-    /// Largest acceleration of a joint.
+    /// Maximum acceleration of a joint.
     Acceleration,
-    /// Largest jerk of a joint.
+    /// Maximum jerk of a joint.
     Jerk,
-    /// The workspace of the device.
+    /// Workspace of the device.
     Workspace,
-    /// How near to a singular position the workspace of the device lets it come.
+    /// Minimum distance to a singular position, from the workspace of the device.
     Singularity,
-    /// An arm is not let go of while it moves: a set-point that becomes null, mostly of a pose that cannot be reached.
+    /// An arm must not be released while it moves: a set-point became null, usually because a pose cannot be reached.
     LetsGo,
-    /// Stiffness, damping, or what is added to them. Value and limit are in the unit of the kind.
+    /// Stiffness, damping, or additional force or torque. Value and limit are in the unit of the kind.
     Impedance {
-        /// [`rcc_core::guard::ViolationKind`] as a number; its axis or joint is in [`PredictedViolation::joint`], from 1.
+        /// [`rcc_core::guard::ViolationKind`] as a number; its axis or joint is in [`PredictedViolation::joint`], from
+        /// 1.
         kind: u32,
     },
-    /// No fault of the net itself, [`rcc_core::message::FaultCode`] as a number in `value`.
+    /// The net itself ends with a fault: [`rcc_core::message::FaultCode`] as a number in `value`.
     Fault,
 }

@@ -1,6 +1,6 @@
 //! Requests and answers of bytes between processes (iceoryx2 request/response), polled by both sides. A long request
-//! travels as a file beside the shared memory: as a message it would make both sides map ten times its size.
-//! Run by threads that are not real-time: a call allocates, and maps memory when peers come and go.
+//! travels as a file next to the shared memory, because as a message it would make both sides map ten times its size.
+//! Runs on threads that are not real-time: a call allocates, and maps memory when peers come and go.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -22,147 +22,146 @@ use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shm_space::{self, OutOfSharedMemory};
 use crate::spill_file::{self, SpillError, SpillFile};
 
-/// The longest request, in bytes (a plan with its tables).
+/// Maximum length of a request (a plan with its tables), bytes.
 pub const REQUEST_MAX: usize = 4 << 20;
-/// The longest answer, in bytes.
+/// Maximum length of an answer, bytes.
 pub const RESPONSE_MAX: usize = 16 << 10;
-/// Clients of one server at a time, dead ones that were not cleaned up included.
+/// Maximum number of clients of one server, including dead ones that have not been cleaned up.
 pub const CLIENTS_MAX: usize = 32;
 
-/// Calls of one client that a server may hold: one in progress, and one given up by a client that calls again.
+/// Calls of one client that a server may hold: the current one, and one that the client gave up before calling again.
 const ACTIVE_MAX: usize = 2;
-/// The longest message of a client: what is longer goes into a file, and the message names it.
+/// Maximum length of a client's message, bytes; a longer request goes into a file that the message names.
 const MESSAGE_MAX: usize = 4 << 10;
-/// Answers that a server has memory for at a time; iceoryx2 would reckon with 256 of the longest, and an executor
+/// Number of answers that a server preallocates. iceoryx2 would preallocate 256 of maximum length, and an executor
 /// locks all of its memory.
 const ANSWERS_MAX: usize = 16;
-/// Shared memory of a client or server; measured below 900 kB.
+/// Shared memory of a client or server, bytes; measured below 900 kB.
 const PORT_ROOM: u64 = 1 << 20;
-/// A client looks for the answer at these intervals: at once, then in growing steps.
+/// First and last polling interval of a client that waits for an answer; the interval doubles each time.
 const POLL_FIRST: Duration = Duration::from_micros(20);
 const POLL_LAST: Duration = Duration::from_millis(1);
-/// How often a waiting client looks whether the server's process still lives.
+/// Interval at which a waiting client checks whether the server's process is alive.
 const LIFE_CHECK: Duration = Duration::from_millis(20);
 
 type Service = ipc_threadsafe::Service;
 
-/// Why there is no server or no client.
+/// Error while creating a server or client.
 #[derive(Debug, thiserror::Error)]
 pub enum RequestError {
-    /// Too little shared memory.
+    /// Not enough shared memory.
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
-    /// A name that is empty, too long or not printable.
+    /// The name is empty, too long or not printable.
     #[error("'{name}' cannot name a server: use up to 100 printable characters without spaces")]
     BadName {
-        /// What was given.
+        /// The given name.
         name: String,
     },
-    /// No such server: its process is gone, or has another incarnation now.
-    #[error("there is no server {service}: read its announcement again")]
+    /// The server does not exist: its process has ended, or was restarted under another incarnation.
+    #[error("server {service} not found: read its announcement again")]
     DoesNotExist {
         /// Full service name.
         service: String,
     },
-    /// Anything else that iceoryx2 says.
+    /// Any other error from iceoryx2.
     #[error("server {service}: {cause}")]
     Failed {
         /// Full service name.
         service: String,
-        /// What iceoryx2 said.
+        /// Error from iceoryx2.
         cause: IceoryxError,
     },
 }
 
-/// Why a server has no request although something came, or may have come.
+/// Error while polling for a request.
 #[derive(Debug, thiserror::Error)]
 pub enum PollError {
-    /// A message that is none of ours, or a file that it names and that is none: its client is told that no answer
-    /// comes.
+    /// The message is invalid, or names a file that is missing or invalid. The client is told that no answer comes.
     #[error("server {service} refused a request: {fault}")]
     Refused {
         /// Full service name.
         service: String,
-        /// What is wrong with it.
+        /// What is wrong with the message.
         fault: SpillError,
     },
-    /// Anything else that iceoryx2 says.
+    /// Any other error from iceoryx2.
     #[error("server {service} cannot receive: {cause}")]
     Failed {
         /// Full service name.
         service: String,
-        /// What iceoryx2 said.
+        /// Error from iceoryx2.
         cause: IceoryxError,
     },
 }
 
-/// Why an answer was not sent.
+/// Error while sending an answer.
 #[derive(Debug, thiserror::Error)]
 pub enum AnswerError {
-    /// More than [`RESPONSE_MAX`] bytes; the client is told that no answer comes.
-    #[error("an answer of {size} bytes is longer than {max}")]
+    /// The answer is longer than [`RESPONSE_MAX`]; the client is told that no answer comes.
+    #[error("answer too long: {size} bytes, the limit is {max}")]
     TooLarge {
-        /// Its bytes.
+        /// Its length, bytes.
         size: usize,
-        /// The limit.
+        /// The limit, bytes.
         max: usize,
     },
-    /// Anything else that iceoryx2 says; that memory ran out means that clients do not take their answers.
+    /// Any other error from iceoryx2. If it ran out of memory, clients do not take their answers.
     #[error("the answer cannot be sent: {cause}")]
     Failed {
-        /// What iceoryx2 said.
+        /// Error from iceoryx2.
         cause: IceoryxError,
     },
 }
 
-/// Why a call has no answer.
+/// Error of a call.
 #[derive(Debug, thiserror::Error)]
 pub enum CallError {
-    /// The server lives but did not answer in time. Whether it does what was asked is not known.
+    /// The server is alive but did not answer in time. It is unknown whether it carries out the request.
     #[error("{service} did not answer within {waited:?}")]
     Timeout {
         /// Full service name.
         service: String,
-        /// The time waited.
+        /// Time waited.
         waited: Duration,
     },
-    /// The server's process died, or closed its server.
+    /// The server's process died, or closed the server.
     #[error("{service} is gone: read its announcement again")]
     ServerGone {
         /// Full service name.
         service: String,
     },
-    /// The server dropped the request without an answer.
-    #[error("{service} took the request and gave no answer")]
+    /// The server dropped the request without answering.
+    #[error("{service} accepted the request but sent no answer")]
     Unanswered {
         /// Full service name.
         service: String,
     },
     /// The request is longer than [`REQUEST_MAX`], or the answer claims to be longer than [`RESPONSE_MAX`].
-    #[error("a message of {size} bytes is longer than {max}")]
+    #[error("message too long: {size} bytes, the limit is {max}")]
     TooLarge {
-        /// Its bytes.
+        /// Its length, bytes.
         size: usize,
-        /// The limit.
+        /// The limit, bytes.
         max: usize,
     },
-    /// Too little shared memory for this request.
+    /// Not enough shared memory for this request.
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
-    /// A long request could not be laid down as a file.
+    /// The file of a long request cannot be written.
     #[error(transparent)]
     SpillFile(#[from] SpillError),
-    /// Anything else that iceoryx2 says.
+    /// Any other error from iceoryx2.
     #[error("{service}: {cause}")]
     Failed {
         /// Full service name.
         service: String,
-        /// What iceoryx2 said.
+        /// Error from iceoryx2.
         cause: IceoryxError,
     },
 }
 
-/// Takes requests of several clients.
+/// Receives requests of several clients.
 pub struct Server {
     server: IoxServer<Service, [u8], (), [u8], ()>,
     service: String,
@@ -177,10 +176,11 @@ impl fmt::Debug for Server {
 }
 
 impl Server {
-    /// The next request, if one is there; never waits. Requests that their clients gave up are left out.
+    /// Returns the next request, if any; never waits. Skips requests that their clients have given up.
     ///
     /// # Errors
-    /// A request that is none, or what iceoryx2 says; the server stays usable, so log it and go on.
+    /// Returns an error if a request is invalid or if iceoryx2 fails. The server stays usable: log the error and
+    /// continue.
     pub fn poll(&self) -> Result<Option<Request>, PollError> {
         let received = self.server.receive().map_err(|error| PollError::Failed {
             service: self.service.clone(),
@@ -189,7 +189,7 @@ impl Server {
         let Some(active) = received else {
             return Ok(None);
         };
-        // The length is the client's word; it is looked at before the bytes are.
+        // The client sets this length, so check it before touching the payload.
         let claimed = active.header().number_of_elements();
         let message = if claimed > MESSAGE_MAX as u64 {
             Err(SpillError::TooLarge {
@@ -212,14 +212,15 @@ impl Server {
         }
     }
 
-    /// Full name under which clients find this server.
+    /// Returns the full name under which clients find this server.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
     }
 }
 
-/// One request. It may be kept, sent to another thread and answered later; dropped, its client is told at once.
+/// One request. It may be kept, sent to another thread and answered later; if it is dropped, the client is told at
+/// once.
 pub struct Request {
     active: ActiveRequest<Service, [u8], (), [u8], ()>,
     bytes: Vec<u8>,
@@ -233,28 +234,29 @@ impl fmt::Debug for Request {
 }
 
 impl Request {
-    /// What the client sent: anything at all, so decode it with care. A copy, which the client cannot change any more.
+    /// Returns a copy of the bytes that the client sent, which the client cannot change any more. They may be anything:
+    /// decode them with care.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Takes out what the client sent, so that another thread can decode it.
+    /// Takes the bytes out, so that another thread can decode them.
     #[must_use]
     pub fn take_bytes(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)
     }
 
-    /// True while the client waits for the answer (a client killed a moment ago still seems to).
+    /// Returns true while the client waits for the answer (also for a client that was killed just now).
     #[must_use]
     pub fn is_awaited(&self) -> bool {
         self.active.is_connected()
     }
 
-    /// Answers. A client that is gone, or hangs, is no error.
+    /// Sends the answer. A client that is gone, or hangs, is not an error.
     ///
     /// # Errors
-    /// An answer too large, or what iceoryx2 says.
+    /// Returns an error if the answer is too long, or if iceoryx2 fails.
     pub fn answer(self, bytes: &[u8]) -> Result<(), AnswerError> {
         if bytes.len() > RESPONSE_MAX {
             return Err(AnswerError::TooLarge {
@@ -274,7 +276,7 @@ impl Request {
     }
 }
 
-/// Asks one server.
+/// Sends requests to one server.
 pub struct Client {
     client: IoxClient<Service, [u8], (), [u8], ()>,
     factory: Factory,
@@ -291,18 +293,18 @@ impl fmt::Debug for Client {
 }
 
 impl Client {
-    /// Sends `request` and waits for its answer, at most `timeout`.
+    /// Sends `request` and waits at most `timeout` for the answer.
     ///
     /// # Errors
-    /// See [`CallError`]; after an error the client can be used again.
+    /// Returns [`CallError`]; the client stays usable after an error.
     pub fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, CallError> {
         let started = Instant::now();
-        // The file of a long request stays until its answer is there, or none is waited for.
+        // The file of a long request stays until the answer arrives or is no longer awaited.
         let (pending, _file) = self.send(request)?;
         let mut pause = POLL_FIRST;
         let mut life_checked = started;
         loop {
-            // In this order: an answer may arrive between the two looks.
+            // In this order: the answer may arrive between the two checks.
             let open = pending.is_connected();
             if let Some(answer) = self.answer(&pending)? {
                 return Ok(answer);
@@ -331,13 +333,13 @@ impl Client {
         }
     }
 
-    /// Full name of the server.
+    /// Returns the full name of the server.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
     }
 
-    /// True if the process that made the server is known to be dead.
+    /// Returns true if the process that created the server is known to be dead.
     #[must_use]
     pub fn server_is_dead(&self) -> bool {
         self.server.is_some_and(|life| life.liveness().is_dead())
@@ -388,7 +390,7 @@ impl Client {
         let Some(response) = pending.receive().map_err(|error| self.failed(error))? else {
             return Ok(None);
         };
-        // The length is the server's word; it is looked at before the bytes are.
+        // The server sets this length, so check it before touching the payload.
         let size = usize::try_from(response.header().number_of_elements()).unwrap_or(usize::MAX);
         if size > RESPONSE_MAX {
             return Err(CallError::TooLarge {
@@ -399,7 +401,7 @@ impl Client {
         Ok(Some(response.payload().to_vec()))
     }
 
-    /// The request was dropped on the other side: by a server that lives on, or together with the server.
+    /// Distinguishes a live server that dropped the request from a server that is gone.
     fn no_answer(&self) -> CallError {
         let service = self.service.clone();
         if !self.server_is_dead() && self.servers() > 0 {
@@ -425,10 +427,10 @@ type Factory = PortFactory<Service, [u8], (), [u8], ()>;
 type Pending = PendingResponse<Service, [u8], (), [u8], ()>;
 
 impl Session {
-    /// Creates this session's server `name`.
+    /// Creates the server `name` of this session.
     ///
     /// # Errors
-    /// Too little shared memory, a name used twice or of another form, or what iceoryx2 says.
+    /// Returns an error if shared memory is short, if the name is invalid or in use, or if iceoryx2 fails.
     pub fn serve(&self, name: &str) -> Result<Server, RequestError> {
         shm_space::require(PORT_ROOM)?;
         let service_name = self
@@ -452,7 +454,7 @@ impl Session {
             .max_active_requests_per_client(ACTIVE_MAX)
             .max_response_buffer_size(1)
             .max_borrowed_responses_per_pending_response(1)
-            // A server that does not look loses the oldest requests, and blocks nobody.
+            // A server that does not poll loses the oldest requests, and blocks no client.
             .enable_safe_overflow_for_requests(true)
             .enable_safe_overflow_for_responses(true)
             .enable_fire_and_forget_requests(false)
@@ -464,7 +466,7 @@ impl Session {
             .override_response_preallocation(|_| ANSWERS_MAX)
             .max_loaned_responses_per_request(1)
             .backpressure_strategy(Backpressure::DiscardData)
-            // A client that died half-way must not keep the others from being heard.
+            // A client that died half-way must not cut off the others.
             .set_request_degradation_handler(|_, _| DegradationAction::Ignore)
             .set_response_degradation_handler(|_, _| DegradationAction::Ignore)
             .create()
@@ -477,10 +479,11 @@ impl Session {
         })
     }
 
-    /// Opens the server of that full name, as its process announced it.
+    /// Opens a server by the full name that its process announced.
     ///
     /// # Errors
-    /// No such server, too many clients, too little shared memory, or what iceoryx2 says.
+    /// Returns an error if the server does not exist or has too many clients, if shared memory is short, or if iceoryx2
+    /// fails.
     pub fn client(&self, service: &str) -> Result<Client, RequestError> {
         shm_space::require(PORT_ROOM)?;
         let failed = |cause| RequestError::Failed {

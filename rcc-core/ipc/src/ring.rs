@@ -1,6 +1,6 @@
-//! Rings: a head and the last values of one writer in shared memory, each an entry of its own of an iceoryx2 blackboard.
-//! Writing costs one value, however many are kept. As with boards, both ends are made by helper threads, and the real-time
-//! threads write and read without allocation or system call.
+//! Rings: a head and the last values of one writer in shared memory, each an entry of its own in an iceoryx2
+//! blackboard. A write copies one value, however many the ring keeps. As with boards, helper threads create both ends,
+//! and the real-time threads write and read without allocation or system call.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use crate::process_instance::ProcessInstance;
 use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
 
-/// The head's key; the values have the next ones.
+/// Key of the head; the values have the keys that follow.
 const HEAD: u32 = 0;
 
 /// The only writer of one ring.
@@ -21,13 +21,13 @@ pub struct RingWriter<H: Pod, T: Pod> {
     head: EntryHandleMut<Service, u32, Shared<H>>,
     places: Box<[EntryHandleMut<Service, u32, Shared<T>>]>,
     service: String,
-    // Both keep the ring in being as long as it is written.
+    // Both keep the ring alive as long as it is written.
     _writer: Writer<Service, u32>,
     _membership: Membership,
 }
 
 impl<H: Pod, T: Pod> RingWriter<H, T> {
-    /// Writes the value `number`, which overwrites the one a whole ring before it, and then the head. Real-time safe.
+    /// Writes value `number`, replacing the value one ring length before it, and then the head. Real-time safe.
     pub fn write(&mut self, number: u64, value: &T, head: &H) {
         if let Some(place) = self.places.get(place(number, self.places.len())) {
             place.update_with_copy(Shared(*value));
@@ -35,7 +35,7 @@ impl<H: Pod, T: Pod> RingWriter<H, T> {
         self.head.update_with_copy(Shared(*head));
     }
 
-    /// Full name under which others open this ring.
+    /// Returns the full name under which other processes open this ring.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
@@ -48,38 +48,39 @@ impl<H: Pod, T: Pod> fmt::Debug for RingWriter<H, T> {
     }
 }
 
-/// One reader of a ring; what is there stays readable after its writer's death.
+/// One reader of a ring; its values stay readable after the writer has died.
 pub struct RingReader<H: Pod, T: Pod> {
     head: EntryHandle<Service, u32, Shared<H>>,
     places: Box<[EntryHandle<Service, u32, Shared<T>>]>,
     service: String,
-    // Both keep the ring in being as long as it is read.
+    // Both keep the ring alive as long as it is read.
     _reader: Reader<Service, u32>,
     _membership: Membership,
 }
 
 impl<H: Pod, T: Pod> RingReader<H, T> {
-    /// The newest head; all zero before the first write. Real-time safe as [`crate::BoardReader::read`] is.
+    /// Returns the newest head; all zero before the first write. Real-time safe, like [`crate::BoardReader::read`].
     #[must_use]
     pub fn head(&self) -> H {
         self.head.get().0
     }
 
-    /// What is at the place of the value `number`: whole, but it may be another one by now. Who writes values puts their
-    /// number into them.
+    /// Returns the value in the slot of value `number`: complete, but possibly already a later one. Writers therefore
+    /// store the number in the value.
     #[must_use]
     pub fn at(&self, number: u64) -> T {
         let place = self.places.get(place(number, self.places.len()));
         place.map_or_else(T::zeroed, |entry| entry.get().0)
     }
 
-    /// Full name of the ring.
+    /// Returns the full name of the ring.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
     }
 
-    /// The life of the process that writes it. Ask it with [`ProcessInstance::liveness`], not in a real-time thread.
+    /// Returns the process instance that writes the ring. Calling [`ProcessInstance::liveness`] on it is not real-time
+    /// safe.
     #[must_use]
     pub fn writer(&self) -> Option<ProcessInstance> {
         owner_of(&self.service)
@@ -92,7 +93,7 @@ impl<H: Pod, T: Pod> fmt::Debug for RingReader<H, T> {
     }
 }
 
-/// Below `length`, which is greater than 0.
+/// Returns the slot of a value: less than `length`, which is greater than 0.
 fn place(number: u64, length: usize) -> usize {
     (number % (length as u64).max(1)) as usize
 }
@@ -129,17 +130,18 @@ impl Session {
         })
     }
 
-    /// Opens the ring of that full name, as its writer announced it.
+    /// Opens a ring by the full name that its writer announced.
     ///
     /// # Errors
-    /// No such ring, another layout or length, too many readers, or what iceoryx2 says.
+    /// Returns an error if the ring does not exist, has another layout or length, or too many readers, or if iceoryx2
+    /// fails.
     pub fn open_ring<H: Pod, T: Pod>(
         &self,
         service: &str,
         length: u32,
     ) -> Result<RingReader<H, T>, BoardError> {
         let reader = self.open_blackboard(service)?;
-        // The keys are there if the writer is of the same build, so a refusal here is about that.
+        // A writer of the same build has these keys, so a refusal here is a mismatch of builds.
         let other = |want, size| BoardError::OtherLayout {
             service: service.to_owned(),
             want,

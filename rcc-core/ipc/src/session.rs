@@ -1,4 +1,4 @@
-//! This process in a cell: the one iceoryx2 node through which all its services are created and opened.
+//! Membership of this process in a cell: the one iceoryx2 node through which all its services are created and opened.
 //! Joined once by the main thread; shared by its helper threads, never by the real-time thread.
 
 use std::fmt;
@@ -20,35 +20,35 @@ use crate::lock::{self, LockError};
 use crate::process_instance::ProcessInstance;
 use crate::shm_space::{self, OutOfSharedMemory, SHM};
 
-/// Shared memory that a node itself needs, with the management segment of the first node of a cell.
+/// Shared memory of a node, including the management segment that the first node of a cell creates, bytes.
 const NODE_ROOM: u64 = 1 << 20;
-/// How long a service half-created by another process is waited for.
+/// How long to wait for a service that another process is creating.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
-/// How long joining waits for a wipe to end.
+/// How long joining waits for a wipe to finish.
 const WIPE_WAIT: Duration = Duration::from_secs(5);
-/// Longest label.
+/// Maximum length of a label, characters.
 const LABEL_LENGTH_MAX: usize = 64;
 
-/// What a process does in its cell.
+/// Role of a process in its cell.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// Text to plans; the REST server.
+    /// Compiles nets to plans and serves the REST interface.
     Loader,
-    /// The cycle.
+    /// Runs the cycle.
     Executor,
-    /// One device.
+    /// Drives one device.
     Driver,
     /// Reads streams.
     Monitor,
-    /// A command a person typed.
+    /// A command entered by a person.
     Cli,
 }
 
 impl Role {
-    /// Its name in file and service names.
+    /// Returns the name used in file and service names.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
@@ -67,7 +67,7 @@ impl fmt::Display for Role {
     }
 }
 
-/// Words of iceoryx2 about what went wrong.
+/// Error description from iceoryx2.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IceoryxError(pub(crate) String);
 
@@ -83,18 +83,18 @@ impl fmt::Display for IceoryxError {
     }
 }
 
-/// Why this process is not in the cell.
+/// Error while joining a cell.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// Too little shared memory.
+    /// Not enough shared memory.
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
-    /// A label of another form than `[A-Za-z0-9][A-Za-z0-9_.-]{0,63}`.
+    /// The label does not match `[A-Za-z0-9][A-Za-z0-9_.-]{0,63}`.
     #[error(
         "'{label}' cannot be a label: use 1 to 64 of A-Z a-z 0-9 _ . -, beginning with a letter or digit"
     )]
     BadLabel {
-        /// What was given.
+        /// The given label.
         label: String,
     },
     /// The runtime folder cannot be used.
@@ -102,7 +102,7 @@ pub enum SessionError {
     Cell(#[from] CellError),
     /// The start time of this process cannot be read.
     #[error(
-        "this process cannot tell itself from others: {0}; it needs /proc and a free file descriptor"
+        "cannot read the start time of this process: {0}; /proc and a free file descriptor are needed"
     )]
     ProcessInstance(std::io::Error),
     /// The cell is being wiped, and that takes too long.
@@ -110,31 +110,31 @@ pub enum SessionError {
     Lock {
         /// The cell.
         cell: String,
-        /// What held it up.
+        /// The lock that is held.
         source: LockError,
     },
-    /// The folder's path is too long, or holds bytes that iceoryx2 does not take.
-    #[error("'{path}' cannot hold shared files: use a shorter, plain path (RCC_RUNTIME_DIR)")]
+    /// The path of the folder is too long, or has bytes that iceoryx2 does not accept.
+    #[error(
+        "iceoryx2 cannot use the path '{path}': use a shorter path of plain characters (RCC_RUNTIME_DIR)"
+    )]
     BadPath {
         /// The path.
         path: String,
     },
-    /// iceoryx2 could not make its node.
-    #[error(
-        "cell '{cell}' cannot be joined: {cause}; stop its processes and run rcc-janitor --wipe"
-    )]
+    /// iceoryx2 could not create the node.
+    #[error("cannot join cell '{cell}': {cause}; stop its processes and run rcc-janitor --wipe")]
     Node {
         /// The cell.
         cell: String,
-        /// What iceoryx2 said.
+        /// Error from iceoryx2.
         cause: IceoryxError,
     },
 }
 
-/// Proof, for the other processes, that this one still uses the cell: nobody wipes it meanwhile.
+/// Shared lock that tells other processes that this one still uses the cell; it prevents a wipe.
 pub(crate) type Membership = Arc<Flock<File>>;
 
-/// This process in a cell. Everything made through it keeps it in the cell until dropped.
+/// This process in a cell. Everything created through it keeps the process in the cell until it is dropped.
 pub struct Session {
     cell: Cell,
     role: Role,
@@ -142,7 +142,7 @@ pub struct Session {
     instance: ProcessInstance,
     serial: u64,
     node: Node<ipc_threadsafe::Service>,
-    // Last, so that it is released after the node is gone.
+    // Last field, so that it is released after the node is gone.
     membership: Membership,
 }
 
@@ -159,10 +159,10 @@ impl fmt::Debug for Session {
 }
 
 impl Session {
-    /// Brings this process into the cell. `label` tells processes of one role apart (a driver's is its device's name).
+    /// Joins the cell. `label` distinguishes processes of one role (for a driver, the name of its device).
     ///
     /// # Errors
-    /// Too little shared memory, a folder that cannot be used, or a node that iceoryx2 cannot make.
+    /// Returns an error if shared memory is short, if a folder cannot be used, or if iceoryx2 cannot create a node.
     pub fn join(cell: &Cell, role: Role, label: &str) -> Result<Session, SessionError> {
         static SERIAL: AtomicU64 = AtomicU64::new(0);
         check_label(label)?;
@@ -174,38 +174,39 @@ impl Session {
             role,
             label: label.to_owned(),
             instance: ProcessInstance::current().map_err(SessionError::ProcessInstance)?,
-            // Relaxed: only different numbers are wanted.
+            // Relaxed: the numbers only need to differ.
             serial: SERIAL.fetch_add(1, Ordering::Relaxed),
             node,
             membership: Arc::new(membership),
         })
     }
 
-    /// The cell it is in.
+    /// Returns the cell.
     #[must_use]
     pub fn cell(&self) -> &Cell {
         &self.cell
     }
 
-    /// What this process does there.
+    /// Returns the role of this process.
     #[must_use]
     pub fn role(&self) -> Role {
         self.role
     }
 
-    /// Its label.
+    /// Returns the label.
     #[must_use]
     pub fn label(&self) -> &str {
         &self.label
     }
 
-    /// This process' life.
+    /// Returns the instance of this process.
     #[must_use]
     pub fn instance(&self) -> ProcessInstance {
         self.instance
     }
 
-    /// A number that no other life of a process has; 16 hexadecimal digits in names.
+    /// Returns the incarnation number of this process, which no other process instance has; 16 hexadecimal digits in
+    /// names.
     #[must_use]
     pub fn incarnation(&self) -> u64 {
         self.instance.incarnation()
@@ -219,7 +220,8 @@ impl Session {
         Arc::clone(&self.membership)
     }
 
-    /// The full name of this session's service `name`, or nothing when it is too long or has odd characters.
+    /// Returns the full name of this session's service `name`, or `None` if it is too long or has unsupported
+    /// characters.
     pub(crate) fn service_name(&self, name: &str) -> Option<ServiceName> {
         let plain = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_graphic());
         let full = format!(
@@ -233,7 +235,7 @@ impl Session {
     }
 }
 
-/// The life of the process that created the service, as its name tells.
+/// Returns the process instance that created the service, parsed from its name.
 pub(crate) fn owner_of(service: &str) -> Option<ProcessInstance> {
     let digits = service.split('/').nth(1)?.split('.').next()?;
     u64::from_str_radix(digits, 16)
@@ -241,8 +243,8 @@ pub(crate) fn owner_of(service: &str) -> Option<ProcessInstance> {
         .map(ProcessInstance::from_incarnation)
 }
 
-/// Takes the shared lock of the cell and makes a node. The first process of a cell may have died while it made what
-/// all share; then nobody can enter until that is wiped, which is done here when nobody else is in.
+/// Takes the shared lock of the cell and creates a node. If the first process of a cell died while it created what all
+/// share, no process can join until that is wiped, which this does when no other process is in the cell.
 pub(crate) fn enter(
     cell: &Cell,
 ) -> Result<(Flock<File>, Node<ipc_threadsafe::Service>), SessionError> {
@@ -261,7 +263,7 @@ fn enter_as_it_is(
             cell: cell.name().to_owned(),
             source,
         })?;
-    // Again: a wipe may have ended between the two.
+    // Again: a wipe may have finished between the two.
     cell.make_folders()?;
     cell.require_same_prefix()?;
     refuse_foreign(cell)?;
@@ -278,9 +280,10 @@ fn enter_as_it_is(
     Ok((membership, node))
 }
 
-/// The two files whose names are known before they are made may be somebody else's: that would be taken for the cell's
-/// own. While a process of the cell lives they are there and ours; without one the cell takes another prefix at the next
-/// look. All other names have numbers that nobody foresees, so what lies beside them keeps nobody out.
+/// Refuses the cell if another user owns one of the two files whose names are predictable, because they would be taken
+/// for the cell's own. While a process of the cell lives, the files exist and are ours; otherwise the cell takes
+/// another prefix the next time it is looked up. All other names contain unpredictable numbers, so other foreign files
+/// do no harm.
 fn refuse_foreign(cell: &Cell) -> Result<(), SessionError> {
     let listed = |source| CellError::Folder {
         path: SHM.into(),
@@ -309,9 +312,9 @@ fn is_common(path: &std::path::Path) -> bool {
     path.extension().is_some_and(|kind| kind == "global_mgmt")
 }
 
-/// The segment that all nodes of a cell share (a counter of nodes) is the one file that iceoryx2 0.10.0 opens to
-/// everybody (mode 0666, by fchmod, which no umask changes): it gets the mode of the others, and is refused when
-/// somebody else made it.
+/// Restricts the mode of the segment that all nodes of a cell share (a counter of nodes). It is the only file that
+/// iceoryx2 0.10.0 opens to everybody (mode 0666, by fchmod, which ignores the umask). Refuses a segment that another
+/// user created.
 fn close_common_segment(cell: &Cell) -> Result<(), SessionError> {
     refuse_foreign(cell)?;
     let failed = |path: &std::path::Path, source| {
@@ -332,7 +335,7 @@ fn close_common_segment(cell: &Cell) -> Result<(), SessionError> {
     Ok(())
 }
 
-/// Everything that the cell's processes must agree on; all cleaning is left to the janitor.
+/// Returns the iceoryx2 settings that all processes of the cell must share; all cleaning is left to the janitor.
 pub(crate) fn config(cell: &Cell) -> Result<Config, SessionError> {
     let root = cell.iox_root();
     let bad_path = || SessionError::BadPath {

@@ -1,5 +1,5 @@
-//! The wrapper in which plain data crosses to other processes; the only file of this package with `unsafe`.
-//! Run by the threads that create and open services; the wrapper itself is nothing at run time.
+//! The wrapper in which plain data crosses to other processes; the only file of this package with `unsafe`. Used by the
+//! threads that create and open services; the wrapper has no cost at run time.
 #![allow(unsafe_code)]
 
 use std::any::TypeId;
@@ -10,11 +10,11 @@ use std::sync::{Mutex, PoisonError};
 use bytemuck::Pod;
 use iceoryx2::prelude::ZeroCopySend;
 
-/// iceoryx2 keeps 256 bytes for a type's name and panics on longer ones.
+/// iceoryx2 reserves 256 bytes for a type's name and panics on longer ones.
 const TYPE_NAME_MAX: usize = 200;
 
-/// Plain data in shared memory. Every bit pattern of a [`Pod`] is a value of it, so what a broken peer writes is
-/// wrong data at worst, never undefined behaviour.
+/// Plain data in shared memory. Every bit pattern is a valid [`Pod`], so a broken peer can cause wrong data at worst,
+/// never undefined behaviour.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 pub(crate) struct Shared<T: Pod>(pub T);
@@ -33,7 +33,7 @@ unsafe impl<T: Pod> ZeroCopySend for Shared<T> {
     }
 }
 
-/// Size, alignment and name of `T`: what two processes must agree on before one opens what the other created.
+/// Returns size, alignment and name of `T`, which two processes must agree on before one opens what the other created.
 fn layout_name<T: Pod>() -> &'static str {
     static NAMES: Mutex<BTreeMap<TypeId, &'static str>> = Mutex::new(BTreeMap::new());
     let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
@@ -48,7 +48,7 @@ fn layout_name<T: Pod>() -> &'static str {
             align_of::<T>(),
             &full[from..]
         );
-        // One short text for each type that is ever shared, so the leak is bounded.
+        // One short text per shared type, so the leak is bounded.
         Box::leak(name.into_boxed_str())
     })
 }

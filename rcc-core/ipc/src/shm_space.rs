@@ -1,37 +1,38 @@
-//! Free room in `/dev/shm`, looked at before shared memory is made: iceoryx2 does not reserve, and a full file system
-//! would end the process by SIGBUS at the first touch. Run by the threads that create services.
+//! Checks for free space in `/dev/shm` before shared memory is created: iceoryx2 does not reserve the space, and on a
+//! full file system the first access would end the process with SIGBUS. Used by the threads that create services.
 
 use std::path::Path;
 
 /// Where iceoryx2 puts shared memory.
 pub(crate) const SHM: &str = "/dev/shm";
 
-/// Kept free beside what is asked for, because others create at the same time.
+/// Space kept free beyond each request, because other processes create shared memory at the same time, bytes.
 const RESERVE: u64 = 1 << 20;
 
-/// Too little room for what was to be created.
+/// Not enough free space for what was to be created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{path} has {have} bytes free and {need} are needed: remove old files there, or enlarge it (mount -o remount,size=)"
+    "{path} has {have} bytes free, {need} are needed: remove old files there, or enlarge it (mount -o remount,size=)"
 )]
 pub struct OutOfSharedMemory {
-    /// Bytes needed.
+    /// Bytes needed, including the reserve.
     pub need: u64,
     /// Bytes free.
     pub have: u64,
-    /// The file system.
+    /// Path of the file system.
     pub path: String,
 }
 
 /// Checks that `need` bytes of shared memory can be created now.
 ///
 /// # Errors
-/// [`OutOfSharedMemory`] when fewer bytes, and a small reserve, are free. A file system that cannot be asked counts as roomy.
+/// Returns [`OutOfSharedMemory`] if less than `need` and a small reserve is free. A file system that cannot be queried
+/// counts as large enough.
 pub fn require(need: u64) -> Result<(), OutOfSharedMemory> {
     check(Path::new(SHM), need)
 }
 
-/// Bytes of shared memory that can still be created; nothing if the file system cannot be asked.
+/// Returns the free shared memory, bytes; `None` if the file system cannot be queried.
 pub(crate) fn free() -> Option<u64> {
     free_in(Path::new(SHM))
 }
@@ -62,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_than_there_is_is_refused_with_figures() {
+    fn a_request_beyond_the_free_space_is_refused_with_figures() {
         assert_eq!(require(0), Ok(()));
         let refused = require(u64::MAX / 2);
         assert!(matches!(refused, Err(OutOfSharedMemory { need, have, .. }) if have < need));

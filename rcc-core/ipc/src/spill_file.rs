@@ -1,6 +1,6 @@
-//! What a request is as a message: its bytes, or the name of the file that holds them when they are many. The file lies in
-//! iceoryx2's folder, in memory, and is read, never mapped: cutting it short harms nobody.
-//! Run by the threads that call and serve; never by a real-time thread.
+//! Encoding of a request as a message: either its bytes, or, for a long request, the name of the spill file that holds
+//! them. The file is in iceoryx2's folder, in memory, and is read, never mapped, so truncating it harms nobody. Used by
+//! the threads that call and serve; never by a real-time thread.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -11,30 +11,30 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::process_instance::ProcessInstance;
 use crate::request::REQUEST_MAX;
 
-/// First byte of a message: the rest of it is the request.
+/// First byte of a message whose remaining bytes are the request.
 const INLINE: u8 = 0;
-/// First byte of a message: two numbers follow, by which the file is named (`u64`, least significant byte first).
+/// First byte of a message that names a file by the two numbers that follow (`u64`, little-endian).
 const NAMED: u8 = 1;
-/// Bytes of a message that names a file.
+/// Length of a message that names a file, bytes.
 const NAMED_SIZE: usize = 17;
-/// What the files' names begin with.
+/// Prefix of the file names.
 const PREFIX: &str = "request-";
 
-/// Why a message is no request, or a long request could not be laid down.
+/// The message is not a valid request, or a long request could not be written to a file.
 #[derive(Debug, thiserror::Error)]
 pub enum SpillError {
-    /// More bytes than allowed.
-    #[error("a message of {size} bytes is longer than {max}")]
+    /// The request is longer than allowed.
+    #[error("request too long: {size} bytes, the limit is {max}")]
     TooLarge {
-        /// What was claimed or found.
+        /// Length that was claimed or found, bytes.
         size: u64,
-        /// The limit.
+        /// The limit, bytes.
         max: u64,
     },
-    /// The message has another form.
-    #[error("a message of {size} bytes is no request: are both programs of the same build?")]
+    /// The message has an unknown format.
+    #[error("malformed request of {size} bytes: are both programs of the same build?")]
     Malformed {
-        /// Its bytes.
+        /// Its length, bytes.
         size: usize,
     },
     /// The file cannot be written or read.
@@ -42,17 +42,17 @@ pub enum SpillError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error from the system.
         source: io::Error,
     },
 }
 
-/// True when a request of `size` bytes goes into a message of `message_max`.
+/// Returns true if a request of `size` bytes fits into a message of `message_max` bytes.
 pub(crate) fn fits(size: usize, message_max: usize) -> bool {
     size < message_max
 }
 
-/// The message of a short request.
+/// Encodes a short request as a message.
 pub(crate) fn message(request: &[u8]) -> Vec<u8> {
     let mut message = Vec::with_capacity(request.len() + 1);
     message.push(INLINE);
@@ -60,7 +60,7 @@ pub(crate) fn message(request: &[u8]) -> Vec<u8> {
     message
 }
 
-/// The file of a long request; dropped, it is removed. One whose process dies first is removed by the janitor.
+/// The file of a long request; dropping it removes the file. The janitor removes the files of processes that died.
 pub(crate) struct SpillFile {
     path: PathBuf,
 }
@@ -77,7 +77,7 @@ impl SpillFile {
             source,
         })?;
         let incarnation = life.incarnation();
-        // Relaxed: only different numbers are wanted.
+        // Relaxed: the numbers only need to differ.
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let path = folder.join(name(incarnation, number));
         let mut options = OpenOptions::new();
@@ -98,12 +98,12 @@ impl SpillFile {
 
 impl Drop for SpillFile {
     fn drop(&mut self) {
-        // Gone already with the whole folder, when somebody wiped the cell.
+        // The file is already gone if somebody wiped the cell.
         let _ = fs::remove_file(&self.path);
     }
 }
 
-/// The request that a message carries or names.
+/// Returns the request that a message carries or names.
 pub(crate) fn open(folder: &Path, message: &[u8]) -> Result<Vec<u8>, SpillError> {
     let size = message.len();
     match message.split_first() {
@@ -119,7 +119,7 @@ pub(crate) fn open(folder: &Path, message: &[u8]) -> Result<Vec<u8>, SpillError>
     }
 }
 
-/// The life of the process that wrote the file of this name, if it is such a file.
+/// Returns the process instance that wrote the file with this name, or `None` if it is not a spill file.
 pub(crate) fn owner_of(file_name: &str) -> Option<ProcessInstance> {
     let digits = file_name.strip_prefix(PREFIX)?.split('-').next()?;
     u64::from_str_radix(digits, 16)
@@ -131,20 +131,20 @@ fn name(incarnation: u64, number: u64) -> String {
     format!("{PREFIX}{incarnation:016x}-{number:x}")
 }
 
-/// All of a file, at most [`REQUEST_MAX`] bytes of it: its length may change while it is read.
+/// Reads the file, at most [`REQUEST_MAX`] bytes: its length may change meanwhile.
 fn read(path: &Path) -> Result<Vec<u8>, SpillError> {
     let failed = |source| SpillError::File {
         path: path.to_owned(),
         source,
     };
     let mut options = OpenOptions::new();
-    // No link is followed, and no pipe is waited for.
+    // Follow no symbolic link, and do not block on a pipe.
     let flags = nix::fcntl::OFlag::O_NOFOLLOW | nix::fcntl::OFlag::O_NONBLOCK;
     options.read(true).custom_flags(flags.bits());
     let file: File = options.open(path).map_err(failed)?;
     let found = file.metadata().map_err(failed)?;
     if !found.is_file() {
-        return Err(failed(io::Error::other("it is no plain file")));
+        return Err(failed(io::Error::other("not a regular file")));
     }
     let too_large = |size| SpillError::TooLarge {
         size,
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_request_comes_back_and_its_file_goes() -> Result<(), SpillError> {
+    fn a_long_request_is_read_back_and_its_file_removed() -> Result<(), SpillError> {
         let folder = Folder::new("long");
         let request = vec![7; REQUEST_MAX];
         let (message, spill) = SpillFile::create(&folder.0, &request)?;
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_of_another_form_is_refused() {
+    fn a_malformed_message_is_refused() {
         let folder = Folder::new("form");
         for message in [&[][..], &[2, 0, 0], &[NAMED], &[NAMED; 16], &[NAMED; 18]] {
             let refused = open(&folder.0, message);
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_too_long_or_no_plain_file_is_refused() -> io::Result<()> {
+    fn a_file_that_is_too_long_or_not_regular_is_refused() -> io::Result<()> {
         let folder = Folder::new("kinds");
         let named = |number: u64| {
             let message: Vec<u8> =

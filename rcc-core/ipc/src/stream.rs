@@ -1,5 +1,5 @@
-//! Streams: records of one size from one publisher to any number of subscribers (iceoryx2 publish/subscribe).
-//! Run by the pump thread and by monitors, never by a real-time thread: sending allocates and maps memory.
+//! Streams: fixed-size records from one publisher to any number of subscribers (iceoryx2 publish/subscribe). Used by
+//! the pump thread and by monitors, never by a real-time thread: sending allocates and maps memory.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -16,19 +16,19 @@ use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
 use crate::shm_space::{self, OutOfSharedMemory};
 
-/// Subscribers of one stream at a time, dead ones that were not cleaned up included.
+/// Maximum number of subscribers of one stream, including dead ones that have not been cleaned up.
 pub const SUBSCRIBERS_MAX: usize = 16;
-/// Batches that wait for a subscriber; older ones are lost. With a batch each millisecond: 128 ms.
+/// Number of batches buffered per subscriber; older ones are lost. With one batch per millisecond: 128 ms.
 pub const BATCHES_MAX: usize = 128;
 
-/// Bytes of a full batch, unless one record is longer.
+/// Size of a full batch, bytes, unless a single record is larger.
 const BATCH_BYTES: usize = 4096;
-/// Shared memory of a stream beside its batches.
+/// Shared memory that a stream needs besides its batches, bytes.
 const STREAM_ROOM: u64 = 1 << 20;
 
 type Service = ipc_threadsafe::Service;
 
-/// Records of `T` that one batch can hold: [`Publisher::publish`] splits what is longer.
+/// Returns the number of `T` records that fit into one batch; [`Publisher::publish`] splits longer slices.
 #[must_use]
 pub const fn batch_records_max<T>() -> usize {
     let size = if size_of::<T>() == 0 {
@@ -40,48 +40,48 @@ pub const fn batch_records_max<T>() -> usize {
     if fit == 0 { 1 } else { fit }
 }
 
-/// Why there is no stream, or nothing goes through it.
+/// Error of a stream.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// Too little shared memory.
+    /// Not enough shared memory.
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
-    /// A name that is empty, too long or not printable.
+    /// The name is empty, too long or not printable.
     #[error("'{name}' cannot name a stream: use up to 100 printable characters without spaces")]
     BadName {
-        /// What was given.
+        /// The given name.
         name: String,
     },
-    /// No such stream: its process is gone, or has another incarnation now.
-    #[error("there is no stream {service}: read its publisher's announcement again")]
+    /// The stream does not exist: its process has ended, or was restarted under another incarnation.
+    #[error("stream {service} not found: read its publisher's announcement again")]
     DoesNotExist {
         /// Full service name.
         service: String,
     },
-    /// The stream has records of another type, or of the same one with another layout.
+    /// The stream has records of another type, or of the same type with another layout.
     #[error(
         "stream {service} does not carry {want} of {size} bytes: are both programs of the same build?"
     )]
     OtherLayout {
         /// Full service name.
         service: String,
-        /// The type we expected.
+        /// The type that was expected.
         want: &'static str,
-        /// Its bytes.
+        /// Size of that type, bytes.
         size: usize,
     },
-    /// Every place is taken, some of them perhaps by dead readers that no janitor has cleaned up after.
-    #[error("stream {service} has its {SUBSCRIBERS_MAX} readers already: end one of them")]
+    /// The stream has the maximum number of subscribers, possibly including dead ones that no janitor has cleaned up.
+    #[error("stream {service} already has {SUBSCRIBERS_MAX} subscribers: stop one of them")]
     Full {
         /// Full service name.
         service: String,
     },
-    /// Anything else that iceoryx2 says.
+    /// Any other error from iceoryx2.
     #[error("stream {service}: {cause}")]
     Failed {
         /// Full service name.
         service: String,
-        /// What iceoryx2 said.
+        /// Error from iceoryx2.
         cause: IceoryxError,
     },
 }
@@ -100,11 +100,11 @@ impl<T: Pod> fmt::Debug for Publisher<T> {
 }
 
 impl<T: Pod> Publisher<T> {
-    /// Sends the records, in order; returns at once. A subscriber that is too slow loses its oldest batches.
-    /// Gather the records of a millisecond or more: each call uses up at least one of [`BATCHES_MAX`] places.
+    /// Sends the records in order; returns at once. A subscriber that is too slow loses its oldest batches. Collect the
+    /// records of at least a millisecond per call: each call uses at least one of [`BATCHES_MAX`] buffer places.
     ///
     /// # Errors
-    /// What iceoryx2 says; the batches before it were sent.
+    /// Returns an error if iceoryx2 fails; earlier batches were sent.
     pub fn publish(&mut self, records: &[T]) -> Result<(), StreamError> {
         for batch in records.chunks(batch_records_max::<T>()) {
             let loan = self
@@ -118,7 +118,7 @@ impl<T: Pod> Publisher<T> {
         Ok(())
     }
 
-    /// Full name under which others subscribe.
+    /// Returns the full name under which other processes subscribe.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
@@ -132,7 +132,7 @@ impl<T: Pod> Publisher<T> {
     }
 }
 
-/// A receiving end of a stream; it gets what is published after it subscribed.
+/// The receiving end of a stream; it gets records that are published after it subscribed.
 pub struct Subscriber<T: Pod> {
     subscriber: IoxSubscriber<Service, [Shared<T>], ()>,
     service: String,
@@ -147,17 +147,17 @@ impl<T: Pod> fmt::Debug for Subscriber<T> {
 }
 
 impl<T: Pod> Subscriber<T> {
-    /// The next batch, if one is there; never waits. Whether records between two batches were lost is told by the
-    /// sequence numbers that the records carry.
+    /// Returns the next batch, if any; never waits. Lost records between two batches show in the sequence numbers that
+    /// the records carry.
     ///
     /// # Errors
-    /// What iceoryx2 says, or a batch that claims more records than fit.
+    /// Returns an error if iceoryx2 fails, or if a batch claims more records than fit.
     pub fn next_batch(&mut self) -> Result<Option<Vec<T>>, StreamError> {
         let mut records = Vec::new();
         Ok(self.read_into(&mut records)?.then_some(records))
     }
 
-    /// As [`Subscriber::next_batch`], appended to `records`; false when nothing was there.
+    /// Like [`Subscriber::next_batch`], appending to `records`; returns false if there was no batch.
     ///
     /// # Errors
     /// As [`Subscriber::next_batch`].
@@ -173,7 +173,7 @@ impl<T: Pod> Subscriber<T> {
         let Some(sample) = received else {
             return Ok(false);
         };
-        // The length is the publisher's word; it is looked at before the records are.
+        // The publisher sets this length, so check it before touching the payload.
         let count = sample.header().number_of_elements();
         if count > batch_records_max::<T>() as u64 {
             return Err(failed(IceoryxError(format!(
@@ -184,13 +184,13 @@ impl<T: Pod> Subscriber<T> {
         Ok(true)
     }
 
-    /// Full name of the stream.
+    /// Returns the full name of the stream.
     #[must_use]
     pub fn service(&self) -> &str {
         &self.service
     }
 
-    /// True if the process that made the stream is known to be dead; what it sent can still be read.
+    /// Returns true if the process that created the stream is known to be dead; records that it sent can still be read.
     #[must_use]
     pub fn publisher_is_dead(&self) -> bool {
         owner_of(&self.service).is_some_and(|life| life.liveness().is_dead())
@@ -198,10 +198,10 @@ impl<T: Pod> Subscriber<T> {
 }
 
 impl Session {
-    /// Creates this session's stream `name`.
+    /// Creates the stream `name` of this session.
     ///
     /// # Errors
-    /// Too little shared memory, a name used twice or of another form, or what iceoryx2 says.
+    /// Returns an error if shared memory is short, if the name is invalid or in use, or if iceoryx2 fails.
     pub fn publisher<T: Pod>(&self, name: &str) -> Result<Publisher<T>, StreamError> {
         let batch = batch_records_max::<T>() * size_of::<T>() + 64;
         shm_space::require((batch * SUBSCRIBERS_MAX * (BATCHES_MAX + 2)) as u64 + STREAM_ROOM)?;
@@ -233,7 +233,7 @@ impl Session {
             .initial_max_slice_len(batch_records_max::<T>())
             .max_loaned_samples(1)
             .backpressure_strategy(Backpressure::DiscardData)
-            // A subscriber that died half-way must not keep the others from being served.
+            // A subscriber that died half-way must not cut off the others.
             .set_degradation_handler(|_, _| DegradationAction::Ignore)
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
@@ -244,10 +244,10 @@ impl Session {
         })
     }
 
-    /// Subscribes to the stream of that full name, as its process announced it.
+    /// Subscribes to a stream by the full name that its process announced.
     ///
     /// # Errors
-    /// No such stream, another layout, too many subscribers, or what iceoryx2 says.
+    /// Returns an error if the stream does not exist, has another layout or too many subscribers, or if iceoryx2 fails.
     pub fn subscribe<T: Pod>(&self, service: &str) -> Result<Subscriber<T>, StreamError> {
         shm_space::require(STREAM_ROOM)?;
         let failed = |cause| StreamError::Failed {

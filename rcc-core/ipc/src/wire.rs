@@ -1,75 +1,77 @@
-//! Messages and plans as bytes. Run by any thread that may allocate; never a file format.
+//! Encoding of messages and plans as bytes. Runs on any thread that may allocate; never used as a file format.
 //!
-//! **Replacing the encoder.** This module alone names bincode (2.0.1, which nobody maintains any more). Messages know only
-//! serde's traits, so another encoder with serde support (`postcard`, `wincode`) takes its place by other bodies of
-//! `to_bytes` and `from_bytes` below, another line in the two `Cargo.toml`, and the corpora `fuzz/corpus/{door,wire}` made
-//! anew. No file holds such bytes, and loader and executor of one cell are of one build: nothing has to be converted.
+//! **Replacing the encoder.** Only this module names bincode (2.0.1, no longer maintained). Messages know only serde's
+//! traits, so another encoder with serde support (`postcard`, `wincode`) can replace it: change the bodies of
+//! `to_bytes` and `from_bytes` below and one line in each of the two `Cargo.toml`, and regenerate the corpora
+//! `fuzz/corpus/{requests,wire}`. No file holds such bytes, and loader and executor of one cell are from one build, so
+//! nothing has to be converted.
 //!
-//! **What may come in.** Anything: the bytes are another process' word. A message is refused when it is longer than its
-//! type allows, before a byte of it is looked at; when it claims more than its bytes can hold, before that is allocated;
-//! and when it ends early or late. Decoding takes memory and time in proportion to the bytes that came
+//! **Untrusted input.** The bytes come from another process and may be anything. A message is refused before any byte
+//! is examined if it is longer than its type allows; before anything is allocated if it claims more than its bytes can
+//! hold; and if it ends early or late. Decoding takes memory and time proportional to the bytes received
 //! (`tests/wire.rs` measures the memory). Depth needs no bound of its own, because no message type contains itself.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// What loader and executor send each other.
+/// A message between loader and executor.
 ///
-/// An implementation promises that its type does not contain itself (no `Box<Self>`), and that every element of its lists
-/// takes at least one byte (no list of units): the number of elements is then bounded by the length of the message.
+/// An implementation promises that its type does not contain itself (no `Box<Self>`), and that every element of its
+/// lists takes at least one byte (no list of units). The number of elements is then bounded by the length of the
+/// message.
 pub trait Message: Serialize + DeserializeOwned {
-    /// Longest encoded message, bytes.
+    /// Maximum length of an encoded message, bytes.
     const BYTES_MAX: usize;
 }
 
-/// Why a value could not be written as bytes.
+/// A value could not be encoded.
 #[derive(Debug, thiserror::Error)]
-#[error("this value cannot be encoded: {0}")]
+#[error("cannot encode this value: {0}")]
 pub struct EncodeError(#[from] bincode::error::EncodeError);
 
-/// Why bytes are not the expected message.
+/// Bytes could not be decoded as the expected message.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
-    /// Longer than any message of the type.
-    #[error("{size} bytes are no message of at most {max}; are both programs of the same build?")]
+    /// The message is longer than any message of its type.
+    #[error(
+        "message too long: {size} bytes, the limit is {max}; are both programs of the same build?"
+    )]
     TooLong {
-        /// Bytes received.
+        /// Number of bytes received.
         size: usize,
         /// [`Message::BYTES_MAX`].
         max: usize,
     },
     /// The bytes end early, claim more than they hold, or hold a value that the type does not have.
-    #[error(
-        "{size} bytes are not the expected message: {cause}; are both programs of the same build?"
-    )]
+    #[error("malformed message of {size} bytes: {cause}; are both programs of the same build?")]
     Malformed {
-        /// Bytes received.
+        /// Number of bytes received.
         size: usize,
-        /// What the decoder stumbled over.
+        /// Error of the decoder.
         cause: bincode::error::DecodeError,
     },
-    /// A whole message, and then more.
+    /// Bytes follow after a complete message.
     #[error("the message ends after {used} of {size} bytes; are both programs of the same build?")]
     TrailingBytes {
-        /// Bytes the message took.
+        /// Length of the message, bytes.
         used: usize,
-        /// Bytes received.
+        /// Number of bytes received.
         size: usize,
     },
 }
 
-/// The bytes of `value`. Whoever sends them says when they are too many.
+/// Encodes `value`. The sender checks the length.
 ///
 /// # Errors
-/// When the type itself refuses to be encoded (none of ours does).
+/// Returns an error if the type itself refuses to be encoded (none of ours does).
 pub fn encode<T: Message>(value: &T) -> Result<Vec<u8>, EncodeError> {
     Ok(to_bytes(value)?)
 }
 
-/// The value that `bytes` hold, all of them.
+/// Decodes a value from exactly these bytes.
 ///
 /// # Errors
-/// Anything that is not exactly one encoded `T` of at most [`Message::BYTES_MAX`] bytes.
+/// Returns an error unless the bytes are exactly one encoded `T` of at most [`Message::BYTES_MAX`] bytes.
 pub fn decode<T: Message>(bytes: &[u8]) -> Result<T, DecodeError> {
     let (size, max) = (bytes.len(), T::BYTES_MAX);
     if size > max {
@@ -86,10 +88,10 @@ fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, bincode::error::EncodeEr
     bincode::serde::encode_to_vec(value, bincode::config::standard())
 }
 
-/// What `bytes` begin with, as [`decode`]; what follows is not looked at.
+/// Decodes a `T` from the beginning of `bytes`; ignores what follows.
 ///
 /// # Errors
-/// They do not begin with an encoded `T`.
+/// Returns an error if the bytes do not begin with an encoded `T`.
 pub fn decode_beginning<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
     match from_bytes(bytes) {
         Ok((value, _)) => Ok(value),
@@ -100,9 +102,9 @@ pub fn decode_beginning<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeEr
     }
 }
 
-/// A number of one byte counts up to sixteen times of it, so a message may claim sixteen times its length and not more:
-/// otherwise a text of nine bytes could claim, and have allocated, as much as the longest message holds. bincode takes its
-/// limit as a constant, hence the steps.
+/// Decodes with a limit on claimed memory of 16 times the length. One encoded byte stands for at most sixteen in
+/// memory; without the limit a text of nine bytes could claim, and allocate, as much as the longest message. bincode
+/// takes the limit as a constant, hence the steps.
 fn from_bytes<T: DeserializeOwned>(
     bytes: &[u8],
 ) -> Result<(T, usize), bincode::error::DecodeError> {
@@ -186,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_length_beyond_the_limit_is_refused_without_allocating_it() {
-        // Variable length integer 253 announces eight bytes: a text of 2^40 bytes; 252 announces four: one of 16 MiB.
+        // Variable-length integer 253 is followed by eight bytes: a text of 2^40 bytes; 252 by four: one of 16 MiB.
         for bytes in [&[253, 0, 0, 0, 0, 0, 1, 0, 0][..], &[252, 0, 0, 0, 1]] {
             let cause = decode::<String>(bytes).err().map(|error| error.to_string());
             let cause = cause.unwrap_or_default();

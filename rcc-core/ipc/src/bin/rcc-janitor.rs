@@ -1,5 +1,5 @@
-//! `rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]`: cleans up after dead processes of one cell, and ends.
-//! A process of its own, because this work may hang in iceoryx2; whoever starts it kills it after a second.
+//! `rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]`: cleans up after dead processes of one cell, and exits. A
+//! separate process, because this work may hang in iceoryx2; its parent kills it after a second.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -11,8 +11,8 @@ use rcc_ipc::cell::person;
 use rcc_ipc::{Cell, clean, events};
 
 const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]
-Removes what dead processes of the cell left in shared memory; with --wipe everything of a cell that is dead.
-Exit code 0: done. 1: not done, with the reason. 2: wrong arguments.";
+Removes the shared memory that dead processes of the cell left behind; with --wipe, everything of a dead cell.
+Exit code 0: success. 1: failure, with the reason. 2: invalid arguments.";
 
 struct Arguments {
     name: String,
@@ -47,7 +47,7 @@ fn main() -> ExitCode {
     };
     match run(&arguments) {
         Ok(words) => {
-            // What is cleaned is cleaned; whoever started it may be dead.
+            // The cleaning is done; the parent may be dead.
             let _ = writeln!(std::io::stdout(), "{words}");
             ExitCode::SUCCESS
         }
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// On stderr; when nobody can be told, the exit code still does.
+/// Prints on stderr; if that fails, the exit code still tells.
 fn remark(words: &str) {
     let _ = writeln!(std::io::stderr(), "{words}");
 }
@@ -75,11 +75,10 @@ fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
             "cell '{}': removed {files} shared-memory files and {processes} announcements",
             cell.name()
         );
-        // The next start uses another prefix: they block nobody.
+        // The next start uses another prefix, so these files block nothing.
         for foreign in cell.foreign()? {
             let (path, owner) = (foreign.path.display(), person(foreign.owner));
-            words +=
-                &format!("\nleft alone: {path} belongs to {owner}; the cell does not need it gone");
+            words += &format!("\nskipped: {path} belongs to {owner}; it does not block the cell");
         }
         return Ok(words);
     }

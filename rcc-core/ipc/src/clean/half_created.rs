@@ -1,5 +1,6 @@
-//! Shared-memory files that are still empty: their process died between making and sizing them, or is about to size them.
-//! Run by the janitor's threads; uses no iceoryx2, makes nothing, and asks no wall clock, which may have been set.
+//! Shared-memory files that are still empty: their process died between creating and sizing them, or is about to size
+//! them. Runs on threads of the janitor. Uses no iceoryx2, creates nothing, and does not depend on the wall clock,
+//! which may be set.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,15 +14,17 @@ use crate::clock::monotonic_ns;
 use crate::reap;
 use crate::shm_space::SHM;
 
-/// A shared-memory file that is empty for so long was left by a process that died between making and sizing it.
+/// A shared-memory file that has been empty for this long was left by a process that died between creating and sizing
+/// it.
 pub const HALF_CREATED_AFTER: Duration = Duration::from_millis(300);
 
-/// Removes this cell's empty shared-memory files; returns how many. One whose name tells a dead process goes at once; if
-/// there are others, waits for [`HALF_CREATED_AFTER`], and those that are still empty then go. iceoryx2 0.10.0 waits for
-/// such a file for ever, so this frees threads that hang there. Any thread that may sleep may call it at any time.
+/// Removes this cell's empty shared-memory files; returns how many. A file whose name identifies a dead process is
+/// removed at once. For other files it waits [`HALF_CREATED_AFTER`] and removes those that are still empty. iceoryx2
+/// 0.10.0 waits for such a file forever, so this unblocks threads that hang there. May be called at any time by any
+/// thread that may sleep.
 ///
 /// # Errors
-/// `/dev/shm` cannot be read, or a file cannot be removed.
+/// Returns an error if `/dev/shm` cannot be read, or if a file cannot be removed.
 pub fn remove_half_created(cell: &Cell) -> Result<usize, CleanError> {
     let mut watch = EmptyFileWatch::default();
     let removed = watch.sweep(cell)?;
@@ -32,18 +35,18 @@ pub fn remove_half_created(cell: &Cell) -> Result<usize, CleanError> {
     Ok(removed + watch.sweep(cell)?)
 }
 
-/// What was seen empty, and when it was first, by the monotonic clock. A file made anew under the same name has another
-/// inode. Dates of files decide nothing: they follow the wall clock, and that may have been set in the meantime.
+/// Empty files with the time (monotonic clock, ns) at which each was first seen. A file recreated under the same name
+/// has another inode. File dates are not used: they follow the wall clock, which may have been set meanwhile.
 #[derive(Debug, Default)]
 pub(crate) struct EmptyFileWatch(BTreeMap<(PathBuf, u64), u64>);
 
 impl EmptyFileWatch {
-    /// Looks once; removes what is old enough and what a dead process began.
+    /// Scans once; removes the files that are old enough or that a dead process created.
     pub(crate) fn sweep(&mut self, cell: &Cell) -> Result<usize, CleanError> {
         self.sweep_at(cell, monotonic_ns())
     }
 
-    /// True while there is an empty file that is not old enough.
+    /// Returns true while there is an empty file that is not old enough.
     pub(crate) fn is_waiting(&self) -> bool {
         !self.0.is_empty()
     }
@@ -58,7 +61,7 @@ impl EmptyFileWatch {
         let mut removed = 0;
         let mut still = BTreeMap::new();
         for path in files {
-            // Missing now: its owner removed it in the meantime.
+            // The owner removed it meanwhile.
             let Ok(found) = fs::symlink_metadata(&path) else {
                 continue;
             };
@@ -114,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_seen_empty_twice_goes_whatever_its_date_says()
+    fn a_file_that_stays_empty_is_removed_whatever_its_date()
     -> Result<(), Box<dyn std::error::Error>> {
         let cell = TestCell::new("dates");
         let hour = Duration::from_secs(3600);
@@ -134,8 +137,9 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_something_or_is_made_anew_stays() -> Result<(), Box<dyn std::error::Error>> {
-        let cell = TestCell::new("anew");
+    fn a_file_with_content_or_recreated_meanwhile_stays() -> Result<(), Box<dyn std::error::Error>>
+    {
+        let cell = TestCell::new("recreated");
         let now = SystemTime::now();
         let path = cell.plant("file", now)?;
         let keep = File::open(&path)?;

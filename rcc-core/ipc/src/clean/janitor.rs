@@ -1,5 +1,5 @@
-//! What the janitor's process does: it frees what nobody uses before it makes anything of its own, has iceoryx2 clean, and
-//! removes what that left. It may hang in iceoryx2 for ever, so it is a process of its own that others kill.
+//! Work of the janitor's process: frees what nobody uses before it creates anything itself, lets iceoryx2 clean up, and
+//! removes what that leaves. It may hang in iceoryx2 forever, so it is a separate process that its parent kills.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -19,25 +19,26 @@ use crate::reap;
 use crate::session::{self, SessionError};
 use crate::shm_space;
 
-/// How often the janitor looks for half-created files while it cleans.
+/// Interval at which the janitor looks for half-created files while it cleans.
 const SWEEP_STEP: Duration = Duration::from_millis(50);
-/// Shared memory that joining a cell takes, with room to spare: some files of a page each.
+/// Shared memory needed to join a cell, with a margin: a few files of one page each.
 const JOIN_ROOM: u64 = 256 << 10;
 
-/// What the janitor's process does. It may hang for ever in iceoryx2, so nobody else calls it.
+/// Cleans up as the janitor's process. It may hang forever in iceoryx2, so no other process calls it.
 ///
 /// # Errors
-/// The cell cannot be entered, files cannot be removed, or `/dev/shm` is full of what is not ours to remove.
+/// Returns an error if the cell cannot be joined, if files cannot be removed, or if `/dev/shm` is full of files that
+/// are not ours to remove.
 pub fn clean_as_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
     let half_created = remove_half_created(cell)?;
     let freed = make_room(cell)?;
     let beside = cell.clone();
-    // Files that are half-created from now on; the thread ends with the process.
+    // Removes files that become half-created from now on; the thread ends with the process.
     let sweeping = thread::Builder::new().name("sweep".into()).spawn(move || {
         let mut watch = EmptyFileWatch::default();
         loop {
             thread::sleep(SWEEP_STEP);
-            // What cannot be removed now is tried again.
+            // A file that cannot be removed now is tried again.
             let _ = watch.sweep(&beside);
         }
     });
@@ -45,7 +46,7 @@ pub fn clean_as_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
     cell.make_iox_root().map_err(SessionError::from)?;
     use_as_global_configuration(cell)?;
     let (_membership, node) = session::enter(cell)?;
-    // One at a time: a second one would fail on what the first removes.
+    // One janitor at a time: a second one would fail on files that the first removes.
     let _alone =
         lock::exclusive_within(&cell.janitor_lock_file(), JANITOR_TIMEOUT).map_err(|source| {
             SessionError::Lock {
@@ -53,7 +54,7 @@ pub fn clean_as_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
                 source,
             }
         })?;
-    // First iceoryx2, which also strikes the dead out of what they shared with the living; then what it left.
+    // iceoryx2 first: it also removes the dead from what they shared with the living. Then remove what it left.
     let dead = reap::DeadProcesses::of(cell).map_err(failed)?;
     let dead_nodes = node.try_cleanup_dead_nodes().cleanups;
     let reaped = freed + reap::reap(cell, &dead).map_err(failed)?;
@@ -68,8 +69,9 @@ fn failed((path, source): (PathBuf, io::Error)) -> CleanError {
     CleanError::File { path, source }
 }
 
-/// On a full `/dev/shm` a node cannot be made, and so nothing would ever be cleaned: what the dead left and nobody has
-/// mapped goes first, by name. Their nodes stay, so that iceoryx2 can strike them out. Returns how many files went.
+/// On a full `/dev/shm` no node can be created, so nothing would ever be cleaned: first remove files of dead processes,
+/// by name, that no process has mapped. Their nodes stay, so that iceoryx2 can unregister them. Returns the number of
+/// removed files.
 fn make_room(cell: &Cell) -> Result<usize, CleanError> {
     if shm_space::free().is_none_or(|free| free >= JOIN_ROOM) {
         return Ok(0);
@@ -86,8 +88,8 @@ fn make_room(cell: &Cell) -> Result<usize, CleanError> {
     }
 }
 
-/// For dead nodes that left no details iceoryx2 falls back to its process-wide configuration; without this it would
-/// look for them under its defaults. It takes a file only: this one is in this process' own memory.
+/// For dead nodes without details iceoryx2 falls back to its process-wide configuration; without this it would look for
+/// them under its defaults. It only accepts a file; this one is a memfd of this process.
 fn use_as_global_configuration(cell: &Cell) -> Result<(), CleanError> {
     let quoted = |text: &str| serde_json::Value::from(text).to_string();
     let text = format!(
@@ -107,7 +109,7 @@ fn use_as_global_configuration(cell: &Cell) -> Result<(), CleanError> {
     match taken {
         Some(_) => Ok(()),
         None => Err(failed(io::Error::other(
-            "iceoryx2 does not take this configuration",
+            "iceoryx2 rejects this configuration",
         ))),
     }
 }

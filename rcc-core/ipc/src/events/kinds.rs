@@ -1,5 +1,5 @@
-//! The kinds of events with their fields: one table, from which the type, the names and the documentation come.
-//! Plain data.
+//! The kinds of events and their fields: one table that generates the type, the names and the documentation. Plain
+//! data.
 
 use std::collections::BTreeMap;
 
@@ -7,18 +7,18 @@ use serde::{Deserialize, Serialize};
 
 use super::EventSeverity;
 
-/// A kind of events, as in `docs/events.md`.
+/// One row of the table of event kinds, as in `docs/events.md`.
 #[derive(Clone, Copy, Debug)]
 pub struct EventKindRow {
-    /// Its name in the log.
+    /// Name in the log.
     pub name: &'static str,
-    /// Who writes it.
+    /// Processes that write it.
     pub writer: &'static str,
-    /// How much it matters, usually.
+    /// Usual severity.
     pub severity: EventSeverity,
-    /// What it says.
+    /// One-sentence description.
     pub summary: &'static str,
-    /// Its fields.
+    /// Names of its fields.
     pub fields: &'static [&'static str],
 }
 
@@ -29,14 +29,14 @@ macro_rules! kinds {
             $($(#[doc = $about:literal])* $field:ident: $type:ty,)*
         }
     )*) => {
-        /// What happened.
+        /// An event with its fields.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind", content = "fields")]
         pub enum EventKind {
             $(#[doc = $doc] #[serde(rename = $text)] $name { $($(#[doc = $about])* $field: $type,)* },)*
         }
 
-        /// All kinds.
+        /// All kinds of events.
         pub const EVENT_KINDS: &[EventKindRow] = &[$(EventKindRow {
             name: $text,
             writer: $writer,
@@ -46,7 +46,7 @@ macro_rules! kinds {
         }),*];
 
         impl EventKind {
-            /// Its name in the log.
+            /// Returns the name of the kind in the log.
             #[must_use]
             pub fn name(&self) -> &'static str {
                 match self {
@@ -64,389 +64,389 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// A process of the cell is ready; if its predecessor died, which one that was.
+    /// A process of the cell is ready; names the dead predecessor that it replaces, if any.
     Started = "started", "every process", Info {
-        /// For people; the executor's is its real-time grade.
+        /// For people; the executor gives its real-time grade.
         note: String,
-        /// The dead process of the same role and label, if there was one.
+        /// The dead process with the same role and label, if any.
         predecessor: Option<Predecessor>,
     }
-    /// A process of the cell ends because it was asked to.
+    /// A process of the cell ends on request.
     Stopping = "stopping", "every process", Info {
-        /// Who or what asked.
+        /// Source of the request.
         why: String,
     }
-    /// A helper thread of a process panicked or ended by itself: the process brings everything to rest and ends.
+    /// A helper thread of a process panicked or ended by itself: the process brings everything to rest and exits.
     HelperEnded = "helper-ended", "every process", Error {
-        /// Which one, and how.
+        /// Name of the thread and how it ended.
         why: String,
     }
-    /// A helper thread of a process makes no progress: its heartbeat stops, so that its supervisor ends it.
+    /// A helper thread of a process makes no progress: the heartbeat stops, so that the supervisor ends the process.
     HelperHangs = "helper-hangs", "every process", Error {
-        /// Its name.
+        /// Name of the thread.
         helper: String,
-        /// How long it has made no turn, ms.
+        /// Time without progress, ms.
         silent_ms: u64,
-        /// How long it may make none, ms.
+        /// Allowed time without progress, ms.
         limit_ms: u64,
     }
-    /// Whether another process lives could not be found out; nothing was done because of that, and it is tried again.
+    /// It could not be determined whether another process is alive; no action was taken, and the check is repeated.
     LifeUnknown = "life-unknown", "every process", Warning {
-        /// The process: executor, driver/lwr.
+        /// The other process: executor, driver/lwr.
         process: String,
-        /// What the system said.
+        /// Error from the system.
         why: String,
     }
     /// Events were not written because there were too many at once, or because the log could not be written.
     Suppressed = "suppressed", "every process", Warning {
-        /// How many.
+        /// Number of lost events.
         count: u64,
     }
-    /// A command changed its state; a terminated one with its reason, a fault with its numbers.
+    /// A command changed its state; a terminated one has a reason, a fault its values.
     Command = "command", "executor", Info {
-        /// Its id in this life of the executor.
+        /// Command id in this incarnation of the executor.
         command: u64,
         /// loading, rejected, ready, running, canceling or terminated.
         state: String,
         /// finished, canceled, aborted or fault.
         reason: Option<String>,
-        /// What was wrong.
+        /// Details of a fault.
         fault: Option<CommandFault>,
     }
     /// A device is lost: its ports are null from this cycle on.
     DeviceLost = "device-lost", "executor", Error {
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// Age of the driver's last measurement, µs; nothing if it is young, and the driver itself says so.
+        /// Age of the driver's last measurement, µs; absent if it is recent and the driver itself reports the loss.
         board_age_us: Option<u64>,
-        /// The driver's life.
+        /// Incarnation of the driver.
         driver: Option<String>,
-        /// Why, if anybody knows.
+        /// Reason, if known.
         reason: String,
     }
-    /// A device is there: its ports have values from this cycle on. No net commands it until START.
+    /// A device is available: its ports have values from this cycle on. No net commands it until START.
     DeviceFound = "device-found", "executor", Info {
-        /// Its name.
+        /// Name of the device.
         device: String,
         /// online, ready, commanded or stopping.
         state: String,
-        /// The driver's life.
+        /// Incarnation of the driver.
         driver: Option<String>,
     }
-    /// A device changed its state as the executor sees it.
+    /// The state of a device changed, as seen by the executor.
     DeviceState = "device-state", "executor", Info {
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// The new state.
+        /// New state.
         state: String,
-        /// The old one.
+        /// Previous state.
         was: String,
-        /// The driver's words.
+        /// Reason given by the driver.
         reason: String,
     }
-    /// The executor reads the boards of a new life of a driver.
+    /// The executor reads the boards of a new incarnation of a driver.
     DriverAttached = "driver-attached", "executor", Info {
-        /// Its device.
+        /// Name of the device.
         device: String,
-        /// The driver's process.
+        /// Process id of the driver.
         pid: u32,
-        /// The driver's life.
+        /// Incarnation of the driver.
         driver: String,
     }
     /// The executor found a driver dead.
     DriverGone = "driver-gone", "executor", Warning {
-        /// Its device.
+        /// Name of the device.
         device: String,
-        /// The driver's life.
+        /// Incarnation of the driver.
         driver: String,
     }
-    /// A process was built from another version than this one: they do not work together.
+    /// A process was built from another version than this one: they refuse to work together.
     BuildMismatch = "other-build", "executor, driver, loader", Error {
-        /// The other one: `driver io`, `executor`.
+        /// The other process: `driver io`, `executor`.
         process: String,
         /// Its process id.
         pid: u32,
-        /// Its life.
+        /// Incarnation of that process.
         life: String,
         /// Version and layout of both.
         differs: String,
-        /// What to do.
+        /// Remedy.
         remedy: String,
     }
-    /// A process was started with another configuration than this one: they do not work together.
+    /// A process was started with another configuration than this one: they refuse to work together.
     ConfigurationMismatch = "other-configuration", "executor, driver, loader", Error {
-        /// The other one: `driver io`, `executor`.
+        /// The other process: `driver io`, `executor`.
         process: String,
         /// Its process id.
         pid: u32,
-        /// Its life.
+        /// Incarnation of that process.
         life: String,
-        /// In what the configurations differ, as far as that can be told.
+        /// Differences between the configurations, as far as known.
         differs: String,
-        /// What to do.
+        /// Remedy.
         remedy: String,
     }
-    /// The files of the configuration say something else than what the cell was started with, or that again.
+    /// The configuration files differ from what the cell was started with, or match it again.
     ConfigurationChanged = "configuration-changed", "loader", Warning {
-        /// What is not in force; empty: the files say again what is.
+        /// Changes that are not in force; empty if the files match again.
         differs: String,
         /// The first fault, if no process could be started with the files now.
         fault: Option<String>,
     }
-    /// Cycles were late: at most one line a second.
+    /// Cycles were late; at most one line per second.
     Late = "late", "executor", Warning {
-        /// How many since the last line.
+        /// Number of late cycles since the last line.
         count: u64,
-        /// The first of them.
+        /// Number of the first of them.
         first_cycle: u64,
         /// Longest time from a deadline to the wake-up, µs.
         worst_wake_us: f64,
         /// Longest evaluation, µs.
         worst_exec_us: f64,
-        /// How many of them because they computed long; the others were woken late.
+        /// Number of cycles that are late because of a long computation; the others were woken late.
         computed_long: Option<u64>,
-        /// The command that computed longest in one of these.
+        /// Command with the longest computation in one of these cycles.
         command: Option<u64>,
-        /// How long that was, µs.
+        /// Its computation time, µs.
         command_us: Option<f64>,
     }
-    /// Somebody acknowledged late cycles: what is latched begins anew.
+    /// Late cycles were acknowledged: what was latched is cleared.
     Acknowledged = "acknowledged", "executor", Info {
-        /// How many.
+        /// Number of acknowledged cycles.
         late: u64,
     }
     /// The flight recorder wrote its last seconds to a file (`rcc-cli incidents`, `rcc-cli replay`).
     IncidentWritten = "incident-written", "executor", Warning {
-        /// CommandFault, late or request.
+        /// fault, late or request.
         reason: String,
-        /// The command that is the reason, if one is.
+        /// Command that caused it, if any.
         command: Option<u64>,
-        /// The file.
+        /// Path of the file.
         file: String,
-        /// What it holds, ms.
+        /// Recorded time, ms.
         span_ms: u64,
-        /// Further faults in the same file.
+        /// Number of further faults in the same file.
         others: u64,
     }
-    /// The flight recorder's last seconds could not be written; they are lost.
+    /// The last seconds of the flight recorder could not be written and are lost.
     IncidentLost = "incident-lost", "executor", Error {
-        /// Why.
+        /// Reason.
         why: String,
     }
-    /// A text was compiled and its plan goes to the executor; this names the command.
+    /// A text was compiled and its plan is sent to the executor; names the command.
     Loaded = "loaded", "loader", Info {
-        /// The command.
+        /// Command id.
         command: u64,
-        /// The life of the executor that has it.
+        /// Incarnation of the executor.
         executor: String,
-        /// The net's name.
+        /// Name of the net.
         net: String,
         /// Number of primitives.
         primitives: u32,
-        /// What it uses.
+        /// Devices and topics that the net uses.
         uses: Vec<String>,
     }
-    /// A text was refused; the first fault.
+    /// A text was refused; gives the first fault.
     Rejected = "rejected", "loader", Warning {
-        /// The command.
+        /// Command id.
         command: u64,
-        /// The life of the executor.
+        /// Incarnation of the executor.
         executor: String,
-        /// The net's name, if the text tells it.
+        /// Name of the net, if the text gives it.
         net: String,
         /// Code of the first fault.
         code: String,
-        /// Its words.
+        /// Message of the first fault.
         words: String,
         /// Number of faults.
         count: usize,
     }
-    /// The loader works with this life of the executor.
+    /// The loader works with this incarnation of the executor.
     ExecutorFound = "executor-found", "loader", Info {
-        /// Its process.
+        /// Process id.
         pid: u32,
-        /// Its life.
+        /// Incarnation.
         executor: String,
     }
-    /// The loader found the executor dead: all its commands are gone.
+    /// The loader found the executor dead: all its commands are lost.
     ExecutorLost = "executor-lost", "loader", Error {
-        /// Its process.
+        /// Process id.
         pid: u32,
-        /// Its life.
+        /// Incarnation.
         executor: String,
     }
-    /// A client was cut off.
+    /// The loader disconnected a client.
     ClientCutOff = "client-cut-off", "loader", Warning {
-        /// Which one, as far as one can tell.
+        /// The client, as far as known.
         client: String,
-        /// What it did.
+        /// Reason.
         why: String,
     }
-    /// A device changed its state as its driver sees it.
+    /// The state of a device changed, as seen by its driver.
     DriverState = "driver-state", "driver", Info {
-        /// The new state.
+        /// New state.
         state: String,
-        /// The old one.
+        /// Previous state.
         was: String,
-        /// Why it is not ready.
+        /// Reason why it is not ready.
         reason: String,
     }
-    /// The quality of the connection to a device has clearly changed.
+    /// The quality of the connection to a device changed noticeably.
     Quality = "quality", "driver", Info {
-        /// Thousandths, 1000 is best.
+        /// Quality in thousandths; 1000 is best.
         permille: u32,
-        /// Before.
+        /// Previous quality.
         was: u32,
     }
     /// A driver brings its device to rest by itself.
     RestBegun = "rest-begun", "driver", Warning {
-        /// Why.
+        /// Reason.
         reason: String,
     }
-    /// A device that was brought to rest rests.
+    /// A device that a driver brought to rest has come to rest.
     RestReached = "rest-reached", "driver", Info {
-        /// How long it took, ms.
+        /// Duration of the stop, ms.
         after_ms: u64,
     }
     /// A driver refused a set-point.
     Refused = "refused", "driver", Error {
-        /// Joint from 1; 0: no joint, see the words.
+        /// Joint, from 1; 0 if no joint is concerned, see `words`.
         joint: u32,
-        /// What was asked for.
+        /// Commanded value.
         value: Option<f64>,
-        /// What is allowed.
+        /// Allowed value.
         limit: Option<f64>,
-        /// Of both.
+        /// Unit of both values.
         unit: String,
-        /// The broken rule in words.
+        /// Description of the violated rule.
         words: String,
     }
-    /// Analog outputs were commanded out of their range and are released instead.
+    /// Analog outputs were commanded out of range and are released instead.
     OutOfRange = "out-of-range", "driver", Error {
-        /// Their names.
+        /// Names of the channels.
         channels: Vec<String>,
     }
-    /// A life of the cell begins.
+    /// A run of the cell begins.
     CellStarted = "cell-started", "supervisor", Info {
-        /// The configuration.
+        /// Path of the configuration.
         config: String,
-        /// The ports of this life.
+        /// Ports of this run.
         ports: BTreeMap<String, u16>,
-        /// The last event of a life that ended without a goodbye.
+        /// The last event of the previous run, if that did not end in order.
         previous: Option<LastEvent>,
     }
-    /// The cell is being ended.
+    /// The cell is being stopped.
     CellStopping = "cell-stopping", "supervisor", Info {
-        /// Who or what asked.
+        /// Source of the request.
         why: String,
     }
     /// A process was started.
     ProcessStarted = "process-started", "supervisor", Info {
-        /// Its name: executor, loader, driver/lwr, simulator/lwr-sim.
+        /// Name of the process: executor, loader, driver/lwr, simulator/lwr-sim.
         process: String,
         /// Its process id.
         pid: u32,
     }
     /// A process died.
     ProcessDied = "process-died", "supervisor", Error {
-        /// Its name.
+        /// Name of the process.
         process: String,
         /// Its process id.
         pid: u32,
         /// Signal or exit code.
         how: String,
-        /// The last line it wrote.
+        /// Last line that it wrote.
         last_words: String,
     }
-    /// A process that died is started again.
+    /// A process that died is restarted.
     ProcessRestart = "process-restart", "supervisor", Warning {
-        /// Its name.
+        /// Name of the process.
         process: String,
-        /// The how manieth time.
+        /// Number of restarts within the time window, this one included.
         nth: usize,
-        /// How often it may be.
+        /// Maximum number of restarts within the window.
         most: usize,
-        /// Within this time.
+        /// Time window, s.
         within_s: u64,
     }
-    /// A process is not started again.
+    /// A process is not restarted any more.
     ProcessFailed = "process-failed", "supervisor", Error {
-        /// Its name.
+        /// Name of the process.
         process: String,
-        /// Why not.
+        /// Reason.
         why: String,
     }
-    /// A process that gave no sign of life was killed.
+    /// A process was killed because its heartbeat stopped.
     WatchdogKill = "watchdog-kill", "supervisor", Error {
-        /// Its name.
+        /// Name of the process.
         process: String,
         /// Its process id.
         pid: u32,
-        /// How long it was silent, ms.
+        /// Time since the last heartbeat, ms.
         silent_ms: u64,
     }
-    /// What dead processes left was removed.
+    /// Leftovers of dead processes were removed.
     Cleaned = "cleaned", "janitor", Info {
-        /// Half-created files.
+        /// Number of half-created files.
         half_created: usize,
-        /// Dead nodes.
+        /// Number of dead nodes.
         dead_nodes: u64,
-        /// Other files.
+        /// Number of other files.
         files: usize,
-        /// Whose, as far as announcements tell.
+        /// Dead processes, as far as their announcements identify them.
         of: Vec<String>,
     }
-    /// Somebody broke something on purpose (`rcc-cli fault`).
+    /// A fault was injected on purpose (`rcc-cli fault`).
     FaultInjected = "fault-injected", "cli", Warning {
         /// Device or process.
         target: String,
-        /// What was done.
+        /// The injected fault.
         what: String,
     }
 }
 
-/// A process that is dead.
+/// A dead process that another one replaces.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Predecessor {
     /// Its process id.
     pub pid: u32,
-    /// Its life, 16 hexadecimal digits.
+    /// Incarnation, 16 hexadecimal digits.
     pub incarnation: String,
 }
 
-/// The last event of a life of the cell.
+/// The last event of a run of the cell.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LastEvent {
-    // Not the time first: only a line begins with it.
-    /// Who.
+    // `time` must not be the first field: only a line of the log begins with it.
+    /// Process that wrote it.
     pub who: String,
-    /// When.
+    /// Its time.
     pub time: String,
-    /// What.
+    /// Its sentence.
     pub words: String,
 }
 
-/// Why a net was ended, with its numbers.
+/// Reason why a net was ended by a fault, with the values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CommandFault {
     /// device lost, jump, limit, panic, motion, overrun.
     pub code: String,
-    /// The device.
+    /// Name of the device.
     pub device: Option<String>,
     /// The joint, from 1.
     pub joint: Option<u32>,
-    /// The rule that was broken.
+    /// The violated rule.
     pub rule: Option<String>,
-    /// What was asked for, SI.
+    /// Commanded value, SI.
     pub value: Option<f64>,
-    /// What is allowed, SI.
+    /// Allowed value, SI.
     pub limit: Option<f64>,
-    /// Unit of both.
+    /// Unit of both values.
     pub unit: Option<String>,
 }
 
 impl EventKind {
-    /// How much it matters.
+    /// Returns the severity of this event.
     #[must_use]
     pub fn severity(&self) -> EventSeverity {
         match self {
@@ -468,7 +468,8 @@ impl EventKind {
         }
     }
 
-    /// The device it is about, if it names one. A driver's events are about the device that is its label.
+    /// Returns the device that the event concerns, if it names one. A driver's events concern the device that is its
+    /// label.
     #[must_use]
     pub fn device(&self) -> Option<&str> {
         match self {
@@ -496,7 +497,7 @@ impl EventKind {
         }
     }
 
-    /// The command it is about.
+    /// Returns the command that the event concerns.
     #[must_use]
     pub fn command(&self) -> Option<u64> {
         match self {

@@ -1,5 +1,5 @@
-//! Reading the event log, from its oldest line on and then as it grows, also across rotations.
-//! Run by anybody; needs no living process.
+//! Reads the event log from its oldest line and follows it as it grows, across rotations. Runs in any process; needs no
+//! live writer.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -10,9 +10,9 @@ use crate::cell::Cell;
 
 use super::{Event, LINE_MAX};
 
-/// What every line begins with; within a JSON text the quotes would be escaped.
+/// First bytes of every line; inside a JSON text the quotes would be escaped.
 const BEGINNING: &[u8] = b"{\"time\":";
-/// Most bytes of one file that one look takes.
+/// Maximum number of bytes taken from one file per call.
 const LOOK_MAX: u64 = 4 << 20;
 
 /// Reads the events of a cell.
@@ -20,7 +20,7 @@ const LOOK_MAX: u64 = 4 << 20;
 pub struct EventReader {
     path: PathBuf,
     before: PathBuf,
-    /// The file that was moved aside last: a writer may still have a line for it.
+    /// The previous file: a writer may still append one line to it.
     old: Option<Tail>,
     current: Option<Tail>,
     unreadable: u64,
@@ -34,7 +34,7 @@ struct Tail {
 }
 
 impl EventReader {
-    /// A reader that begins with the oldest line.
+    /// Opens a reader at the oldest line.
     #[must_use]
     pub fn open(cell: &Cell) -> EventReader {
         let (path, before) = (cell.events_file(), cell.events_before_file());
@@ -47,16 +47,16 @@ impl EventReader {
         }
     }
 
-    /// Lines that were torn or are no events.
+    /// Returns the number of lines that are torn or not valid events.
     #[must_use]
     pub fn unreadable(&self) -> u64 {
         self.unreadable
     }
 
-    /// The events that came since the last look, in the order of the files.
+    /// Returns the events since the last call, in the order of the files.
     ///
     /// # Errors
-    /// A file cannot be read.
+    /// Returns an error if a file cannot be read.
     pub fn poll(&mut self) -> io::Result<Vec<Event>> {
         let mut events = Vec::new();
         let mut unreadable = 0;
@@ -75,10 +75,11 @@ impl EventReader {
         Ok(events)
     }
 
-    /// There is another file than the one we read: that one is the old one now, unless it was moved aside twice.
+    /// Switches to the new file at the path. The current file becomes the previous one, unless the log was rotated
+    /// twice.
     fn take_new(&mut self, events: &mut Vec<Event>, unreadable: &mut u64) -> io::Result<()> {
         if let Some(mut moved) = self.current.take() {
-            // What was written between the look and the move.
+            // Lines written between the last read and the rotation.
             moved.read(events, unreadable)?;
             let before = Tail::open(&self.before).filter(|before| before.inode != moved.inode);
             self.old = Some(match before {
@@ -119,14 +120,15 @@ impl Tail {
                 None => *unreadable += u64::from(!line.is_empty()),
             }
         }
-        // Only the end of a line without end may still be one.
+        // Keep only the end of the incomplete line: no valid line is longer.
         let kept = rest.len().saturating_sub(2 * LINE_MAX);
         self.rest = rest[kept..].to_vec();
         Ok(())
     }
 }
 
-/// The event of a line. A torn line has no end: what follows it stands on the same line, and begins as all do.
+/// Parses the event of a line. A torn line has no line feed, so the next event follows on the same line; it is found by
+/// its first bytes.
 fn parse(line: &[u8]) -> Option<Event> {
     let from = line
         .windows(BEGINNING.len())

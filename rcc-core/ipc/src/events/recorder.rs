@@ -1,5 +1,5 @@
-//! One process' handle: events are handed to a thread of its own, so that a slow disk holds nobody up, and no more of
-//! them than a person can read. The thread writes them in order and ends with the last handle.
+//! Recorder of the events of one process: events are queued for a thread of their own, so that a slow disk delays no
+//! caller, and rate-limited to what a person can read. The thread writes them in order and ends with the last handle.
 
 use std::fs::File;
 use std::io;
@@ -15,57 +15,58 @@ use crate::session::Role;
 
 use super::{Event, EventKind, EventOrigin, EventSource, append_to, opened};
 
-/// The thread shows that it lives at least so often.
+/// Maximum interval between two calls of `turn`, the thread's sign of life.
 const TURN_EVERY: Duration = Duration::from_millis(200);
-/// How long the last handle waits for what is still to be written.
+/// How long the drop of the last handle waits for queued events.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// Events that may wait for the thread.
+/// Capacity of the queue.
 const WAITING: usize = 256;
-/// So many events at once …
+/// Burst size of the rate limit …
 const BURST: f64 = 100.0;
-/// … and then so many a second; the others are only counted.
+/// … and its sustained rate, events per second; further events are only counted.
 const PER_SECOND: f64 = 20.0;
-/// Enough for formatting; executors lock their memory.
+/// Enough for formatting, and small because executors lock their memory.
 const STACK: usize = 256 << 10;
 
-/// Writes the events of one process; clones write to the same queue. Dropping the last one waits for the queue.
+/// Writes the events of one process; clones share one queue. Dropping the last one waits for the queue to drain.
 #[derive(Clone, Debug)]
 pub struct EventRecorder {
     source: EventSource,
     handle: Arc<QueueHandle>,
 }
 
-/// What the thread is given.
+/// Item of the queue.
 #[derive(Debug)]
 enum QueueItem {
-    /// To be written.
+    /// An event to be written.
     Event(Box<Event>),
-    /// To be answered when everything before it is written.
+    /// Answered when everything queued before it has been written.
     Flush(SyncSender<()>),
 }
 
 #[derive(Debug)]
 struct QueueHandle {
     queue: Option<SyncSender<QueueItem>>,
-    // Relaxed everywhere: a number that is only counted.
+    // Relaxed everywhere: only a counter.
     lost: Arc<AtomicU64>,
-    /// Hangs up when the thread ends.
+    /// Disconnects when the thread ends.
     over: Mutex<Receiver<()>>,
 }
 
 impl EventRecorder {
-    /// The recorder of this process. Start it before the calling thread becomes real-time: its thread inherits.
+    /// Starts the recorder of this process. Start it before the calling thread becomes real-time, because its thread
+    /// inherits the scheduling.
     ///
     /// # Errors
-    /// The system refuses a thread.
+    /// Returns an error if the system refuses a thread.
     pub fn start(cell: &Cell, role: Role, label: &str) -> io::Result<EventRecorder> {
         EventRecorder::watched(cell, role, label, || {})
     }
 
-    /// As [`EventRecorder::start`]; the thread calls `turn` several times a second, and drops it when it ends.
+    /// Like [`EventRecorder::start`]; the thread calls `turn` several times per second, and drops it when it ends.
     ///
     /// # Errors
-    /// The system refuses a thread.
+    /// Returns an error if the system refuses a thread.
     pub fn watched(
         cell: &Cell,
         role: Role,
@@ -81,7 +82,7 @@ impl EventRecorder {
             lost: Arc::clone(&lost),
             tokens: BURST,
             filled: Instant::now(),
-            // Now, while there are descriptors. If it cannot be opened, each line tries again.
+            // Open it now, while descriptors are free. If that fails, each line tries again.
             file: opened(&cell.events_file()).ok(),
         };
         let (alive, over) = sync_channel(0);
@@ -93,7 +94,7 @@ impl EventRecorder {
         let thread = thread.stack_size(STACK).spawn(run);
         thread.map_err(|error| {
             let words = format!(
-                "the system gives no thread `events` ({error}): raise TasksMax= or pids.max of its group, or the limit \
+                "cannot create the thread `events` ({error}): raise TasksMax= or pids.max of its group, or the limit \
                  nproc of its user"
             );
             io::Error::new(error.kind(), words)
@@ -108,23 +109,23 @@ impl EventRecorder {
         })
     }
 
-    /// Records what happens now; never waits.
+    /// Records an event with the current time; never waits.
     pub fn tell(&self, what: EventKind) {
         self.tell_in(None, what);
     }
 
-    /// Records what happened in a cycle of the executor; never waits.
+    /// Records an event of an executor cycle; never waits.
     pub fn tell_in(&self, cycle: Option<u64>, what: EventKind) {
         self.record(Event::now(self.source.clone(), cycle, what));
     }
 
-    /// Who writes.
+    /// Returns the source of the events.
     #[must_use]
     pub fn source(&self) -> &EventSource {
         &self.source
     }
 
-    /// Records an event that was made before; never waits.
+    /// Records an event that was created earlier; never waits.
     pub fn record(&self, event: Event) {
         if let Some(queue) = &self.handle.queue
             && queue.try_send(QueueItem::Event(Box::new(event))).is_err()
@@ -135,14 +136,14 @@ impl EventRecorder {
 }
 
 impl EventRecorder {
-    /// Waits until everything told so far is written, at most this long; for the end of a process whose other threads
-    /// keep a handle.
+    /// Waits until all events queued so far are written, at most `patience`. For the end of a process whose other
+    /// threads keep a handle.
     pub fn flush(&self, patience: Duration) {
         let (done, written) = sync_channel(1);
         if let Some(queue) = &self.handle.queue
             && queue.try_send(QueueItem::Flush(done)).is_ok()
         {
-            // Late: the disk is slow, and the end of the process does not wait for it.
+            // Timed out: the disk is slow, and the end of the process does not wait for it.
             let _ = written.recv_timeout(patience);
         }
     }
@@ -152,7 +153,7 @@ impl Drop for QueueHandle {
     fn drop(&mut self) {
         self.queue = None;
         let over = self.over.get_mut().unwrap_or_else(PoisonError::into_inner);
-        // Late: the disk is slow or hangs, and the end of the process does not wait for it.
+        // Timed out: the disk is slow or hangs, and the end of the process does not wait for it.
         let _ = over.recv_timeout(FAREWELL);
     }
 }
@@ -176,7 +177,7 @@ impl QueueWriter {
                 Ok(QueueItem::Event(event)) => self.write(&event),
                 Ok(QueueItem::Flush(done)) => {
                     self.tell_lost();
-                    // Who asked waits no more.
+                    // The requester may have stopped waiting.
                     let _ = done.send(());
                 }
             }
@@ -207,7 +208,7 @@ impl QueueWriter {
         }
     }
 
-    /// A line that cannot be written is counted, with what it stands for: the next one that can be tells of it.
+    /// Appends a line. If that fails, counts the events that the line stands for, so that a later line reports them.
     fn append(&mut self, event: &Event, stands_for: u64) {
         if append_to(&mut self.file, &self.cell, event).is_err() {
             self.lost.fetch_add(stands_for, Ordering::Relaxed);

@@ -1,10 +1,9 @@
-//! Events as sentences: what was lost, what ended and why, and what to do.
-//! Pure.
+//! Formats events as sentences: what was lost, what ended and why, and the remedy. Pure functions.
 
 use super::{CommandFault, Event, EventKind, EventOrigin, Predecessor};
 
 impl Event {
-    /// Who says so: `executor`, `driver lwr`.
+    /// Returns the writer of the event for people: `executor`, `driver lwr`.
     #[must_use]
     pub fn who(&self) -> String {
         match self.source.role {
@@ -13,7 +12,7 @@ impl Event {
         }
     }
 
-    /// The life of the executor that its command numbers belong to; empty if it has none.
+    /// Returns the incarnation of the executor to which the event's command ids belong; empty if it has none.
     #[must_use]
     pub fn executor(&self) -> &str {
         match (&self.what, self.source.role) {
@@ -25,7 +24,7 @@ impl Event {
         }
     }
 
-    /// What happened, in a sentence; `net` names a command of a life of the executor.
+    /// Formats the event as a sentence; `net` names a command of an incarnation of the executor.
     #[must_use]
     pub fn sentence(&self, net: &dyn Fn(&str, u64) -> String) -> String {
         let named = |id: u64| net(self.executor(), id);
@@ -83,7 +82,7 @@ fn late_words(late: &EventKind, named: &dyn Fn(u64) -> String) -> Option<String>
     };
     let cause = match (computed_long, command) {
         (None, _) => String::new(),
-        (Some(0), _) => "; all were woken late".to_owned(),
+        (Some(0), _) => "; all woke late".to_owned(),
         (Some(long), None) => format!("; {long} computed long, without a net"),
         (Some(long), Some(command)) => format!(
             "; {long} computed long, most of it {} ({:.3} ms)",
@@ -92,7 +91,7 @@ fn late_words(late: &EventKind, named: &dyn Fn(u64) -> String) -> Option<String>
         ),
     };
     Some(format!(
-        "{count} late cycles, the first is {first_cycle}: woke up to {:.3} ms after its time, computed up to {:.3} ms\
+        "{count} late cycles from cycle {first_cycle} on: woke up to {:.3} ms late, computed up to {:.3} ms\
          {cause}",
         worst_wake_us / 1e3,
         worst_exec_us / 1e3
@@ -100,28 +99,30 @@ fn late_words(late: &EventKind, named: &dyn Fn(u64) -> String) -> Option<String>
 }
 
 impl EventKind {
-    /// The sentences that name no net.
+    /// Sentences that do not name a net.
     fn plain(&self) -> String {
         match self {
             EventKind::Started { note, predecessor } => started(note, predecessor.as_ref()),
-            EventKind::Stopping { why } => format!("stops: {why}"),
+            EventKind::Stopping { why } => format!("stopping: {why}"),
             EventKind::HelperEnded { why } => why.clone(),
             EventKind::HelperHangs {
                 helper,
                 silent_ms,
                 limit_ms,
             } => format!(
-                "its helper thread `{helper}` makes no turn for {silent_ms} ms, {limit_ms} ms are the most: its supervisor \
-                 ends it, devices come to rest, and it is started again"
+                "helper thread `{helper}` has made no progress for {silent_ms} ms (limit {limit_ms} ms): the supervisor ends \
+                 this process, devices come to rest, and it is restarted"
             ),
             EventKind::LifeUnknown { process, why } => format!(
-                "whether {process} lives is not known ({why}); it counts as living, and is looked at again"
+                "cannot determine whether {process} is alive ({why}); it counts as alive, and the check is repeated"
             ),
             EventKind::Suppressed { count } => {
-                format!("{count} more events were not written: too many at once, or no disk")
+                format!(
+                    "{count} more events were not written: too many at once, or the disk is not writable"
+                )
             }
             EventKind::Acknowledged { late } => {
-                format!("{late} late cycles are acknowledged: what is latched begins anew")
+                format!("{late} late cycles acknowledged: latched values are cleared")
             }
             EventKind::IncidentWritten {
                 reason,
@@ -132,29 +133,33 @@ impl EventKind {
             } => {
                 let more = match others {
                     0 => String::new(),
-                    others => format!(", and {others} more reasons"),
+                    others => format!(", and {others} more"),
                 };
                 format!(
-                    "incident ({reason}{more}): the last {:.1} s are in {file}; `rcc-cli replay` runs them again",
+                    "incident ({reason}{more}): the last {:.1} s are in {file}; replay them with `rcc-cli replay`",
                     *span_ms as f64 / 1e3
                 )
             }
-            EventKind::IncidentLost { why } => format!("an incident was not written: {why}"),
-            EventKind::ExecutorFound { pid, .. } => format!("works with the executor (pid {pid})"),
+            EventKind::IncidentLost { why } => format!("an incident could not be written: {why}"),
+            EventKind::ExecutorFound { pid, .. } => {
+                format!("connected to the executor (pid {pid})")
+            }
             EventKind::ExecutorLost { pid, .. } => format!(
-                "the executor (pid {pid}) is gone, and with it every command: load your nets again when it is back"
+                "the executor (pid {pid}) is gone and all commands are lost: load your nets again when it is back"
             ),
-            EventKind::ClientCutOff { client, why } => format!("cut off client {client}: {why}"),
+            EventKind::ClientCutOff { client, why } => {
+                format!("disconnected client {client}: {why}")
+            }
             EventKind::CellStarted {
                 config, previous, ..
             } => match previous {
                 None => format!("cell started from {config}"),
                 Some(last) => format!(
-                    "cell started from {config}; the life before ended without a goodbye, its last word ({}, {}): {}",
+                    "cell started from {config}; the previous run did not end in order, its last event ({}, {}): {}",
                     last.time, last.who, last.words
                 ),
             },
-            EventKind::CellStopping { why } => format!("the cell stops: {why}"),
+            EventKind::CellStopping { why } => format!("the cell is stopping: {why}"),
             EventKind::Cleaned {
                 half_created,
                 dead_nodes,
@@ -167,11 +172,11 @@ impl EventKind {
                     of.join(", ")
                 };
                 format!(
-                    "cleaned up after {of}: {dead_nodes} nodes, {files} files, {half_created} half-made"
+                    "cleaned up after {of}: {dead_nodes} nodes, {files} files, {half_created} half-created files"
                 )
             }
             EventKind::FaultInjected { target, what } => {
-                format!("fault on purpose: {target} {what}")
+                format!("injected fault: {target} {what}")
             }
             other => other.of_device().unwrap_or_else(|| other.of_process()),
         }
@@ -191,15 +196,17 @@ impl EventKind {
                     (Some(age), reason) => {
                         format!("{reason}, its last measurement is {age:.1} ms old")
                     }
-                    (None, "") => "its driver says so".to_owned(),
+                    (None, "") => "reported by its driver".to_owned(),
                     (None, reason) => reason.to_owned(),
                 };
                 format!(
-                    "device {device} lost: {why}; its ports are null, a net that commands it ends"
+                    "device {device} lost: {why}; its ports are null, and a net that commands it ends"
                 )
             }
             EventKind::DeviceFound { device, state, .. } => {
-                format!("device {device} found: {state}, not commanded; nothing moves before START")
+                format!(
+                    "device {device} found: {state}, not commanded; it does not move before START"
+                )
             }
             EventKind::DeviceState {
                 device,
@@ -214,10 +221,10 @@ impl EventKind {
                 pid,
                 driver,
             } => {
-                format!("follows the driver of {device} (pid {pid}, life {driver})")
+                format!("attached to the driver of {device} (pid {pid}, incarnation {driver})")
             }
             EventKind::DriverGone { device, driver } => format!(
-                "the driver of {device} is dead (life {driver}); its supervisor starts another, nets do not go on by \
+                "the driver of {device} is dead (incarnation {driver}); the supervisor restarts it, nets do not resume by \
                  themselves"
             ),
             EventKind::DriverState { state, was, reason } if state == was => {
@@ -229,15 +236,17 @@ impl EventKind {
             EventKind::Quality { permille, was } => {
                 let (now, was) = (f64::from(*permille) / 10.0, f64::from(*was) / 10.0);
                 let advice = if now < was {
-                    "; rcc-cli devices shows it"
+                    "; see `rcc-cli devices`"
                 } else {
                     ""
                 };
-                format!("quality of the connection {was:.1} % → {now:.1} %{advice}")
+                format!("connection quality {was:.1} % → {now:.1} %{advice}")
             }
             EventKind::RestBegun { reason } => format!("brings the device to rest: {reason}"),
             EventKind::RestReached { after_ms } => {
-                format!("the device rests, {after_ms} ms after; it moves again only by START")
+                format!(
+                    "the device came to rest after {after_ms} ms; it moves again only after START"
+                )
             }
             EventKind::Refused { words, .. } => {
                 format!("refused a set-point, {words}; correct the net's limits or its path")
@@ -259,7 +268,7 @@ impl EventKind {
                 remedy,
                 ..
             } => format!(
-                "does not work with {process} (pid {pid}), which was built from another version ({differs}); {remedy}"
+                "refuses to work with {process} (pid {pid}), which was built from another version ({differs}); {remedy}"
             ),
             EventKind::ConfigurationMismatch {
                 process,
@@ -268,13 +277,13 @@ impl EventKind {
                 remedy,
                 ..
             } => format!(
-                "does not work with {process} (pid {pid}), which was started with another configuration ({differs}); \
+                "refuses to work with {process} (pid {pid}), which was started with another configuration ({differs}); \
                  {remedy}"
             ),
             EventKind::ConfigurationChanged { differs, fault } => {
                 crate::configuration::changed(differs, fault.as_deref())
             }
-            EventKind::ProcessStarted { process, pid } => format!("{process} up (pid {pid})"),
+            EventKind::ProcessStarted { process, pid } => format!("{process} is up (pid {pid})"),
             EventKind::ProcessDied {
                 process,
                 pid,
@@ -283,7 +292,7 @@ impl EventKind {
             } => {
                 let words = match last_words.as_str() {
                     "" => String::new(),
-                    words => format!("; its last words: {words}"),
+                    words => format!("; last output: {words}"),
                 };
                 format!("{process} (pid {pid}) died: {how}{words}")
             }
@@ -293,18 +302,16 @@ impl EventKind {
                 most,
                 within_s,
             } => format!(
-                "{process} is started again ({nth} of {most} in {within_s} s); nothing moves by that"
+                "restarting {process} ({nth} of {most} in {within_s} s); no motion is resumed"
             ),
             EventKind::ProcessFailed { process, why } => format!(
-                "{process} failed and is not started again: {why}; end the cell, cure that, start it again"
+                "{process} failed and is not restarted: {why}; stop the cell, fix the cause and start it again"
             ),
             EventKind::WatchdogKill {
                 process,
                 pid,
                 silent_ms,
-            } => format!(
-                "{process} (pid {pid}) gave no sign of life for {silent_ms} ms and was killed"
-            ),
+            } => format!("{process} (pid {pid}) was killed: no heartbeat for {silent_ms} ms"),
             other => other.name().to_owned(),
         }
     }
@@ -318,7 +325,7 @@ fn started(note: &str, predecessor: Option<&Predecessor>) -> String {
     match predecessor {
         None => format!("started{note}"),
         Some(dead) => format!(
-            "started after its predecessor (pid {}, life {}) died{note}",
+            "started after its predecessor (pid {}, incarnation {}) died{note}",
             dead.pid, dead.incarnation
         ),
     }
@@ -345,7 +352,7 @@ fn command_words(
 }
 
 impl CommandFault {
-    /// What was wrong and what to do.
+    /// Formats the fault and its remedy.
     #[must_use]
     pub fn words(&self) -> String {
         let device = match &self.device {
@@ -358,19 +365,19 @@ impl CommandFault {
                 format!(" joint {joint}: {rule} {value:.6} {unit}, allowed {limit:.6} {unit}")
             }
             (Some(joint), Some(rule), ..) => format!(" joint {joint}: {rule}"),
-            // Of what is no joint, the rule says everything.
+            // Without a joint the rule is complete.
             (None, Some(rule), ..) => format!(": {rule}"),
             _ => String::new(),
         };
         let advice = match self.code.as_str() {
             "device lost" => {
-                "when it is ready again (rcc-cli devices), load and start the net again"
+                "when it is ready again (see `rcc-cli devices`), load and start the net again"
             }
-            "jump" => "begin where the device is held",
-            "limit" if self.joint.is_some() => "correct the net's speeds or its path",
-            "limit" => "stay within what the robot's file and the cell's configuration allow",
-            "overrun" => "make the net cheaper, or the machine quieter (rcc-cli doctor)",
-            "panic" => "a fault of ours: report it with the net",
+            "jump" => "start at the position where the device is held",
+            "limit" if self.joint.is_some() => "reduce the speeds of the net or correct its path",
+            "limit" => "stay within the limits of the robot's file and of the cell's configuration",
+            "overrun" => "make the net cheaper, or the machine quieter (see `rcc-cli doctor`)",
+            "panic" => "this is a bug in RCC: report it with the net",
             _ => "correct the net's parameters",
         };
         let details = match (device.is_empty(), numbers.is_empty()) {

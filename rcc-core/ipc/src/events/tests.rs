@@ -1,11 +1,11 @@
-//! The log with several writers, rotation, torn and hostile lines.
+//! The event log with several writers, rotation, torn and hostile lines.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::*;
 
-/// A cell in a folder of its own, removed at the end.
+/// The log of a cell in its own folder, removed at the end.
 struct TestLog {
     cell: Cell,
 }
@@ -89,10 +89,10 @@ fn a_fault_names_net_joint_value_limit_unit_and_remedy() {
 }
 
 #[test]
-fn torn_and_hostile_lines_are_counted_and_hide_nothing() {
+fn torn_and_hostile_lines_are_counted_and_hide_no_events() {
     let place = TestLog::new();
     tell(&place.cell, EventOrigin::Loader, "loader", stopping("one"));
-    // Killed within a write: the next line follows on the same one.
+    // Killed within a write: the next event follows on the same line.
     place.raw(b"{\"time\":\"2026-11-21T16:02:03.12");
     tell(&place.cell, EventOrigin::Loader, "loader", stopping("two"));
     place.raw(b"\xff\xfe\x00 nonsense\n{}\n[[[[\n\n{\"time\":1}\n");
@@ -111,7 +111,7 @@ fn torn_and_hostile_lines_are_counted_and_hide_nothing() {
 }
 
 #[test]
-fn a_text_has_one_line_and_an_end() {
+fn an_event_text_is_one_line_and_bounded() {
     assert_eq!(event_text("a\x1b[31m\nb"), "a [31m b");
     assert!(event_text(&"ä".repeat(1000)).len() <= TEXT_MAX + 3);
 }
@@ -163,7 +163,7 @@ fn a_reader_follows_rotations_and_the_log_stays_bounded() {
 }
 
 #[test]
-fn a_new_life_tells_the_last_word_of_one_that_died() {
+fn a_new_run_reports_the_last_event_of_one_that_died() {
     let place = TestLog::new();
     begin_log(&place.cell, "cell.yaml", &BTreeMap::new());
     let (events, _) = place.read();
@@ -182,7 +182,11 @@ fn a_new_life_tells_the_last_word_of_one_that_died() {
     );
     begin_log(&place.cell, "cell.yaml", &BTreeMap::new());
     let (events, _) = place.read();
-    assert_eq!(events.len(), 3, "the old life can still be read");
+    assert_eq!(
+        events.len(),
+        3,
+        "the log of the previous run can still be read"
+    );
     let words = events[2].sentence(&|_, id| id.to_string());
     assert!(words.contains("the end"), "{words}");
 }
@@ -221,7 +225,7 @@ fn every_kind_has_a_row_with_its_name() {
 }
 
 #[test]
-fn the_table_in_the_docs_is_that_of_the_program() {
+fn the_table_in_the_docs_matches_the_program() {
     const END: &str = "<!-- end of kinds -->";
     const BEGIN: &str = "<!-- kinds: this table is compared with the program by a test -->\n";
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/events.md");
@@ -246,7 +250,7 @@ fn the_table_in_the_docs_is_that_of_the_program() {
 }
 
 #[test]
-fn a_fault_without_device_and_numbers_is_a_clean_sentence() {
+fn a_fault_without_device_and_numbers_is_a_whole_sentence() {
     let fault = CommandFault {
         code: "overrun".into(),
         device: None,

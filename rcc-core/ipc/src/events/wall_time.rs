@@ -1,15 +1,15 @@
-//! Wall time as text. Run by any thread that is not real-time.
+//! Wall time as text. Runs on any thread that is not real-time.
 
 use std::time::Duration;
 
-/// The wall time now, UTC with microseconds: `2026-11-21T16:02:03.123456Z`. Such texts sort as their times do. A clock
-/// that shows a time before 1970 counts as the begin of 1970.
+/// Returns the current wall time, UTC with microseconds: `2026-11-21T16:02:03.123456Z`. The texts sort like the times.
+/// A clock before 1970 counts as the beginning of 1970.
 #[must_use]
 pub fn wall_time() -> String {
     wall_time_before(Duration::ZERO)
 }
 
-/// The wall time so long ago.
+/// Returns the wall time `ago` before now.
 #[must_use]
 pub fn wall_time_before(ago: Duration) -> String {
     format(rcc_os::wall::since_epoch().saturating_sub(ago))
@@ -23,16 +23,16 @@ fn format(since_epoch: Duration) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{micros:06}Z")
 }
 
-/// Year, month and day of a day since 1970-01-01 in the Gregorian calendar: years of 400 begin in March, so that the
-/// leap day is the last of its year.
+/// Converts days since 1970-01-01 to year, month and day (Gregorian calendar). Years begin in March, so that the leap
+/// day is the last day of its year; 400 years are one era.
 fn civil(day: u64) -> (u64, u64, u64) {
-    // Days from 0000-03-01 to 1970-01-01, days in 400, 100, 4 years and one.
+    // Days from 0000-03-01 to 1970-01-01; below, days in 400, 100, 4 years and one year.
     let day = day + 719_468;
     let era = day / 146_097;
     let of_era = day % 146_097;
     let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
     let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    // Months from March, of 31 30 31 30 31 days again and again.
+    // Months from March have 31 30 31 30 31 days, repeatedly.
     let month = (5 * of_year + 2) / 153;
     let day_of_month = of_year - (153 * month + 2) / 5 + 1;
     let (month, next) = if month < 10 {
