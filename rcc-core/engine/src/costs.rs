@@ -1,7 +1,8 @@
-//! What primitives cost on this machine: measured before the first cycle, kept in a file, and added up to what a net is
-//! expected to need. Never run by the real-time thread.
+//! Cost of primitives on this machine: measured before the first cycle, stored in a file, and summed to the expected
+//! duration of a net. Never run by the real-time thread.
 //!
-//! Each kernel is measured alone, hot, in a long run: what is expected is the usual time, not the longest.
+//! Each kernel is measured alone, with warm caches, in a long run: the expectation is the typical duration, not the
+//! longest.
 
 use std::fmt::Write as _;
 
@@ -18,28 +19,28 @@ use crate::net::{Net, monitor_record};
 
 pub mod cache;
 
-/// Medians are of so many rounds.
+/// Rounds per median.
 const ROUNDS: usize = 5;
-/// A round takes about so long.
+/// Approximate duration of a round, ns.
 const ROUND_NS: u64 = 40_000;
-/// Evaluations of a round.
+/// Most evaluations per round.
 const EVALUATIONS_MAX: u64 = 256;
 const PERIOD_S: f64 = 1e-3;
-/// Runs, delayed links and monitors of the nets that these are measured with.
+/// Number of runs, delayed links or monitors in the nets with which these are measured.
 const MANY: u32 = 64;
 
-/// What one primitive of a kernel costs.
+/// Cost of one primitive of a kernel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct KernelCost {
     ns: f64,
-    /// Elements of its values when it was measured; 0 = it has no width.
+    /// Width of its values when it was measured; 0: it has no width.
     width: u32,
 }
 
-/// What everything costs that a plan is made of, ns.
+/// Cost of everything that a plan consists of, ns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Costs {
-    /// A net without anything but its `Termination`.
+    /// A net with nothing but its `Termination`.
     net_ns: f64,
     /// One more run of equal primitives.
     run_ns: f64,
@@ -51,19 +52,19 @@ pub struct Costs {
     kernels: Vec<KernelCost>,
 }
 
-/// What the primitives of one type need in a net.
+/// Cost of the primitives of one type in a net.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CostShare {
-    /// The type, or what else costs time.
+    /// Type of the primitive, or the name of another cost.
     pub name: &'static str,
-    /// How many.
+    /// Number of primitives.
     pub count: u64,
-    /// All of them together, ns.
+    /// Cost of all of them together, ns.
     pub ns: f64,
 }
 
 impl Costs {
-    /// Measures everything; takes some 10 to 200 ms of this thread.
+    /// Measures everything; takes about 10 to 200 ms.
     #[must_use]
     pub fn measure() -> Costs {
         let cost_bench = CostBench {
@@ -92,7 +93,7 @@ impl Costs {
             let count = kernel_nets::count(&row.entry.spec);
             let (Ok(full), Ok(empty)) = (kernel_nets::net(&row, count), kernel_nets::net(&row, 0))
             else {
-                // By test there is none such; it would cost nothing.
+                // A test proves that there is no such kernel; it would cost nothing.
                 continue;
             };
             let width = full
@@ -119,15 +120,15 @@ impl Costs {
             .unwrap_or_default()
     }
 
-    /// What one evaluation of a plan is expected to take, all monitors due; ns. Never 0.
+    /// Expected duration of one evaluation of a plan with all monitors due, ns; at least 1.
     #[must_use]
     pub fn expected_ns(&self, plan: &Plan<'_>) -> u64 {
         let sum: f64 = self.shares(plan).iter().map(|share| share.ns).sum();
-        // Saturates; a sum of finite numbers is no NaN.
+        // The cast saturates; the sum of finite numbers is not NaN.
         (sum.ceil() as u64).max(1)
     }
 
-    /// What a plan is expected to need, by type of primitive, the dearest first.
+    /// Expected cost of a plan by type of primitive, the most expensive first.
     #[must_use]
     pub fn shares(&self, plan: &Plan<'_>) -> Vec<CostShare> {
         let mut types = vec![(0_u64, 0.0_f64); CATALOGUE.len()];
@@ -157,21 +158,21 @@ impl Costs {
         shares
     }
 
-    /// Number of primitives in a run, and what they need.
+    /// Number of primitives in a run, and their cost, ns.
     fn of_run(&self, plan: &Plan<'_>, run: &KernelRun) -> Option<(u64, f64)> {
         let each = self.of_primitives(plan, run)?;
         Some((each.len() as u64, self.run_ns + each.iter().sum::<f64>()))
     }
 
-    /// What each primitive of a run needs, in their order, ns; without what the run itself takes. `None`: the plan does
-    /// not check.
+    /// Cost of each primitive of a run, in order, ns; without the cost of the run itself. `None` if the plan is not
+    /// valid.
     #[must_use]
     pub fn of_primitives(&self, plan: &Plan<'_>, run: &KernelRun) -> Option<Vec<f64>> {
         let (entry, kernel) = primitives::kernel(run.kernel)?;
         let group = entry.spec.operands(kernel).count().max(1);
         let operands = plan.operands_of(run)?.chunks_exact(group);
         let cost = self.kernel(run.kernel);
-        // A part of it does not depend on the sizes.
+        // A part of the cost does not depend on the sizes.
         let scale = |size: u32| (f64::from(size) / f64::from(cost.width)).max(0.25);
         let each = operands.map(|operands| match size_of(entry, kernel, operands) {
             Some(size) if cost.width > 0 => cost.ns * scale(size),
@@ -180,12 +181,12 @@ impl Costs {
         Some(each.collect())
     }
 
-    /// What one primitive of each kernel costs, ns, with the kernel's name.
+    /// Cost of one primitive of each kernel (ns), with the kernel's name.
     pub fn kernels(&self) -> impl Iterator<Item = (String, f64)> + '_ {
         kernel_nets::rows().map(|row| (row.name(), self.kernel(row.number).ns))
     }
 
-    /// As a text, a line each: `net 12.5`, `kernel NUMBER WIDTH NS`.
+    /// Serializes to text, one line each: `net 12.5`, `kernel NUMBER WIDTH NS`.
     fn text(&self) -> String {
         let mut text = String::new();
         let (net, run, delay, monitor) = (self.net_ns, self.run_ns, self.delay_ns, self.monitor_ns);
@@ -200,7 +201,7 @@ impl Costs {
         text
     }
 
-    /// From [`Costs::text`]; `None` if it is not whole or has what cannot be.
+    /// Parses [`Costs::text`]; `None` if it is incomplete or has an invalid value.
     fn parse(text: &str) -> Option<Costs> {
         let mut lines = text.lines();
         let mut cost = |name: &str| {
@@ -230,7 +231,7 @@ impl Costs {
     }
 }
 
-/// A time that can be: not negative, at most a second.
+/// Parses a duration; `None` if it is negative or longer than a second.
 fn nanoseconds(text: &str) -> Option<f64> {
     let value = text.parse().ok()?;
     (0.0..=1e9).contains(&value).then_some(value)
@@ -240,21 +241,21 @@ fn each(many_ns: f64) -> f64 {
     (many_ns / f64::from(MANY)).max(0.0)
 }
 
-/// Elements of the values of the first primitive of a run, if its kernel has a size.
+/// Width of the first primitive of a run, if its kernel has a size.
 fn width(plan: &Plan<'_>, run: &KernelRun) -> Option<u32> {
     let (entry, kernel) = primitives::kernel(run.kernel)?;
     let group = entry.spec.operands(kernel).count();
     size_of(entry, kernel, plan.operands_of(run)?.get(..group)?)
 }
 
-/// What the time of a primitive grows with, if its kernel has a size.
+/// The size that the duration of a primitive grows with, if its kernel has one.
 fn size_of(entry: &CatalogueEntry, kernel: &Kernel, group: &[u32]) -> Option<u32> {
     let work = entry.spec.sizes_in(kernel, group).work();
     let sized = entry.spec.sizes(kernel).any(|size| size != Size::Cycles);
     sized.then(|| u32::try_from(work).unwrap_or(u32::MAX))
 }
 
-/// A net of a `Termination` that never ends it, and what `add` makes [`MANY`] times of it.
+/// A net of a `Termination` that never ends it, and of what `add` adds [`MANY`] times.
 fn many(add: impl Fn(&mut PlanData, u32)) -> PlanData {
     let mut data = PlanData {
         catalogue: primitives::fingerprint(),
@@ -283,14 +284,14 @@ fn not(data: &mut PlanData, number: u32) {
     data.operands.extend([number, number + MANY]);
 }
 
-/// Where nets are measured.
+/// Devices for measuring nets.
 struct CostBench {
     models: Vec<DeviceModel>,
     devices: Vec<DeviceInput>,
 }
 
 impl CostBench {
-    /// Time of one evaluation, ns; 0 if the plan does not check (by test it does).
+    /// Duration of one evaluation, ns; 0 if the plan is not valid (a test proves that it is).
     fn time(&self, data: PlanData) -> f64 {
         let holds = vec![None; self.models.len()];
         Net::build(data, &self.models, 0, &holds, PERIOD_S).map_or(0.0, |net| self.time_of(net))
@@ -302,7 +303,7 @@ impl CostBench {
         })
     }
 
-    /// Time of one monitor, made into a record and put into a ring.
+    /// Cost of one monitor: making a record and pushing it into a ring, ns.
     fn monitor(&self) -> f64 {
         let data = many(|data, number| {
             data.monitors.push(MonitorPoint {
@@ -319,7 +320,7 @@ impl CostBench {
         let (mut records, mut taken) = rtrb::RingBuffer::new(2 * MANY as usize);
         let all_ns = median(|| {
             net.monitors(|monitor, values| {
-                // There is room: everything is taken out again each time.
+                // There is room: the ring is emptied each time.
                 let _ = records.push(monitor_record(1, 1, 1, monitor, values));
             });
             while taken.pop().is_ok() {}
@@ -328,9 +329,9 @@ impl CostBench {
     }
 }
 
-/// The median of some rounds, of what `work` takes, ns.
+/// The median over some rounds of the duration of `work`, ns.
 fn median(mut work: impl FnMut()) -> f64 {
-    // The first warms up, the second says how often a round repeats it.
+    // The first call warms the caches, the second determines how often a round repeats it.
     work();
     let begun_ns = monotonic_ns();
     work();

@@ -1,10 +1,10 @@
-//! Incident files: a frozen recording with everything that replay needs, so that another machine without the cell can
-//! replay it. Written by a helper thread of the executor, read by `rcc-cli incidents` and `replay`.
+//! Incident files: a frozen recording with everything that replay needs, so that it can be replayed on another machine
+//! without the cell. Written by a helper thread of the executor, read by `rcc-cli incidents` and `replay`.
 //!
-//! A file is a sequence of 64-bit words, little-endian: the mark, the length of the head in bytes, the head (JSON, filled
-//! up with spaces), the command files of the nets (as the loader wrote them, filled up with zeros), the devices, the
-//! plans with their start values, the records of the ring ([`crate::record::entry`]), and a checksum of all of it
-//! ([`crate::record::hash`], as of Ints).
+//! A file is a sequence of 64-bit words, little-endian: the magic number, the length of the head in bytes, the head
+//! (JSON, padded with spaces), the command files of the nets (as the loader wrote them, padded with zeros), the
+//! devices, the plans with their start conditions, the records of the ring ([`crate::record::entry`]), and a checksum
+//! over all words ([`crate::record::hash`], as of Ints).
 
 mod word_format;
 
@@ -24,27 +24,27 @@ use crate::record::hash::WordChecksum;
 use crate::record::ring::RecordRing;
 use word_format::{DamagedFile, WordReader};
 
-/// What the names of incident files end in.
+/// File name extension of incident files.
 pub const EXTENSION: &str = "rcc-incident";
-/// The first word of an incident file.
+/// Magic number: the first word of an incident file.
 const MARK: u64 = u64::from_le_bytes(*b"RCC-incd");
-/// The form of the file.
+/// Version of the file format.
 pub const FORMAT: u32 = 7;
-/// Longest head, bytes.
+/// Greatest length of the head, bytes.
 const HEAD_MAX: u64 = 4 << 20;
-/// Longest command file, bytes; a longer one is left out.
+/// Greatest length of a command file, bytes; longer ones are left out.
 pub const COMMAND_FILE_MAX: usize = 16 << 20;
-/// Longest file that is read, bytes.
+/// Greatest length of a file that is read, bytes.
 const FILE_MAX: u64 = 3 << 30;
 
-/// What is known of an incident without reading all of it.
+/// Summary of an incident, readable without the rest of the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IncidentHead {
     /// [`FORMAT`].
     pub format: u32,
     /// Version of the executor.
     pub build: String,
-    /// Layout of what crosses processes.
+    /// Version of the layout of data in shared memory.
     pub layout: String,
     /// Fingerprint of the catalogue, 16 hexadecimal digits.
     pub catalogue: String,
@@ -52,83 +52,81 @@ pub struct IncidentHead {
     pub configuration: String,
     /// Name of the cell.
     pub cell: String,
-    /// Its configuration's file.
+    /// Path of the cell's configuration file.
     pub config: String,
-    /// The life of the executor, 16 hexadecimal digits.
+    /// Incarnation of the executor, 16 hexadecimal digits.
     pub executor: String,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
     /// Names of the devices, in order of their index.
     pub devices: Vec<String>,
     /// `fault`, `late` or `request`.
     pub reason: String,
-    /// Of a fault: the net's id.
+    /// Id of the net that ended with the fault, if the reason is one.
     pub net: Option<u64>,
-    /// Of a fault: what happened, in words without names.
+    /// The fault in words, without names, if the reason is one.
     pub fault: Option<String>,
-    /// Cycle of the reason.
+    /// Cycle in which the recording was triggered.
     pub cycle: u64,
-    /// Wall-clock time of the reason, UTC.
+    /// Wall-clock time of the trigger, UTC.
     pub time: String,
-    /// Further reasons in this recording.
+    /// Number of further triggers in this recording.
     pub others: u64,
     /// First recorded cycle.
     pub first_cycle: u64,
     /// Last recorded cycle.
     pub last_cycle: u64,
-    /// Nets that were evaluated and whose plan is here.
+    /// Ids of nets that were evaluated and whose plan is in the file.
     pub nets: Vec<u64>,
-    /// Nets that were evaluated and whose plan was forgotten before the file was written.
+    /// Ids of nets that were evaluated and whose plan was no longer available when the file was written.
     pub without_plan: Vec<u64>,
-    /// Command files: id and bytes.
+    /// Command files: id and length in bytes.
     pub files: Vec<(u64, u64)>,
 }
 
-/// Why a file is no incident that can be read.
+/// Why a file cannot be read as an incident.
 #[derive(Debug, thiserror::Error)]
 pub enum IncidentError {
-    /// The system refuses.
-    #[error("it cannot be read: {0}")]
+    /// The operating system reports an error.
+    #[error("cannot read the file: {0}")]
     Read(#[from] io::Error),
-    /// Not ours.
-    #[error("it is no incident file")]
+    /// Not an incident file.
+    #[error("not an incident file")]
     NotAnIncident,
-    /// Too large.
-    #[error("it has {0} bytes, more than any incident file")]
+    /// Longer than any incident file; the length in bytes.
+    #[error("{0} bytes: too long for an incident file")]
     TooLarge(u64),
-    /// Of another format or layout.
-    #[error(
-        "it was written by {build} (format {format}, layout {layout}); replay it with that build"
-    )]
+    /// Another version of format or layout.
+    #[error("written by {build} (format {format}, layout {layout}): replay it with that build")]
     Other {
-        /// The build.
+        /// The build that wrote it.
         build: String,
-        /// Its format.
+        /// Its version of the format.
         format: u32,
-        /// Its layout.
+        /// Its version of the layout.
         layout: String,
     },
-    /// Its plans are of another catalogue.
+    /// Plans for another catalogue of primitives.
     #[error(
-        "its nets were made for another catalogue of primitives ({theirs}, here {ours}): replay it with the build that wrote it, {build}"
+        "its nets use another catalogue of primitives ({theirs}; this build has {ours}): replay it with the build that wrote it, {build}"
     )]
     OtherCatalogue {
-        /// Then.
+        /// Fingerprint in the file.
         theirs: String,
-        /// Now.
+        /// Fingerprint of this build.
         ours: String,
-        /// The build.
+        /// The build that wrote it.
         build: String,
     },
-    /// Its checksum is wrong.
-    #[error("it is damaged: its checksum does not fit; was it copied completely?")]
+    /// The checksum is wrong.
+    #[error("wrong checksum: the file is damaged or was not copied completely")]
     Checksum,
-    /// Something in it cannot be.
+    /// A part of it is invalid.
     #[error(transparent)]
     Damaged(#[from] DamagedFile),
 }
 
-/// What goes into a file beside its head.
+/// The content of a file, except its head.
 #[derive(Clone, Copy, Debug)]
 pub struct IncidentParts<'a> {
     /// Command files by id, as the loader wrote them.
@@ -141,7 +139,7 @@ pub struct IncidentParts<'a> {
     pub ring: &'a RecordRing,
 }
 
-/// An incident, read whole.
+/// An incident, read completely.
 #[derive(Debug)]
 pub struct Incident {
     /// Its head.
@@ -152,24 +150,24 @@ pub struct Incident {
     pub models: Vec<DeviceModel>,
     /// The nets by id.
     pub nets: BTreeMap<u64, NetOrigin>,
-    /// The records.
+    /// The records, as words.
     pub records: Vec<u64>,
     /// Fingerprint of the devices' configuration.
     pub configuration: u64,
 }
 
-/// What a ring has, at a glance.
+/// Summary of the content of a ring.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RingOverview {
-    /// Nets that were evaluated.
+    /// Ids of the nets that were evaluated.
     pub nets: BTreeSet<u64>,
-    /// First cycle, 0 = none.
+    /// First cycle; 0: none.
     pub first_cycle: u64,
-    /// Last cycle, 0 = none.
+    /// Last cycle; 0: none.
     pub last_cycle: u64,
 }
 
-/// Looks through a ring that is not written any more.
+/// Scans a ring that is no longer written.
 pub fn overview(ring: &RecordRing) -> RingOverview {
     let [first, second] = ring.newest();
     let word = |at: usize| match first.get(at) {
@@ -197,7 +195,7 @@ pub fn layout() -> String {
     String::from_utf8_lossy(&MAGIC.to_le_bytes()).into_owned()
 }
 
-/// Writes words and sums them up.
+/// Writes words and updates the checksum.
 struct ChecksumWriter<W: Write> {
     out: BufWriter<W>,
     sum: WordChecksum,
@@ -212,7 +210,7 @@ impl<W: Write> ChecksumWriter<W> {
         Ok(())
     }
 
-    /// Bytes, filled up to whole words.
+    /// Writes bytes, padded to whole words.
     fn bytes(&mut self, bytes: &[u8], filling: u8) -> io::Result<()> {
         for chunk in bytes.chunks(8) {
             let mut word = [filling; 8];
@@ -225,10 +223,10 @@ impl<W: Write> ChecksumWriter<W> {
     }
 }
 
-/// Writes an incident; `head.files` and `head.nets` are made to fit `parts`.
+/// Writes an incident; `head.files` and `head.nets` are set from `parts`.
 ///
 /// # Errors
-/// What the system says.
+/// Returns the error of the output.
 pub fn write(out: impl Write, mut head: IncidentHead, parts: &IncidentParts<'_>) -> io::Result<()> {
     head.files = parts
         .files
@@ -259,10 +257,10 @@ pub fn write(out: impl Write, mut head: IncidentHead, parts: &IncidentParts<'_>)
     out.out.flush()
 }
 
-/// Reads the head of a file, and the command file of the net that is its reason, if it has one.
+/// Reads the head of a file, and the command file of the net that triggered it, if there is one.
 ///
 /// # Errors
-/// It cannot be read, or is no incident.
+/// Returns [`IncidentError`] if the file cannot be read or is not an incident.
 pub fn read_head(path: &Path) -> Result<(IncidentHead, Option<Vec<u8>>), IncidentError> {
     let mut file = rcc_os::file::open(path)?;
     let mut start = [0; 16];
@@ -307,10 +305,11 @@ fn parse_head(text: &[u8]) -> Result<IncidentHead, IncidentError> {
 }
 
 impl Incident {
-    /// Reads a file whole.
+    /// Reads a complete file.
     ///
     /// # Errors
-    /// It cannot be read, is no incident, is damaged, or is of a build whose nets this one cannot evaluate.
+    /// Returns [`IncidentError`] if the file cannot be read, is not an incident, is damaged, or has nets that this
+    /// build cannot evaluate.
     pub fn read(path: &Path) -> Result<Incident, IncidentError> {
         let mut file = rcc_os::file::open(path)?;
         let size = file.metadata()?.len();
@@ -328,7 +327,7 @@ impl Incident {
         Incident::parse(&words)
     }
 
-    /// From the words of a file.
+    /// Parses the words of a file.
     ///
     /// # Errors
     /// As [`Incident::read`].

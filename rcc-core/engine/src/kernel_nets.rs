@@ -1,5 +1,5 @@
-//! A net of one kernel of the catalogue, many times over, made from the primitive's spec alone: what is added to the
-//! catalogue is measured without an edit here. Run by the benchmarks, and by the executor before its first cycle.
+//! Nets with many primitives of one kernel of the catalogue, generated from the primitive's spec alone, so that new
+//! primitives are measured without changes here. Used by the benchmarks, and by the executor before its first cycle.
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
@@ -18,31 +18,31 @@ use rcc_ipc::control::{PlanData, Refusal};
 
 use crate::net::Net;
 
-/// Primitives in one run; fewer where a resource is unique.
+/// Primitives in one run; fewer if they claim a unique resource.
 pub const RUN: u32 = 256;
 /// Joints of the devices.
 const JOINTS: u32 = 7;
-/// Width of values of wide kernels, as many as joints: primitives of devices take nothing else.
+/// Width of values of wide kernels; equal to the number of joints, because device primitives accept nothing else.
 const WIDTH: u32 = JOINTS;
-/// Evaluations of windows.
+/// Length of windows, in evaluations.
 const WINDOW: u32 = 100;
-/// Where the arms are.
+/// Position of the arms, rad.
 pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 const PERIOD_S: f64 = 1e-3;
 
 /// One kernel of the catalogue.
 #[derive(Clone, Copy)]
 pub struct CatalogueKernel {
-    /// Its primitive.
+    /// The primitive.
     pub entry: &'static CatalogueEntry,
-    /// Its number in plans.
+    /// Number of the kernel in plans.
     pub number: u16,
     /// The kernel.
     pub kernel: &'static Kernel,
 }
 
 impl CatalogueKernel {
-    /// Name of the primitive, with the arena if it has kernels for several.
+    /// Name of the primitive; with the type of slot if it has kernels for several.
     #[must_use]
     pub fn name(&self) -> String {
         let name = self.entry.spec.name;
@@ -55,7 +55,7 @@ impl CatalogueKernel {
     }
 }
 
-/// Every kernel, in the order of the catalogue.
+/// All kernels, in the order of the catalogue.
 pub fn rows() -> impl Iterator<Item = CatalogueKernel> {
     CATALOGUE.iter().enumerate().flat_map(|(index, entry)| {
         let kernels = entry.kernels.iter().enumerate();
@@ -67,7 +67,7 @@ pub fn rows() -> impl Iterator<Item = CatalogueKernel> {
     })
 }
 
-/// The devices that the nets of this module use: arms with as many channels as there can be.
+/// The devices that the nets of this module use: arms with the greatest number of channels.
 #[must_use]
 pub fn models() -> Vec<DeviceModel> {
     let limits = JointLimits {
@@ -96,7 +96,7 @@ pub fn models() -> Vec<DeviceModel> {
     vec![model; DEVICES_MAX]
 }
 
-/// What they measure: present, at rest at their hold set-point.
+/// Measurements of these devices: present, at rest at their hold set-point.
 #[must_use]
 pub fn devices() -> Vec<DeviceInput> {
     let mut measurement = Measurement::zeroed();
@@ -113,7 +113,7 @@ pub fn devices() -> Vec<DeviceInput> {
     ]
 }
 
-/// The lengths of an LWR 4+.
+/// Dimensions of an LWR 4+.
 const ARM: Arm = Arm::Srs(SrsArm {
     shoulder_height: 0.3105,
     upper_arm: 0.4,
@@ -122,7 +122,7 @@ const ARM: Arm = Arm::Srs(SrsArm {
     signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
 });
 
-/// How many of a primitive fit into one net.
+/// Number of primitives of a type that one net can have.
 #[must_use]
 pub fn count(spec: &Spec) -> u32 {
     match spec.role {
@@ -133,10 +133,11 @@ pub fn count(spec: &Spec) -> u32 {
     }
 }
 
-/// A net of `count` primitives of a kernel, and a `Termination` that never ends it. No input is null, unless by default.
+/// A net of `count` primitives of a kernel, and a `Termination` that never ends it. Inputs are null only if that is
+/// their default.
 ///
 /// # Errors
-/// What the executor has against it.
+/// Returns a [`Refusal`] if the executor would refuse the net.
 pub fn net(row: &CatalogueKernel, count: u32) -> Result<Box<Net>, Refusal> {
     let mut builder = KernelNetBuilder {
         data: PlanData {
@@ -171,7 +172,7 @@ pub fn net(row: &CatalogueKernel, count: u32) -> Result<Box<Net>, Refusal> {
     Net::build(data, &models(), 0, &holds, PERIOD_S)
 }
 
-/// The member of a family that its primitives are measured with.
+/// The type of a family with which its primitives are measured.
 fn member(family: TypeFamily) -> Type {
     match family {
         TypeFamily::Frame | TypeFamily::Turn => Type::Pose,
@@ -180,7 +181,7 @@ fn member(family: TypeFamily) -> Type {
     }
 }
 
-/// The same for a primitive; `None` if it has none.
+/// The type with which a primitive of a family is measured; `None` if it takes no family.
 fn member_of(spec: &Spec) -> Option<Type> {
     let families = spec.types().find_map(|ty| match ty {
         PortType::Of(family) => Some(family),
@@ -189,14 +190,14 @@ fn member_of(spec: &Spec) -> Option<Type> {
     families.map(member)
 }
 
-/// Lays operands and slots out, primitive by primitive.
+/// Lays out operands and slots, primitive by primitive.
 struct KernelNetBuilder {
     data: PlanData,
     number: u32,
 }
 
 impl KernelNetBuilder {
-    /// The operands of one primitive, in the order of [`Spec::operands`].
+    /// Adds the operands of one primitive, in the order of [`Spec::operands`].
     fn group(&mut self, spec: &Spec, kernel: &Kernel) {
         let mut sizes = Sizes::ONE;
         for size in spec.sizes(kernel) {
@@ -212,7 +213,7 @@ impl KernelNetBuilder {
         let kinds = parameters.clone().map(|row| Some(row.kind));
         let ports = spec.inputs.iter().chain(spec.outputs).map(|_| None);
         let mut kinds = ports.chain(kinds);
-        // What there is to know of the first operands; state and sizes follow.
+        // Types and defaults of the first operands; state and sizes follow.
         let inputs = spec.inputs.iter().map(|port| (Some(port.ty), port.default));
         let outputs = spec
             .outputs
@@ -253,9 +254,9 @@ impl KernelNetBuilder {
         }
     }
 
-    /// Where a motion leads that is not only one pose; `None` for any other parameter.
+    /// The goal of a motion that is not a single pose; `None` for any other parameter.
     fn goal(&mut self, kind: ParameterKind) -> Option<u32> {
-        // A little further each time.
+        // Each pose is a little further away.
         let pose = |number: u32| {
             let joints = HOLD.map(|joint| joint * (1.0 - 0.02 * f64::from(number)));
             ARM.forward(&joints).to_slots()
@@ -309,7 +310,7 @@ impl KernelNetBuilder {
         }
     }
 
-    /// A value that makes sense for its type.
+    /// A valid value of a type.
     fn composite(&mut self, ty: Type) -> u32 {
         let joints = HOLD.map(|joint| joint * 0.9);
         match ty {
@@ -333,7 +334,7 @@ impl KernelNetBuilder {
         (self.data.reals.len() - values.len()) as u32
     }
 
-    /// New slots with a default value, or with a number that differs from primitive to primitive.
+    /// New slots with a default value, or with a number that differs between primitives.
     fn slot(&mut self, store: Store, width: u32, default: Option<DefaultValue>) -> u32 {
         let data = &mut self.data;
         let end = match store {

@@ -1,10 +1,10 @@
-//! The flight recorder: always on, it keeps the last seconds of everything that replay needs. Owned by the real-time
-//! thread, which writes words into memory that was made before; a full ring is handed to a helper thread and another one
-//! taken, so that a file is written while the recording goes on.
+//! Flight recorder: always on, it keeps the last seconds of everything that replay needs. Owned by the real-time
+//! thread, which writes words into preallocated memory. A frozen ring is handed to a helper thread and replaced by
+//! another one, so that a file can be written while recording continues.
 //!
-//! Cost: two copies of a few words a cycle, one of about 70 words for each device that measured something new, one of
-//! five for each net and the hash of its slots, one of three words and its elements for each value that comes from outside
-//! or from another net; at most one snapshot of a net a cycle, each net about once a second.
+//! Cost: two copies of a few words per cycle, one of about 70 words for each device with a new measurement, one of five
+//! words for each net and the hash of its slots, one of three words and the elements for each value from outside or
+//! from another net; at most one snapshot of a net per cycle, each net about once a second.
 
 pub mod entry;
 pub mod hash;
@@ -22,68 +22,69 @@ use entry::{
 };
 use ring::RecordRing;
 
-/// So long the recording goes on after what freezes it, ns.
+/// Time for which recording continues after a trigger, ns.
 pub const POST_TRIGGER_NS: u64 = 200_000_000;
-/// Faults within this time after an incident wait, and come into one file, ns: no storm of faults fills the disk.
+/// Faults within this time after an incident are delayed and share one file, ns, so that a burst of faults does not
+/// fill the disk.
 pub const HOLD_OFF_NS: u64 = 5_000_000_000;
-/// Each net gets a snapshot about so often, ns.
+/// Approximate period of the snapshots of each net, ns.
 const SNAPSHOT_EVERY_NS: u64 = 1_000_000_000;
 
-/// What the recorder is made for.
+/// Sizes of the recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecorderConfig {
-    /// The most that is kept, ns.
+    /// Longest recorded time, ns.
     pub span_ns: u64,
     /// Memory of both rings together, bytes.
     pub memory: usize,
-    /// Base period of the engine.
+    /// Base period of the engine, ns.
     pub period_ns: u64,
 }
 
 /// Why a recording was frozen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TriggerReason {
-    /// A net ended by a fault.
+    /// A net ended with a fault.
     Fault {
-        /// Its id.
+        /// Id of the net.
         id: u64,
-        /// What happened.
+        /// The fault.
         fault: FaultRecord,
     },
-    /// Too many late cycles in a row.
+    /// Too many consecutive late cycles.
     Late,
-    /// Somebody asked for it.
+    /// Requested by a client.
     Request,
 }
 
-/// What froze a recording, and when.
+/// What triggered the freezing of a recording, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trigger {
-    /// Why.
+    /// Reason.
     pub reason: TriggerReason,
-    /// In which cycle.
+    /// Cycle of the trigger.
     pub cycle: u64,
     /// CLOCK_MONOTONIC of that cycle.
     pub stamp_ns: u64,
-    /// Further reasons that came before the recording was handed over.
+    /// Number of further triggers before the recording was handed over.
     pub others: u64,
 }
 
-/// A recording that is over.
+/// A frozen recording.
 #[derive(Debug)]
 pub struct FrozenRecording {
-    /// What was recorded.
+    /// The records.
     pub ring: Box<RecordRing>,
-    /// Why it ended.
+    /// Why it was frozen.
     pub trigger: Trigger,
 }
 
-/// The helper's ends: recordings come, and their rings go back.
+/// The helper thread's ends: receives recordings, returns their rings.
 #[derive(Debug)]
 pub struct RecorderHelper {
-    /// Recordings that are over.
+    /// Receives frozen recordings.
     pub recordings: Consumer<FrozenRecording>,
-    /// Rings that were written to disk.
+    /// Returns rings whose recording was written to disk.
     pub spare: Producer<Box<RecordRing>>,
 }
 
@@ -93,16 +94,16 @@ struct PendingTrigger {
     due_cycle: u64,
 }
 
-/// What is known to stand in the ring about a device.
+/// The state of a device as last written to the ring.
 #[derive(Clone, Copy, Debug)]
 struct WrittenInput {
     present: bool,
     words: [u64; MEASUREMENT_WORDS],
-    /// In this cycle it was written already.
+    /// Written in this cycle already.
     fresh: bool,
 }
 
-/// The real-time thread's part of the flight recorder.
+/// The flight recorder's part on the real-time thread.
 #[derive(Debug)]
 pub struct Recorder {
     ring: Box<RecordRing>,
@@ -113,7 +114,7 @@ pub struct Recorder {
     /// Bit r: the net in row r is due for a snapshot.
     due: u64,
     snapshot_step: u64,
-    /// Words written when all nets were due last.
+    /// Number of words written when all nets were last due.
     round_at: u64,
     snapshot_words_max: usize,
     post_cycles: u64,
@@ -121,15 +122,15 @@ pub struct Recorder {
     earliest_cycle: u64,
     cycle: u64,
     woke_ns: u64,
-    /// A snapshot was made in this cycle.
+    /// A snapshot was taken in this cycle.
     busy: bool,
-    /// All devices are written in the next cycle: a new ring knows nothing.
+    /// The ring is new: all devices are written in the next cycle.
     blank: bool,
     pending: Option<PendingTrigger>,
 }
 
 impl Recorder {
-    /// Makes all memory. Not for the real-time thread.
+    /// Allocates all memory. Not for the real-time thread.
     pub fn new(config: RecorderConfig, devices: usize) -> (Recorder, RecorderHelper) {
         let period_ns = config.period_ns.max(1);
         let cycles = usize::try_from(config.span_ns / period_ns).unwrap_or(usize::MAX);
@@ -167,7 +168,7 @@ impl Recorder {
         (recorder, RecorderHelper { recordings, spare })
     }
 
-    /// A cycle begins; `inputs` are what its nets will see.
+    /// Begins a cycle; `inputs` are the device inputs that its nets see.
     pub fn begin(&mut self, cycle: u64, woke_ns: u64, inputs: &[DeviceInput]) {
         (self.cycle, self.woke_ns, self.busy) = (cycle, woke_ns, false);
         self.ring.begin_cycle();
@@ -177,7 +178,7 @@ impl Recorder {
             let row = cycle.checked_div(self.snapshot_step).unwrap_or(0) % COMMANDS_MAX as u64;
             self.due |= 1 << row;
         }
-        // A small ring is overwritten within less: something in it must be a beginning.
+        // A small ring is overwritten sooner: make sure that it contains a snapshot to start from.
         let written = self.ring.written();
         if written.saturating_sub(self.round_at) > self.ring.capacity() as u64 / 4 {
             (self.due, self.round_at) = (u64::MAX, written);
@@ -196,7 +197,7 @@ impl Recorder {
         }
     }
 
-    /// Writes what is not yet written in this cycle: from here on a net can be replayed.
+    /// Writes all inputs that were not yet written in this cycle: a net can be replayed from here on.
     fn inputs_again(&mut self) {
         for (index, device) in self.devices.iter_mut().enumerate() {
             if !device.fresh {
@@ -206,14 +207,14 @@ impl Recorder {
         }
     }
 
-    /// An order is obeyed or refused in this cycle.
+    /// Records that a request is executed or refused in this cycle.
     pub fn request(&mut self, request: &EngineRequest) {
         let (kind, id) = kind_of(request);
         self.ring
             .push(&[head(RecordTag::Request, kind as u8, 0, 1), id]);
     }
 
-    /// A command changed its state; a fault freezes the recording.
+    /// Records a change of state of a command; a fault triggers freezing.
     pub fn state(&mut self, id: u64, state: u32, reason: u32, fault: &FaultRecord) {
         const WORDS: usize = size_of::<FaultRecord>() / 8;
         let words: &[u64; WORDS] = bytemuck::cast_ref(fault);
@@ -226,14 +227,14 @@ impl Recorder {
         }
     }
 
-    /// A net is about to be evaluated, and sees this value from now on.
+    /// Records a value that the next evaluation of a net sees.
     pub fn set(&mut self, id: u64, input: u32, words: &[u64], late: u16) {
         let head = head(RecordTag::Set, 0, late, 2 + words.len());
         self.ring.push(&[head, id, u64::from(input)]);
         self.ring.push(words);
     }
 
-    /// A net was evaluated: `begins` from its initial state, with `cancel` as it saw it.
+    /// Records an evaluation.
     pub fn net(&mut self, evaluated: EvaluationRecord<'_>) {
         let EvaluationRecord {
             row,
@@ -292,7 +293,7 @@ impl Recorder {
         });
     }
 
-    /// Freezes the recording, soon.
+    /// Freezes the recording after [`POST_TRIGGER_NS`], or later within the hold-off time.
     pub fn trigger(&mut self, reason: TriggerReason) {
         let after = self.cycle + self.post_cycles;
         let due_cycle = match reason {
@@ -313,7 +314,7 @@ impl Recorder {
         self.pending = Some(PendingTrigger { trigger, due_cycle });
     }
 
-    /// The cycle is over: how it went, and if a frozen recording is due, the other ring takes its place.
+    /// Ends a cycle with its timing (ns, skipped periods); swaps the rings if a frozen recording is due.
     pub fn end(&mut self, wake_ns: u64, exec_ns: u64, skipped: u64) {
         let head = head(RecordTag::Times, 0, 0, 3);
         self.ring.push(&[head, wake_ns, exec_ns, skipped]);
@@ -329,9 +330,9 @@ impl Recorder {
         }
     }
 
-    /// Hands over what is frozen, if there is anything and a ring to go on with; else it waits for one.
+    /// Hands over a frozen recording if there is one and a spare ring; otherwise it waits for one.
     pub fn hand_over(&mut self) {
-        // All that is needed, before anything is moved: what does not fit could only be freed here.
+        // Check everything before moving anything: a ring that does not fit could only be freed here.
         if self.recordings.is_full() || self.spare.is_none() {
             return;
         }
@@ -353,18 +354,18 @@ impl Recorder {
     }
 }
 
-/// What is recorded of an evaluation.
+/// An evaluation of a net, as recorded.
 #[derive(Clone, Copy, Debug)]
 pub struct EvaluationRecord<'a> {
     /// Row of the command table.
     pub row: usize,
     /// Id of the command.
     pub id: u64,
-    /// The net, after it.
+    /// The net after the evaluation.
     pub net: &'a Net,
-    /// What came of it.
+    /// Result of the evaluation.
     pub evaluation: Evaluation,
-    /// It was the first one from the initial state.
+    /// The evaluation started from the initial state.
     pub begins: bool,
     /// CANCEL was requested before it.
     pub cancel: bool,

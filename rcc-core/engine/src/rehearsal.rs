@@ -1,10 +1,10 @@
-//! The rehearsal of a net: before it commands an arm it is run through virtual time, with arms that follow exactly and
-//! sensors that stay as they are, and what it would command is held against the limits of the arms. Off the real-time
-//! thread; the net is afterwards as it was.
+//! Rehearsal of a net: before it commands an arm, it is evaluated in virtual time, with arms that follow exactly and
+//! sensors that stay constant, and its commands are checked against the limits of the arms. Off the real-time thread;
+//! the state of the net is restored afterwards.
 //!
-//! The net itself is evaluated, so that geometry, kinematics, blends and corrections are judged together, by the set-points
-//! that an arm would get: positions, and their first, second and third differences. What depends on sensors and on values
-//! that are set meanwhile stays the business of the guard, which checks every set-point before it leaves.
+//! The net itself is evaluated, so geometry, kinematics, blends and corrections are checked together, on the set-points
+//! that an arm would receive: positions, and their first, second and third differences. Effects of sensors and of
+//! values that are set later are left to the guard, which checks every set-point before it is sent.
 
 use std::time::Instant;
 
@@ -23,32 +23,32 @@ mod arm_monitor;
 
 use arm_monitor::ArmMonitor;
 
-/// Virtual time that is rehearsed, s.
+/// Longest virtual time of a rehearsal, s.
 pub const TIME_MAX_S: f64 = 20.0;
-/// Primitives that are evaluated in one rehearsal: about a fifth of a second of work.
+/// Most evaluations of primitives in one rehearsal: about a fifth of a second of work.
 pub const WORK_MAX: u64 = 40_000_000;
-/// When nothing has moved for so long, the net waits for something outside, s.
+/// If nothing has moved for this time, the net is assumed to wait for an external event, s.
 pub const WAITS_S: f64 = 3.0;
 
-/// What a net is rehearsed in.
+/// Initial conditions of a rehearsal.
 #[derive(Clone, Copy, Debug)]
 pub struct RehearsalScene<'a> {
-    /// The devices of the cell.
+    /// Devices of the cell.
     pub models: &'a [DeviceModel],
-    /// What they measure now; one that is not present is quiet.
+    /// Their current measurements; one that is not present is replaced by an idle device.
     pub devices: &'a [DeviceInput],
-    /// Where each arm is held at rest, `None` = not known, or it moves.
+    /// Hold set-point of each arm, rad; `None` if it is not known, or the arm moves.
     pub holds: &'a [Option<Joints>],
-    /// What is set before START.
+    /// Values that are set before START.
     pub values: &'a [InputValue],
     /// The executor's period, s.
     pub dt_s: f64,
 }
 
-/// Rehearses a net that was not started yet; `None` for one that commands no arm.
+/// Rehearses a net that was not started yet. Returns `None` if it commands no arm.
 ///
 /// # Errors
-/// [`Refusal::Foreseen`]: the first limit that it would break.
+/// Returns [`Refusal::Foreseen`] with the first limit that it would violate.
 pub fn rehearse(
     net: &mut Net,
     scene: &RehearsalScene<'_>,
@@ -62,7 +62,7 @@ pub fn rehearse(
     let virtual_devices = VirtualDevices::new(arms, scene);
     let mut result = match virtual_devices {
         Some(mut virtual_devices) => {
-            // One that is refused was refused when it was set, too.
+            // Values that are refused here were also refused when they were set.
             let _ = net.set(scene.values);
             let result = virtual_devices.run(net, scene);
             net.reset();
@@ -78,7 +78,7 @@ pub fn rehearse(
     result.map(Some).map_err(Refusal::Foreseen)
 }
 
-/// How many roundings are smaller than asked for, and the one that lacks most.
+/// Number of blends that are smaller than requested, and the one that lacks most.
 fn shortened(net: &Net) -> (u32, Option<ShortenedBlend>) {
     let roundings = net
         .motions()
@@ -108,19 +108,19 @@ fn elsewhere() -> RehearsalReport {
     }
 }
 
-/// The devices in virtual time, who watches the arms, and where the motions are.
+/// The devices in virtual time, the monitors of the arms, and the positions of the motions.
 struct VirtualDevices {
     inputs: Vec<DeviceInput>,
     monitors: Vec<ArmMonitor>,
-    /// By index of the motion: the last path parameter.
+    /// Last path parameter of each motion, by index.
     reached: Vec<f64>,
 }
 
-/// Where the motion that is under way was when the first rule was broken, and its path parameter there.
+/// Position of the active motion at the first violation, and its path parameter.
 type ActiveMotion = Option<(LegPosition, f64)>;
 
 impl VirtualDevices {
-    /// `None` if it is not known where an arm rests.
+    /// Returns `None` if the rest position of an arm is not known.
     fn new(arms: u64, scene: &RehearsalScene<'_>) -> Option<VirtualDevices> {
         let mut inputs = Vec::with_capacity(scene.models.len());
         let mut monitors = Vec::new();
@@ -197,7 +197,7 @@ impl VirtualDevices {
                 ..foreseen
             }),
             None => Ok(RehearsalReport {
-                // What it waited for at the end is not a part of what was checked.
+                // Exclude the time spent waiting at the end: it was not checked.
                 time_s: (step - still.min(step)) as f64 * scene.dt_s,
                 end,
                 peaks,
@@ -210,7 +210,7 @@ impl VirtualDevices {
         }
     }
 
-    /// One cycle, and where the motion is that is under way.
+    /// Evaluates one cycle; also returns the position of the active motion.
     fn evaluate(
         &mut self,
         net: &mut Net,
@@ -238,7 +238,7 @@ impl VirtualDevices {
         (evaluation, at)
     }
 
-    /// With the part of the way that the motion went until the rehearsal ended.
+    /// Adds the fraction of the distance that the motion covered until the rehearsal ended.
     fn placed(&self, place: LegPosition, s: f64) -> LegPosition {
         let whole = self.reached.get(place.motion as usize).copied();
         let whole = whole.filter(|whole| *whole > 0.0);
@@ -248,7 +248,7 @@ impl VirtualDevices {
         }
     }
 
-    /// Arms are where they were told to be; every device has exchanged once more.
+    /// Moves arms to their set-points; every device has exchanged once more.
     fn follow(&mut self, net: &Net, dt_s: f64) {
         let period_ns = (dt_s * 1e9).round() as u64;
         for (input, output) in self.inputs.iter_mut().zip(net.outputs()) {
@@ -263,7 +263,7 @@ impl VirtualDevices {
     }
 }
 
-/// A device that measures nothing in particular.
+/// Measurement of an idle device.
 fn quiet(model: &DeviceModel) -> Measurement {
     let mut measurement = Measurement::zeroed();
     measurement.magic = MAGIC;
@@ -273,7 +273,7 @@ fn quiet(model: &DeviceModel) -> Measurement {
     measurement
 }
 
-/// Cycles within the time and the work of a rehearsal.
+/// Number of cycles within the limits of time and work.
 fn steps_max(net: &Net, dt_s: f64) -> u64 {
     let work = WORK_MAX / net.primitives().max(1);
     ((TIME_MAX_S / dt_s) as u64).min(work).max(1)

@@ -1,6 +1,6 @@
-//! Replay: the nets of a recording are rebuilt from their plans and evaluated on the recorded inputs, and the hash of all
-//! their slots is compared in every cycle. Run by whoever looks at an incident, in virtual time; the recording may come
-//! from anywhere, so nothing in it is trusted.
+//! Replay: rebuilds the nets of a recording from their plans, evaluates them on the recorded inputs, and compares the
+//! hash of all their slots in every cycle. Run off-line in virtual time; a recording may come from anywhere, so nothing
+//! in it is trusted.
 
 use std::collections::BTreeMap;
 
@@ -15,20 +15,20 @@ use crate::net::{Evaluation, Net, NetOrigin};
 use crate::record::entry::{RecordEntries, RecordEntry, Snapshot, UnknownRecord, input_of};
 use crate::record::hash::{hash, real_word};
 
-/// What is replayed.
+/// The recording to be replayed.
 #[derive(Clone, Copy, Debug)]
 pub struct ReplaySource<'a> {
     /// The devices.
     pub models: &'a [DeviceModel],
-    /// Fingerprint of the configuration that the plans were made for.
+    /// Fingerprint of the configuration for which the plans were made.
     pub configuration: u64,
     /// The nets by id.
     pub nets: &'a BTreeMap<u64, NetOrigin>,
-    /// The records.
+    /// The records, as words.
     pub words: &'a [u64],
 }
 
-/// Why there is no replay.
+/// Why a recording cannot be replayed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ReplayError {
     /// The recording is damaged.
@@ -36,16 +36,16 @@ pub enum ReplayError {
     UnknownRecord(#[from] UnknownRecord),
     /// A net cannot be evaluated by this build.
     #[error(
-        "the plan of net {id} does not check here ({error:?}): replay it with the build that recorded it"
+        "the plan of net {id} is not valid for this build ({error:?}): replay it with the build that recorded it"
     )]
     Plan {
-        /// Its id.
+        /// Id of the net.
         id: u64,
-        /// Why.
+        /// Reason.
         error: Refusal,
     },
-    /// An input of a device that the cell does not have.
-    #[error("cycle {cycle} has an input of device {device}, which the cell does not have")]
+    /// The recording has an input of a device that the cell does not have.
+    #[error("cycle {cycle} has an input of device {device}, but the cell has no such device")]
     NoDevice {
         /// The cycle.
         cycle: u64,
@@ -54,16 +54,16 @@ pub enum ReplayError {
     },
 }
 
-/// What a replayed net did otherwise than the recorded one.
+/// The first difference between a replayed net and the recorded one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mismatch {
     /// Executor cycle.
     pub cycle: u64,
-    /// Cycle of the net, from 1.
+    /// Evaluation of the net, counted from 1.
     pub net_cycle: u64,
     /// What differs.
     pub what: MismatchKind,
-    /// The first slot that differs, if a later snapshot tells.
+    /// The first slot that differs, if a later snapshot shows it.
     pub slot: Option<SlotDifference>,
 }
 
@@ -72,18 +72,18 @@ pub struct Mismatch {
 pub enum MismatchKind {
     /// At least one slot.
     Slots,
-    /// What came of the evaluation.
+    /// The result of the evaluation.
     Evaluation {
-        /// Then.
+        /// In the recording.
         recorded: Evaluation,
-        /// Now.
+        /// In the replay.
         replayed: Evaluation,
     },
-    /// The number of its cycles: records are missing.
+    /// The number of evaluations: records are missing.
     Cycles {
-        /// Then.
+        /// In the recording.
         recorded: u64,
-        /// Now.
+        /// In the replay.
         replayed: u64,
     },
 }
@@ -93,37 +93,37 @@ pub enum MismatchKind {
 pub struct SlotDifference {
     /// Executor cycle of the snapshot.
     pub cycle: u64,
-    /// Which arena.
+    /// Arena of the slot.
     pub store: Store,
     /// Index of the slot.
     pub slot: u32,
-    /// The type of the primitive that writes it, the first of all that wrote something different; `None`: a delayed
-    /// link does, or nobody.
+    /// Type of the primitive that writes it, the first one in evaluation order that wrote a different value; `None` if
+    /// a delayed link writes it, or nothing does.
     pub writer: Option<&'static str>,
-    /// Its bits then.
+    /// Bits of the recorded value.
     pub recorded: u64,
-    /// Its bits now.
+    /// Bits of the replayed value.
     pub replayed: u64,
 }
 
-/// What came of the replay of one net.
+/// Result of the replay of one net.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetReplayResult {
-    /// Its id.
+    /// Id of the net.
     pub id: u64,
-    /// Cycles in which it was evaluated, according to the recording.
+    /// Number of recorded evaluations.
     pub recorded: u64,
-    /// Cycles that were compared.
+    /// Number of evaluations that were compared.
     pub compared: u64,
-    /// Cycles of these that differ.
+    /// Number of compared evaluations that differ.
     pub different: u64,
-    /// First and last executor cycle that was compared; 0 = none.
+    /// First and last executor cycle that was compared; 0: none.
     pub span: [u64; 2],
     /// The first difference.
     pub mismatch: Option<Mismatch>,
-    /// The recording has its plan.
+    /// The recording contains its plan.
     pub has_plan: bool,
-    /// Words of a snapshot that was too large for the ring, 0 = none was.
+    /// Words of a snapshot that was too large for the ring; 0: none was.
     pub too_large: u64,
 }
 
@@ -136,23 +136,23 @@ pub struct ReplayStep<'a> {
     pub woke_ns: u64,
     /// Id of the net.
     pub id: u64,
-    /// The net, after it.
+    /// The net after the evaluation.
     pub net: &'a Net,
-    /// It did the same as the recorded one.
+    /// Equal to the recorded evaluation.
     pub same: bool,
 }
 
 struct NetReplay {
     net: Option<Box<Net>>,
-    /// The net has a state that was recorded or follows from one.
+    /// The state of the net is a recorded one, or follows from one.
     known: bool,
     result: NetReplayResult,
 }
 
-/// Replays all records up to and with cycle `until` and shows each evaluation to `watch`.
+/// Replays all records up to and including cycle `until`, and passes each evaluation to `watch`.
 ///
 /// # Errors
-/// The recording cannot be read, or this build cannot evaluate its nets.
+/// Returns [`ReplayError`] if the recording cannot be read, or this build cannot evaluate its nets.
 pub fn replay(
     source: &ReplaySource<'_>,
     until: Option<u64>,
@@ -207,9 +207,8 @@ pub fn replay(
                     .result
                     .too_large = words;
             }
-            RecordEntry::Request { .. }
-            | RecordEntry::State { .. }
-            | RecordEntry::Times { .. } => {}
+            RecordEntry::Request { .. } | RecordEntry::State { .. } | RecordEntry::Times { .. } => {
+            }
         }
     }
     Ok(net_replays
@@ -277,8 +276,8 @@ impl NetReplay {
         self.result.recorded += 1;
         let net = self.net.as_mut()?;
         if prepared_again != net.prepared_again() {
-            // A START that was refused, before the net was prepared anew; what it saw is recorded again when it is seen
-            // again.
+            // A START that was refused, before the net was prepared again; values that it took are recorded again when
+            // the next evaluation takes them.
             net.inputs_mut().discard_staged();
             return None;
         }
@@ -319,7 +318,7 @@ impl NetReplay {
         Some(different.is_none())
     }
 
-    /// At a snapshot: where the first difference is, if there was one; from here on the recorded state counts.
+    /// At a snapshot: locates the first difference, if there was one, and continues from the recorded state.
     fn compare_with_snapshot(&mut self, snapshot: &Snapshot<'_>, cycle: u64) {
         let Some(net) = &mut self.net else { return };
         if let Some(mismatch) = &mut self.result.mismatch
@@ -333,7 +332,7 @@ impl NetReplay {
     }
 }
 
-/// The first slot that differs, in the order in which the net writes them.
+/// The first slot that differs, in evaluation order.
 fn first_difference(net: &Net, snapshot: &Snapshot<'_>) -> Option<SlotDifference> {
     let origin = net.origin();
     let plan = origin.data.plan();

@@ -5,7 +5,7 @@ mod common;
 use common::{EngineFixture, HOLD, TestPlan, drift_net, model};
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::{ViolationKind, axis};
-use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlMode};
+use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
 use rcc_engine::net::Net;
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};

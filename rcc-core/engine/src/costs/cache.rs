@@ -1,5 +1,5 @@
-//! Measured costs in a file, so that an executor that is started again need not measure: one file for each build,
-//! catalogue and kind of processor. Never run by the real-time thread.
+//! Cache file for measured costs, so that a restarted executor need not measure again: one file per build, catalogue
+//! and processor model. Never run by the real-time thread.
 //!
 //! The folder is `$RCC_CACHE_DIR`, else `$CACHE_DIRECTORY` (systemd), else `/var/cache/rcc` for root, else
 //! `$XDG_CACHE_HOME/rcc`, else `~/.cache/rcc`.
@@ -14,9 +14,9 @@ use rcc_core::primitives;
 
 use super::Costs;
 
-/// Longest file that is read; they have a few kilobytes.
+/// Greatest length of a file that is read, bytes; real ones have a few kilobytes.
 const BYTES_MAX: u64 = 1 << 20;
-/// Files that are kept; the oldest go.
+/// Number of files that are kept; the oldest are deleted.
 const FILES_MAX: usize = 8;
 const PREFIX: &str = "costs-";
 
@@ -25,17 +25,18 @@ const PREFIX: &str = "costs-";
 pub enum CostsSource {
     /// Read from this file.
     Read(PathBuf),
-    /// Measured now and written to this file.
+    /// Measured and written to this file.
     Measured(PathBuf),
-    /// Measured now; they could not be written, for this reason.
+    /// Measured, but not written, for this reason.
     NotKept(String),
 }
 
-/// The costs of this machine: from the file if it is there and whole and `refresh` is false, else measured and written.
+/// Returns the costs of this machine: from the cache file if it is valid and `refresh` is false, else measured and
+/// written.
 #[must_use]
 pub fn costs(refresh: bool) -> (Costs, CostsSource) {
     let Some(folder) = folder() else {
-        let why = "there is no cache folder: set RCC_CACHE_DIR".to_owned();
+        let why = "no cache folder: set RCC_CACHE_DIR".to_owned();
         return (Costs::measure(), CostsSource::NotKept(why));
     };
     costs_in(&folder, refresh)
@@ -60,7 +61,7 @@ pub fn costs_in(folder: &Path, refresh: bool) -> (Costs, CostsSource) {
     }
 }
 
-/// What the costs depend on, in one line.
+/// Everything that the costs depend on, in one line.
 fn key() -> String {
     let build = env!("RCC_BUILD");
     format!(
@@ -70,7 +71,7 @@ fn key() -> String {
     )
 }
 
-/// The kind of processor, as the kernel names it.
+/// Processor model as reported by the kernel.
 fn processor() -> String {
     let all = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = all.lines().find(|line| line.starts_with("model name"));
@@ -78,7 +79,7 @@ fn processor() -> String {
     model.unwrap_or_default().trim().to_owned()
 }
 
-/// A file is its key, the costs, and a line with the hash of both.
+/// A file consists of its key, the costs, and a line with the hash of both.
 fn read(text: &str, key: &str) -> Option<Costs> {
     let (body, end) = text.trim_end().rsplit_once('\n')?;
     let body = format!("{body}\n");
@@ -87,7 +88,7 @@ fn read(text: &str, key: &str) -> Option<Costs> {
     if whole { Costs::parse(costs) } else { None }
 }
 
-/// Replaces the file at once: whoever reads meanwhile has the old one or the new one.
+/// Replaces the file atomically: a concurrent reader sees the old one or the new one.
 fn write(folder: &Path, path: &Path, key: &str, costs: &Costs) -> io::Result<()> {
     fs::create_dir_all(folder)?;
     let body = format!("{key}\n{}", costs.text());
@@ -103,14 +104,14 @@ fn write(folder: &Path, path: &Path, key: &str, costs: &Costs) -> io::Result<()>
         .write_all(format!("{body}end {:016x}\n", fnv(&body)).as_bytes())
         .and_then(|()| fs::rename(&new, path));
     if written.is_err() {
-        // Nothing more can be done for it.
+        // Cleaning up is best effort; the original error is returned.
         let _ = fs::remove_file(&new);
     }
     written?;
     forget_oldest(folder)
 }
 
-/// Other builds leave their files; the newest are enough.
+/// Deletes the oldest files, which belong to other builds.
 fn forget_oldest(folder: &Path) -> io::Result<()> {
     let mut files: Vec<(SystemTime, PathBuf)> = fs::read_dir(folder)?
         .flatten()

@@ -1,5 +1,5 @@
-//! Plans, what they begin from, and device models as words, for incident files: written by the executor's helper thread, read by
-//! whoever looks at them. A reader never allocates more than the file has.
+//! Word format of plans, their start conditions and device models in incident files: written by the executor's helper
+//! thread, read by replay. A reader never allocates more than the length of the file.
 
 use std::sync::Arc;
 
@@ -20,9 +20,9 @@ use rcc_ipc::control::PlanData;
 use crate::net::{NetOrigin, StartConditions};
 use crate::record::hash::packed;
 
-/// Words that end early, or say what cannot be.
+/// A part that is truncated or has invalid content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the file is damaged or of another build: {0} cannot be read")]
+#[error("the file is damaged or from another build: cannot read {0}")]
 pub struct DamagedFile(pub &'static str);
 
 /// Reads words from front to back.
@@ -30,7 +30,7 @@ pub struct DamagedFile(pub &'static str);
 pub struct WordReader<'a>(pub &'a [u64]);
 
 impl<'a> WordReader<'a> {
-    /// The next words, as many as asked for.
+    /// The next `count` words.
     pub fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u64], DamagedFile> {
         let (taken, rest) = self.0.split_at_checked(count).ok_or(DamagedFile(what))?;
         self.0 = rest;
@@ -49,7 +49,7 @@ impl<'a> WordReader<'a> {
         usize::try_from(count).map_err(|_| DamagedFile(what))
     }
 
-    /// Words after their number.
+    /// A list: the number of words, then the words.
     pub fn list(&mut self, what: &'static str) -> Result<&'a [u64], DamagedFile> {
         let count = self.count(what)?;
         self.take(count, what)
@@ -69,7 +69,7 @@ fn parts(word: u64) -> [u32; 2] {
     [word as u32, (word >> 32) as u32]
 }
 
-/// What a net begins from.
+/// Serializes the origin of a net.
 pub fn of_origin(origin: &NetOrigin) -> Vec<u64> {
     let PlanData {
         catalogue,
@@ -158,7 +158,7 @@ pub fn of_origin(origin: &NetOrigin) -> Vec<u64> {
     out.extend([u64::from(*prepared_again), dt_s.to_bits()]);
     out.push(holds.len() as u64);
     for hold in holds.iter() {
-        // Null in the first joint: not known.
+        // NaN in the first joint: not known.
         let hold = hold.unwrap_or([f64::NAN; JOINTS_MAX]);
         out.extend(hold.map(f64::to_bits));
     }
@@ -171,7 +171,7 @@ fn store(number: u32) -> Result<Store, DamagedFile> {
     found.ok_or(DamagedFile("the kind of a slot"))
 }
 
-/// Pairs of words after their number.
+/// A list of pairs of words: the number of pairs, then the pairs.
 fn pairs<'a>(
     words: &mut WordReader<'a>,
     what: &'static str,
@@ -179,7 +179,7 @@ fn pairs<'a>(
     groups(words, what)
 }
 
-/// Groups of words after their number.
+/// A list of groups of words: the number of groups, then the groups.
 fn groups<'a, const N: usize>(
     words: &mut WordReader<'a>,
     what: &'static str,
@@ -189,7 +189,7 @@ fn groups<'a, const N: usize>(
     Ok(taken.as_chunks().0)
 }
 
-/// The values that are set from outside.
+/// The inputs of a plan.
 fn inputs(words: &mut WordReader<'_>) -> Result<Vec<InputPoint>, DamagedFile> {
     let bound = |slot: u32| (slot != u32::MAX).then_some(slot);
     let groups = groups(words, "a plan's inputs")?.iter();
@@ -214,7 +214,7 @@ fn inputs(words: &mut WordReader<'_>) -> Result<Vec<InputPoint>, DamagedFile> {
     groups.map(input).collect()
 }
 
-/// The values for other nets.
+/// The published values of a plan.
 fn publishes(words: &mut WordReader<'_>) -> Result<Vec<PublishPoint>, DamagedFile> {
     let groups = groups(words, "what a plan publishes")?.iter();
     let point = |[place, width, key, kind]: &[u64; 4]| {
@@ -232,7 +232,7 @@ fn publishes(words: &mut WordReader<'_>) -> Result<Vec<PublishPoint>, DamagedFil
     groups.map(point).collect()
 }
 
-/// The contrary of [`of_origin`]. Whether the plan makes sense is for `Plan::check`.
+/// Parses [`of_origin`]; the plan itself is checked by `Plan::check`.
 pub fn origin(words: &mut WordReader<'_>) -> Result<NetOrigin, DamagedFile> {
     let [catalogue, configuration, numbers, rate] = words.some("a plan")?;
     let ([clocks, survives], [every, phase]) = (parts(numbers), parts(rate));
@@ -340,7 +340,7 @@ pub fn origin(words: &mut WordReader<'_>) -> Result<NetOrigin, DamagedFile> {
 
 const LIMITS: usize = 5 * JOINTS_MAX + 1;
 
-/// The devices of a cell.
+/// Serializes the devices of a cell.
 pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
     let mut out = vec![models.len() as u64];
     for model in models {
@@ -378,7 +378,7 @@ pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
     out
 }
 
-/// The contrary of [`of_models`].
+/// Parses [`of_models`].
 pub fn models(words: &mut WordReader<'_>) -> Result<Vec<DeviceModel>, DamagedFile> {
     let count = words.count("the devices")?;
     if count > DEVICES_MAX {

@@ -1,5 +1,5 @@
-//! What the flight recorder's ring consists of: records of words, one after the other, each with a head that says what
-//! it is and how long. Written by the real-time thread, read by replay, which trusts nothing in them.
+//! Records of the flight recorder's ring: one after the other, each with a head word that gives its type and length.
+//! Written by the real-time thread, read by replay, which does not trust them.
 
 use bytemuck::Zeroable;
 use rcc_core::frame::DeviceInput;
@@ -10,7 +10,7 @@ use crate::net::Evaluation;
 /// Words of a [`Measurement`].
 pub const MEASUREMENT_WORDS: usize = size_of::<Measurement>() / 8;
 
-/// What kind of record it is, in the lowest byte of its head.
+/// Type of a record, in the lowest byte of its head.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum RecordTag {
@@ -37,17 +37,17 @@ const RECORD_TAGS: [RecordTag; 9] = [
     RecordTag::Set,
 ];
 
-/// The head of a record: tag, a small number, flags, and how many words follow.
+/// Head of a record: type, a small number, flags, and how many words follow.
 pub(super) const fn head(tag: RecordTag, small: u8, flags: u16, words: usize) -> u64 {
     tag as u64 | (small as u64) << 8 | (flags as u64) << 16 | (words as u64) << 32
 }
 
-/// The head of a record is that of a cycle; its number follows.
+/// Returns true for the head of a cycle record; its number follows.
 pub(crate) fn is_cycle(head: u64) -> bool {
     head as u8 == RecordTag::Cycle as u8
 }
 
-/// The head of a record is that of a net's evaluation or state; its id follows.
+/// Returns true for the head of an evaluation or snapshot of a net; its id follows.
 pub(crate) fn is_of_net(head: u64) -> bool {
     [
         RecordTag::Net as u8,
@@ -57,24 +57,24 @@ pub(crate) fn is_of_net(head: u64) -> bool {
     .contains(&(head as u8))
 }
 
-/// In the flags of a net: it began in this cycle, from its initial state.
+/// Flag of an evaluation: it started from the initial state.
 pub(super) const BEGINS: u16 = 1;
-/// In the flags of a net or a snapshot: CANCEL was requested.
+/// Flag of an evaluation or snapshot: CANCEL was requested.
 pub(super) const CANCEL: u16 = 2;
 
-/// The flags of a net say how many times it was prepared anew (the lowest bits of it): only an evaluation of the net that
-/// an incident has can be compared.
+/// Flags of an evaluation that give how often the net was prepared again: only evaluations of the net whose plan the
+/// incident contains can be compared.
 pub(super) fn prepared_again_flags(prepared_again: u8) -> u16 {
     u16::from(prepared_again) << 8
 }
 
-/// An order as a number, with what it is about.
+/// Type of a request in the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum RequestKind {
-    /// LOAD, its second half.
+    /// Second half of LOAD.
     Install = 2,
-    /// A load that failed.
+    /// A LOAD that failed.
     Reject = 3,
     /// START.
     Start = 4,
@@ -84,23 +84,23 @@ pub enum RequestKind {
     Abort = 6,
     /// UNLOAD.
     Unload = 7,
-    /// A driver's board came.
+    /// A driver's board was attached.
     Attach = 8,
-    /// A driver's board went.
+    /// A driver's board was detached.
     Detach = 9,
-    /// An incident was asked for.
+    /// An incident was requested.
     Record = 10,
-    /// Anything else: what changes is in the records of states.
+    /// Anything else; its effects are in the records of states.
     Other = 11,
     /// Values were set.
     Set = 12,
     /// Values were read.
     Read = 13,
-    /// A net was prepared anew.
+    /// A net was prepared again.
     Renew = 14,
 }
 
-/// What came of one evaluation, as a number.
+/// Result of an evaluation as a number.
 pub(super) fn outcome_number(evaluation: Evaluation) -> u8 {
     match evaluation {
         Evaluation::Running => 0,
@@ -120,24 +120,24 @@ fn outcome_of(number: u8) -> Option<Evaluation> {
     }
 }
 
-/// One record, as read.
+/// One record as read.
 #[derive(Clone, Copy, Debug)]
 pub enum RecordEntry<'a> {
     /// A cycle begins.
     Cycle {
-        /// Its number.
+        /// Number of the cycle.
         cycle: u64,
         /// CLOCK_MONOTONIC at which it woke.
         woke_ns: u64,
     },
-    /// What a device's ports show from this cycle on.
+    /// Input of a device from this cycle on.
     Input {
         /// Index of the device.
         device: usize,
-        /// Its `Measurement` as the nets see it; `None`: the device is not present.
+        /// Its `Measurement` as the nets see it; `None` if the device is not present.
         words: Option<&'a [u64; MEASUREMENT_WORDS]>,
     },
-    /// An order was obeyed or refused.
+    /// A request was executed or refused.
     Request {
         /// [`RequestKind`].
         kind: u8,
@@ -146,61 +146,61 @@ pub enum RecordEntry<'a> {
     },
     /// A command changed its state.
     State {
-        /// Its id.
+        /// Id of the command.
         id: u64,
         /// `CommandState`.
         state: u32,
         /// `EndReason`.
         reason: u32,
-        /// Of a fault: what happened.
+        /// The fault, if the reason is one.
         fault: FaultRecord,
     },
     /// A net was evaluated.
     Net {
         /// Its id.
         id: u64,
-        /// From its initial state.
+        /// It started from the initial state.
         begins: bool,
         /// CANCEL was requested.
         cancel: bool,
-        /// How many times it was prepared anew, as [`crate::net::StartConditions::prepared_again`].
+        /// How often it was prepared again, see [`crate::net::StartConditions::prepared_again`].
         prepared_again: u8,
-        /// What came of it.
+        /// Result of the evaluation.
         evaluation: Evaluation,
         /// The engine's period, s.
         dt_s: f64,
-        /// Its cycles so far, this one included.
+        /// Number of its evaluations, including this one.
         cycles: u64,
-        /// The hash of all its slots afterwards.
+        /// Hash of all its slots after the evaluation.
         hash: u64,
     },
-    /// A value that is set from outside; the evaluation that follows sees it.
+    /// A value from outside, which the following evaluation sees.
     Set {
-        /// The net's id.
+        /// Id of the net.
         id: u64,
         /// Index of the input in the plan.
         input: u32,
         /// Its elements.
         words: &'a [u64],
-        /// So many evaluations of the net could have seen it before, had they been.
+        /// Number of evaluations of the net that the value missed, because the net started later.
         late: u16,
     },
     /// The state of a net after its evaluation in this cycle.
     Snapshot(Snapshot<'a>),
-    /// A net whose snapshot does not fit.
+    /// A snapshot that is too large for the ring.
     TooLarge {
-        /// Its id.
+        /// Id of the net.
         id: u64,
         /// Words that it would need.
         words: u64,
     },
-    /// How the cycle went in time.
+    /// Timing of a cycle.
     Times {
-        /// How long after its time it woke.
+        /// How late it woke, ns.
         wake_ns: u64,
-        /// How long it computed.
+        /// Duration of its computation, ns.
         exec_ns: u64,
-        /// Periods that were skipped after it.
+        /// Number of periods skipped after it.
         skipped: u64,
     },
 }
@@ -208,31 +208,31 @@ pub enum RecordEntry<'a> {
 /// The state of a net.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot<'a> {
-    /// Its id.
+    /// Id of the net.
     pub id: u64,
-    /// Its cycles so far.
+    /// Number of its evaluations.
     pub cycles: u64,
     /// CANCEL was requested.
     pub cancel: bool,
-    /// Arena of `Real`.
+    /// `Real` arena, as bits.
     pub reals: &'a [u64],
-    /// Arena of `Int`.
+    /// `Int` arena.
     pub ints: &'a [u64],
-    /// Arena of `Bool`, eight to a word.
+    /// `Bool` arena, eight slots per word.
     pub bools: &'a [u64],
-    /// Motions.
+    /// State of the motions, see [`rcc_motion::MotionSet::save`].
     pub motions: &'a [u64],
 }
 
-/// Words that are no record.
+/// Words that are not a valid record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("word {at} of the recording is no record that this build knows")]
+#[error("unknown record at word {at} of the recording: replay it with the build that recorded it")]
 pub struct UnknownRecord {
-    /// Where.
+    /// Index of the word.
     pub at: usize,
 }
 
-/// Reads the records of a ring one after the other.
+/// Iterates over the records of a ring.
 #[derive(Clone, Debug)]
 pub struct RecordEntries<'a> {
     words: &'a [u64],
@@ -309,7 +309,7 @@ fn read(head: u64, words: &[u64]) -> Option<RecordEntry<'_>> {
     })
 }
 
-/// What words of an input were as a device's input.
+/// Converts the words of an input record to a device input.
 pub fn input_of(words: Option<&[u64; MEASUREMENT_WORDS]>) -> DeviceInput {
     DeviceInput {
         present: words.is_some(),

@@ -1,17 +1,17 @@
-//! The hash of all slots of a net after a cycle: what replay compares. Real-time thread (it runs after each evaluation)
-//! and whoever replays; no allocation, no failure.
+//! Hash of all slots of a net after a cycle, which replay compares. Run by the real-time thread after each evaluation,
+//! and by replay; no allocation, no failure.
 //!
-//! Definition, version 1. Eight lanes of 64 bits begin with `SEED + lane · STEP`. The arenas follow each other: reals as
-//! their bits, where every NaN counts as the one bit pattern [`NULL`] (any NaN is null, and which one an operation gives
-//! may differ from one build to the next); then Ints; then Bools, eight to a word, the first in the lowest byte, the
-//! last word filled up with 0. In each arena word i goes to lane i mod 8: `lane = (rotate_left(lane, 29) ^ word) · MIX`.
-//! At the end, with h = the three lengths `reals + 2²¹ · ints + 2⁴² · bools`, all lanes in order are taken up in the same
-//! way and `h ^ (h >> 32)` is the hash.
+//! Definition, version 1. Eight lanes of 64 bits are initialized with `SEED + lane · STEP`. The arenas follow each
+//! other: reals as their bits, with every NaN replaced by the bit pattern [`NULL`] (any NaN is null, and which one an
+//! operation returns may differ between builds); then Ints; then Bools, eight per word, the first in the lowest byte,
+//! the last word padded with 0. In each arena word i goes to lane i mod 8: `lane = (rotate_left(lane, 29) ^ word) ·
+//! MIX`. Finally h starts as the three lengths, `reals + 2²¹ · ints + 2⁴² · bools`; all lanes are mixed into h in order
+//! in the same way, and `h ^ (h >> 32)` is the hash.
 //!
-//! Each step is a bijection of the lane for a given word and of the word for a given lane: two states that differ in
-//! one slot never have the same hash; others have it with a probability near 2⁻⁶⁴.
+//! Each step is a bijection of the lane for a given word, and of the word for a given lane: two states that differ in
+//! one slot never have the same hash; other states collide with a probability near 2⁻⁶⁴.
 
-/// What stands for every null `Real`.
+/// Bit pattern that represents every null `Real`.
 pub const NULL: u64 = 0x7ff8_0000_0000_0000;
 
 const LANES: usize = 8;
@@ -60,7 +60,7 @@ pub fn hash(reals: &[f64], bools: &[u8], ints: &[i64]) -> u64 {
     let (words, rest) = bools.as_chunks::<8>();
     arena(&mut lanes, words, u64::from_le_bytes);
     if !rest.is_empty() {
-        // The lane of the word that follows the whole ones.
+        // The lane of the word after the whole words.
         let word = packed(rest);
         if let Some(lane) = lanes.get_mut(words.len() % LANES) {
             *lane = take(*lane, word);
@@ -96,7 +96,7 @@ pub fn packed(bytes: &[u8]) -> u64 {
     u64::from_le_bytes(word)
 }
 
-/// The same hash of Ints alone, word by word: the checksum of files.
+/// The same hash over Ints alone, word by word: the checksum of incident files.
 #[derive(Clone, Copy, Debug)]
 pub struct WordChecksum {
     lanes: [u64; LANES],
@@ -111,7 +111,7 @@ impl Default for WordChecksum {
 }
 
 impl WordChecksum {
-    /// The next word.
+    /// Adds a word.
     pub fn take(&mut self, word: u64) {
         if let Some(lane) = self.lanes.get_mut((self.count % LANES as u64) as usize) {
             *lane = take(*lane, word);

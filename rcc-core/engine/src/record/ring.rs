@@ -1,30 +1,30 @@
-//! A ring of words that keeps the newest records: all memory is made before, what is old is overwritten. Written by the
-//! real-time thread, read by the thread that writes incident files once it has been handed over.
+//! A ring of words that keeps the newest records in preallocated memory and overwrites the oldest. Written by the
+//! real-time thread; read by the thread that writes incident files, after it was handed over.
 
-/// Most words of a ring: 2 GB.
+/// Greatest size of a ring, words: 2 GB.
 pub const WORDS_MAX: usize = 1 << 28;
-/// Fewer would not hold a cycle.
+/// Smallest size of a ring, words; less would not hold a cycle.
 pub const WORDS_MIN: usize = 1 << 12;
 
 /// Records of the last cycles.
 #[derive(Debug)]
 pub struct RecordRing {
     words: Box<[u64]>,
-    /// Where the next word goes.
+    /// Index of the next word.
     place: usize,
     /// Words written since the ring was cleared.
     written: u64,
-    /// By cycle, modulo its length: `written` when it began.
+    /// Ring of the values of `written` at the beginning of each cycle.
     starts: Box<[u64]>,
     /// Cycles begun since the ring was cleared.
     cycles: u64,
 }
 
 impl RecordRing {
-    /// A ring of so many words that remembers at most so many cycles; both are brought into what is possible. Touches
+    /// A ring of `words` words that remembers at most `cycles` cycles; both are limited to the possible range. Touches
     /// all of its memory. Not for the real-time thread.
     pub fn new(words: usize, cycles: usize) -> Box<RecordRing> {
-        // All ones, so that the system gives the pages now and not when they are first written.
+        // Filled with ones, so that the system maps the pages now and not at the first write.
         Box::new(RecordRing {
             words: vec![u64::MAX; words.clamp(WORDS_MIN, WORDS_MAX)].into(),
             place: 0,
@@ -34,7 +34,7 @@ impl RecordRing {
         })
     }
 
-    /// Words that it can hold.
+    /// Capacity in words.
     pub fn capacity(&self) -> usize {
         self.words.len()
     }
@@ -44,12 +44,12 @@ impl RecordRing {
         self.written
     }
 
-    /// Forgets everything; the memory stays.
+    /// Discards everything; the memory stays allocated.
     pub fn clear(&mut self) {
         (self.place, self.written, self.cycles) = (0, 0, 0);
     }
 
-    /// From here on the records belong to the next cycle.
+    /// Begins the next cycle.
     pub fn begin_cycle(&mut self) {
         let count = self.starts.len() as u64;
         let index = self.cycles.checked_rem(count).unwrap_or(0) as usize;
@@ -59,7 +59,8 @@ impl RecordRing {
         self.cycles += 1;
     }
 
-    /// Appends words; the oldest ones go. More than the ring can hold are not written, and `false` is returned.
+    /// Appends words and overwrites the oldest. Returns false and writes nothing if there are more than the ring can
+    /// hold.
     #[inline]
     pub fn push(&mut self, words: &[u64]) -> bool {
         let room = self.words.len() - self.place;
@@ -84,7 +85,7 @@ impl RecordRing {
         true
     }
 
-    /// The records of the oldest cycle that is whole and of all after it, in order, in two pieces.
+    /// The records of the oldest complete cycle and all later ones, in order, in two slices.
     pub fn newest(&self) -> [&[u64]; 2] {
         let Some(start) = self.oldest() else {
             return [&[], &[]];
@@ -99,7 +100,7 @@ impl RecordRing {
         }
     }
 
-    /// `written` when the oldest cycle began that is still whole.
+    /// Value of `written` at the beginning of the oldest complete cycle.
     fn oldest(&self) -> Option<u64> {
         let remembered = self.cycles.min(self.starts.len() as u64);
         (self.cycles - remembered..self.cycles)

@@ -1,4 +1,4 @@
-//! Who watches one arm in a rehearsal: what it would be told, against its limits. Off the real-time thread.
+//! Checks the set-points of one arm in a rehearsal against its limits. Off the real-time thread.
 
 use rcc_core::frame::{DeviceModel, DeviceOutput};
 use rcc_core::guard::Guard;
@@ -7,34 +7,34 @@ use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
 use rcc_core::workspace::{WorkspaceGuard, WorkspaceViolation};
 use rcc_ipc::rehearsal::{LimitPeak, NearestSingularity, PredictedViolation, RehearsalRule};
 
-/// A velocity or an acceleration may exceed its limit by this part of it, as for the guard.
+/// Relative tolerance for velocity and acceleration limits, as in the guard.
 const RELATIVE_TOLERANCE: f64 = 1e-9;
-/// A jerk may exceed its limit by this part of it: it is the third difference of positions that were computed.
+/// Relative tolerance for jerk limits: the jerk is a third difference of computed positions.
 const JERK_TOLERANCE: f64 = 1e-2;
-/// Slower than this part of its velocity limit a joint does not move.
+/// Fraction of its velocity limit below which a joint counts as not moving.
 const STILL: f64 = 1e-9;
 
 /// No joint moved.
 pub const NO_PEAKS: [LimitPeak; 3] = [LimitPeak::NONE; 3];
 
-/// One arm.
+/// Monitor of one arm.
 #[derive(Debug)]
 pub struct ArmMonitor {
     device: usize,
     model: DeviceModel,
     hold: Joints,
-    /// The last three set-points, newest first; `None` while nobody commands the arm.
+    /// The last three set-points, newest first, rad; `None` while the arm is not commanded.
     history: Option<[Joints; 3]>,
     peaks: [LimitPeak; 3],
-    /// The nearest singular position of all set-points; `None` = not known.
+    /// The nearest singular position of all set-points; `None` if it is not known.
     near: Option<NearestSingularity>,
-    /// As the guard will keep it; `None` = it may be anywhere.
+    /// The workspace check as the guard will apply it; `None`: no workspace is configured.
     stay: Option<WorkspaceGuard>,
-    /// Of it only what it says of impedance: it knows nothing of jerk, and tells the first fault alone.
+    /// Used for its impedance checks only: it does not check jerk, and reports only the first violation.
     guard: Guard,
 }
 
-/// A rule that a set-point breaks.
+/// A rule that a set-point violates.
 #[derive(Clone, Copy, Debug)]
 pub struct RuleViolation {
     /// The rule.
@@ -43,25 +43,25 @@ pub struct RuleViolation {
     pub device: u32,
     /// As in [`PredictedViolation::joint`].
     pub joint: u32,
-    /// What it would be.
+    /// Value that it would reach.
     pub value: f64,
-    /// What is allowed.
+    /// Limit.
     pub limit: f64,
 }
 
-/// What a set-point came to.
+/// Result of the check of one set-point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CheckedSetPoint {
     /// The arm moves.
     pub moves: bool,
-    /// The first set-point is not where the arm rests.
+    /// The first set-point is not at the hold set-point.
     pub is_elsewhere: bool,
-    /// The first rule that it breaks.
+    /// The first violated rule.
     pub violation: Option<RuleViolation>,
 }
 
 impl ArmMonitor {
-    /// For an arm that rests at `hold`.
+    /// A monitor for an arm at rest at `hold` (rad).
     pub fn new(device: usize, model: DeviceModel, hold: Joints) -> ArmMonitor {
         ArmMonitor {
             device,
@@ -81,7 +81,7 @@ impl ArmMonitor {
         self.device
     }
 
-    /// Takes what the arm is told in one cycle.
+    /// Checks the output of one cycle.
     pub fn see(&mut self, output: &DeviceOutput, first: bool, dt_s: f64) -> CheckedSetPoint {
         let Some(history) = self.history else {
             return self.engage(output, first);
@@ -108,7 +108,7 @@ impl ArmMonitor {
         }
     }
 
-    /// The first set-point of a stretch must be where the arm rests.
+    /// The first set-point of an engagement must be at the hold set-point.
     fn engage(&mut self, output: &DeviceOutput, first: bool) -> CheckedSetPoint {
         if !output.has_position {
             return CheckedSetPoint::default();
@@ -127,7 +127,8 @@ impl ArmMonitor {
         let violation = violation.or_else(|| self.check_impedance(&output.impedance, 1.0));
         CheckedSetPoint {
             moves: false,
-            // Later it is a jump, which the guard tells; where the arm rests then, the rehearsal only supposes.
+            // Later in a net this is a jump, which the guard reports; the rehearsal does not know where the arm rests
+            // then.
             is_elsewhere: first && !there,
             violation,
         }
@@ -141,7 +142,7 @@ impl ArmMonitor {
             .any(|((now, last), limit)| (now - last).abs() > STILL * limit * dt_s)
     }
 
-    /// Which strategy the controller runs is known at START.
+    /// The strategy of the controller is known only at START, so the requested one is assumed.
     fn check_impedance(&mut self, asked: &Impedance, dt_s: f64) -> Option<RuleViolation> {
         let checked = self.guard.check_impedance(asked, asked.strategy, dt_s);
         let violation = checked.err()?;
@@ -250,7 +251,7 @@ impl ArmMonitor {
         violation
     }
 
-    /// Where the flange would be.
+    /// Checks the position of the flange and the distance to singular positions.
     fn check_place(&mut self, asked: &Joints) -> Option<RuleViolation> {
         match self.stay.as_mut()?.check(asked).err()? {
             WorkspaceViolation::Box { axis, value, limit } => {
@@ -264,12 +265,12 @@ impl ArmMonitor {
     }
 }
 
-/// A guard that has seen nothing yet.
+/// A guard without history.
 fn fresh(model: &DeviceModel) -> Guard {
     Guard::new(model.limits, model.first_tolerance_rad).with_impedance(model.impedance)
 }
 
-/// The net ends by itself.
+/// A fault that the net itself would end with.
 pub fn fault(code: FaultCode, time_s: f64) -> PredictedViolation {
     PredictedViolation {
         rule: RehearsalRule::Fault,
@@ -284,7 +285,7 @@ pub fn fault(code: FaultCode, time_s: f64) -> PredictedViolation {
     }
 }
 
-/// A broken rule with its time.
+/// A violation with its time (s).
 pub fn foreseen(violation: RuleViolation, time_s: f64) -> PredictedViolation {
     let RuleViolation {
         rule,
@@ -306,7 +307,7 @@ pub fn foreseen(violation: RuleViolation, time_s: f64) -> PredictedViolation {
     }
 }
 
-/// The greatest share of each limit.
+/// The greatest use of each limit by any arm.
 pub fn peaks(monitors: &[ArmMonitor]) -> [LimitPeak; 3] {
     let mut peaks = NO_PEAKS;
     for monitor in monitors {
@@ -319,14 +320,14 @@ pub fn peaks(monitors: &[ArmMonitor]) -> [LimitPeak; 3] {
     peaks
 }
 
-/// The singular position that an arm came nearest to; `None` if none is known.
+/// The singular position that any arm came nearest to; `None` if it is not known.
 pub fn near(monitors: &[ArmMonitor]) -> Option<NearestSingularity> {
     let all = monitors.iter().filter_map(|monitor| monitor.near);
     all.min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// The part of its speed at which a motion on the same path would keep the limits: velocity goes with it, acceleration
-/// with its square, jerk with its cube. Somewhat less, because other cycles of the path are seen then.
+/// The speed factor at which a motion on the same path would keep the limits: velocity scales with it, acceleration
+/// with its square, jerk with its cube. Reduced slightly, because cycles then fall on other positions of the path.
 pub fn speed(peaks: &[LimitPeak; 3]) -> f64 {
     let [v, a, j] = peaks.map(|peak| peak.share.max(1.0));
     let part = (1.0 / v).min(1.0 / a.sqrt()).min(1.0 / j.cbrt());
