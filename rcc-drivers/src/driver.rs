@@ -1,5 +1,5 @@
-//! What a driver is: it speaks one device's wire, and nothing else; everything about boards, nets and rest is the host's.
-//! Run by the one thread of the host; only [`Driver::receive`] may wait.
+//! The interface of a driver: it speaks one device's wire protocol; boards, nets and stops are the host's task.
+//! Run by the host's thread; only [`Driver::receive`] may block.
 
 use std::sync::Arc;
 
@@ -13,14 +13,14 @@ mod settings;
 
 pub use settings::Settings;
 
-/// What a device measured in one exchange; SI units.
+/// Measured values of one exchange, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
     /// Joint positions, rad.
     pub position: Joints,
     /// Joint torques, N·m.
     pub torque: Joints,
-    /// Joint torques that the device's model does not explain, N·m.
+    /// External joint torques: measured torques minus those of the device's model, N·m.
     pub external_torque: Joints,
     /// External force and torque at the flange `[fx fy fz tx ty tz]`, N and N·m, sensor frame of the device.
     pub wrench: [f64; 6],
@@ -28,12 +28,12 @@ pub struct Inputs {
     pub digital: u64,
     /// Bit i: digital input i is known.
     pub digital_known: u64,
-    /// Analog inputs; NaN is unknown.
+    /// Analog inputs; NaN = unknown.
     pub analog: [f64; ANALOG_MAX],
 }
 
 impl Inputs {
-    /// Nothing is known; positions and torques are 0.
+    /// No input is known; positions and torques are 0.
     pub const NONE: Inputs = Inputs {
         position: [0.0; JOINTS_MAX],
         torque: [0.0; JOINTS_MAX],
@@ -45,23 +45,24 @@ impl Inputs {
     };
 }
 
-/// What a device is told in one exchange; SI units.
+/// Values sent to the device in one exchange, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
-    /// Joint set-points, rad; they count while the device is commandable.
+    /// Joint set-points, rad; effective while the device is commandable.
     pub position: Joints,
-    /// For the strategy that the device runs, see [`Exchange::strategy`]: how softly the joints are held.
+    /// Stiffness and damping set-points for the control mode that the device runs, see [`Exchange::strategy`].
     pub impedance: Impedance,
     /// Bit i: value of digital output i.
     pub digital: u64,
-    /// Bit i: digital output i has a value; without one the device keeps what it has, or 0 if the wire needs a number.
+    /// Bit i: digital output i has a value; otherwise the device keeps its present value, or gets 0 if the wire needs a
+    /// value.
     pub digital_set: u64,
-    /// Analog outputs, inside of their configured ranges; NaN = no value, as above.
+    /// Analog outputs, within their configured ranges; NaN = no value, as for `digital_set`.
     pub analog: [f64; ANALOG_MAX],
 }
 
 impl Outputs {
-    /// Says nothing.
+    /// No output has a value.
     pub const NONE: Outputs = Outputs {
         position: [0.0; JOINTS_MAX],
         impedance: Impedance::NONE,
@@ -71,41 +72,42 @@ impl Outputs {
     };
 }
 
-/// How one exchange with the device went, besides what it measured.
+/// Status of one exchange with the device, without the measured values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exchange {
-    /// The device follows [`Outputs::position`]; otherwise it is held by itself at `mirror`. True for plain I/O.
+    /// The device follows [`Outputs::position`]; otherwise it holds itself at `mirror`. Always true for plain I/O.
     pub commandable: bool,
-    /// A net may begin to command it; otherwise `reason` says why not. What runs already goes on while commandable.
+    /// A net may start commanding the device; otherwise `reason` says why not. A running net continues as long as the
+    /// device is `commandable`.
     pub startable: bool,
-    /// What the device makes of set-points; a net for another strategy does not begin.
+    /// Control mode that the device runs; a net that commands another one is not started.
     pub strategy: ControlMode,
-    /// Where the device holds itself while it is not commandable, rad.
+    /// Position at which the device holds itself while it is not commandable, rad.
     pub mirror: Joints,
     /// Periods of the device since the last exchange, at least 1.
     pub ticks: u64,
     /// Period of the device, ns; greater than 0.
     pub period_ns: u64,
-    /// Quality of the connection in thousandths, 1000 is best.
+    /// Connection quality, thousandths; 1000 is best.
     pub quality_permille: u32,
-    /// One of the driver's reasons, 0 = fine.
+    /// One of the driver's reason numbers; 0 = none.
     pub reason: u32,
-    /// Answers that the device did not get in time, since the driver started.
+    /// Number of answers that reached the device late or not at all, since the driver started.
     pub late: u64,
-    /// Datagrams refused, since the driver started.
+    /// Number of datagrams refused since the driver started.
     pub refused: u64,
 }
 
 /// Why there was no exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LinkError {
-    /// Nothing came within the time-out; that may be a pause.
+    /// Nothing was received within the time-out; this may be only a pause.
     #[error("the device is silent")]
     Silent,
-    /// The connection is broken; the driver tries again at the next [`Driver::receive`].
+    /// The connection is broken; the next [`Driver::receive`] tries to restore it.
     #[error("the device is not reached (reason {reason})")]
     Lost {
-        /// One of the driver's reasons.
+        /// One of the driver's reason numbers.
         reason: u32,
     },
 }
@@ -113,153 +115,155 @@ pub enum LinkError {
 /// Why a driver cannot work with its configuration.
 #[derive(Debug, Error)]
 pub enum DriverError {
-    /// There is no driver of this name.
+    /// No driver has this name.
     #[error("devices.{device}.driver: there is no driver '{driver}'; there are: {known}")]
     UnknownDriver {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// What was asked for.
+        /// The name that the configuration gives.
         driver: String,
-        /// All drivers.
+        /// Names of all drivers, separated by commas.
         known: String,
     },
-    /// A setting is missing or has a value of another form.
+    /// A setting is missing or invalid.
     #[error("devices.{device}.settings.{key}: {cause}; give {expected}")]
     Setting {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// The setting.
+        /// Key of the setting.
         key: String,
         /// What is wrong.
         cause: String,
-        /// What it should be.
+        /// Valid values, with an example.
         expected: &'static str,
     },
-    /// A setting that the driver does not have.
+    /// The driver has no such setting.
     #[error("devices.{device}.settings.{key}: the driver has no such setting; it has: {known}")]
     UnknownSetting {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// The setting.
+        /// Key of the setting.
         key: String,
-        /// All settings.
+        /// Keys of all settings, separated by commas.
         known: String,
     },
-    /// A channel that the driver cannot reach.
+    /// The driver cannot reach this channel.
     #[error("devices.{device}.channels.{channel}: {cause}; give {expected}")]
     Channel {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// The channel.
+        /// Name of the channel.
         channel: String,
         /// What is wrong.
         cause: String,
-        /// What it should be.
+        /// Valid values, with an example.
         expected: &'static str,
     },
-    /// The robot is missing, or is another one than the driver can move.
+    /// The robot is missing, or the driver cannot move it.
     #[error("devices.{device}.robot: {cause}")]
     Robot {
-        /// The device.
+        /// Name of the device.
         device: String,
         /// What is wrong, and what to do.
         cause: &'static str,
     },
-    /// The system refuses what the settings ask for.
+    /// The operating system refuses what a setting asks for.
     #[error(
         "devices.{device}.settings.{key}: {value}: {source}; is another driver running, or the address of another machine?"
     )]
     System {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// The setting.
+        /// Key of the setting.
         key: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
 }
 
 /// One driver: one device cycle is a [`Driver::receive`] followed by a [`Driver::send`].
 ///
-/// [`crate::host::Host`] owns it and calls everything from one thread, which may run with SCHED_FIFO: the first is
-/// `open`, then `receive` again and again; `send` follows each `receive` that brought an exchange, and nothing else;
-/// `release` comes once, near the end. Only `receive` may wait. Nothing panics, whatever the wire says: bytes of a device
-/// are hostile. A driver keeps no set-point of its own, moves nothing by itself, and never decides what an output is when
-/// nobody commands it: all that is the host's. `docs/drivers.md` is the way to one.
+/// [`crate::host::Host`] owns it and calls all methods from one thread, which may run with SCHED_FIFO: first `open`,
+/// then `receive` repeatedly; `send` follows each `receive` that returned an exchange, and only those; `release` is
+/// called once, near the end. Only `receive` may block. A driver must not panic, whatever arrives: bytes from a device
+/// are untrusted. A driver keeps no set-point, moves nothing on its own, and never decides the value of an output that
+/// is not commanded: all that is the host's task. `docs/drivers.md` explains how to write one.
 pub trait Driver: Send {
-    /// Prepares everything that can be checked without the device: settings, channels, robot, sockets. Called once,
-    /// before the host joins its cell; it waits for nothing.
+    /// Checks and prepares everything that does not need the device: settings, channels, robot, sockets. Called once,
+    /// before the host joins its cell; does not block.
     ///
     /// # Errors
-    /// What is wrong in the configuration, with the path of the key and what to give. A device that does not answer is no
-    /// error: it may come later.
+    /// Returns what is wrong in the configuration, with the path of the key and the expected value. A device that does
+    /// not answer is not an error: it may appear later.
     fn open(device: &DeviceConfig) -> Result<Self, DriverError>
     where
         Self: Sized;
 
-    /// Waits for the device's next cycle, at most `timeout` (a driver that keeps its own period may end later by what a
-    /// single transaction takes), and fills `inputs` with what it measured, in SI units.
+    /// Waits for the device's next cycle, at most `timeout`, and stores the measured values in `inputs`, in SI units. A
+    /// driver that keeps its own period may exceed `timeout` by the duration of one transaction.
     ///
-    /// A device that sends by itself is the clock; otherwise the driver keeps a period. `timeout` is at most 10 ms: in
-    /// between, the host looks at the executor's board and at whether it is to end. After a stall only the newest cycle
-    /// counts; [`Exchange::ticks`] says how many there were.
+    /// If the device sends by itself, it is the clock; otherwise the driver keeps a period. `timeout` is at most 10 ms:
+    /// between two calls the host looks at the executor's board and at the stop request. After a stall only the newest
+    /// cycle counts; [`Exchange::ticks`] gives the number of cycles.
     ///
     /// # Errors
-    /// There was no exchange; `inputs` are as before. [`LinkError::Silent`] is a pause, after a while of which the host
-    /// takes the device for lost; [`LinkError::Lost`] is known at once. Either way the host calls again, and the driver
-    /// tries to reach the device again by itself, with a pause that grows where an attempt costs something.
+    /// Returns an error if there was no exchange; `inputs` are then unchanged. [`LinkError::Silent`] is a pause, and
+    /// the host declares the device lost after a while; [`LinkError::Lost`] declares it lost at once. In both cases the
+    /// host calls again, and the driver tries to reach the device again by itself, with growing pauses if an attempt is
+    /// expensive.
     fn receive(
         &mut self,
         timeout: std::time::Duration,
         inputs: &mut Inputs,
     ) -> Result<Exchange, LinkError>;
 
-    /// Answers the exchange that [`Driver::receive`] has begun, without waiting longer than the wire needs. `outputs` are
-    /// within the configured limits and ranges, in SI units; what is not set is left as the device has it. The same
-    /// values come again in every cycle: what was lost heals with the next one.
+    /// Answers the exchange that [`Driver::receive`] returned, without blocking longer than the wire needs. `outputs`
+    /// are within the configured limits and ranges, in SI units; an output without a value keeps its value on the
+    /// device. The values are sent again in every cycle, so the next cycle repairs a loss.
     ///
     /// # Errors
-    /// The answer did not leave.
+    /// Returns an error if the answer could not be sent.
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError>;
 
-    /// Asks the device to leave command mode: the arm rests by now. Further exchanges follow for at most a second, until
-    /// one is not commandable. Plain I/O does nothing.
+    /// Asks the device to leave command mode; the arm is at rest by then. Exchanges continue for at most one second,
+    /// until one is not commandable. Does nothing for plain I/O.
     fn release(&mut self);
 
-    /// What its reason numbers mean, if its configuration decides that; otherwise they are those of its row in
-    /// [`crate::drivers::DRIVERS`]. Asked for once, at the start.
+    /// Returns the meaning of the reason numbers if it depends on the configuration; otherwise the driver's entry in
+    /// [`crate::drivers::DRIVERS`] applies. Called once, at the start.
     fn reasons(&self) -> Option<&'static [crate::host::reason::Reason]> {
         None
     }
 
-    /// What it counts about its connection, for `rcc-cli doctor device`; none by default. Asked for once, at the start.
+    /// Returns the driver's connection counters for `rcc-cli doctor device`; `None` by default. Called once, at the
+    /// start.
     fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
         None
     }
 }
 
-/// Figures that a driver counts while it exchanges, as atomics: any thread may look at any time, and nobody waits.
+/// Counters of a driver's connection. They are atomics: any thread may read them at any time without blocking.
 pub trait LinkDiagnosis: Send + Sync + std::fmt::Debug {
-    /// Everything that is known about the connection now, as a JSON object. Called about once a second by a thread that
-    /// is not the exchange's; it may allocate.
+    /// Returns the present state of the connection as a JSON object. Called about once per second by a thread other
+    /// than the exchange thread; may allocate.
     fn link(&self) -> serde_json::Value;
 }
 
-/// Raw value of the wire → SI.
+/// Converts a raw value of the wire to SI units.
 #[must_use]
 pub fn to_si(channel: &ChannelConfig, raw: f64) -> f64 {
     raw * channel.scale + channel.offset
 }
 
-/// SI → raw value of the wire, not rounded.
+/// Converts an SI value to the raw value of the wire, without rounding.
 #[must_use]
 pub fn to_raw(channel: &ChannelConfig, value: f64) -> f64 {
     (value - channel.offset) / channel.scale
 }
 
-/// A fault of one channel's configuration.
+/// Returns an error in the configuration of one channel.
 pub(crate) fn channel_error(
     device: &DeviceConfig,
     channel: &ChannelConfig,
@@ -274,7 +278,7 @@ pub(crate) fn channel_error(
     }
 }
 
-/// The channels of a kind, in order of their index.
+/// Returns the channels of one kind, in the order of their index.
 pub(crate) fn channels(device: &DeviceConfig, kind: ChannelKind) -> Vec<&ChannelConfig> {
     device.channels_of(kind).collect()
 }

@@ -1,4 +1,4 @@
-//! The drivers that there are: one module and one row each.
+//! Table of all drivers: one module and one entry each.
 //! Read once at start-up.
 
 use rcc_config::DeviceConfig;
@@ -12,18 +12,18 @@ pub mod modbus;
 #[cfg(test)]
 pub mod template;
 
-/// One driver.
+/// One driver in [`DRIVERS`].
 #[derive(Debug)]
 pub struct DriverEntry {
-    /// As written in a cell's configuration.
+    /// Name in a cell's configuration.
     pub name: &'static str,
-    /// Prepares it.
+    /// Opens the driver, see [`Driver::open`].
     pub open: fn(&DeviceConfig) -> Result<Box<dyn Driver>, DriverError>,
-    /// What its reason numbers mean; they begin at 100.
+    /// Meaning of the driver's reason numbers, which start at 100.
     pub reasons: &'static [Reason],
 }
 
-/// All drivers.
+/// All drivers, by name.
 pub const DRIVERS: &[DriverEntry] = &[
     DriverEntry {
         name: "fri-lwr",
@@ -46,10 +46,10 @@ fn boxed<D: Driver + 'static>(device: &DeviceConfig) -> Result<Box<dyn Driver>, 
     D::open(device).map(|driver| Box::new(driver) as Box<dyn Driver>)
 }
 
-/// The driver that a device's configuration names.
+/// Returns the driver that a device's configuration names.
 ///
 /// # Errors
-/// There is none of that name.
+/// Returns [`DriverError::UnknownDriver`] if no driver has this name.
 pub fn find(device: &DeviceConfig) -> Result<&'static DriverEntry, DriverError> {
     let row = DRIVERS.iter().find(|row| row.name == device.driver);
     row.ok_or_else(|| DriverError::UnknownDriver {

@@ -1,4 +1,5 @@
-//! Everything around a driver: boards, life, set-points in time, rest, release. A driver only speaks its wire.
+//! The host of a driver: boards, process lifetime, playback of set-points, stops and output release. The driver itself
+//! only speaks its wire protocol.
 //! One thread exchanges with the device; a helper thread watches the announcements and opens boards.
 
 use std::sync::Arc;
@@ -45,38 +46,38 @@ use reason::Reason;
 use set_point_wait::{SetPointStatus, SetPointWait};
 use state_log::StateLog;
 
-/// Longest wait for the device: a stop that was asked for is seen after it.
+/// Longest wait for the device; it bounds the delay until a stop request is noticed.
 const WAIT_MAX: Duration = Duration::from_millis(10);
-/// How long a line of the event log may take on a slow disk.
+/// Watchdog limit for writing one line of the event log, for slow disks.
 const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
-/// How long a device that was asked to leave command mode is still answered, ns.
+/// How long exchanges continue after the device has been asked to leave command mode, ns.
 const RELEASE_TIMEOUT_NS: u64 = 1_000_000_000;
 
 /// Why a driver cannot work in its cell.
 #[derive(Debug, Error)]
 pub enum HostError {
-    /// Not in the cell.
+    /// The cell cannot be joined.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// The measurement board cannot be made.
+    /// The measurement board cannot be created.
     #[error(transparent)]
     Board(#[from] BoardError),
-    /// The device has a driver already, or the folder cannot be used.
+    /// The device already has a driver, or the runtime folder cannot be used.
     #[error(transparent)]
     Announce(#[from] AnnounceError),
-    /// The system refuses a thread.
+    /// The operating system refuses to create a thread.
     #[error("the system refuses a thread: {0}")]
     Thread(#[from] std::io::Error),
 }
 
-/// One device in its cell.
+/// Hosts the driver of one device in its cell.
 pub struct Host {
     driver: Box<dyn Driver>,
     session: DeviceSession,
     board: BoardWriter<Measurement>,
     watch: ExecutorWatch,
     commands: Option<CommandReader>,
-    /// When to set_point_wait, if the executor's clock follows this device.
+    /// Present if the executor's clock follows this device: waits for the set-point of each exchange.
     set_point_wait: Option<SetPointWait>,
     wait: Duration,
     state_log: StateLog,
@@ -86,22 +87,22 @@ pub struct Host {
     /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
     release_requested_ns: Option<u64>,
     helpers: Helpers,
-    /// Taken back when the host ends.
+    /// Withdraws the announcement when the host is dropped.
     _announced: Announced,
 }
 
 impl Drop for Host {
     fn drop(&mut self) {
-        // Before its fields go: the helpers' ends of them are what the helpers end with.
+        // Must come before the fields are dropped: the helper threads end when their channels close.
         self.helpers.end();
     }
 }
 
 impl Host {
-    /// Brings a device into its cell and announces it; it has not been reached yet.
+    /// Joins the cell and announces the device, which has not been reached yet.
     ///
     /// # Errors
-    /// The cell cannot be joined, or has a driver for this device.
+    /// Returns an error if the cell cannot be joined, or if the device already has a driver there.
     pub fn join(
         cell: &Cell,
         (config, device): (&CellConfig, &DeviceConfig),
@@ -126,7 +127,7 @@ impl Host {
         let writer = helpers.helper("events", SLOW_TURN_MAX);
         let turn = move || writer.turn();
         let recorder = EventRecorder::watched(cell, Role::Driver, &device.name, turn)?;
-        // All threads are made before the device is announced; they begin with `Host::run`.
+        // All threads are created before the device is announced; they start working with `Host::run`.
         let watch =
             ExecutorWatch::start(session, announcement.clone(), recorder.clone(), &helpers)?;
         let diagnosis = DiagnosisFile::start(cell, device, reasons, link, &helpers)?;
@@ -156,29 +157,29 @@ impl Host {
         })
     }
 
-    /// How this driver does, for whoever supervises it.
+    /// Returns the state of this driver for its supervisor.
     #[must_use]
     pub fn health(&self) -> Arc<DriverHealth> {
         Arc::clone(&self.health)
     }
 
-    /// The threads beside the one that exchanges with the device. They begin with [`Host::run`].
+    /// Returns the helper threads, which start working with [`Host::run`].
     #[must_use]
     pub fn helpers(&self) -> &Helpers {
         &self.helpers
     }
 
-    /// To both logs, as an event of this driver.
+    /// Returns the recorder that writes events of this driver to both logs.
     #[must_use]
     pub fn recorder(&self) -> &EventRecorder {
         &self.recorder
     }
 
-    /// Exchanges with the device until `stop` is set and the device has been brought to rest and let go.
+    /// Exchanges with the device until `stop` is set, the device is at rest, and it has left command mode.
     pub fn run(&mut self, stop: &AtomicBool) {
         self.helpers.start();
         let mut inputs = Inputs::NONE;
-        // Relaxed: nothing else is told with it.
+        // Relaxed: the flag publishes no other data.
         while !(stop.load(Ordering::Relaxed) && self.is_released()) {
             self.update_command_board();
             match self.driver.receive(self.wait, &mut inputs) {
@@ -212,7 +213,7 @@ impl Host {
         });
     }
 
-    /// True if the device is offline.
+    /// Reports a failed exchange to the session; returns true if the device is offline.
     fn report_link_error(&mut self, error: LinkError) -> bool {
         let lost = match error {
             LinkError::Silent => None,
@@ -226,8 +227,8 @@ impl Host {
         self.session.observe(monotonic_ns(), image);
     }
 
-    /// Where the executor's clock follows the device: tells the executor at once what was measured, and waits a while
-    /// for the set-point that it computes from that.
+    /// If the executor's clock follows the device: publishes the measurement at once, and waits a bounded time for the
+    /// set-point that the executor computes from it.
     fn await_set_point(&mut self, arrived_ns: u64, period_ns: u64) {
         let (Some(set_point_wait), Some(board)) = (&mut self.set_point_wait, &self.commands) else {
             return;
@@ -257,7 +258,8 @@ impl Host {
         }
     }
 
-    /// The end was asked for: the device rests, and has left command mode or has had its time to.
+    /// Called once the stop is requested: returns true when the device is at rest and has left command mode, or had
+    /// [`RELEASE_TIMEOUT_NS`] to do so.
     fn is_released(&mut self) -> bool {
         self.session.terminate();
         if !self.session.is_at_rest() {
@@ -275,7 +277,8 @@ impl Host {
     }
 }
 
-/// How long after its packets cycles begin, if the executor's clock follows this device; ns.
+/// Returns the offset from the arrival of a packet to the start of the executor's cycle, ns, if the executor's clock
+/// follows this device.
 fn leads(config: &CellConfig, device: &DeviceConfig) -> Option<u64> {
     let clock = config.clock?;
     let led = config.devices.get(clock.device)?;

@@ -1,5 +1,5 @@
-//! Device drivers, the host around them, and robot-side simulators that speak the same wire.
-//! Every driver and every simulator is a process of its own; each module says which thread runs it.
+//! Device drivers, their host, and robot-side simulators that speak the same wire protocols.
+//! Each driver and each simulator is a process of its own; each module says which thread runs it.
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 

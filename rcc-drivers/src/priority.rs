@@ -1,12 +1,12 @@
-//! A thread's place among all others: SCHED_FIFO where the system grants it, the usual one otherwise.
-//! Called by the thread that wants it, once, at its start.
+//! Scheduling of a thread: SCHED_FIFO where the system permits it, otherwise the default policy.
+//! Called once at its start by the thread concerned.
 
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// SCHED_FIFO with this priority (1 to 99) for the calling thread; says what was obtained.
+/// Requests SCHED_FIFO with this priority (1 to 99) for the calling thread, and logs whether it was granted.
 pub fn rise(priority: u8) {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);

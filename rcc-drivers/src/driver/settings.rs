@@ -1,4 +1,4 @@
-//! Reads a driver's settings key by key, so that every fault names the key, and finds keys that nobody asked for.
+//! Reads a driver's settings key by key, so that each error names its key, and rejects unknown keys.
 //! Used once, when a driver is opened.
 
 use std::net::SocketAddr;
@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::DriverError;
 
-/// The settings of one device, and which keys have been asked for.
+/// The settings of one device, and the keys that have been read.
 #[derive(Debug)]
 pub struct Settings<'a> {
     device: &'a DeviceConfig,
@@ -18,7 +18,7 @@ pub struct Settings<'a> {
 }
 
 impl<'a> Settings<'a> {
-    /// The settings of `device`.
+    /// Returns the settings of `device`.
     #[must_use]
     pub fn of(device: &'a DeviceConfig) -> Self {
         Self {
@@ -27,10 +27,11 @@ impl<'a> Settings<'a> {
         }
     }
 
-    /// The value of `key`, read by `read`; `default` if it is not there.
+    /// Returns the value of `key`, converted by `read`, or `default` if the key is missing.
     ///
     /// # Errors
-    /// It is not there and has no default, or `read` refuses it; the fault says `expected`.
+    /// Returns an error if the key is missing and has no default, or if `read` refuses the value; the error contains
+    /// `expected`.
     pub fn read<T>(
         &mut self,
         key: &'static str,
@@ -59,7 +60,7 @@ impl<'a> Settings<'a> {
         }
     }
 
-    /// An address such as `127.0.0.1:49938`.
+    /// Reads an address such as `127.0.0.1:49938`.
     ///
     /// # Errors
     /// See [`Settings::read`].
@@ -72,7 +73,7 @@ impl<'a> Settings<'a> {
         self.read(key, expected, default, |value| value.as_str()?.parse().ok())
     }
 
-    /// A duration such as `20 ms`, greater than 0.
+    /// Reads a duration such as `20 ms`, greater than 0.
     ///
     /// # Errors
     /// See [`Settings::read`].
@@ -87,7 +88,7 @@ impl<'a> Settings<'a> {
         })
     }
 
-    /// One of a few words.
+    /// Reads one of a fixed set of words.
     ///
     /// # Errors
     /// See [`Settings::read`].
@@ -107,10 +108,10 @@ impl<'a> Settings<'a> {
         })
     }
 
-    /// To be called when everything has been read.
+    /// Checks that no key is left; call it after all settings have been read.
     ///
     /// # Errors
-    /// A key that nobody asked for.
+    /// Returns an error for a key that has not been read.
     pub fn finish(self) -> Result<(), DriverError> {
         let Some(object) = self.device.settings.as_object() else {
             return Ok(());
@@ -129,7 +130,7 @@ impl<'a> Settings<'a> {
     }
 }
 
-/// `20 ms` and the like; at most an hour.
+/// Parses a duration such as `20 ms`; at most one hour.
 fn duration(text: &str) -> Option<Duration> {
     let (number, unit) = text.trim().split_once(' ')?;
     let (unit, factor) = Unit::parse(unit.trim())?;

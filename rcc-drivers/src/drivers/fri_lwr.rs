@@ -1,8 +1,8 @@
 //! The driver `fri-lwr`: a KUKA LWR 4+ over FRI 1.0 on UDP, in joint position, Cartesian impedance or joint impedance
-//! control, with KRL booleans and reals as I/O.
-//! Run by the host's thread; [`fri_session::FriSession`] is the pure part, this file is the socket around it.
+//! control, with KRL Booleans and reals as I/O.
+//! Run by the host's thread; [`fri_session::FriSession`] is the pure protocol state machine, this file adds the socket.
 //!
-//! The controller sends first, on its own clock, and is answered at the address that it sent from.
+//! The controller sends first, on its own clock; the driver answers to the address that the datagram came from.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -27,20 +27,20 @@ use fri_session::{FriSession, KrlConvention};
 
 /// The controller is in monitor state.
 pub const MONITORING: u32 = 100;
-/// No power, or a drive has an error.
+/// The drives have no power, or one of them reports an error.
 pub const DRIVES_OFF: u32 = 101;
-/// The connection is not good enough.
+/// The controller's connection quality is below `quality_min`.
 pub const QUALITY: u32 = 102;
-/// Another control strategy.
+/// The controller runs a control strategy that the device does not support.
 pub const STRATEGY: u32 = 103;
 /// Command mode has just begun.
 pub const ENTERING: u32 = 104;
-/// The socket does not work.
+/// The UDP socket failed.
 pub const SOCKET: u32 = 105;
-/// The controller's Cartesian pose is none.
+/// The controller's commanded Cartesian pose is not a valid pose.
 pub const POSE: u32 = 106;
 
-/// What the numbers mean.
+/// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
     (
         MONITORING,
@@ -67,20 +67,21 @@ pub const REASONS: &[Reason] = &[
     ),
 ];
 
-/// After this silence another controller, or the same one restarted, may come.
+/// After this silence, another controller, or the same one restarted, is accepted.
 const CONTROLLER_TIMEOUT: Duration = Duration::from_millis(200);
-/// Datagrams that are taken at once after a stall of ours; more wait for the next cycle.
+/// Most datagrams that are read at once after a stall of the driver; further ones are left for the next cycle.
 const BURST_MAX: usize = 64;
 
-/// The driver.
+/// The driver, with its socket and the FRI session.
 #[derive(Debug)]
 pub struct FriLwr {
     socket: UdpSocket,
-    /// Only this peer is answered, if given.
+    /// The only peer that is answered; `None`: any peer.
     peer: Option<SocketAddr>,
-    /// The controller that is answered now.
+    /// The controller that is answered at present.
     controller: Option<SocketAddr>,
-    /// How long nothing has been heard, in time that was waited for: a stall of ours is no silence.
+    /// Time without a valid datagram, counted only while the driver was waiting: a stall of the driver is not silence
+    /// of the controller.
     silence: Duration,
     read_timeout: Duration,
     session: FriSession,
@@ -145,7 +146,7 @@ impl Driver for FriLwr {
         let mut looked = false;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            // What came while we stalled is there: one look in any case.
+            // Datagrams that arrived during a stall are already queued: read at least once.
             if left.is_zero() && looked {
                 return Err(self.silent(timeout));
             }
@@ -186,21 +187,21 @@ impl Driver for FriLwr {
 }
 
 impl FriLwr {
-    /// The address that the controller must send to.
+    /// Returns the address that the controller must send to.
     ///
     /// # Errors
-    /// What the system says.
+    /// Returns the error of the operating system.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.socket.local_addr()
     }
 
-    /// Waits for one datagram; true if it counts.
+    /// Waits for one datagram; returns true if it was accepted.
     fn receive_one(&mut self, timeout: Duration) -> io::Result<bool> {
         if self.read_timeout != timeout {
             self.socket.set_read_timeout(Some(timeout))?;
             self.read_timeout = timeout;
         }
-        // One byte more than a datagram has, so that a longer one shows.
+        // One byte more than a datagram has, so that a longer one is detected.
         let mut bytes = [0; MSR_SIZE + 1];
         let (size, source) = self.socket.recv_from(&mut bytes)?;
         let expected = self.controller.or(self.peer);
@@ -221,7 +222,7 @@ impl FriLwr {
         Ok(counts)
     }
 
-    /// After a stall of ours several cycles have been waiting: only the newest is answered.
+    /// Reads the datagrams that queued up during a stall of the driver: only the newest one is answered.
     fn drain_socket(&mut self) -> io::Result<()> {
         self.socket.set_nonblocking(true)?;
         let timeout = self.read_timeout;

@@ -1,9 +1,9 @@
-//! The driver `ideal-arm`: an arm that exists in this driver only, and is where its set-point was in the period before.
+//! The driver `ideal-arm`: a simulated arm inside the driver, whose position is the set-point of the previous period.
 //! Run by the host's thread, which waits in [`Driver::receive`] for the next period.
 //!
-//! Any robot of `configs/robots` works: nets, several arms and applications can be tried on a real cell, with boards, guard,
-//! start conditions and the way to rest, before there is hardware or a simulator of its wire. Outputs are wired to the
-//! inputs of the same address. It weighs nothing and feels nothing: torques and forces are 0.
+//! Any robot of `configs/robots` works: nets, several arms and applications can be tried in a real cell, with boards,
+//! guard, start conditions and stops, without hardware or a simulator of its wire. Outputs are looped back to the
+//! inputs of the same address. The arm has neither mass nor contact: torques and forces are 0.
 
 use std::time::{Duration, Instant};
 
@@ -18,26 +18,26 @@ use crate::driver::{
 };
 use crate::host::reason::Reason;
 
-/// The driver ends.
+/// The driver is ending.
 pub const RELEASED: u32 = 100;
 
-/// What the numbers mean.
+/// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[(
     RELEASED,
     "the driver has let the arm go: it ends; start it again",
 )];
 
-/// The driver, and the arm.
+/// The driver and the state of its arm.
 #[derive(Debug)]
 pub struct IdealArm {
     period: Duration,
-    /// The next period.
+    /// Start of the next period.
     next: Instant,
     position: Joints,
     /// By kind: digital in, digital out, analog in, analog out; in order of their index.
     points: [Vec<IdealChannel>; 4],
     digital: [bool; DIGITAL_MAX + 1],
-    /// Raw values; NaN = never told.
+    /// Raw values; NaN = never written.
     analog: [f64; ANALOG_MAX + 1],
     released: bool,
 }
@@ -132,7 +132,7 @@ impl Driver for IdealArm {
 }
 
 impl IdealArm {
-    /// Sets the next period; says how many lie between the last one and this one.
+    /// Schedules the next period; returns the number of periods since the last one.
     fn schedule(&mut self) -> u64 {
         let behind = Instant::now().saturating_duration_since(self.next);
         let skipped = behind.as_nanos() / self.period.as_nanos().max(1);

@@ -1,4 +1,5 @@
-//! One device as the executor sees it: from exchanges and command images to outputs and the measurement board.
+//! The state of one device as the executor sees it: turns exchanges and command images into outputs and the measurement
+//! board.
 //! Pure, in virtual time; run by the host's thread.
 
 use bytemuck::Zeroable;
@@ -12,30 +13,30 @@ use super::reason;
 use super::set_point_player::{DeviceCycle, PlayerSettings, SetPointPlayer};
 use crate::driver::{Exchange, Inputs, Outputs};
 
-/// A device that answers no more is offline after so many of its periods, if that is longer than its time-out.
+/// A silent device is offline after this number of its periods, or after `command_timeout` if that is longer.
 const SILENT_PERIODS: u64 = 5;
 
-/// The device, its player and its outputs.
+/// One device with its set-point player and its outputs.
 #[derive(Clone, Debug)]
 pub struct DeviceSession {
     player: SetPointPlayer,
     release: OutputRelease,
     impedance_ramp: ImpedanceRamp,
     measurement: Measurement,
-    /// CLOCK_MONOTONIC of the last exchange, or of the beginning.
+    /// CLOCK_MONOTONIC of the last exchange, or of the creation.
     last_exchange_ns: u64,
     offline_after_ns: u64,
     command_timeout_ns: u64,
     commandable: bool,
-    /// The last exchange found the outputs released after a stop was asked for.
+    /// The last exchange took place after the stop request, so its outputs were released.
     released: bool,
     terminating: bool,
-    /// There is an executor, but it is of another build or has another configuration of this device.
+    /// The running executor belongs to another build or was started with another configuration of this device.
     executor_incompatible: bool,
 }
 
 impl DeviceSession {
-    /// A device that has not been reached yet.
+    /// A session for a device that has not been reached yet.
     #[must_use]
     pub fn new(device: &DeviceConfig, now_ns: u64) -> Self {
         let settings = PlayerSettings {
@@ -69,7 +70,7 @@ impl DeviceSession {
         }
     }
 
-    /// The executor's clock follows this device.
+    /// Declares that the executor's clock follows this device.
     #[must_use]
     pub fn with_leading_clock(self) -> Self {
         Self {
@@ -78,24 +79,25 @@ impl DeviceSession {
         }
     }
 
-    /// Takes over what is new of the commands, `None` without executor; at least every [`OBSERVE_PERIODS_MAX`] cycles.
+    /// Takes over new set-points from the command image; `None` means that there is no executor. Call it at least every
+    /// [`OBSERVE_PERIODS_MAX`] cycles.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
         self.player.observe(now_ns, image);
     }
 
-    /// An executor is there, or is there no more, that is not followed because of its configuration.
+    /// Sets whether an executor is running that is not followed because of its build or configuration.
     pub fn set_executor_incompatible(&mut self, executor_incompatible: bool) {
         self.executor_incompatible = executor_incompatible;
     }
 
-    /// An exchange with the device: what is it told?
+    /// Processes a whole exchange; returns the values to send to the device.
     pub fn exchange(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) -> Outputs {
         self.begin_exchange(now_ns, inputs, exchange);
         self.finish_exchange(exchange)
     }
 
-    /// The first half of an exchange: what the device said. The measurement can be read, with what is new in it; what the
-    /// player does in it is that of the exchange before, unless the device follows no more.
+    /// First half of an exchange: stores what was received and updates the inputs of the measurement. The player's part
+    /// of the measurement still belongs to the previous exchange, unless the device is no longer commandable.
     pub fn begin_exchange(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
         self.last_exchange_ns = now_ns;
         self.offline_after_ns = self
@@ -109,7 +111,7 @@ impl DeviceSession {
         }
     }
 
-    /// The second half: what it is told.
+    /// Second half of an exchange: returns the values to send to the device.
     pub fn finish_exchange(&mut self, exchange: &Exchange) -> Outputs {
         self.player.play(&tick(exchange));
         let dt_s = exchange.ticks.max(1) as f64 * exchange.period_ns as f64 * 1e-9;
@@ -128,8 +130,8 @@ impl DeviceSession {
         outputs
     }
 
-    /// No exchange: the device is offline at once if `lost` says why, and after a while if it is only silent. True if
-    /// the measurement has changed.
+    /// Processes a failed exchange: the device goes offline at once if `lost` holds a reason, otherwise after a while.
+    /// Returns true if the measurement has changed.
     pub fn silence(&mut self, now_ns: u64, lost: Option<u32>) -> bool {
         let silent = now_ns.saturating_sub(self.last_exchange_ns) > self.offline_after_ns;
         if lost.is_none() && !silent {
@@ -146,44 +148,45 @@ impl DeviceSession {
         true
     }
 
-    /// Brings the device to rest, releases its outputs and follows nobody any more.
+    /// Brings the device to rest, releases its outputs and accepts no further commands.
     pub fn terminate(&mut self) {
         self.terminating = true;
         self.player.terminate();
     }
 
-    /// After [`DeviceSession::terminate`]: it rests and its outputs have been released, or it is not reached anyway.
+    /// After [`DeviceSession::terminate`]: returns true if the device is at rest and its outputs have been released, or
+    /// if it is offline.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         let offline = self.measurement.state == DeviceState::Offline as u32;
         offline || (self.released && self.player.is_holding())
     }
 
-    /// The device follows us; an arm should be let go before the driver ends.
+    /// Returns true for an arm in command mode, which must be released before the driver ends.
     #[must_use]
     pub fn needs_release(&self) -> bool {
         self.commandable && self.measurement.joints > 0
     }
 
-    /// What the executor is to read.
+    /// Returns the measurement for the executor's board.
     #[must_use]
     pub fn measurement(&self) -> &Measurement {
         &self.measurement
     }
 
-    /// The player.
+    /// Returns the set-point player.
     #[must_use]
     pub fn player(&self) -> &SetPointPlayer {
         &self.player
     }
 
-    /// Bit i: analog output i is commanded out of its range.
+    /// Bit i: analog output i is commanded outside its range.
     #[must_use]
     pub fn out_of_range(&self) -> u64 {
         self.release.out_of_range()
     }
 
-    /// What the device says.
+    /// Updates the part of the measurement that comes from the device.
     fn update_inputs(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
         let periods = self.measurement.periods + exchange.ticks.max(1);
         self.measurement = Measurement {
@@ -207,7 +210,7 @@ impl DeviceSession {
         };
     }
 
-    /// What the player does.
+    /// Updates the part of the measurement that comes from the player.
     fn update_state(&mut self, exchange: &Exchange) {
         let player = &self.player;
         let range = match self.release.out_of_range() {
@@ -215,12 +218,12 @@ impl DeviceSession {
             _ => reason::ANALOG_RANGE,
         };
         let state = player.state();
-        // What has stopped it once is history when it is ready again.
+        // Once the device is ready again, the reason of an earlier stop no longer applies.
         let history = match state {
             DeviceState::Ready | DeviceState::Commanded => 0,
             _ => player.reason(),
         };
-        // First: nothing at the device helps against it.
+        // Has priority: nothing done at the device can remedy it.
         let executor_incompatible = match self.executor_incompatible {
             true => reason::OTHER_CONFIGURATION,
             false => 0,
@@ -255,5 +258,5 @@ fn tick(exchange: &Exchange) -> DeviceCycle {
     }
 }
 
-/// Longest pause between two looks at the commands, in periods of the executor.
+/// Longest interval between two looks at the command board, in executor periods.
 pub const OBSERVE_PERIODS_MAX: u64 = 4;

@@ -1,8 +1,9 @@
-//! What people are content about a device's connection: counters since the driver started, and its last minute second by second.
-//! Counted by the exchange thread; a thread of its own writes them into `<cell>/drivers/<device>.json` once a second.
+//! Writes the diagnosis file of a device's connection: counters since the driver started, and the last minute second by
+//! second.
+//! Counted by the exchange thread; a helper thread writes them to `<cell>/drivers/<device>.json` once per second.
 //!
-//! A file, because it can be read by anybody at any time, with or without loader and executor, and a dead driver's last
-//! word stays until its successor writes.
+//! A file can be read by anyone at any time, without loader and executor, and after a crash of the driver it stays
+//! until the next driver overwrites it.
 
 use std::collections::VecDeque;
 use std::fs;
@@ -21,18 +22,18 @@ use serde::Serialize;
 use super::reason::{self, Reason};
 use crate::driver;
 
-/// How long a file may take on a slow disk.
+/// Watchdog limit for writing the file, for slow disks.
 const TURN_MAX: Duration = Duration::from_secs(60);
 /// How long the end waits for the thread.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// Form of the file.
+/// Version of the file's schema.
 const SCHEMA: u32 = 1;
-/// Time between two lines of the history.
+/// Interval of the history.
 const EVERY: Duration = Duration::from_secs(1);
-/// Lines of the history.
+/// Number of entries in the history.
 pub const SECONDS_MAX: usize = 60;
 
-/// Written by the exchange thread, read by the writing one; Relaxed, because each figure stands for itself.
+/// Written by the exchange thread, read by the helper thread; Relaxed, because each counter is independent.
 #[derive(Debug, Default)]
 struct LinkCounters {
     state: AtomicU32,
@@ -42,28 +43,28 @@ struct LinkCounters {
     late: AtomicU64,
     refused: AtomicU64,
     starved: AtomicU64,
-    /// Since the last line: sum, count and smallest quality.
+    /// Quality since the last entry: sum, count and minimum.
     quality_sum: AtomicU64,
     quality_count: AtomicU64,
     quality_min: AtomicU32,
 }
 
-/// One second.
+/// One entry of the history.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SecondSummary {
-    /// Smallest quality, thousandths; 0 when nothing was exchanged.
+    /// Smallest quality, thousandths; 0 without any exchange.
     pub quality_min: u32,
     /// Mean quality, thousandths.
     pub quality_mean: u32,
-    /// Exchanges.
+    /// Number of exchanges.
     pub exchanges: u64,
-    /// Answers that came too late or got lost.
+    /// Number of answers that were late or lost.
     pub late: u64,
-    /// Datagrams refused.
+    /// Number of datagrams refused.
     pub refused: u64,
 }
 
-/// The content of the file.
+/// Content of the diagnosis file.
 #[derive(Debug, Serialize)]
 struct DiagnosisContent<'a> {
     schema: u32,
@@ -71,7 +72,7 @@ struct DiagnosisContent<'a> {
     driver: &'a str,
     pid: u32,
     incarnation: String,
-    /// Seconds since the epoch: when this driver began, and now.
+    /// Start of this driver and time of writing, in seconds since the epoch.
     since: u64,
     at: u64,
     state: &'static str,
@@ -82,16 +83,16 @@ struct DiagnosisContent<'a> {
     late: u64,
     refused: u64,
     starved: u64,
-    /// Times that the device went offline, and when it did last; seconds since the epoch.
+    /// Number of times that the device went offline, and the last of them in seconds since the epoch.
     losses: u64,
     lost_at: Option<u64>,
-    /// Oldest first.
+    /// History, oldest entry first.
     seconds: &'a VecDeque<SecondSummary>,
-    /// What only this driver knows.
+    /// The driver's own counters, see [`driver::LinkDiagnosis`].
     link: serde_json::Value,
 }
 
-/// Who writes about whom.
+/// State of the helper thread that writes the file.
 struct DiagnosisWriter {
     path: PathBuf,
     device: String,
@@ -107,7 +108,7 @@ struct DiagnosisWriter {
     lost_at: Option<u64>,
 }
 
-/// The counters of one driver's life; dropping it ends the helper threads, and the file goes.
+/// Counters of one run of a driver. Dropping it ends the helper threads and removes the file.
 #[derive(Debug)]
 pub struct DiagnosisFile {
     counters: Arc<LinkCounters>,
@@ -116,10 +117,10 @@ pub struct DiagnosisFile {
 }
 
 impl DiagnosisFile {
-    /// Begins to tell about `device`; `link` is what its driver counts.
+    /// Starts writing the diagnosis of `device`; `link` gives the driver's own counters.
     ///
     /// # Errors
-    /// The system refuses a thread.
+    /// Returns an error if the operating system refuses to create a thread.
     pub fn start(
         cell: &Cell,
         device: &DeviceConfig,
@@ -147,7 +148,8 @@ impl DiagnosisFile {
         helpers.spawn("diagnosis", TURN_MAX, move |helper| {
             while !helper.rest(EVERY) {
                 writer.next_second();
-                // A full disk, or a folder that was wiped away: there is nobody to tell, and the next second comes.
+                // A full disk, or a folder that was removed: nobody to report to, and the next second brings another
+                // attempt.
                 let _ = writer.write();
             }
         })?;
@@ -158,7 +160,7 @@ impl DiagnosisFile {
         })
     }
 
-    /// One turn of the exchange loop.
+    /// Counts one turn of the exchange loop.
     pub fn update(&self, measurement: &Measurement) {
         let counters = &self.counters;
         counters.state.store(measurement.state, Relaxed);
@@ -184,12 +186,13 @@ impl DiagnosisFile {
 
 impl Drop for DiagnosisFile {
     fn drop(&mut self) {
-        // Otherwise it might write once more; a disk that hangs keeps no process from ending.
+        // Otherwise the thread might write once more; the wait is bounded, since a hanging disk must not keep the
+        // process from ending.
         self.helpers.end();
         let _ = self
             .helpers
             .join(FAREWELL, &["events", "notify", "signals"]);
-        // An orderly end leaves nothing; it may not have been written yet.
+        // An orderly end leaves no file; it may not even have been written yet.
         let _ = fs::remove_file(&self.path);
     }
 }
@@ -266,7 +269,7 @@ impl DiagnosisWriter {
     }
 }
 
-/// A reader sees the old file or the new one.
+/// Replaces the file by a rename, so that a reader sees either the old or the new content.
 fn write_atomically(path: &Path, text: &[u8]) -> io::Result<()> {
     let beside = path.with_extension("new");
     fs::write(&beside, text)?;

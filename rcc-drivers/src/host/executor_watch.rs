@@ -1,5 +1,6 @@
-//! Watches the announcements for the executor, and opens and closes its device's commands for the host's thread.
-//! One helper thread; the host's thread only takes finished boards from a channel and gives old ones back.
+//! Watches the announcements for the executor, and opens and closes the command board of its device for the host's
+//! thread.
+//! Run by one helper thread; the host's thread only receives opened boards through a channel and sends old ones back.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
@@ -10,35 +11,36 @@ use rcc_ipc::log_throttle::LogThrottle;
 use rcc_ipc::{Announcement, CommandReader, Liveness, ProcessMismatch, Role, Session};
 use rcc_process::{Helper, Helpers};
 
-/// How long a look may take: announcements are read and boards opened.
+/// Watchdog limit of one turn, which reads announcements and opens boards.
 const TURN_MAX: Duration = Duration::from_secs(5);
-/// How often the announcements are looked at.
+/// Interval at which the announcements are read.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// What has become of the executor.
+/// A change in the state of the executor.
 #[derive(Debug)]
 pub enum ExecutorEvent {
-    /// Where it writes the commands.
+    /// The executor's command board has been opened.
     Commands(CommandReader),
-    /// It is gone.
+    /// The executor is gone.
     Gone,
-    /// It is of another build, or was started with another configuration of this device: what it writes is not looked at.
+    /// The executor belongs to another build, or was started with another configuration of this device: its commands
+    /// are ignored.
     Incompatible,
 }
 
-/// The ends of the helper thread.
+/// The host's ends of the channels to the helper thread.
 #[derive(Debug)]
 pub struct ExecutorWatch {
     events_in: Receiver<ExecutorEvent>,
-    /// Where boards are given back to be closed.
+    /// Sends boards back to be closed by the helper thread.
     old: Sender<CommandReader>,
 }
 
 impl ExecutorWatch {
-    /// Begins to watch the cell of `session` for the commands of the device whose driver is announced as `own`.
+    /// Starts watching the cell of `session` for the commands of the device whose driver is announced as `own`.
     ///
     /// # Errors
-    /// The system refuses a thread.
+    /// Returns an error if the operating system refuses to create a thread.
     pub fn start(
         session: Session,
         own: Announcement,
@@ -65,15 +67,15 @@ impl ExecutorWatch {
         })
     }
 
-    /// What has changed since the last time, if anything; does not wait.
+    /// Returns the next change, if any; does not block.
     #[must_use]
     pub fn next_event(&self) -> Option<ExecutorEvent> {
         self.events_in.try_recv().ok()
     }
 
-    /// Gives a board back that is no longer read.
+    /// Hands back a board that is no longer read.
     pub fn give_back(&self, board: CommandReader) {
-        // Without its thread the board is closed here.
+        // If the thread has ended, the board is closed here.
         drop(self.old.send(board));
     }
 }
@@ -87,28 +89,28 @@ fn watch(mut state: WatchState, old: &Receiver<CommandReader>, helper: &Helper) 
     }
 }
 
-/// The host's thread takes no events_in any more.
+/// The host's thread no longer receives events.
 struct HostGone;
 
-/// What the thread knows and tells.
+/// State of the helper thread.
 struct WatchState {
     session: Session,
-    /// Name of the device's commands.
+    /// Name of the device's command board.
     board: String,
     own: Announcement,
     event_sender: Sender<ExecutorEvent>,
     recorder: EventRecorder,
     followed: Option<Announcement>,
-    /// The executor that is not followed because of its build or configuration.
+    /// The executor that is ignored because of its build or configuration.
     incompatible: Option<Announcement>,
-    /// The last last_error, so that it is made once.
+    /// The last error that was logged, so that each is logged once.
     last_error: String,
     unknown_throttle: LogThrottle,
 }
 
 impl WatchState {
-    /// Lets go of an executor that is known to be dead, and follows one that is known to live and means the same by our
-    /// device's channels.
+    /// Drops an executor that is known to be dead; follows one that is known to be alive and agrees on the
+    /// configuration of our device.
     fn look(&mut self) -> Result<(), HostGone> {
         let known = [&self.followed, &self.incompatible];
         let known = known.map(|one| one.as_ref().map(|one| (one.incarnation, one.liveness())));
@@ -122,7 +124,7 @@ impl WatchState {
                         .send(ExecutorEvent::Gone)
                         .map_err(|_| HostGone)?;
                 }
-                // It is followed on: without fresh commands the device is brought to rest anyway.
+                // The executor is still followed: without fresh commands the device is brought to rest anyway.
                 Liveness::Unknown(error) => self.report_unknown(error),
             }
         }
@@ -133,7 +135,7 @@ impl WatchState {
         if known.iter().flatten().any(is_known) {
             return Ok(());
         }
-        // Once in a life of the executor is enough: neither of us reads the configuration again or becomes another build.
+        // One check per executor process is enough: neither process reads its configuration again or changes its build.
         if let Some(why) = ProcessMismatch::about_device(&self.own, &executor, &self.own.label) {
             let (pid, remedy) = (executor.pid, why.remedy());
             tracing::warn!("takes no set-point from the executor (pid {pid}): {why}; {remedy}");
@@ -167,7 +169,7 @@ impl WatchState {
         Ok(())
     }
 
-    /// The executor that is known to live.
+    /// Returns the announcement of an executor that is known to be alive.
     fn executor(&mut self) -> Option<Announcement> {
         let announced = match self.session.cell().announced_all() {
             Ok(announced) => announced,
@@ -189,7 +191,7 @@ impl WatchState {
         None
     }
 
-    /// Whether the executor lives is not known: that is told, and nothing else is done.
+    /// Logs that the state of the executor is unknown, and does nothing else.
     fn report_unknown(&mut self, why: &dyn std::fmt::Display) {
         let Some(others) = self.unknown_throttle.admit(Instant::now()) else {
             return;

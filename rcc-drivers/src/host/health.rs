@@ -1,5 +1,5 @@
-//! How a driver does, for its supervisor: the turns of its exchange loop, its device's state and quality.
-//! Written by the exchange thread, read by the thread that talks to the supervisor.
+//! The state of a driver for its supervisor: turns of the exchange loop, state and quality of the device.
+//! Written by the exchange thread, read by the thread that notifies the supervisor.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -8,7 +8,7 @@ use rcc_core::message::{DeviceState, Measurement};
 
 use super::reason::{self, Reason};
 
-/// Written by the one, read by the other; Relaxed, because nothing else is told with any of them.
+/// Shared between the two threads; Relaxed, because each value is independent.
 #[derive(Debug)]
 pub struct DriverHealth {
     turns: AtomicU64,
@@ -20,7 +20,7 @@ pub struct DriverHealth {
 }
 
 impl DriverHealth {
-    /// Of a driver with these reasons.
+    /// State of a driver with these reasons.
     #[must_use]
     pub fn new(reasons: &'static [Reason]) -> Arc<DriverHealth> {
         Arc::new(DriverHealth {
@@ -33,7 +33,7 @@ impl DriverHealth {
         })
     }
 
-    /// The loop has turned once more.
+    /// Counts one turn of the exchange loop.
     pub fn update(&self, measurement: &Measurement) {
         self.state.store(measurement.state, Ordering::Relaxed);
         self.reason.store(measurement.reason, Ordering::Relaxed);
@@ -43,7 +43,7 @@ impl DriverHealth {
         self.turns.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// What the supervisor is told.
+    /// Returns the report for the supervisor.
     #[must_use]
     pub fn report(&self) -> rcc_process::HealthReport {
         let state = DeviceState::from_number(self.state.load(Ordering::Relaxed));

@@ -1,25 +1,27 @@
-//! How softly an arm is holding, exchange by exchange: what the followed net commands, and a smooth way there and back.
+//! Impedance set-points of an arm, exchange by exchange: those of the followed net, with smooth transitions when a net
+//! starts or ends.
 //! Pure; run by the host's thread.
 //!
-//! Within a net the guard bounds how fast a stiffness changes. Where a net begins or ends this does: from what the arm has
-//! to what it is to have, along a straight line, in the time that the configured rate needs for the largest change.
-//! Released, an arm keeps its springs, which hold it where it is, and loses what it presses with on top.
+//! Within a net, the guard bounds the rate of change of the stiffness. When a net starts or ends, this ramp does: it
+//! moves from the present to the required impedance along a straight line, in the time that the configured rate needs
+//! for the largest change. When released, an arm keeps its stiffness and damping, which hold it where it is, and loses
+//! the added force.
 
 use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
 
-/// The impedance of one arm.
+/// Ramp between the impedances of successive nets, for one arm.
 #[derive(Clone, Debug)]
 pub struct ImpedanceRamp {
     /// `None`: the arm is commanded in position only.
     limits: Option<ImpedanceLimits>,
     joints: usize,
-    /// Owner of the set-points, 0 = nobody.
+    /// Owner of the set-points; 0 = none.
     owner: u64,
-    /// What was sent last.
+    /// Impedance of the last exchange.
     sent: Impedance,
-    /// What the last net commanded last, without what it pressed with on top.
+    /// Last impedance of the last net, without its added force.
     hold_target: Impedance,
-    /// Where the way to what is commanded began.
+    /// Impedance at which the present ramp started.
     from: Impedance,
     duration_s: f64,
     elapsed_s: f64,
@@ -41,7 +43,7 @@ impl ImpedanceRamp {
         }
     }
 
-    /// The device does not follow, and runs this strategy: whatever was sent is over.
+    /// Resets the ramp while the device is not commandable: the arm is held with the default impedance of this mode.
     pub fn reset(&mut self, strategy: ControlMode) {
         let holding = self
             .limits
@@ -51,8 +53,8 @@ impl ImpedanceRamp {
         (self.duration_s, self.elapsed_s) = (0.0, 0.0);
     }
 
-    /// One exchange, `dt_s` (s) after the last, with a device that runs `strategy`; `commanded` is what the followed net
-    /// commands, and its owner.
+    /// Returns the impedance of one exchange, `dt_s` (s) after the last, with a device in mode `strategy`; `commanded`
+    /// holds the owner and the impedance of the followed net.
     pub fn next(
         &mut self,
         strategy: ControlMode,
@@ -84,7 +86,7 @@ impl ImpedanceRamp {
         self.sent
     }
 
-    /// How long it takes from what was sent to `goal`, s.
+    /// Returns the duration of the ramp from the present impedance to `goal`, s.
     fn duration(&self, strategy: ControlMode, goal: &Impedance) -> f64 {
         let Some(limits) = self.limits else {
             return 0.0;
@@ -104,7 +106,8 @@ impl ImpedanceRamp {
     }
 }
 
-/// From one (part 0) to the other (part 1); both are within the limits, and so is what lies between.
+/// Interpolates linearly from `from` (part 0) to `to` (part 1). Both are within the limits, and so is every value
+/// between them.
 fn mixed(from: &Impedance, to: &Impedance, part: f64) -> Impedance {
     let mix = |from: &[f64; 8], to: &[f64; 8]| {
         let mut mix = *to;
@@ -163,14 +166,14 @@ mod tests {
             last = sent;
             sent
         };
-        // 20 N of 50 N are 0.4, of 5000 N/m the 1900 N/m are 0.38: 200 ms.
+        // 20 N of 50 N are 0.4; 1900 N/m of 5000 N/m are 0.38; at a rate of 2/s the ramp takes 200 ms.
         let sent: Vec<Impedance> = (0..200).map(|_| step(Some((1, &soft)))).collect();
         assert!(sent[198] != soft && sent[199] == soft);
-        // While it commands, exactly what it commands.
+        // During the net, the impedance is exactly the commanded one.
         let mut other = soft;
         other.stiffness[2] = 105.0;
         assert_eq!(step(Some((1, &other))), other);
-        // Released: no force after 200 ms, and the springs stay.
+        // After release: the force is 0 after 200 ms, and the stiffness stays.
         let sent: Vec<Impedance> = (0..200).map(|_| step(None)).collect();
         assert!(sent[0].added[2] < -19.0 && sent[198].added[2] < 0.0);
         assert_eq!(
@@ -199,7 +202,7 @@ mod tests {
         impedance_ramp.reset(CARTESIAN);
         let sent = impedance_ramp.next(CARTESIAN, None, DT_S);
         assert_eq!(sent, LIMITS.default_hold(CARTESIAN, 7));
-        // And a set-point for another strategy is none.
+        // A set-point for another mode is ignored.
         let sent = impedance_ramp.next(ControlMode::JointImpedance, Some((1, &soft)), DT_S);
         assert_eq!(sent, LIMITS.default_hold(ControlMode::JointImpedance, 7));
         let mut plain = ImpedanceRamp::new(None, 7);

@@ -1,4 +1,4 @@
-//! What an arm may do, from its robot's configuration.
+//! The limits of an arm, from its robot's configuration.
 //! Plain data, read by the host's thread.
 
 use rcc_config::DeviceConfig;
@@ -10,16 +10,16 @@ use rcc_motion::StopLimits;
 /// The limits of an arm; elements beyond its joints are 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArmLimits {
-    /// What the guard enforces.
+    /// Limits that the guard enforces.
     pub joints: JointLimits,
     /// Largest |jerk|, rad/s³.
     pub jerk_max: Joints,
-    /// What impedance set-points may be; `None`: the arm is commanded in position only.
+    /// Limits of impedance set-points; `None`: the arm is commanded in position only.
     pub impedance: Option<ImpedanceLimits>,
 }
 
 impl ArmLimits {
-    /// The limits of a device's robot; of plain I/O, those of no joints.
+    /// Returns the limits of a device's robot; plain I/O has limits of zero joints.
     #[must_use]
     pub fn of(device: &DeviceConfig) -> Self {
         let mut jerk_max = [0.0; JOINTS_MAX];
@@ -34,7 +34,7 @@ impl ArmLimits {
         }
     }
 
-    /// What coming to rest may use.
+    /// Returns the limits of a stop.
     #[must_use]
     pub fn rest(&self) -> StopLimits {
         StopLimits {

@@ -1,5 +1,5 @@
-//! The outputs of a device: what is commanded, or what each channel's `on_release` says when nobody commands it.
-//! Pure; run by the host's thread, once for each exchange.
+//! The outputs of a device: the commanded values, or those of each channel's `on_release` without a command.
+//! Pure; run by the host's thread, once per exchange.
 
 use rcc_config::{DeviceConfig, OnRelease};
 use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, SetPoint};
@@ -7,25 +7,26 @@ use rcc_core::primitive::ChannelKind;
 
 use crate::driver::Outputs;
 
-/// The rule of one output.
+/// Configuration of one output.
 #[derive(Clone, Copy, Debug)]
 struct OutputRule {
     on_release: OnRelease,
     range: Option<[f64; 2]>,
 }
 
-/// The outputs of one device and how they are released.
+/// The outputs of one device with their release rules.
 #[derive(Clone, Debug)]
 pub struct OutputRelease {
     digital: Vec<OutputRule>,
     analog: Vec<OutputRule>,
     values: Outputs,
-    /// Bit i: analog output i is commanded out of its range.
+    /// Bit i: analog output i is commanded outside its range.
     out_of_range: u64,
 }
 
 impl OutputRelease {
-    /// The outputs of `device` before anybody commands: at their safe values; one that holds has none yet.
+    /// The outputs of `device` before the first command: those with a safe value have it, those that hold have no value
+    /// yet.
     #[must_use]
     pub fn new(device: &DeviceConfig) -> Self {
         let rules = |kind, most| -> Vec<OutputRule> {
@@ -33,7 +34,7 @@ impl OutputRelease {
                 .channels_of(kind)
                 .take(most)
                 .map(|channel| OutputRule {
-                    // The configuration has one for every output.
+                    // The configuration gives one for every output.
                     on_release: channel.on_release.unwrap_or(OnRelease::Safe(0.0)),
                     range: channel.range,
                 })
@@ -49,7 +50,7 @@ impl OutputRelease {
         release
     }
 
-    /// Takes over what `entry` commands and releases the rest; joint positions are not looked at.
+    /// Applies the commanded outputs of `entry` and releases the others; ignores the joint positions.
     pub fn apply(&mut self, entry: &SetPoint) -> &Outputs {
         for (rule, index) in self.digital.iter().zip(0..) {
             let bit = 1_u64 << index;
@@ -77,13 +78,13 @@ impl OutputRelease {
         &self.values
     }
 
-    /// What the outputs are now.
+    /// Returns the present outputs.
     #[must_use]
     pub fn values(&self) -> &Outputs {
         &self.values
     }
 
-    /// Bit i: analog output i is commanded out of its range, and released for that.
+    /// Bit i: analog output i is commanded outside its range, and therefore released.
     #[must_use]
     pub fn out_of_range(&self) -> u64 {
         self.out_of_range
@@ -95,7 +96,7 @@ mod tests {
     use super::*;
     use crate::conformance::device;
 
-    /// Outputs: `safe` (off) and `keeps`; `speed` with 0..0.5 m/s and safe 0.1, `level` that holds.
+    /// Outputs: `safe` (off), `keeps` (holds), `speed` (0 to 0.5 m/s, safe value 0.1) and `level` (holds).
     fn release() -> OutputRelease {
         OutputRelease::new(&device(
             "none",

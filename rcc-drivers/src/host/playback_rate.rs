@@ -1,30 +1,31 @@
-//! How fast set-points are played, in set-points a period: 1, but for a while less or more when the two clocks have
-//! drifted apart. Pure; run by the host's thread.
+//! Playback rate in set-points per period: nominally 1, temporarily less or more after the two clocks have drifted
+//! apart.
+//! Pure; run by the host's thread.
 //!
-//! Playing slower stays on the path (time scaling): with s(t) the place on it, q̈ = q″·ṡ² + q′·s̈. The slope of the pace
-//! is bounded so that the second term stays within what the first leaves of the acceleration limit.
+//! Slower playback stays on the path (time scaling): with s(t) the path position, q̈ = q″·ṡ² + q′·s̈. The slope of the
+//! rate is bounded so that the second term stays within the acceleration that the first term leaves.
 
 use rcc_core::message::{Joints, SET_POINTS};
 use rcc_motion::StopLimits;
 
 use super::limits::ArmLimits;
 
-/// PlaybackRate while the margin is being won back; a player of 1 kHz wins 5 set-points in 0.1 s.
+/// Rate while the margin is being restored; a player at 1 kHz gains 5 set-points in 0.1 s.
 const RECOVERING: f64 = 0.95;
-/// PlaybackRate while a device that fell behind catches up.
+/// Largest rate while a device that fell behind catches up.
 const CATCHING_UP: f64 = 1.05;
-/// More set-points than this beyond the delay, for this long (s), are too many: it catches up with them. Less is the play
-/// of two clocks.
+/// The device catches up once the margin exceeds the delay by more than this number of set-points for this time (s). A
+/// smaller surplus is normal jitter between the two clocks.
 const SURPLUS: f64 = 1.5;
 const SURPLUS_TIME_S: f64 = 0.1;
-/// The part of what a limit leaves that a change of pace may use.
+/// Share of the remaining limit that a change of the rate may use.
 const SHARE: f64 = 0.5;
-/// Steepest change of pace, 1/s.
+/// Largest slope of the rate, 1/s.
 const SLOPE_MAX: f64 = 10.0;
 /// Largest change of that slope, 1/s².
 const CURVE_MAX: f64 = 1000.0;
 
-/// Velocity and acceleration of the set-points around the pointer, at a pace of 1.
+/// Velocity and acceleration of the set-points at the pointer, at a rate of 1.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct JointMotion {
     /// rad/s.
@@ -34,9 +35,10 @@ pub struct JointMotion {
 }
 
 impl JointMotion {
-    /// The motion at the end of the `dt_s` (s) that these are mean values over. What is sent keeps the limits, so what
-    /// they cannot be is an error of the estimate, large when periods were lost: the velocity stays below its limit, and
-    /// the acceleration a below what its own end (a²/2J) still adds to it.
+    /// Returns the motion at the end of an interval of `dt_s` (s) over which these are mean values. The set-points that
+    /// were sent keep the limits, so a value beyond them is an estimation error, large when periods were lost: the
+    /// velocity is clamped to its limit, and the acceleration a to the value whose removal (a²/2J) keeps the velocity
+    /// within its limit.
     pub(super) fn at_its_end(&self, dt_s: f64, limits: &StopLimits) -> JointMotion {
         let mut end = *self;
         let rows = end.velocity.iter_mut().zip(&mut end.acceleration);
@@ -55,13 +57,13 @@ impl JointMotion {
     }
 }
 
-/// The pace and how it changes.
+/// Controller of the playback rate.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaybackRate {
     rate: f64,
     slope: f64,
     mode: RateMode,
-    /// How long there have been too many set-points, s.
+    /// Time for which there has been a surplus of set-points, s.
     surplus_s: f64,
 }
 
@@ -73,7 +75,7 @@ enum RateMode {
 }
 
 impl PlaybackRate {
-    /// Exactly 1.
+    /// Rate of exactly 1.
     pub const NOMINAL: PlaybackRate = PlaybackRate {
         rate: 1.0,
         slope: 0.0,
@@ -81,7 +83,7 @@ impl PlaybackRate {
         surplus_s: 0.0,
     };
 
-    /// The pace of the next `dt_s` (s), when `margin` set-points are left to play and `delay` are wanted.
+    /// Returns the rate for the next `dt_s` (s), with `margin` set-points left to play and `delay` set-points wanted.
     pub fn next(
         &mut self,
         (margin, delay): (f64, f64),
@@ -111,7 +113,7 @@ impl PlaybackRate {
         };
         let (slope_max, curve_max) = self.bounds(motion, limits);
         let gap = target - self.rate;
-        // As steep as can still be flattened before the target.
+        // The steepest slope that can still be flattened before the target is reached.
         let wanted = (2.0 * gap.abs() * curve_max)
             .sqrt()
             .min(slope_max)
@@ -122,7 +124,7 @@ impl PlaybackRate {
         self.slope = self.slope.clamp(-slope_max, slope_max);
         self.rate = (self.rate + self.slope * dt_s).clamp(0.0, CATCHING_UP);
         if (target - self.rate).abs() <= 1e-6 {
-            // Exactly, so that an even pace stays an even one.
+            // Set exactly, so that a nominal rate stays exactly 1.
             (self.rate, self.slope) = (target, 0.0);
         }
         self.rate
@@ -146,7 +148,7 @@ impl PlaybackRate {
     }
 }
 
-/// The pace at which velocity and acceleration stay within their limits, between 1 and [`CATCHING_UP`].
+/// Returns the rate at which velocity and acceleration stay within their limits, between 1 and [`CATCHING_UP`].
 fn fastest(motion: &JointMotion, limits: &ArmLimits) -> f64 {
     let limits = &limits.joints;
     let rows = motion.velocity.iter().zip(&motion.acceleration);

@@ -1,13 +1,13 @@
-//! The numbers by which the host and the drivers say why a device is not ready, or why it stopped.
-//! One table; the announcement of a driver carries the lines that belong to it.
+//! Numbers that say why a device is not ready or has stopped.
+//! One table for the host; a driver's announcement carries the host's and its own rows.
 
-/// A number and what it means to a person.
+/// A reason number and its meaning.
 pub type Reason = (u32, &'static str);
 
 macro_rules! reasons {
     ($($name:ident = $number:literal, $text:literal;)*) => {
         $(#[doc = $text] pub const $name: u32 = $number;)*
-        /// The host's reasons; a driver's begin at 100.
+        /// The host's reasons; a driver's start at 100.
         pub const HOST_REASONS: &[Reason] = &[$(($number, $text)),*];
     };
 }
@@ -31,7 +31,7 @@ reasons! {
     OTHER_CONFIGURATION = 16, "the executor is of another build, or was started with another configuration of this device: restart the cell";
 }
 
-/// What a number means, among the host's and `drivers`.
+/// Returns the meaning of a number among the host's reasons and those of `drivers`.
 #[must_use]
 pub fn meaning(number: u32, drivers: &[Reason]) -> &'static str {
     HOST_REASONS
@@ -41,7 +41,7 @@ pub fn meaning(number: u32, drivers: &[Reason]) -> &'static str {
         .map_or("unknown reason", |row| row.1)
 }
 
-/// The word for people in a driver's announcement: one line a reason, `NUMBER TEXT`.
+/// Returns the note of a driver's announcement: one line `NUMBER TEXT` per reason.
 #[must_use]
 pub fn note(drivers: &[Reason]) -> String {
     HOST_REASONS

@@ -1,34 +1,34 @@
-//! The set-points that an executor has written, without gap up to the newest.
-//! Pure; run by the host's thread, which looks often enough to miss none.
+//! Ring buffer of an executor's set-points, without gaps up to the newest.
+//! Pure; run by the host's thread, which updates it often enough to miss none.
 
 use rcc_core::message::{CommandImage, MAGIC, SET_POINTS, SetPoint};
 
-/// Set-points buffered: what a device may fall behind before it must stop.
+/// Capacity in set-points: how far a device may fall behind before it must stop.
 pub const BUFFER_LENGTH: usize = SET_POINTS;
 
-/// No executor comes this far: 285 years of cycles of 1 µs. Numbers beyond it are not counted with.
+/// Largest valid cycle number: 285 years at 1 µs. An image with a larger number is ignored.
 const SEQUENCE_MAX: u64 = 1 << 53;
-/// No executor is slower: what a cell's configuration allows, ns.
+/// Longest executor period that a cell's configuration allows, ns.
 const PERIOD_MAX_NS: u64 = 1_000_000_000;
 
-/// What a look at the board brought.
+/// Result of reading the command board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferUpdate {
-    /// Nothing new.
+    /// No new set-points.
     None,
-    /// Continued set-points of the same executor; some in between may be missing.
+    /// Further set-points of the same executor; some between the last and these may be missing.
     Continued,
-    /// The first set-points of an executor: what was buffered is forgotten.
+    /// First set-points of another executor: the buffer was cleared.
     NewExecutor,
 }
 
-/// The newest set-points of one executor, by the number of their cycle.
+/// The newest set-points of one executor, indexed by cycle number.
 #[derive(Clone, Debug)]
 pub struct SetPointBuffer {
     entries: [SetPoint; BUFFER_LENGTH],
-    /// Incarnation of the executor, 0 = none yet.
+    /// Incarnation of the executor; 0 = none yet.
     executor: u64,
-    /// Cycles `oldest..=newest` are there; none if `newest` is 0.
+    /// Cycles `oldest..=newest` are buffered; none if `newest` is 0.
     oldest: u64,
     newest: u64,
     stamp_ns: u64,
@@ -49,8 +49,8 @@ impl Default for SetPointBuffer {
 }
 
 impl SetPointBuffer {
-    /// Copies what is new. An image that no executor has written yet is ignored, and so is one whose numbers no executor
-    /// writes.
+    /// Copies the new set-points. Ignores an image that has not been written yet, or whose numbers no executor can
+    /// produce.
     pub fn update(&mut self, image: &CommandImage) -> BufferUpdate {
         if image.head.magic != MAGIC
             || !(1..=SEQUENCE_MAX).contains(&image.head.sequence)
@@ -96,7 +96,7 @@ impl SetPointBuffer {
         }
     }
 
-    /// The set-point of cycle `sequence`, if it is buffered.
+    /// Returns the set-point of cycle `sequence`, if it is buffered.
     #[must_use]
     pub fn at(&self, sequence: u64) -> Option<&SetPoint> {
         (self.oldest..=self.newest)
@@ -105,44 +105,44 @@ impl SetPointBuffer {
             .flatten()
     }
 
-    /// The position of cycle `sequence`, if it is buffered and commands one.
+    /// Returns the set-point of cycle `sequence`, if it is buffered and commands the joints.
     #[must_use]
     pub fn commanded(&self, sequence: u64) -> Option<&SetPoint> {
         self.at(sequence).filter(|entry| commands_joints(entry))
     }
 
-    /// Number of the newest cycle, 0 = none.
+    /// Returns the number of the newest cycle; 0 = none.
     #[must_use]
     pub fn newest(&self) -> u64 {
         self.newest
     }
 
-    /// Number of the oldest cycle that is buffered.
+    /// Returns the number of the oldest buffered cycle.
     #[must_use]
     pub fn oldest(&self) -> u64 {
         self.oldest
     }
 
-    /// The executor's incarnation, 0 = none yet.
+    /// Returns the executor's incarnation; 0 = none yet.
     #[must_use]
     pub fn executor(&self) -> u64 {
         self.executor
     }
 
-    /// CLOCK_MONOTONIC at which the newest set-point was written.
+    /// Returns the CLOCK_MONOTONIC time at which the newest set-point was written, ns.
     #[must_use]
     pub fn stamp_ns(&self) -> u64 {
         self.stamp_ns
     }
 
-    /// The executor's period, ns; greater than 0.
+    /// Returns the executor's period, ns; greater than 0.
     #[must_use]
     pub fn period_ns(&self) -> u64 {
         self.period_ns
     }
 }
 
-/// True if somebody commands the joints.
+/// Returns true if the set-point has a position and an owner.
 #[must_use]
 pub fn commands_joints(entry: &SetPoint) -> bool {
     entry.has_position == 1 && entry.owner != 0

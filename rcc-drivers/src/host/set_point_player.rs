@@ -1,7 +1,7 @@
 //! Plays the executor's set-points to an arm on the arm's own clock, and brings the arm to rest when they end.
-//! Pure, in virtual time; run by the host's thread, once for each exchange with the device.
+//! Pure, in virtual time; run by the host's thread, once per exchange with the device.
 //!
-//! The pointer counts the executor's cycles: logical time, one period each, whatever either wall clock did.
+//! The pointer counts executor cycles, which is logical time: one period per cycle, regardless of both wall clocks.
 
 use rcc_core::guard::{Guard, Violation};
 use rcc_core::impedance::Impedance;
@@ -21,46 +21,46 @@ mod net_start;
 #[cfg(test)]
 mod tests;
 
-/// Most device periods that one step on the way to rest may take; a device away for longer is not commandable.
+/// Most device periods per step of a stop; a device that is away for longer is not commandable.
 const TICKS_MAX: u64 = 64;
 
-/// The fixed parameters of a player.
+/// Fixed parameters of a player.
 #[derive(Clone, Copy, Debug)]
 pub struct PlayerSettings {
-    /// What the arm may do.
+    /// Limits of the arm.
     pub limits: ArmLimits,
-    /// How far the first set-point may be from where the arm is held, rad per joint.
+    /// Largest distance of a net's first set-point from the hold position, rad per joint.
     pub first_tolerance_rad: f64,
-    /// How long set-points wait before they are played, ns of the executor's time.
+    /// Delay between the arrival of a set-point and its playback, ns of executor time.
     pub delay_ns: u64,
-    /// A command image older than this is stale, ns.
+    /// Age beyond which a command image is stale, ns.
     pub command_timeout_ns: u64,
 }
 
-/// What the player needs to know about one exchange.
+/// Input of the player for one exchange with the device.
 #[derive(Clone, Copy, Debug)]
 pub struct DeviceCycle {
-    /// Device periods since the last one.
+    /// Number of device periods since the last exchange.
     pub ticks: u64,
     /// Period of the device, ns.
     pub period_ns: u64,
-    /// The device follows what it is sent.
+    /// The device follows set-points.
     pub commandable: bool,
-    /// A net may begin.
+    /// A net may start.
     pub startable: bool,
-    /// [`rcc_core::impedance::ControlMode`] that the device runs, as a number.
+    /// Control mode that the device runs, as the number of a [`rcc_core::impedance::ControlMode`].
     pub strategy: u64,
-    /// Where the device holds itself while not commandable, rad.
+    /// Position at which the device holds itself while it is not commandable, rad.
     pub mirror: Joints,
 }
 
 impl DeviceCycle {
-    /// The device's period, s; greater than 0.
+    /// Returns the device's period, s; greater than 0.
     fn period_s(&self) -> f64 {
         self.period_ns.max(1) as f64 * 1e-9
     }
 
-    /// Time since the last exchange, s; greater than 0.
+    /// Returns the time since the last exchange, s; greater than 0.
     fn dt_s(&self) -> f64 {
         self.ticks.max(1) as f64 * self.period_s()
     }
@@ -68,17 +68,17 @@ impl DeviceCycle {
 
 #[derive(Clone, Copy, Debug)]
 enum PlayerPhase {
-    /// At rest at `hold`.
+    /// At rest at the position sent last.
     Holding,
-    /// At rest, until enough set-points from `first` on are there.
+    /// At rest, until the delay after the set-point of cycle `first` has passed.
     Waiting { first: u64 },
     /// The pointer moves along the set-points.
     Following,
-    /// On the way to rest, as `rest` says.
+    /// Coming to rest along the profile in `rest`.
     Stopping,
 }
 
-/// What was sent last, and how it moved; mean values over the last periods.
+/// The last position sent, with its velocity and acceleration as mean values over the last periods.
 #[derive(Clone, Copy, Debug, Default)]
 struct SentSetPoint {
     position: Joints,
@@ -117,53 +117,53 @@ impl SentSetPoint {
 /// Counters since the driver started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlayerCounts {
-    /// Times that there was no set-point to play while the arm moved.
+    /// Number of times that set-points ran out while the arm moved.
     pub starved: u64,
-    /// Exchanges that had to do without their set-point while the executor's clock follows the device.
+    /// Number of exchanges without a set-point of their own, while the executor's clock follows the device.
     pub bridged: u64,
-    /// Set-points that broke a limit, and nets refused at their first one.
+    /// Number of set-points that violated a limit, and of nets refused at their first set-point.
     pub violations: u64,
 }
 
-/// The player of one arm.
+/// Set-point player of one arm.
 #[derive(Clone, Debug)]
 pub struct SetPointPlayer {
     settings: PlayerSettings,
-    /// The executor's clock follows this device: no set-point waits, see `direct`.
+    /// The executor's clock follows this device: set-points are not delayed, see `lockstep`.
     leads_clock: bool,
     guard: Guard,
     buffer: SetPointBuffer,
     phase: PlayerPhase,
     rest: Option<StopTrajectory>,
-    /// The board is there and fresh.
+    /// The command board is present and fresh.
     executor_live: bool,
-    /// Newest cycle that has been looked at for somebody who begins to command.
+    /// Newest cycle that has been checked for the start of a net.
     cursor: u64,
-    /// This owner is not followed, 0 = everybody is.
+    /// The owner whose set-points are ignored; 0 = none.
     refused_owner: u64,
-    /// A stop was asked for: nobody is followed any more.
+    /// A stop was requested: no set-points are followed any more.
     terminating: bool,
     commandable: bool,
     startable: bool,
-    /// The device's.
+    /// Control mode of the device.
     strategy: u64,
     sent: SentSetPoint,
-    /// `sent` is where the device is or was sent: not before its first exchange, nor after it was lost.
+    /// `sent` is a real position of the device: false before its first exchange and after it was lost.
     position_known: bool,
-    /// The device's, s.
+    /// Period of the device, s.
     period_s: f64,
-    /// Whose outputs hold now.
+    /// The set-point whose outputs are in effect.
     outputs: SetPoint,
     pointer: u64,
     pointer_fraction: f64,
-    /// Stays at a set-point at rest until the margin is there again.
+    /// Waits on a set-point at rest until the margin is restored.
     dwelling: bool,
     playback_rate: PlaybackRate,
     start_blend: StartBlend,
     /// Each exchange plays the newest set-point.
     lockstep: bool,
     tracking_offset: TrackingOffset,
-    /// Device periods in a row without a new set-point.
+    /// Number of consecutive device periods without a new set-point.
     bridged: u64,
     reason: u32,
     violation: Option<Violation>,
@@ -207,7 +207,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// The executor's clock follows this device: each exchange plays the newest set-point, and none waits.
+    /// Declares that the executor's clock follows this device: each exchange plays the newest set-point, without delay.
     #[must_use]
     pub fn with_leading_clock(self) -> Self {
         Self {
@@ -216,11 +216,11 @@ impl SetPointPlayer {
         }
     }
 
-    /// Takes over what is new on the board (`None`: no executor), also between exchanges, often enough that none
-    /// is missed. An executor that comes, or comes back, with a net already commanding is not followed.
+    /// Takes over new set-points from the board (`None`: no executor); also called between exchanges, often enough to
+    /// miss none. A net that is already commanding when its executor appears, or reappears, is not followed.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
         let news = image.map_or(BufferUpdate::None, |image| self.buffer.update(image));
-        // A stamp from the future is no better than an old one: nobody could tell when it ages.
+        // A stamp in the future counts as stale: its age could not be determined.
         let age_ns = now_ns.abs_diff(self.buffer.stamp_ns());
         let fresh = image.is_some()
             && self.buffer.newest() > 0
@@ -239,13 +239,14 @@ impl SetPointPlayer {
         self.executor_live = fresh;
     }
 
-    /// One exchange with the device: afterwards [`SetPointPlayer::position`] and [`SetPointPlayer::outputs`] are what it is told.
+    /// Processes a whole exchange; afterwards [`SetPointPlayer::position`] and [`SetPointPlayer::outputs`] are the
+    /// values to send.
     pub fn tick(&mut self, tick: &DeviceCycle) {
         self.begin_exchange(tick);
         self.play(tick);
     }
 
-    /// The first half of an exchange: what the device said. Afterwards [`SetPointPlayer::state`] knows of it.
+    /// First half of an exchange: stores the state of the device. [`SetPointPlayer::state`] then takes it into account.
     pub fn begin_exchange(&mut self, tick: &DeviceCycle) {
         self.startable = tick.startable;
         self.strategy = tick.strategy;
@@ -254,14 +255,14 @@ impl SetPointPlayer {
             return self.mirror_device(tick);
         }
         if !self.position_known {
-            // A driver may be started while its device still follows a dead one.
+            // A driver may start while its device is still in command mode from an earlier driver.
             self.sent = SentSetPoint::at_rest(tick.mirror);
             self.position_known = true;
         }
         self.commandable = true;
     }
 
-    /// The second half: what it is told.
+    /// Second half of an exchange: computes the values to send.
     pub fn play(&mut self, tick: &DeviceCycle) {
         if tick.commandable {
             match &self.phase {
@@ -278,7 +279,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// The device was not reached for so long that nobody knows where it is.
+    /// Handles the loss of the device: its position is no longer known.
     pub fn lose(&mut self) {
         self.position_known = false;
         self.commandable = false;
@@ -287,7 +288,7 @@ impl SetPointPlayer {
         self.outputs = SetPoint::NONE;
     }
 
-    /// Brings the arm to rest and follows nobody any more.
+    /// Brings the arm to rest and accepts no further commands.
     pub fn terminate(&mut self) {
         if !self.terminating {
             self.terminating = true;
@@ -295,32 +296,32 @@ impl SetPointPlayer {
         }
     }
 
-    /// At rest: neither following nor on the way to rest.
+    /// Returns true if the arm is at rest: it neither follows nor waits nor stops.
     #[must_use]
     pub fn is_holding(&self) -> bool {
         matches!(self.phase, PlayerPhase::Holding)
     }
 
-    /// What the device is to be told, rad.
+    /// Returns the position to send to the device, rad.
     #[must_use]
     pub fn position(&self) -> &Joints {
         &self.sent.position
     }
 
-    /// The set-point whose digital and analog outputs hold now.
+    /// Returns the set-point whose digital and analog outputs are in effect.
     #[must_use]
     pub fn outputs(&self) -> &SetPoint {
         &self.outputs
     }
 
-    /// What the followed net commands besides the position, and its owner; `None`: no net is followed.
+    /// Returns the owner and the impedance of the followed net; `None`: no net is followed.
     #[must_use]
     pub fn impedance(&self) -> Option<(u64, &Impedance)> {
         let follows = matches!(self.phase, PlayerPhase::Following);
         follows.then_some((self.outputs.owner, &self.outputs.impedance))
     }
 
-    /// As told to the executor, for a device that is reached.
+    /// Returns the state for the executor, for a device that is online.
     #[must_use]
     pub fn state(&self) -> DeviceState {
         match self.phase {
@@ -331,7 +332,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// Why it is not ready, or why it stopped or refused last; 0 = fine.
+    /// Returns why the arm is not ready, or why it stopped or refused a net last; 0 = none.
     #[must_use]
     pub fn reason(&self) -> u32 {
         match (self.terminating, self.executor_live) {
@@ -341,13 +342,13 @@ impl SetPointPlayer {
         }
     }
 
-    /// The limit that was broken last.
+    /// Returns the last limit violation.
     #[must_use]
     pub fn violation(&self) -> Option<&Violation> {
         self.violation.as_ref()
     }
 
-    /// Incarnation of the executor whose set-points count, 0 = none.
+    /// Returns the incarnation of the executor whose board is fresh; 0 = none.
     #[must_use]
     pub fn executor(&self) -> u64 {
         if self.executor_live {
@@ -357,7 +358,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// Logical time of the set-point that was played last, ns; 0 before the first one.
+    /// Returns the logical time of the last set-point played, ns; 0 before the first.
     #[must_use]
     pub fn played_ns(&self) -> u64 {
         let between = self.pointer_fraction * self.buffer.period_ns() as f64;
@@ -366,7 +367,7 @@ impl SetPointPlayer {
             .map_or(0, |entry| entry.logical_ns.saturating_add(between as u64))
     }
 
-    /// Logical time up to which everything is played and the arm rests, ns; 0 while that is not so.
+    /// Returns the logical time up to which everything has been played and the arm is at rest, ns; otherwise 0.
     #[must_use]
     pub fn settled_ns(&self) -> u64 {
         let newest = self.buffer.at(self.buffer.newest());
@@ -382,7 +383,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// Set-points left to play.
+    /// Returns the number of set-points left to play.
     #[must_use]
     pub fn margin(&self) -> u64 {
         match self.phase {
@@ -391,7 +392,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// Counters.
+    /// Returns the counters.
     #[must_use]
     pub fn counts(&self) -> PlayerCounts {
         self.counts
@@ -406,13 +407,14 @@ impl SetPointPlayer {
             && newest.is_some_and(|newest| !commands_joints(newest))
     }
 
-    /// The device leads the executor's clock, and its period is one of the executor's or more: nothing need wait.
+    /// Returns true if the device leads the executor's clock and its period is at least the executor's: no delay is
+    /// needed.
     fn is_lockstep(&self) -> bool {
         let period_s = self.buffer.period_ns() as f64 * 1e-9;
         self.leads_clock && 1.001 * self.period_s >= period_s
     }
 
-    /// Set-points of logical time that wait before they are played, at least 1 unless the device leads.
+    /// Returns the playback delay in set-points: 0 in lockstep, otherwise at least 1.
     fn delay(&self) -> u64 {
         if self.is_lockstep() {
             return 0;
@@ -423,7 +425,7 @@ impl SetPointPlayer {
             .max(1)
     }
 
-    /// At rest where it is now.
+    /// Holds the present position.
     fn hold(&mut self) {
         self.sent = SentSetPoint::at_rest(self.sent.position);
         self.phase = PlayerPhase::Holding;
@@ -436,7 +438,8 @@ impl SetPointPlayer {
         self.sent = SentSetPoint::at_rest(tick.mirror);
     }
 
-    /// The device no longer follows; whoever commanded it does so no more, also when it can be commanded again.
+    /// The device no longer follows: abandons the net, which is not followed again even if the device becomes
+    /// commandable.
     fn abandon_net(&mut self, why: u32) {
         if !self.is_holding() {
             self.refuse_newest_owner(why);
@@ -445,7 +448,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// Nobody is to be followed any more: to rest.
+    /// Ends the playback and brings the arm to rest.
     fn end_following(&mut self, why: u32) {
         match self.phase {
             PlayerPhase::Following => self.stop(why),
@@ -458,7 +461,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// From the motion of the last set-points to rest.
+    /// Starts a stop from the motion of the last set-points.
     fn stop(&mut self, why: u32) {
         self.reason = why;
         self.refuse_newest_owner(why);
@@ -476,12 +479,12 @@ impl SetPointPlayer {
         });
         match self.rest {
             Some(_) => self.phase = PlayerPhase::Stopping,
-            // Only numbers that are not finite are refused, and those are never sent.
+            // Only values that are not finite are refused, and those are never sent.
             None => self.hold(),
         }
     }
 
-    /// One exchange on the way to rest.
+    /// Advances the stop by one exchange.
     fn step_to_rest(&mut self, tick: &DeviceCycle) {
         let Some(rest) = self
             .rest
@@ -501,7 +504,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// Whoever commands now is not followed, and what is there already is not looked at.
+    /// Refuses the owner of the newest set-point and marks all present set-points as checked.
     fn refuse_newest_owner(&mut self, why: u32) {
         self.cursor = self.buffer.newest();
         if let Some(entry) = self.buffer.commanded(self.cursor) {

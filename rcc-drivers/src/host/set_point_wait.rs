@@ -1,34 +1,36 @@
-//! When a driver answers its device if the executor's clock follows it: as soon as the set-point is there that was computed
-//! from this exchange's measurement, and in any case in good time. Run by the host's thread.
+//! Waits for the set-point of the present exchange while the executor's clock follows the device: the driver answers as
+//! soon as it is there, and at the latest at a fixed part of the period.
+//! Run by the host's thread.
 
 use rcc_core::message::{CommandHead, MAGIC};
 use rcc_ipc::{monotonic_ns, sleep_until};
 
-/// The part of the device's period after which it is answered with what there is, in thousandths: an answer has to reach
-/// it within its period.
+/// Part of the device's period, in thousandths, after which the driver answers in any case: the answer must reach the
+/// device within its period.
 const ANSWER_BY_PERMILLE: u64 = 600;
-/// From one look at the board to the next, ns.
+/// Polling interval of the board, ns.
 const POLL_NS: u64 = 20_000;
-/// How much earlier than expected the first look is, ns.
+/// Time before the expected arrival at which polling starts, ns.
 const EARLY_NS: u64 = 40_000;
-/// Most looks for one answer.
+/// Most polls per answer.
 const POLLS_MAX: usize = 64;
-/// An executor that has not written for so many of its periods, or of the device's, is not waited for.
+/// The driver does not wait for an executor that has not written for this number of periods (its own or the device's,
+/// whichever is longer).
 const STALE_PERIODS: u64 = 3;
 
-/// What a look at the commands says.
+/// State of the set-point for an exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SetPointStatus {
-    /// It has seen this exchange.
+    /// The newest set-point was computed from this exchange.
     Current,
-    /// It has not yet.
+    /// The set-point has not arrived yet.
     Pending,
-    /// It will not in time: it has stopped, or has another rhythm.
+    /// The set-point will not arrive in time: the executor has stopped, or its period differs.
     Unavailable,
 }
 
 impl SetPointStatus {
-    /// Whether the newest set-point was computed from the measurement `sequence` of a device with this period.
+    /// Returns whether the newest set-point was computed from the measurement `sequence` of a device with this period.
     pub(super) fn of(
         head: &CommandHead,
         sequence: u64,
@@ -48,22 +50,22 @@ impl SetPointStatus {
     }
 }
 
-/// When the answers of the executor come.
+/// Estimate of when the executor's set-point arrives.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SetPointWait {
-    /// After a packet, by what has been seen so far; ns.
+    /// Expected time from a packet to its set-point, from earlier exchanges, ns.
     expected_ns: u64,
 }
 
 impl SetPointWait {
-    /// Cycles begin `offset_ns` after a packet.
+    /// Estimate for an executor whose cycles start `offset_ns` after a packet.
     pub(super) fn after(offset_ns: u64) -> SetPointWait {
         SetPointWait {
             expected_ns: offset_ns,
         }
     }
 
-    /// Waits until `look` says [`SetPointStatus::Current`]; false if that takes too long.
+    /// Waits until `look` returns [`SetPointStatus::Current`]; returns false if the set-point is unavailable or late.
     pub(super) fn wait(
         &mut self,
         arrived_ns: u64,
@@ -78,7 +80,7 @@ impl SetPointWait {
             match look(now_ns) {
                 SetPointStatus::Current => {
                     let took_ns = now_ns.saturating_sub(arrived_ns);
-                    // An eighth of what is new: one late cycle does not make all others wait.
+                    // Moving average with weight 1/8, so that one late cycle does not delay all others.
                     self.expected_ns = self.expected_ns - self.expected_ns / 8 + took_ns / 8;
                     return true;
                 }

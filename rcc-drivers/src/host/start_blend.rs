@@ -1,16 +1,16 @@
-//! The small step between where the arm is held and where a net begins, which the tolerance allows, made smooth.
+//! Blends the small step, allowed by the tolerance, between the hold position and a net's first set-point.
 //! Pure; run by the host's thread.
 
 use rcc_core::message::{JOINTS_MAX, Joints};
 
 use super::limits::ArmLimits;
 
-/// The part of each limit that the way may use; the rest is the net's.
+/// Share of each limit that the blend may use; the rest is left to the net.
 const SHARE: f64 = 0.1;
 /// Largest |ẇ|, |ẅ|, |w⃛| of the quintic w(x) = 1 − 10x³ + 15x⁴ − 6x⁵ on 0..1.
 const PEAKS: [f64; 3] = [1.875, 5.773_502_7, 60.0];
 
-/// What is added to the set-points of a net, going from `offset` to 0 with rest at both ends.
+/// Offset added to the set-points of a net; it decreases from `offset` to 0 with rest at both ends.
 #[derive(Clone, Copy, Debug)]
 pub struct StartBlend {
     offset: Joints,
@@ -19,14 +19,14 @@ pub struct StartBlend {
 }
 
 impl StartBlend {
-    /// Adds nothing.
+    /// Zero offset.
     pub const NONE: StartBlend = StartBlend {
         offset: [0.0; JOINTS_MAX],
         duration_s: 0.0,
         t_s: 0.0,
     };
 
-    /// From where the arm is to where the net wants it; both rad.
+    /// A blend from the hold position to the net's first set-point, both rad.
     #[must_use]
     pub fn new(hold: &Joints, first: &Joints, limits: &ArmLimits) -> Self {
         let ArmLimits {
@@ -53,7 +53,7 @@ impl StartBlend {
         }
     }
 
-    /// What is to be added now, rad.
+    /// Returns the present offset, rad.
     #[must_use]
     pub fn at(&self) -> Joints {
         if self.is_over() {
@@ -64,13 +64,13 @@ impl StartBlend {
         self.offset.map(|offset| offset * weight)
     }
 
-    /// Nothing is added any more.
+    /// Returns true if the offset is 0.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.t_s >= self.duration_s
     }
 
-    /// Time goes on by `dt_s` (s).
+    /// Advances the time by `dt_s` (s).
     pub fn advance(&mut self, dt_s: f64) {
         self.t_s += dt_s;
     }

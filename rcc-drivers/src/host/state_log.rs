@@ -1,5 +1,5 @@
-//! What a device's life looks like from its driver, told once for each change: to the log and to the cell's event log.
-//! Run by the host's thread; the event log is written by a thread of its own.
+//! Logs each change of a device's state once, to the driver's log and to the cell's event log.
+//! Run by the host's thread; a helper thread writes the event log.
 
 use rcc_config::DeviceConfig;
 use rcc_core::guard::{Violation, axis};
@@ -10,14 +10,14 @@ use rcc_ipc::events::{self, EventKind, EventRecorder};
 use super::device_session::DeviceSession;
 use super::reason::{self, Reason};
 
-/// Lowest quality, in thousandths, of each grade from the best on; what lies below all is a grade, too.
+/// Lower bounds of the quality grades, thousandths, best first; a quality below all of them is a further grade.
 const GRADES: [u32; 3] = [950, 800, 500];
-/// Quality is told at most once in this time, ns: a connection may be at a bound for hours.
+/// Shortest interval between two quality messages, ns: a connection may stay at a bound for hours.
 const QUALITY_EVERY_NS: u64 = 5_000_000_000;
-/// A grade is left only when the quality is so far beyond its bound.
+/// Hysteresis of a grade, thousandths.
 const HYSTERESIS: u32 = 20;
 
-/// What has been told last, so that it is said once.
+/// The last logged state, so that each change is logged once.
 #[derive(Debug)]
 pub struct StateLog {
     recorder: EventRecorder,
@@ -27,16 +27,16 @@ pub struct StateLog {
     reason: u32,
     out_of_range: u64,
     violations: u64,
-    /// Quality that was told last; nothing while the device is offline.
+    /// Last logged quality; `None` while the device is offline.
     quality: Option<u32>,
-    /// Stamp of that telling, ns.
+    /// Time of that message, ns.
     quality_ns: u64,
-    /// Stamp at which the way to rest began, ns.
+    /// Time at which the present stop started, ns.
     stopping_ns: Option<u64>,
 }
 
 impl StateLog {
-    /// Of a device that has not been reached yet.
+    /// A log for a device that has not been reached yet.
     #[must_use]
     pub fn new(
         recorder: EventRecorder,
@@ -58,7 +58,7 @@ impl StateLog {
         }
     }
 
-    /// Tells what has changed since the last look; a steady device is not talked about.
+    /// Logs the changes since the last call; a device without changes is not mentioned.
     pub fn update(&mut self, session: &DeviceSession) {
         let measurement = session.measurement();
         self.update_state(measurement);
@@ -101,7 +101,7 @@ impl StateLog {
             self.stopping_ns = Some(measurement.stamp_ns);
             self.log(EventKind::RestBegun { reason: words });
         } else if !stopping && let Some(begun_ns) = self.stopping_ns.take() {
-            // Who is not reached any more may rest or not: nobody can tell.
+            // An offline device may or may not be at rest.
             if state != DeviceState::Offline {
                 let took_ns = measurement.stamp_ns.saturating_sub(begun_ns);
                 self.log(EventKind::RestReached {
@@ -137,7 +137,7 @@ impl StateLog {
         }
     }
 
-    /// To both logs.
+    /// Writes to both logs.
     fn log(&self, what: EventKind) {
         let event = events::Event::now(self.recorder.source().clone(), None, what);
         let words = event.sentence(&|_, id| format!("command {id}"));
@@ -149,7 +149,7 @@ impl StateLog {
     }
 }
 
-/// Another grade, by more than a hair.
+/// Returns true if the grade has changed by more than the hysteresis.
 fn has_changed(was: u32, now: u32) -> bool {
     let grade = |quality: u32| GRADES.iter().position(|least| quality >= *least);
     grade(was) != grade(now) && was.abs_diff(now) > HYSTERESIS

@@ -1,4 +1,4 @@
-//! The host in a cell of its own, with an executor played by the test and a device that is a few variables.
+//! The host in a cell of its own, with an executor played by the test and a fake device.
 
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -15,7 +15,7 @@ use crate::conformance;
 use crate::conformance::hosted::{LIMIT, TestCell};
 use crate::driver::{DriverError, Exchange, Outputs};
 
-/// A device with one output, whose period is 1 ms; absent while `absent` is set.
+/// A device with one output and a period of 1 ms; it is absent while `absent` is set.
 struct FakeDevice {
     told: Arc<Mutex<Outputs>>,
     absent: Arc<AtomicBool>,
@@ -82,7 +82,7 @@ impl HostFixture {
         })
     }
 
-    /// One cycle of the executor with the lamp so.
+    /// Writes one cycle of the executor; `lamp` is the output's command.
     fn command(&mut self, lamp: Option<bool>) {
         self.cell.write(SetPoint {
             digital: u64::from(lamp == Some(true)),
@@ -91,7 +91,7 @@ impl HostFixture {
         });
     }
 
-    /// Does `each` until `done`.
+    /// Repeats `each` until `done` returns true.
     fn until(&mut self, each: impl Fn(&mut Self), done: impl Fn(&Outputs, &Measurement) -> bool) {
         let begin = Instant::now();
         loop {
@@ -158,7 +158,7 @@ fn a_lost_device_is_offline_with_its_reason_and_comes_back() {
     fixture.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
 }
 
-/// An executor that commands the lamp is not followed, and the driver says why.
+/// Checks that an executor that commands the lamp is not followed, and that the driver gives the reason.
 fn assert_not_followed(executors: Option<CellConfig>) {
     let mut fixture = HostFixture::new();
     fixture.cell.executors = executors;

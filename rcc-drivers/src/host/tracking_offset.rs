@@ -1,17 +1,17 @@
-//! How far an arm is beside its set-points after an exchange had to do without one, and how that goes away.
+//! Offset of an arm from its set-points after an exchange without one, and its decay.
 //! Pure; run by the host's thread.
 //!
-//! Per joint ö = −2ω·ȯ − ω²·o (critically damped), with |ö| bounded by what the set-points leave of the acceleration limit:
-//! it has a velocity of its own, so that it can begin again while it has not ended yet.
+//! Per joint ö = −2ω·ȯ − ω²·o (critically damped), with |ö| bounded by the acceleration that the set-points leave. The
+//! offset has a velocity of its own, so that a new offset can be added before the old one has decayed.
 
 use rcc_core::message::{JOINTS_MAX, Joints};
 
-/// ω, 1/s: what is left after a quarter of a second is 2 %.
+/// ω, 1/s: 2 % of an offset remain after a quarter of a second.
 const OMEGA: f64 = 25.0;
-/// Less than this is nothing, rad and rad/s.
+/// Thresholds below which the offset is set to 0, rad and rad/s.
 const NOTHING: [f64; 2] = [1e-9, 1e-7];
 
-/// What is added to the set-points.
+/// Decaying offset that is added to the set-points.
 #[derive(Clone, Copy, Debug)]
 pub struct TrackingOffset {
     offset: Joints,
@@ -19,31 +19,31 @@ pub struct TrackingOffset {
 }
 
 impl TrackingOffset {
-    /// Adds nothing.
+    /// Zero offset.
     pub const NONE: TrackingOffset = TrackingOffset {
         offset: [0.0; JOINTS_MAX],
         rate: [0.0; JOINTS_MAX],
     };
 
-    /// From now on this is added, rad, and it changes so fast, rad/s.
+    /// An offset (rad) with a rate of change (rad/s).
     #[must_use]
     pub fn from(offset: Joints, rate: Joints) -> TrackingOffset {
         TrackingOffset { offset, rate }
     }
 
-    /// What is to be added now, rad.
+    /// Returns the present offset, rad.
     #[must_use]
     pub fn at(&self) -> Joints {
         self.offset
     }
 
-    /// How fast that changes, rad/s.
+    /// Returns the present rate of change, rad/s.
     #[must_use]
     pub fn rate(&self) -> Joints {
         self.rate
     }
 
-    /// Time goes on by `dt_s` (s); the way back may use `room`, rad/s², none negative.
+    /// Advances the time by `dt_s` (s); the decay may use the accelerations `room`, rad/s², none negative.
     pub fn advance(&mut self, dt_s: f64, room: &Joints) {
         let rows = self.offset.iter_mut().zip(&mut self.rate).zip(room);
         for ((offset, rate), most) in rows {
@@ -51,7 +51,7 @@ impl TrackingOffset {
             *rate += acceleration.max(-most).min(*most) * dt_s;
             *offset += *rate * dt_s;
             if offset.abs() < NOTHING[0] && rate.abs() < NOTHING[1] {
-                // Exactly, so that set-points are sent as they are.
+                // Exactly 0, so that set-points are sent unchanged.
                 (*offset, *rate) = (0.0, 0.0);
             }
         }

@@ -1,4 +1,4 @@
-//! A bad configuration is refused with the path of the key and what to give.
+//! Checks that a bad configuration is refused with the path of the key and the expected value.
 //! Test code only; no device is reached.
 
 use std::net::SocketAddr;
@@ -11,7 +11,7 @@ use super::super::Subject;
 use super::super::fault_path::free_udp;
 use crate::driver::{Driver, DriverError};
 
-/// What a cell's file has if it says nothing.
+/// Default of `delay` in a cell file, ns.
 const DELAY_NS: u64 = 10_000_000;
 const COMMAND_TIMEOUT_NS: u64 = 50_000_000;
 
@@ -26,7 +26,7 @@ fn refusal<S: Subject>(device: &DeviceConfig, what: &str) -> DriverError {
     }
 }
 
-/// The settings that the driver has, as it says itself.
+/// Returns the names of all settings that the driver accepts, as its own error message lists them.
 fn known<S: Subject>() -> Vec<String> {
     let mut device = good::<S>();
     device.settings["no_such_setting"] = 1.into();
@@ -39,7 +39,7 @@ fn known<S: Subject>() -> Vec<String> {
     }
 }
 
-/// The fault is about this setting and says what to give.
+/// Panics unless the error names this setting and says what to give.
 fn names_setting(device: &DeviceConfig, error: &DriverError, key: &str) {
     let place = match error {
         DriverError::Setting { key, expected, .. } => {
@@ -60,7 +60,7 @@ fn names_setting(device: &DeviceConfig, error: &DriverError, key: &str) {
     assert!(error.to_string().starts_with(&path), "{error}");
 }
 
-/// The configuration of the suite opens.
+/// Opens the driver with the suite's own configuration.
 pub fn opens_what_is_right<S: Subject>() {
     let device = good::<S>();
     if let Err(error) = S::Driver::open(&device) {
@@ -68,12 +68,12 @@ pub fn opens_what_is_right<S: Subject>() {
     }
 }
 
-/// A key that the driver does not know.
+/// Refuses a key that the driver does not know.
 pub fn refuses_a_setting_that_it_does_not_have<S: Subject>() {
     assert!(known::<S>().iter().all(|key| !key.is_empty()));
 }
 
-/// Neither number, text nor truth value where another form is expected.
+/// Refuses a number, a text or a Boolean where a value of another type is expected.
 pub fn refuses_each_setting_of_another_form<S: Subject>() {
     for key in known::<S>() {
         for form in [
@@ -89,7 +89,7 @@ pub fn refuses_each_setting_of_another_form<S: Subject>() {
     }
 }
 
-/// The subject's table of bad values.
+/// Refuses each value of the subject's table of bad settings.
 pub fn refuses_each_setting_out_of_range<S: Subject>() {
     let known = known::<S>();
     for (key, text) in S::BAD_SETTINGS {
@@ -102,7 +102,7 @@ pub fn refuses_each_setting_out_of_range<S: Subject>() {
     }
 }
 
-/// Each setting has a default, or its absence is said.
+/// Each setting either has a default, or the driver reports that it is missing.
 pub fn says_which_setting_is_missing<S: Subject>() {
     let keys: Vec<String> = match good::<S>().settings.as_object() {
         Some(settings) => settings.keys().cloned().collect(),
@@ -133,7 +133,7 @@ fn names_channel(device: &DeviceConfig, error: &DriverError, name: &str) {
     assert!(error.to_string().starts_with(&path), "{error}");
 }
 
-/// Each channel, with addresses of another type and those of the subject's table.
+/// Refuses an address of another type, and each address of the subject's table, for every channel.
 pub fn refuses_each_channel_of_a_wrong_address<S: Subject>() {
     let others = [
         "null",
@@ -160,7 +160,7 @@ pub fn refuses_each_channel_of_a_wrong_address<S: Subject>() {
     }
 }
 
-/// Two outputs of a kind must not fight.
+/// Refuses two outputs of one kind at the same address.
 pub fn refuses_two_outputs_at_one_address<S: Subject>() {
     let device = good::<S>();
     let mut tried = 0;
@@ -173,7 +173,7 @@ pub fn refuses_two_outputs_at_one_address<S: Subject>() {
         let mut device = device.clone();
         device.channels[place].address = twin.address.clone();
         let error = refusal::<S>(&device, "two outputs at one address");
-        // Which of the two is named is the driver's choice; the other one is in the words.
+        // The driver chooses which of the two channels it names; the message mentions the other one.
         let words = error.to_string();
         assert!(matches!(error, DriverError::Channel { .. }), "{error}");
         assert!(
@@ -185,7 +185,7 @@ pub fn refuses_two_outputs_at_one_address<S: Subject>() {
     assert!(tried > 0, "the subject needs two outputs of one kind");
 }
 
-/// An arm that the driver cannot move, or none where it needs one.
+/// Refuses an arm that the driver cannot move, or a missing arm if it needs one.
 pub fn refuses_a_robot_that_it_cannot_move<S: Subject>() {
     let mut device = good::<S>();
     device.robot = match device.robot {
@@ -199,7 +199,7 @@ pub fn refuses_a_robot_that_it_cannot_move<S: Subject>() {
     assert!(!cause.is_empty());
 }
 
-/// The arm of the demo cell, with the times that an arm has by itself: those of the demo are generous.
+/// Returns the arm of the demo cell, with the times that an arm has by default: those of the demo are generous.
 pub fn some_robot() -> DeviceConfig {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
     let cell = CellConfig::load_offline(&path).expect("the demo's configuration");

@@ -1,5 +1,5 @@
-//! What an exchange with a device is like: it says what it knows, carries outputs and inputs, ends and comes back.
-//! Test code only; what every exchange must be like is checked in each of them, by the bench.
+//! Exchanges: known inputs, outputs and inputs carried over the wire, loss of the device and its return.
+//! Test code only; the bench checks the invariants of every exchange.
 
 use rcc_core::message::SetPoint;
 
@@ -8,7 +8,7 @@ use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::seed;
 use crate::driver::LinkError;
 
-/// Nobody there: a reason, no inputs, no exchange.
+/// Without a device there is a reason, but neither inputs nor an exchange.
 pub fn says_when_nobody_is_there<S: Subject>() {
     let mut bench = DriverBench::<S>::new(seed());
     bench.subject.set_present(false);
@@ -20,7 +20,7 @@ pub fn says_when_nobody_is_there<S: Subject>() {
     assert!(bench.inputs.analog.iter().all(|value| value.is_nan()));
 }
 
-/// All inputs of the configuration are known, and nothing else.
+/// Exactly the inputs of the configuration are known.
 pub fn tells_what_it_knows<S: Subject>() {
     let mut bench = DriverBench::<S>::ready(seed());
     let [digital, _, analog, _] = bench.device.model().channels;
@@ -53,7 +53,7 @@ pub fn carries_outputs_there_and_inputs_back<S: Subject>() {
     }
 }
 
-/// A device that goes away is lost, one that comes back is exchanged with; nobody has to do anything.
+/// A device that goes away is reported as lost; one that comes back is exchanged with again, without any intervention.
 pub fn comes_back_when_the_device_does<S: Subject>() {
     let mut bench = DriverBench::<S>::ready(seed());
     for _ in 0..2 {

@@ -9,12 +9,12 @@ use super::super::real::with_seeds;
 use super::rest::{TestMotion, motion_of};
 use crate::proxy::FaultRates;
 
-/// Exchanges under faults of an arm, in virtual time, and of a device with a clock of its own.
+/// Number of exchanges under faults: of an arm (in virtual time), and of a device that has its own clock.
 const EXCHANGES: [usize; 2] = [4000, 150];
-/// Cycles for which outputs are on, then off.
+/// Number of cycles for which outputs are on, and then off.
 const BLINK: u64 = 20;
 
-/// NetSequence that follow each other: motions there and back, or blinking outputs.
+/// A sequence of nets: motions there and back, or outputs that are switched on and off.
 struct NetSequence {
     owner: u64,
     cycle: u64,
@@ -66,7 +66,7 @@ fn survives<S: Subject>(rates: FaultRates) {
         let mut bench = DriverBench::<S>::ready(seed);
         let is_arm = bench.device.robot.is_some();
         let corrupts = rates.corrupted > 0.0;
-        // Without checks on the wire the device could not know either; that would test the device.
+        // Without a checksum on the wire, the device could not detect corruption either; that would test the device.
         let to_device = if corrupts && !S::HAS_CHECKSUM {
             FaultRates::NONE
         } else {
@@ -107,10 +107,10 @@ fn survives<S: Subject>(rates: FaultRates) {
     });
 }
 
-/// One in twenty-five, each way.
+/// Probability of each fault, in each direction.
 const RATE: f64 = 0.04;
 
-/// Packets that do not begin_exchange.
+/// Packets that do not arrive.
 pub fn survives_lost_packets<S: Subject>() {
     survives::<S>(FaultRates {
         lost: RATE,
@@ -118,7 +118,7 @@ pub fn survives_lost_packets<S: Subject>() {
     });
 }
 
-/// Packets that begin_exchange up to 20 steps later.
+/// Packets that arrive up to 20 steps late.
 pub fn survives_late_packets<S: Subject>() {
     survives::<S>(FaultRates {
         late: RATE,
@@ -127,7 +127,7 @@ pub fn survives_late_packets<S: Subject>() {
     });
 }
 
-/// Packets that begin_exchange twice.
+/// Packets that arrive twice.
 pub fn survives_duplicated_packets<S: Subject>() {
     survives::<S>(FaultRates {
         duplicated: RATE,
@@ -143,7 +143,7 @@ pub fn survives_reordered_packets<S: Subject>() {
     });
 }
 
-/// Packets that end too early.
+/// Packets whose end is missing.
 pub fn survives_truncated_packets<S: Subject>() {
     survives::<S>(FaultRates {
         truncated: RATE,
@@ -151,7 +151,7 @@ pub fn survives_truncated_packets<S: Subject>() {
     });
 }
 
-/// Packets with other bits, or other bytes altogether.
+/// Packets with flipped bits, or with other bytes altogether.
 pub fn survives_corrupted_packets<S: Subject>() {
     survives::<S>(FaultRates {
         corrupted: RATE,
@@ -159,7 +159,7 @@ pub fn survives_corrupted_packets<S: Subject>() {
     });
 }
 
-/// Everything, a little.
+/// All faults, each at a quarter of the rate.
 pub fn survives_all_faults_at_once<S: Subject>() {
     let rate = RATE / 4.0;
     survives::<S>(FaultRates {

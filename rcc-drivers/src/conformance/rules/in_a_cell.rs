@@ -1,5 +1,5 @@
-//! The same promises with the whole host, on real boards: announcement, watch, boards, the thread's loop.
-//! Test code only; bounds are counted in exchanges, waits end with what they wait for.
+//! The same rules with the whole host on real boards: announcement, executor watch, boards, the thread's loop.
+//! Test code only; limits are counted in exchanges, and each wait ends with the event that it waits for.
 
 use rcc_core::message::{DeviceState, SetPoint};
 
@@ -9,10 +9,10 @@ use super::super::{Subject, TIMEOUT};
 use super::rest::TestMotion;
 use crate::host::limits::ArmLimits;
 
-/// Cycles in which nothing may happen.
+/// Number of cycles in which nothing may happen.
 const WATCHED: usize = 200;
 
-/// Its board grows old.
+/// The executor dies, so its board becomes stale.
 pub fn in_a_cell_outputs_are_released_when_the_executor_dies<S: Subject>() {
     let mut hosted = HostedDriver::<S>::ready();
     let device = hosted.cell.device.clone();
@@ -29,7 +29,7 @@ pub fn in_a_cell_outputs_are_released_when_the_executor_dies<S: Subject>() {
     });
 }
 
-/// The executor reads that it is offline, and why; then that it is ready again.
+/// The executor reads that the device is offline, and why; then that it is ready again.
 pub fn in_a_cell_a_lost_device_is_offline_and_comes_back<S: Subject>() {
     let mut hosted = HostedDriver::<S>::ready();
     hosted.subject.set_present(false);
@@ -61,7 +61,7 @@ fn holds<S: Subject>(hosted: &mut HostedDriver<S>, mut entry: impl FnMut() -> Op
     assert!(!moved, "it was not held");
 }
 
-/// In the middle of a motion.
+/// The executor dies in the middle of a motion.
 pub fn in_a_cell_the_arm_comes_to_rest_when_the_executor_dies<S: Subject>() {
     let mut hosted = HostedDriver::<S>::ready();
     let motion = motion_of(&hosted);
@@ -75,7 +75,7 @@ pub fn in_a_cell_the_arm_comes_to_rest_when_the_executor_dies<S: Subject>() {
     assert_eq!(hosted.subject.complaints(), [""; 0]);
 }
 
-/// The net that commanded goes on as if nothing had happened.
+/// The net that commanded the arm continues as if nothing had happened.
 pub fn in_a_cell_a_restarted_driver_moves_nothing<S: Subject>() {
     let mut hosted = HostedDriver::<S>::ready();
     let motion = motion_of(&hosted);
@@ -105,6 +105,6 @@ pub fn in_a_cell_a_restarted_driver_moves_nothing<S: Subject>() {
         "the old net is followed"
     );
     assert_eq!(hosted.checker.violations, [""; 0]);
-    // What begins anew is followed again.
+    // A new net is followed.
     hosted.until_ready();
 }

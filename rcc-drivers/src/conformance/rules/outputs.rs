@@ -1,4 +1,4 @@
-//! Outputs take what their `on_release` says when nobody commands them, on the device itself.
+//! Outputs take the value of their `on_release`, on the device itself, when they are no longer commanded.
 //! Test code only.
 
 use rcc_core::message::SetPoint;
@@ -9,7 +9,7 @@ use super::super::{Subject, Transport};
 use crate::driver::Driver;
 use crate::proxy::FaultRates;
 
-/// A device whose outputs are all on.
+/// Returns a bench whose device has all outputs on.
 fn all_on<S: Subject>() -> DriverBench<S> {
     let mut bench = DriverBench::<S>::ready(seed());
     let on = ExecutorAction::Writes(bench.all_on(1));
@@ -21,7 +21,7 @@ fn are_released<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction
     bench.until(executor, "all outputs released", |bench| {
         bench.told_as(false)
     });
-    // And they stay so.
+    // The outputs stay released.
     for _ in 0..20 {
         bench.step(executor);
         assert!(bench.told_as(false));
@@ -33,7 +33,7 @@ pub fn releases_outputs_on_null<S: Subject>() {
     are_released(&mut all_on::<S>(), ExecutorAction::Writes(SetPoint::NONE));
 }
 
-/// The driver is asked to end, while the net goes on.
+/// The driver is asked to end while the net continues.
 pub fn releases_outputs_on_termination<S: Subject>() {
     let mut bench = all_on::<S>();
     let on = ExecutorAction::Writes(bench.all_on(1));
@@ -48,8 +48,8 @@ pub fn releases_outputs_when_the_executor_vanishes<S: Subject>() {
     are_released(&mut all_on::<S>(), ExecutorAction::Absent);
 }
 
-/// The device does what it is told, and its answers are late, broken, or do not come. One that sends first gets an answer
-/// to what is heard of it and no more: all its outputs are in it.
+/// The device executes what it receives, but its answers are late, corrupted or missing. A device that sends first gets
+/// one answer to each datagram that the driver accepts; that answer carries all outputs.
 pub fn sends_every_safe_value_whatever_the_device_answers<S: Subject>() {
     if S::TRANSPORT == Transport::UdpFromDevice {
         return;
@@ -80,7 +80,7 @@ pub fn sends_every_safe_value_whatever_the_device_answers<S: Subject>() {
     }
 }
 
-/// The executor hangs: its board grows old.
+/// The executor hangs, so its board becomes stale.
 pub fn releases_outputs_when_the_executor_stops_writing<S: Subject>() {
     are_released(&mut all_on::<S>(), ExecutorAction::Hangs);
 }

@@ -1,4 +1,5 @@
-//! An arm holds when nobody commands it, and comes to rest within its limits and in time when nobody does any more.
+//! An arm holds its position while it is not commanded; when its commands end, it comes to rest in time and within its
+//! limits.
 //! Test code only; time is the device's, counted in exchanges.
 
 use rcc_core::message::{DeviceState, Joints, SetPoint};
@@ -8,9 +9,9 @@ use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::seed;
 use crate::host::limits::ArmLimits;
 
-/// Exchanges for which an arm at rest is watched.
+/// Number of exchanges for which an arm at rest is observed.
 const WATCHED: usize = 300;
-/// The part of each limit that a motion of the suite uses.
+/// Share of each limit that a motion of the suite uses.
 const SHARE: f64 = 0.6;
 
 /// A rest-to-rest motion of joint 1, a quintic within [`SHARE`] of the limits, one row a cycle of 1 ms.
@@ -22,9 +23,9 @@ pub struct TestMotion {
 }
 
 impl TestMotion {
-    /// By `way` rad from `hold`.
+    /// A motion by `way` rad from `hold`.
     pub fn new(limits: &ArmLimits, hold: &Joints, way: f64) -> Self {
-        // Peaks of the quintic of unit way and time: velocity, acceleration, jerk.
+        // Peaks of the quintic of unit distance and unit time: velocity, acceleration, jerk.
         let peak = |peak: f64, bound: f64, order: f64| {
             (peak * way.abs() / (SHARE * bound)).powf(1.0 / order)
         };
@@ -38,12 +39,12 @@ impl TestMotion {
         }
     }
 
-    /// How many cycles it takes.
+    /// Returns the duration, in cycles.
     pub fn cycles(&self) -> u64 {
         self.cycles
     }
 
-    /// The set-point of a cycle; beyond the last one the goal.
+    /// Returns the set-point of a cycle; after the last cycle, the goal.
     pub fn at(&self, owner: u64, cycle: u64) -> SetPoint {
         let x = cycle.min(self.cycles) as f64 / self.cycles as f64;
         let mut position = self.hold;
@@ -57,29 +58,29 @@ impl TestMotion {
     }
 }
 
-/// A motion of the bench's arm, away from the nearer end of joint 1.
+/// Returns a motion of the bench's arm, away from the nearer limit of joint 1.
 pub fn motion_of<S: Subject>(bench: &DriverBench<S>, way: f64) -> TestMotion {
     let hold = bench.measured().hold;
     let way = if hold[0] > 0.0 { -way } else { way };
     TestMotion::new(&ArmLimits::of(&bench.device), &hold, way)
 }
 
-/// Plays `cycles` of a motion.
+/// Plays the first `cycles` cycles of a motion.
 pub fn play<S: Subject>(bench: &mut DriverBench<S>, motion: &TestMotion, owner: u64, cycles: u64) {
     for cycle in 0..cycles {
         bench.step(ExecutorAction::Writes(motion.at(owner, cycle)));
     }
 }
 
-/// Most exchanges from the end of the commands to rest: what the delay still holds, the time-out if the board must grow
-/// old first, and the longest way to rest that the limits allow.
+/// Upper bound of the exchanges from the last command to rest: the delay, the time-out if the board must become stale
+/// first, and the longest stop that the limits allow.
 pub fn rest_bound<S: Subject>(bench: &DriverBench<S>) -> usize {
     let ArmLimits {
         joints, jerk_max, ..
     } = ArmLimits::of(&bench.device);
     let slowest = (0..joints.joints).map(|joint| {
         let (v, a) = (joints.velocity_max[joint], joints.acceleration_max[joint]);
-        // Full acceleration outwards is first taken back; then the way to rest at full deceleration.
+        // A full outward acceleration is removed first; the stop at full deceleration follows.
         let outwards = a / jerk_max[joint];
         (v + 0.5 * a * outwards) / a + 3.0 * outwards
     });
@@ -104,7 +105,7 @@ fn rests<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     assert_eq!(bench.subject.complaints(), [""; 0]);
 }
 
-/// For a while the device is told to stay where it is.
+/// Checks for [`WATCHED`] exchanges that the device is told to stay where it is.
 pub fn holds<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     bench.followed.clear();
     for _ in 0..WATCHED {
@@ -122,7 +123,7 @@ pub fn holds<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     assert_eq!(moved, None, "it was not held");
 }
 
-/// Breaks off at several places of a motion.
+/// Interrupts a motion at several points of its course.
 fn at_every_phase<S: Subject>(mut end: impl FnMut(&mut DriverBench<S>) -> ExecutorAction) {
     for part in [2, 15, 35, 50, 65, 85, 98] {
         let mut bench = DriverBench::<S>::ready(seed());
@@ -136,7 +137,7 @@ fn at_every_phase<S: Subject>(mut end: impl FnMut(&mut DriverBench<S>) -> Execut
     }
 }
 
-/// Nulls, and a net that commands outputs only.
+/// Nulls first, then a net that commands only outputs.
 pub fn sends_nothing_but_hold_on_null<S: Subject>() {
     let mut bench = DriverBench::<S>::ready(seed());
     holds(&mut bench, ExecutorAction::Writes(SetPoint::NONE));
@@ -144,12 +145,12 @@ pub fn sends_nothing_but_hold_on_null<S: Subject>() {
     holds(&mut bench, ExecutorAction::Writes(outputs));
 }
 
-/// The executor's board is gone.
+/// The executor's board disappears.
 pub fn comes_to_rest_in_time_when_the_executor_vanishes<S: Subject>() {
     at_every_phase::<S>(|_| ExecutorAction::Absent);
 }
 
-/// The executor's board grows old.
+/// The executor's board becomes stale.
 pub fn comes_to_rest_in_time_when_the_executor_stops_writing<S: Subject>() {
     at_every_phase::<S>(|_| ExecutorAction::Hangs);
 }
@@ -159,7 +160,7 @@ pub fn comes_to_rest_in_time_on_null<S: Subject>() {
     at_every_phase::<S>(|_| ExecutorAction::Writes(SetPoint::NONE));
 }
 
-/// The driver is asked to end in the middle of a motion; the executor has gone, too.
+/// The driver is asked to end in the middle of a motion, and the executor is gone too.
 pub fn comes_to_rest_in_time_on_termination<S: Subject>() {
     at_every_phase::<S>(|bench| {
         bench.session.terminate();

@@ -1,4 +1,4 @@
-//! A driver that is started again moves nothing before somebody says START.
+//! A restarted driver moves nothing before a new START.
 //! Test code only.
 
 use rcc_core::message::{DeviceState, Joints};
@@ -8,10 +8,10 @@ use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::seed;
 use super::rest::{TestMotion, motion_of, play};
 
-/// Exchanges for which the net goes on after the restart: enough to be in command mode again.
+/// Number of exchanges for which the net continues after the restart: enough to reach command mode again.
 const EXCHANGES: u64 = 3000;
 
-/// The old net goes on, and in the end stands still; the device is only held.
+/// The old net continues and finally stands still; the device is only held.
 fn is_only_held<S: Subject>(bench: &mut DriverBench<S>, motion: &TestMotion, from: u64) {
     let mut held: Option<Joints> = None;
     let mut follows = 0;
@@ -39,7 +39,7 @@ fn is_only_held<S: Subject>(bench: &mut DriverBench<S>, motion: &TestMotion, fro
     assert!(follows > 0, "the device never followed again");
 }
 
-/// A new net moves it.
+/// A new net moves the device.
 fn moves_on_a_new_start<S: Subject>(bench: &mut DriverBench<S>) {
     bench.until_ready();
     let motion = motion_of(bench, 0.1);
@@ -51,7 +51,7 @@ fn moves_on_a_new_start<S: Subject>(bench: &mut DriverBench<S>) {
     assert_eq!(bench.checker.violations, [""; 0]);
 }
 
-/// In the middle of a motion that the net goes on with.
+/// Restarts in the middle of a motion that the net continues.
 pub fn restarted_it_sends_nothing_but_hold_until_a_new_start<S: Subject>() {
     let mut bench = DriverBench::<S>::ready(seed());
     let motion = motion_of(&bench, 0.3);
@@ -62,14 +62,14 @@ pub fn restarted_it_sends_nothing_but_hold_until_a_new_start<S: Subject>() {
     moves_on_a_new_start(&mut bench);
 }
 
-/// After it was away so long that the device brakes.
+/// Restarts after an absence long enough for the device to brake.
 pub fn restarted_while_the_device_brakes_it_sends_nothing_but_hold<S: Subject>() {
     let mut bench = DriverBench::<S>::ready(seed());
     let motion = motion_of(&bench, 0.3);
     let half = motion.cycles() / 2;
     play(&mut bench, &motion, 1, half);
     for _ in 0..30 {
-        // Nobody answers.
+        // The driver is away: the device gets no answer.
         bench.subject.before();
     }
     bench.checker.forget();

@@ -1,5 +1,5 @@
-//! The driver against the conformance suite: the simulated controller at the other end of a socket.
-//! Test code only; the controller's clock is the test.
+//! The driver in the conformance suite, with the simulated controller at the other end of a socket.
+//! Test code only; the test is the controller's clock.
 
 use std::net::{SocketAddr, UdpSocket};
 
@@ -19,10 +19,10 @@ use crate::host::reason::Reason;
 use crate::sim::lwr::krc::Krc;
 use crate::sim::lwr::settings::{Settings as KrcSettings, Transport as KrlWire};
 
-/// Faults of the simulated controller that losses of the wire cause: missed answers, quality.
+/// Faults of the simulated controller that losses on the wire cause: missed answers, connection quality.
 const OF_THE_WIRE: [i32; 2] = [1, 2];
 
-/// The LWR of the demo cell, listening at `at`.
+/// Returns the LWR of the demo cell, listening at `at`.
 pub(super) fn lwr(at: SocketAddr) -> DeviceConfig {
     DeviceConfig {
         settings: json!({"listen": at.to_string()}),
@@ -30,7 +30,7 @@ pub(super) fn lwr(at: SocketAddr) -> DeviceConfig {
     }
 }
 
-/// A controller with output 1 of each type wired to input 1.
+/// Returns a controller with output 1 of each type looped back to input 1.
 pub(super) fn krc() -> Krc {
     Krc::new(KrcSettings {
         boolean_wires: vec![KrlWire { from: 1, to: 1 }],
@@ -44,15 +44,15 @@ struct Controller {
     socket: UdpSocket,
     driver: Option<SocketAddr>,
     present: bool,
-    /// What went out last was in command state.
+    /// The last datagram sent was in command state.
     commands: bool,
-    /// Own number of the last answer that it took.
+    /// `send_sequence` of the last answer that was accepted.
     answered: Option<u16>,
     complaints: Vec<String>,
 }
 
 impl Controller {
-    /// In command state it takes no answer with an older number, such as a restarted driver's.
+    /// In command state, the controller accepts no answer with an older sequence number, such as a restarted driver's.
     fn takes(&self, answer: &CommandDatagram) -> bool {
         let backward = self
             .answered
@@ -149,7 +149,7 @@ impl Subject for Controller {
 
     fn told(&mut self) -> ObservedOutputs {
         let krl = self.krc.snapshot().krl_from_pc;
-        // The demo's outputs have the numbers 1, 2, 3 and 1.
+        // The demo's outputs have the KRL numbers 1, 2, 3 and 1.
         let digital = krl.booleans.iter().zip(0..3);
         let digital = digital.fold(0, |bits, (on, bit)| bits | u64::from(*on) << bit);
         let mut analog = [f64::NAN; ANALOG_MAX];
@@ -171,7 +171,8 @@ impl Subject for Controller {
         self.complaints.clone()
     }
 
-    /// One captured datagram in command state; the numbers have been read from its bytes with Python's `struct`.
+    /// Returns one captured datagram in command state; the expected numbers were read from its bytes with Python's
+    /// `struct`.
     fn capture() -> Option<Capture> {
         let bytes = include_bytes!("../../../../tests/data/fri/cap_lwr.msr");
         Some(Capture {

@@ -1,5 +1,6 @@
-//! What the connection to the controller has been like: counted by the thread that exchanges, read by the one that
-//! tells people. Every atomic is Relaxed: each figure stands for itself, nothing else is handed over with it.
+//! Counters of the connection to the controller, for `rcc-cli doctor`.
+//! Written by the exchange thread, read by the diagnosis thread. All atomics are Relaxed: each counter is independent,
+//! and none of them publishes other data.
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -11,23 +12,23 @@ use crate::fri_lwr::wire::{
     FriControlStrategy, MeasurementDatagram, Quality, SessionState, WireError,
 };
 
-/// Larger steps of the sequence number are a new beginning of the controller, not a loss.
+/// A larger step of the sequence number is a restart of the controller, not a loss of datagrams.
 const GAP_MAX: u16 = 1000;
 
-/// The figures of one connection.
+/// Counters of one connection.
 #[derive(Debug)]
 pub struct FriCounters {
     listen: SocketAddr,
     peer: Option<SocketAddr>,
-    /// Who is answered; 0 = nobody.
+    /// Packed address of the controller that is answered; 0 = none.
     controller: AtomicU64,
     datagrams: AtomicU64,
     accepted: AtomicU64,
-    /// From somebody else.
+    /// Datagrams from another address.
     foreign: AtomicU64,
     foreign_last: AtomicU64,
     wrong_size: AtomicU64,
-    /// Bytes, and the first eight of them.
+    /// Size of the last such datagram in bytes, and its first eight bytes.
     wrong_size_last: AtomicU64,
     wrong_size_head: AtomicU64,
     wrong_identity: AtomicU64,
@@ -47,7 +48,7 @@ pub struct FriCounters {
     wire: DatagramStatistics,
 }
 
-/// The newest word of the controller about itself; reals as their bits.
+/// Fields of the newest measurement datagram; reals are stored as their bits.
 #[derive(Debug, Default)]
 struct DatagramStatistics {
     session: AtomicU32,
@@ -64,7 +65,7 @@ struct DatagramStatistics {
 }
 
 impl FriCounters {
-    /// Of a socket at `listen` that answers only `peer`, if given.
+    /// Counters of a socket that is bound to `listen` and answers only `peer`, if given.
     #[must_use]
     pub fn new(listen: SocketAddr, peer: Option<SocketAddr>) -> Self {
         let none = AtomicU64::default;
@@ -97,14 +98,14 @@ impl FriCounters {
         }
     }
 
-    /// A datagram of somebody who is not the controller.
+    /// Counts a datagram from an address that is not the controller's.
     pub fn foreign(&self, source: SocketAddr) {
         self.datagrams.fetch_add(1, Relaxed);
         self.foreign.fetch_add(1, Relaxed);
         self.foreign_last.store(packed(source), Relaxed);
     }
 
-    /// A datagram that was not taken.
+    /// Counts a datagram that was refused.
     pub fn refused(&self, bytes: &[u8], source: SocketAddr) {
         self.datagrams.fetch_add(1, Relaxed);
         self.controller.store(packed(source), Relaxed);
@@ -126,18 +127,19 @@ impl FriCounters {
             Err(_) => {
                 self.malformed.fetch_add(1, Relaxed);
             }
-            // An interface that is off sends nothing, so this is none.
+            // A controller whose interface is off sends nothing, so this datagram is malformed.
             Ok(measured) if measured.state == SessionState::Off => {
                 self.malformed.fetch_add(1, Relaxed);
             }
-            // It can be read, so its order was wrong, a number is none, or it was unconfirmed.
+            // The datagram can be decoded, so it was out of order, had a value that is not finite, or was not confirmed
+            // yet.
             Ok(_) => {
                 self.disordered.fetch_add(1, Relaxed);
             }
         }
     }
 
-    /// A datagram that counts, at this CLOCK_MONOTONIC.
+    /// Counts an accepted datagram; `now_ns` is CLOCK_MONOTONIC.
     pub fn accepted(&self, now_ns: u64, source: SocketAddr, measured: &MeasurementDatagram) {
         self.datagrams.fetch_add(1, Relaxed);
         self.accepted.fetch_add(1, Relaxed);
@@ -161,7 +163,7 @@ impl FriCounters {
         self.wire.store(measured);
     }
 
-    /// The last datagram has been answered, at this CLOCK_MONOTONIC.
+    /// Counts the answer to the last datagram; `now_ns` is CLOCK_MONOTONIC.
     pub fn answered(&self, now_ns: u64) {
         let took_ns = now_ns.saturating_sub(self.heard_ns.load(Relaxed));
         self.answered.fetch_add(1, Relaxed);
@@ -170,7 +172,7 @@ impl FriCounters {
         self.answer_longest_ns.fetch_max(took_ns, Relaxed);
     }
 
-    /// The controller has been silent for long: what comes next is a new beginning.
+    /// Resets the connection after a long silence of the controller.
     pub fn forget(&self) {
         self.controller.store(0, Relaxed);
         self.sequence.store(u32::MAX, Relaxed);
@@ -200,7 +202,7 @@ impl LinkDiagnosis for FriCounters {
             "disordered": number(&self.disordered),
             "gaps": number(&self.gaps),
             "gaps_datagrams": number(&self.gaps_datagrams),
-            // Since the last look, and since the beginning.
+            // The maximum since the last call, and the maximum since the start.
             "interval_max_ns": self.interval_max_ns.swap(0, Relaxed),
             "interval_longest_ns": number(&self.interval_longest_ns),
             "answered": answered,
@@ -266,7 +268,7 @@ impl DatagramStatistics {
     }
 }
 
-/// FRI 1.0 knows IPv4 only.
+/// Packs an address into 48 bits; FRI 1.0 uses IPv4 only.
 fn packed(address: SocketAddr) -> u64 {
     match address {
         SocketAddr::V4(address) => {

@@ -1,8 +1,8 @@
-//! What is said to the controller, datagram by datagram: sequence numbers, mirroring, the KRL handshake, I/O.
+//! The FRI dialogue with the controller, datagram by datagram: sequence numbers, mirroring, the KRL handshake, I/O.
 //! Pure, without clock or socket; run by the host's thread.
 //!
-//! While the controller does not command, and in the first cycles in which it does, every answer repeats the
-//! controller's own position: it refuses to begin otherwise.
+//! In monitor state, and in the first cycles of command state, every answer repeats (mirrors) the controller's own
+//! position: otherwise it refuses to enter command state.
 
 use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::impedance::ControlMode;
@@ -19,40 +19,41 @@ use crate::fri_lwr::wire::{
     SessionState,
 };
 
-/// Cycles of command state in which we still mirror.
+/// Number of cycles in command state in which the driver still mirrors.
 const ENTRY_CYCLES: u32 = 3;
-/// After so many datagrams in a row from the past the controller has begun to count anew.
+/// After this number of consecutive out-of-order datagrams, the controller's counter is taken as restarted.
 const RESTART_DATAGRAMS: u32 = 10;
-/// More datagrams than this are not lost at once, unless the next one confirms it: our own stalls lose none.
+/// A larger gap in the sequence numbers must be confirmed by the next datagram: stalls of the driver lose no datagrams.
 const GAP_MAX: u16 = 10;
-/// Largest move of the controller's own position while command state begins, rad: it rests, only rounding is seen.
+/// Largest change of the controller's position while command state begins, rad: the arm rests, so only rounding is
+/// visible.
 const STILL_RAD: f64 = 1e-5;
-/// Largest move of it from one datagram to the next in any state, rad.
+/// Largest change of the controller's position from one datagram to the next in any state, rad.
 const NEAR_RAD: f64 = 0.01;
-/// `$FRI_FRM_INT[1]` as in KUKA's first sample.
+/// Value of `$FRI_FRM_INT[1]` that leaves command mode, as in KUKA's first sample.
 const LEAVE: i32 = 0;
-/// We are there, but the connection is not good enough yet.
+/// Value of `$FRI_FRM_INT[1]`: the PC is present, but the connection quality is still too low.
 const PRESENT: i32 = 1;
-/// Command mode, please.
+/// Value of `$FRI_FRM_INT[1]` that requests command mode.
 const ENTER: i32 = 10;
 
-/// The convention between the PC and the KRL program.
+/// Convention between the PC and the KRL program for entering command mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KrlConvention {
-    /// KUKA's first sample: `$FRI_FRM_INT[1]` is 1, then 10 for command mode; 0 leaves it.
+    /// KUKA's first sample: `$FRI_FRM_INT[1]` is 1, then 10 to request command mode; 0 leaves it.
     FirstApp,
-    /// The KRL program decides alone.
+    /// The KRL program alone decides.
     Auto,
 }
 
-/// A channel and its KRL variable, counted from 1.
+/// A channel and the number of its KRL variable, from 1.
 #[derive(Clone, Debug)]
 struct KrlChannel {
     number: usize,
     config: ChannelConfig,
 }
 
-/// The session with one controller.
+/// State of the FRI dialogue with one controller.
 #[derive(Clone, Debug)]
 pub struct FriSession {
     script: KrlConvention,
@@ -65,21 +66,21 @@ pub struct FriSession {
     out_of_order: u32,
     ticks: u64,
     own_sequence: u16,
-    /// Cycles of command state in a row.
+    /// Number of consecutive cycles in command state.
     commanding: u32,
     releasing: bool,
     refused: u64,
-    /// Contradicts the command state that we are in; believed once the next one says the same.
+    /// A datagram that contradicts the present command state; accepted once the next one confirms it.
     unconfirmed: Option<MeasurementDatagram>,
-    /// Missed answers of controllers before this one, minus what this one had at the beginning.
+    /// Missed answers counted by earlier controllers, minus the count with which the present one started.
     missed_before: i64,
 }
 
 impl FriSession {
-    /// A session that has not begun.
+    /// A session without any datagram yet.
     ///
     /// # Errors
-    /// The device has no arm of 7 joints, or a channel is no KRL variable.
+    /// Returns an error if the device's robot does not have 7 joints, or if a channel's address is not a KRL variable.
     pub fn new(
         device: &DeviceConfig,
         script: KrlConvention,
@@ -115,7 +116,7 @@ impl FriSession {
         })
     }
 
-    /// Takes a datagram from the controller in; false if it is refused (size, identity, order, numbers).
+    /// Processes a datagram from the controller; returns false if it is refused (size, identity, order, values).
     pub fn accept(&mut self, bytes: &[u8]) -> bool {
         let Ok(measured) = MeasurementDatagram::decode(bytes) else {
             self.refuse();
@@ -153,7 +154,7 @@ impl FriSession {
         }
         self.out_of_order = 0;
         self.last_sequence = Some(measured.send_sequence);
-        // In another strategy, command state begins anew.
+        // A change of the strategy restarts the count of cycles in command state.
         let goes_on = measured.control == self.measured.control;
         self.commanding = match measured.state {
             SessionState::Command if goes_on => self.commanding.saturating_add(1),
@@ -167,8 +168,9 @@ impl FriSession {
         true
     }
 
-    /// The wire has no check of its own: in command state a single datagram neither ends it, nor changes the period, nor
-    /// moves the position that is mirrored, nor leaves many others out.
+    /// Returns true if a datagram must be confirmed by the next one. FRI has no checksum: in command state, a single
+    /// datagram must neither end that state, nor change the period, nor move the mirrored position, nor skip many
+    /// sequence numbers.
     fn is_implausible(&self, measured: &MeasurementDatagram, ticks: u16) -> bool {
         let commanded =
             self.measured.state == SessionState::Command && self.last_sequence.is_some();
@@ -179,7 +181,7 @@ impl FriSession {
                 || (mirrored && !is_near(measured, &self.measured, STILL_RAD)))
     }
 
-    /// The datagram before this one was unconfirmed, and this one says the same.
+    /// Returns true if the previous datagram is unconfirmed and this one agrees with it.
     fn is_confirmed_by(&self, measured: &MeasurementDatagram) -> bool {
         self.unconfirmed.is_some_and(|unconfirmed| {
             let ticks = measured
@@ -191,18 +193,18 @@ impl FriSession {
         })
     }
 
-    /// The last datagram that was taken in.
+    /// Returns the last accepted datagram.
     #[must_use]
     pub fn measured(&self) -> &MeasurementDatagram {
         &self.measured
     }
 
-    /// Counts a datagram that is not the controller's.
+    /// Counts a datagram that does not come from the controller.
     pub fn refuse(&mut self) {
         self.refused += 1;
     }
 
-    /// The controller has been silent: the next one may count from anywhere.
+    /// Resets the session after a silence: the next datagram may have any sequence number.
     pub fn reset(&mut self) {
         self.last_sequence = None;
         self.out_of_order = 0;
@@ -210,12 +212,12 @@ impl FriSession {
         self.unconfirmed = None;
     }
 
-    /// From now on command mode is no longer asked for.
+    /// Stops requesting command mode.
     pub fn release(&mut self) {
         self.releasing = true;
     }
 
-    /// What has been measured since the last time.
+    /// Copies the newest measurement to `inputs` and returns the status of the exchange.
     pub fn exchange(&mut self, inputs: &mut Inputs) -> Exchange {
         let MeasurementDatagram {
             quality,
@@ -226,7 +228,7 @@ impl FriSession {
         self.fill(inputs);
         let reason = self.reason();
         let commandable = self.is_commandable();
-        // To whole microseconds: the wire has binary32.
+        // Rounded to whole microseconds, since the wire has binary32.
         let period_us = (f64::from(measurement_period) * 1e6).round();
         let known = (100.0..=1e6).contains(&period_us);
         Exchange {
@@ -247,7 +249,7 @@ impl FriSession {
         }
     }
 
-    /// The answer to the last datagram.
+    /// Returns the answer to the last datagram.
     pub fn answer(&mut self, outputs: &Outputs) -> [u8; CMD_SIZE] {
         self.own_sequence = self.own_sequence.wrapping_add(1);
         let finite = outputs.position.iter().all(|q| q.is_finite());
@@ -296,7 +298,7 @@ impl FriSession {
         krl
     }
 
-    /// Where the controller holds the joints, rad.
+    /// Returns the position at which the controller holds the joints, rad.
     fn mirror(&self) -> Joints {
         held(&self.measured)
     }
@@ -305,12 +307,12 @@ impl FriSession {
         self.commanding > ENTRY_CYCLES && self.has_power() && self.strategy_reason() == 0
     }
 
-    /// The control strategy that the controller runs, if the arm can be commanded in it.
+    /// Returns the control mode that the controller runs, or `None` if the arm cannot be commanded in it.
     fn strategy(&self) -> Option<ControlMode> {
         self.strategies.runs(&self.measured)
     }
 
-    /// 0, or why the arm cannot be commanded in the controller's strategy.
+    /// Returns 0, or the reason why the arm cannot be commanded in the controller's strategy.
     fn strategy_reason(&self) -> u32 {
         match self.strategy() {
             None => STRATEGY,
@@ -340,7 +342,7 @@ impl FriSession {
         widen(&mut inputs.position, &measured.measured_position);
         widen(&mut inputs.torque, &measured.measured_torque);
         widen(&mut inputs.external_torque, &measured.external_torque);
-        // On the wire A, B, C turn about z, y, x.
+        // KUKA's order is A, B, C: the rotations about z, y, x.
         let [fx, fy, fz, tz, ty, tx] = measured.external_tcp_wrench.map(f64::from);
         inputs.wrench = [fx, fy, fz, tx, ty, tz];
         let [digital, _, analog, _] = &self.channels;
@@ -363,7 +365,7 @@ fn has_power(measured: &MeasurementDatagram) -> bool {
     measured.power != 0 && measured.error == 0
 }
 
-/// Where the controller holds the joints, rad: its own position and what has been added to it.
+/// Returns the position at which the controller holds the joints, rad: its own position plus FRI's offset.
 fn held(measured: &MeasurementDatagram) -> Joints {
     let mut held = [0.0; JOINTS_MAX];
     let own = measured.commanded_position;
@@ -381,7 +383,7 @@ fn is_near(one: &MeasurementDatagram, other: &MeasurementDatagram, bound_rad: f6
         .all(|(one, other)| (one - other).abs() <= bound_rad)
 }
 
-/// What does not change while the controller commands.
+/// Returns the fields that do not change while the controller commands.
 fn mode(measured: &MeasurementDatagram) -> (SessionState, FriControlStrategy, bool, u32) {
     (
         measured.state,
@@ -397,7 +399,7 @@ fn widen(to: &mut Joints, from: &[f32; JOINTS]) {
     }
 }
 
-/// What is computed with must be a number; the rest may be what it likes.
+/// Checks the fields that enter computations; the others may have any value.
 fn is_finite(measured: &MeasurementDatagram) -> bool {
     measured
         .measured_position

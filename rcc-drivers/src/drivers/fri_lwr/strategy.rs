@@ -1,9 +1,9 @@
-//! The part of an answer that depends on the control strategy: command flags, Cartesian pose, stiffness, damping, forces.
+//! Fields of an answer that depend on the control strategy: command flags, Cartesian pose, stiffness, damping, forces.
 //! Pure; run by the host's thread.
 //!
-//! The flags may change in monitor state only, so that they follow from the strategy that the controller runs, and every
-//! field that they name is filled in from the first answer on. In Cartesian impedance control the pose is commanded, and
-//! the joint positions beside it for the arm's redundancy, which a KRC takes from software 5.6 on.
+//! The flags may change in monitor state only. They therefore follow from the strategy that the controller runs, and
+//! every field that they select is filled in from the first answer on. In Cartesian impedance control the pose is
+//! commanded, together with the joint positions, which fix the redundancy; a KRC accepts these from software 5.6 on.
 
 use rcc_config::DeviceConfig;
 use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
@@ -15,31 +15,31 @@ use crate::fri_lwr::wire::{
     CommandDatagram, FriControlStrategy, JOINTS, MeasurementDatagram, flags,
 };
 
-/// Flags of Cartesian impedance control.
+/// Command flags in Cartesian impedance control.
 pub const CARTESIAN_FLAGS: u32 = flags::JOINT_POSITION
     | flags::CARTESIAN_POSITION
     | flags::TCP_WRENCH
     | flags::CARTESIAN_STIFFNESS
     | flags::CARTESIAN_DAMPING;
-/// Flags of joint impedance control.
+/// Command flags in joint impedance control.
 pub const JOINT_FLAGS: u32 =
     flags::JOINT_POSITION | flags::JOINT_TORQUE | flags::JOINT_STIFFNESS | flags::JOINT_DAMPING;
-/// How far the columns of a rotation may be from orthonormal: binary32, and a controller's own rounding.
+/// Tolerance of a rotation's columns against orthonormality: rounding to binary32, and the controller's own rounding.
 const ORTHONORMAL: f64 = 1e-3;
 
-/// What the arm can do besides position control, and where its tool is.
+/// Encodes answers for each control strategy; knows the arm's impedance limits and its tool frame.
 #[derive(Clone, Debug)]
 pub struct StrategyEncoder {
     arm: Option<Arm>,
     limits: Option<ImpedanceLimits>,
-    /// The tool as the controller knows it, in the flange; `None`: its Cartesian pose has made no sense.
+    /// Tool frame relative to the flange as the controller uses it; `None`: its Cartesian pose is not valid.
     tool: Option<Pose>,
-    /// Where the controller holds the tool, as on the wire.
+    /// Pose at which the controller holds the tool, in wire format.
     mirror: [f32; 12],
 }
 
 impl StrategyEncoder {
-    /// Of the device's robot.
+    /// Returns an encoder for the device's robot.
     pub fn of(device: &DeviceConfig) -> Self {
         let model = device.model();
         Self {
@@ -50,7 +50,7 @@ impl StrategyEncoder {
         }
     }
 
-    /// What this controller runs, if the arm can be commanded in it.
+    /// Returns the control mode of the controller, or `None` if the arm cannot be commanded in it.
     pub fn runs(&self, measured: &MeasurementDatagram) -> Option<ControlMode> {
         let soft = self.limits.is_some();
         match measured.control {
@@ -61,12 +61,13 @@ impl StrategyEncoder {
         }
     }
 
-    /// The controller's Cartesian pose is one.
+    /// Returns true if the controller's Cartesian pose is valid.
     pub fn knows_the_tool(&self) -> bool {
         self.tool.is_some()
     }
 
-    /// Takes over where the controller holds the tool, and at which joint positions.
+    /// Stores the pose at which the controller holds the tool, and derives the tool frame from the joint positions
+    /// `held` (rad).
     pub fn mirror(&mut self, measured: &MeasurementDatagram, held: &Joints) {
         let pose = held_pose(measured);
         self.tool = pose.and_then(|pose| {
@@ -79,14 +80,15 @@ impl StrategyEncoder {
         };
     }
 
-    /// Fills an answer in for this strategy; `position` are the joint set-points (rad) if the controller follows.
+    /// Fills in the fields of an answer for this control mode; `position` holds the joint set-points (rad) if the
+    /// controller follows.
     pub fn fill(
         &self,
         answer: &mut CommandDatagram,
         strategy: ControlMode,
         (impedance, position): (&Impedance, Option<&Joints>),
     ) {
-        // Whoever commands nothing holds the arm as it was.
+        // Without a command for this mode, the arm is held with its default impedance.
         let held = self
             .limits
             .map(|limits| limits.default_hold(strategy, JOINTS));
@@ -124,7 +126,8 @@ impl StrategyEncoder {
     }
 }
 
-/// Where the controller holds the tool: its own pose and what has been added to it. `None` if that is no pose.
+/// Returns the pose at which the controller holds the tool: its own pose plus FRI's offset. `None` if that is not a
+/// valid pose.
 fn held_pose(measured: &MeasurementDatagram) -> Option<Pose> {
     let own = pose(&measured.commanded_pose)?;
     let added = measured.commanded_pose_offset;
@@ -150,13 +153,13 @@ fn held_pose(measured: &MeasurementDatagram) -> Option<Pose> {
     })
 }
 
-/// An offset that adds nothing; a controller that adds nothing may also leave it zero.
+/// Returns true for the identity offset; a controller without an offset may also send zeros.
 fn is_unmoved(offset: &[f32; 12]) -> bool {
     const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     *offset == IDENTITY || *offset == [0.0; 12]
 }
 
-/// 3×4 row-major `[R|p]`, p in m; `None` if R is no rotation.
+/// Decodes a 3×4 row-major `[R|p]`, p in m; `None` if R is not a rotation.
 fn pose(wire: &[f32; 12]) -> Option<Pose> {
     let value = |row: usize, column: usize| f64::from(wire[4 * row + column]);
     let rotation: [[f64; 3]; 3] =
@@ -179,7 +182,7 @@ fn wire_pose(pose: &Pose) -> [f32; 12] {
     })
 }
 
-/// Our x y z rx ry rz as KUKA's x y z A B C: the turns about z, y, x.
+/// Converts x y z rx ry rz to KUKA's x y z A B C, the rotations about z, y, x.
 fn six(values: &Joints) -> [f32; 6] {
     let [x, y, z, rx, ry, rz, ..] = values.map(|value| value as f32);
     [x, y, z, rz, ry, rx]

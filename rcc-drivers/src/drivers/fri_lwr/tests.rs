@@ -1,4 +1,4 @@
-//! The driver against the simulated controller: in virtual time without a socket, and over one.
+//! The driver against the simulated controller: in virtual time without a socket, and over a socket.
 
 mod impedance;
 
@@ -17,12 +17,12 @@ use crate::sim::lwr::settings::Settings as KrcSettings;
 const MS: u64 = 1_000_000;
 const DELAY: usize = 10;
 
-/// The LWR of the demo cell.
+/// Returns the LWR of the demo cell.
 fn lwr() -> DeviceConfig {
     conforms::lwr(([127, 0, 0, 1], 0).into())
 }
 
-/// Controller, driver and executor in one virtual time of 1 ms steps.
+/// Controller, driver and executor in one virtual time, with steps of 1 ms.
 struct FriFixture {
     krc: Krc,
     session: FriSession,
@@ -86,7 +86,7 @@ impl FriFixture {
             return;
         };
         if !self.session.accept(&bytes) {
-            // Left command state, and nobody has confirmed it yet.
+            // The controller has left command state, and no second datagram has confirmed it yet.
             return;
         }
         let mut inputs = Inputs::NONE;
@@ -101,7 +101,7 @@ impl FriFixture {
             .push(CommandDatagram::decode(&answer).expect("our own bytes"));
     }
 
-    /// Moves joint 1 by `way` (rad) in `cycles`; the torch is on beyond half of it.
+    /// Moves joint 1 by `way` (rad) in `cycles`; the torch is on in the second half.
     fn run(&mut self, owner: u64, way: f64, cycles: u64) {
         let hold = self.measured().hold;
         for cycle in 0..=cycles {
@@ -289,7 +289,7 @@ fn datagrams_of_another_size_or_identity_or_without_numbers_are_refused() {
     assert_eq!(session.exchange(&mut Inputs::NONE.clone()).refused, 3);
 }
 
-/// A session that commands.
+/// Returns a session in command state.
 fn commanding() -> FriSession {
     let mut session = session();
     for sequence in 1..=5 {
@@ -428,7 +428,7 @@ fn drives_strategy_and_quality_say_why_nothing_may_begin() {
     }
 }
 
-/// A driver in command mode and the socket of its controller.
+/// Returns a driver in command mode and the socket of its controller.
 fn commanding_over_a_socket() -> (FriLwr, UdpSocket) {
     let mut driver = FriLwr::open(&lwr()).expect("a good configuration");
     let controller = UdpSocket::bind("127.0.0.1:0").expect("loopback");

@@ -1,4 +1,4 @@
-//! The ideal arm: the rules of the conformance suite that need no wire, and that it is where it was told to be.
+//! The ideal arm: the conformance rules that need no wire, and its position after a command.
 //! Test code only.
 
 use std::net::{SocketAddr, UdpSocket};
@@ -17,7 +17,7 @@ use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance,
 use crate::driver::{Driver, Exchange, Inputs, Outputs};
 use crate::host::reason::Reason;
 
-/// There is no other end of a wire: only rules about the configuration apply.
+/// There is no other end of the wire: only the rules about the configuration apply.
 struct Nobody(UdpSocket);
 
 impl Peer for Nobody {

@@ -9,21 +9,21 @@ use super::super::reason;
 use super::super::set_point_buffer::BUFFER_LENGTH;
 use super::{DeviceCycle, SetPointPlayer};
 
-/// Why the set-points end.
+/// Why playback ends.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PlayEnd {
-    /// The net commands no longer, from this cycle on.
+    /// The net no longer commands, from this cycle on.
     Released { entry: u64 },
-    /// There is nothing to play yet.
+    /// The next set-point has not arrived yet.
     Starved,
-    /// It is not there any more.
+    /// The set-point is no longer in the buffer, or too old.
     Lost,
-    /// It must not be played.
+    /// The set-point violates a limit.
     Violated(Violation),
 }
 
 impl SetPointPlayer {
-    /// Moves on by one exchange.
+    /// Advances playback by one exchange.
     pub(super) fn follow(&mut self, tick: &DeviceCycle) {
         let step = if self.lockstep {
             self.step_lockstep(tick)
@@ -36,7 +36,8 @@ impl SetPointPlayer {
         }
     }
 
-    /// Slow enough to be left where it is: within the acceleration limit, and nothing that anybody would see.
+    /// Returns true if the arm is slow enough to stop where it is, within the acceleration limit and without a visible
+    /// jerk.
     pub(super) fn is_slow(&self) -> bool {
         let limits = &self.settings.limits.joints;
         let bounds = limits.velocity_max.iter().zip(&limits.acceleration_max);
@@ -54,7 +55,7 @@ impl SetPointPlayer {
         if !self.dwells() {
             self.advance(tick);
         }
-        // Whatever lies between is played, too; the buffer bounds this loop.
+        // A released cycle in between ends playback; the buffer bounds this loop.
         for entry in (old + 1..=self.pointer).take(BUFFER_LENGTH) {
             if self.buffer.at(entry).is_some() && self.buffer.commanded(entry).is_none() {
                 return Err(PlayEnd::Released { entry });
@@ -97,8 +98,7 @@ impl SetPointPlayer {
         Ok(position)
     }
 
-    /// A set-point that is older than the delay by more than the time-out is as good as none: the arm would do what was
-    /// right then.
+    /// Returns true if the set-point is older than the delay by more than the time-out: its command is outdated.
     fn is_too_late(&self) -> bool {
         let behind = self.buffer.newest().saturating_sub(self.pointer);
         let most_ns = self
@@ -108,7 +108,8 @@ impl SetPointPlayer {
         behind.saturating_mul(self.buffer.period_ns()) > most_ns
     }
 
-    /// What is commanded besides the position, since the set-point `old`; by logical time, however the pointer moves.
+    /// Checks the impedance set-point against the one of cycle `old`; in logical time, regardless of the pointer's
+    /// speed.
     pub(super) fn check_impedance(&mut self, old: u64, entry: &SetPoint) -> Result<(), Violation> {
         let cycles = self.pointer.saturating_sub(old).max(1);
         let dt_s = (cycles * self.buffer.period_ns()) as f64 * 1e-9;
@@ -116,9 +117,10 @@ impl SetPointPlayer {
             .check_impedance(&entry.impedance, self.strategy, dt_s)
     }
 
-    /// At rest, waiting costs nothing: until all of the delay lies ahead again.
+    /// Decides whether the pointer stays: at rest, waiting until the full delay is restored has no effect on the
+    /// motion.
     fn dwells(&mut self) -> bool {
-        // What a step would leave.
+        // The margin after one step.
         let margin = self.buffer.newest().saturating_sub(self.pointer + 1);
         let delay = self.delay();
         let few = 4 * margin < 3 * delay || (self.dwelling && margin < delay);
@@ -130,7 +132,7 @@ impl SetPointPlayer {
         let delay = self.delay();
         let newest = self.buffer.newest();
         if self.is_stationary() && self.commands_same(self.pointer, self.pointer + 1) {
-            // At rest the pointer may also step onto a whole set-point, or over equal ones: what has piled up is left out.
+            // At rest the pointer may also step onto a whole set-point, or skip equal ones: a backlog is removed.
             if self.pointer_fraction > 0.0 {
                 (self.pointer, self.pointer_fraction) = (self.pointer + 1, 0.0);
                 return;
@@ -156,7 +158,7 @@ impl SetPointPlayer {
             tick.dt_s(),
         );
         let place = self.pointer_fraction + rate * ahead;
-        // Far beyond the newest set-point it only matters that it is.
+        // Far beyond the newest set-point, the exact distance does not matter.
         let whole = place.floor().min(1e6);
         self.pointer += whole as u64;
         self.pointer_fraction = (place - whole).min(1.0 - f64::EPSILON);
@@ -167,12 +169,12 @@ impl SetPointPlayer {
         self.pointer > newest || (self.pointer == newest && self.pointer_fraction > 0.0)
     }
 
-    /// The last two positions sent were the same.
+    /// Returns true if the last two positions sent were equal.
     pub(super) fn is_stationary(&self) -> bool {
         self.sent.motion.velocity.iter().all(|v| *v == 0.0)
     }
 
-    /// Two cycles command the same, outputs included.
+    /// Returns true if two cycles command the same values, including outputs.
     fn commands_same(&self, one: u64, other: u64) -> bool {
         match (self.buffer.commanded(one), self.buffer.commanded(other)) {
             (Some(one), Some(other)) => {
@@ -187,7 +189,7 @@ impl SetPointPlayer {
         }
     }
 
-    /// The set-points end: rest where it is, or go to rest.
+    /// Ends playback: holds the position if the arm is slow after a release, otherwise starts a stop.
     fn finish(&mut self, end: PlayEnd, tick: &DeviceCycle) {
         match end {
             PlayEnd::Released { entry } if self.is_slow() => {
@@ -214,11 +216,11 @@ impl SetPointPlayer {
                 self.stop(reason::LIMIT);
             }
         }
-        // This exchange needs its set-point, too.
+        // This exchange needs a set-point too.
         self.step_to_rest(tick);
     }
 
-    /// How the set-points around the pointer move; what is missing counts as at rest.
+    /// Returns the motion of the set-points at the pointer; a missing set-point counts as rest.
     fn motion(&self) -> JointMotion {
         let dt_s = self.buffer.period_ns() as f64 * 1e-9;
         let position = |entry: u64| self.buffer.commanded(entry).map(|found| found.position);

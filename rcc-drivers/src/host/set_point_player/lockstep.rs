@@ -1,9 +1,10 @@
-//! Following a net when the executor's clock follows the device: each exchange plays the newest set-point, which the
-//! executor has computed from the measurement of this very exchange. Pure; run by the host's thread.
+//! Playback while the executor's clock follows the device: each exchange plays the newest set-point, which the executor
+//! has computed from the measurement of the same exchange.
+//! Pure; run by the host's thread.
 //!
-//! An executor that is late for an exchange is bridged: the arm goes on as it moved. With the next set-point it is back at
-//! the newest one, whatever came in between, so that no delay is left over; where the arm then is beside it goes away
-//! smoothly (`tracking_offset`).
+//! An exchange without a set-point is bridged: the arm continues its motion. The next set-point resynchronises it with
+//! the newest one, whatever came in between, so that no delay remains; the remaining offset decays smoothly
+//! (`tracking_offset`).
 
 use rcc_core::message::{JOINTS_MAX, Joints};
 
@@ -13,21 +14,21 @@ use super::super::tracking_offset::TrackingOffset;
 use super::follow::PlayEnd;
 use super::{DeviceCycle, SetPointPlayer};
 
-/// So long, or so many periods of the device, an executor is bridged; the arm then comes to rest. As long as with two clocks
-/// and their usual delay.
+/// Longest bridge, as a time and in device periods: beyond both, the arm comes to rest. The time equals the default
+/// delay with two clocks.
 const BRIDGE_MAX_S: f64 = 10e-3;
 const BRIDGE_MAX_PERIODS: u64 = 2;
-/// The part of the acceleration limit that one step back to the set-points may use.
+/// Share of the acceleration limit that the first step of a resynchronisation may use.
 const RESYNC_SHARE: f64 = 0.9;
-/// The part of what the set-points leave of it that the rest of the way may use.
+/// Share of the acceleration left by the set-points that the decay of the offset may use.
 const SHARE: f64 = 0.5;
-/// How much less of the acceleration each further period of a bridge believes in.
+/// Factor by which the extrapolated acceleration decreases with each further period of a bridge.
 const FADE: f64 = 0.5;
 
 impl SetPointPlayer {
     pub(super) fn step_lockstep(&mut self, tick: &DeviceCycle) -> Result<Joints, PlayEnd> {
         let newest = self.buffer.newest();
-        // Whatever lies between is played, too; the buffer bounds this loop.
+        // A released cycle in between ends playback; the buffer bounds this loop.
         for entry in (self.pointer + 1..=newest).take(BUFFER_LENGTH) {
             if self.buffer.at(entry).is_some() && self.buffer.commanded(entry).is_none() {
                 return Err(PlayEnd::Released { entry });
@@ -68,15 +69,16 @@ impl SetPointPlayer {
         Ok(position)
     }
 
-    /// As many set-points as the exchange has periods, and the last one had its own.
+    /// Returns true if the number of new set-points equals the number of periods of the exchange, and the last exchange
+    /// was not bridged.
     fn is_regular(&self, newest: u64, tick: &DeviceCycle) -> bool {
         let ahead = tick.dt_s() / (self.buffer.period_ns() as f64 * 1e-9);
         let steps = (newest - self.pointer) as f64;
         self.bridged == 0 && (steps - ahead).abs() < 0.5
     }
 
-    /// From where the arm would be at the end of this exchange to `stream`, where the set-points are: it takes their
-    /// velocity over (and what it had beside it), as far as its acceleration allows in one exchange.
+    /// Returns the offset of the arm from the set-points `stream` at the end of this exchange: the arm takes over their
+    /// velocity (and that of the present offset) as far as its acceleration allows in one exchange.
     fn offset_from(&self, stream: &Joints, rate: &Joints, tick: &DeviceCycle) -> TrackingOffset {
         let dt_s = tick.dt_s();
         let velocity = self.set_point_motion(self.pointer).velocity;
@@ -91,7 +93,7 @@ impl SetPointPlayer {
         TrackingOffset::from(offset, beside)
     }
 
-    /// What the set-points leave of the acceleration limits, as far as a tracking_offset may use it, rad/s².
+    /// Returns the acceleration that the set-points leave for the decay of a tracking offset, rad/s².
     fn acceleration_reserve(&self, entry: u64) -> Joints {
         let mut room = self.settings.limits.joints.acceleration_max;
         let used = self.set_point_motion(entry).acceleration;
@@ -101,7 +103,7 @@ impl SetPointPlayer {
         room
     }
 
-    /// How the set-points move up to this one; what is missing counts as at rest.
+    /// Returns the motion of the set-points up to cycle `entry`; a missing set-point counts as rest.
     fn set_point_motion(&self, entry: u64) -> JointMotion {
         let dt_s = self.buffer.period_ns() as f64 * 1e-9;
         let position = |entry: u64| self.buffer.commanded(entry).map(|found| found.position);
@@ -117,7 +119,7 @@ impl SetPointPlayer {
         motion
     }
 
-    /// Where the arm is at the end of this exchange if it goes on as it moved.
+    /// Extrapolates the arm's position to the end of this exchange, rad.
     fn bridge(&self, tick: &DeviceCycle) -> Joints {
         let dt_s = tick.dt_s();
         let weight = FADE.powi(self.bridged.saturating_sub(2).min(64) as i32);

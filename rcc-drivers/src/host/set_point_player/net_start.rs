@@ -1,4 +1,4 @@
-//! Who begins to command the joints, and whether that may be followed.
+//! Decides which net may start commanding the joints.
 //! Pure; run by the host's thread after each exchange.
 
 use rcc_core::guard::ViolationKind;
@@ -11,9 +11,9 @@ use super::super::tracking_offset::TrackingOffset;
 use super::{PlayerPhase, SetPointPlayer};
 
 impl SetPointPlayer {
-    /// Looks through the new set-points for a net that begins to command; follows it as soon as its delay is over.
+    /// Searches the new set-points for a net that starts commanding; follows it once its delay has passed.
     pub(super) fn accept_new_net(&mut self) {
-        // Each round but the last refuses somebody, and there are no more of them than set-points.
+        // Each round except the last refuses one owner, and there are at most as many as set-points.
         for _ in 0..BUFFER_LENGTH {
             self.scan_set_points();
             let PlayerPhase::Waiting { first } = self.phase else {
@@ -50,14 +50,14 @@ impl SetPointPlayer {
         }
     }
 
-    /// The first set-point is sent if it is where the arm is held.
+    /// Starts following a net if its first set-point is at the hold position, within the tolerance.
     fn begin(&mut self, first: u64) {
         let Some(entry) = self.buffer.commanded(first).copied() else {
             self.phase = PlayerPhase::Holding;
             return self.refuse_newest_owner(reason::SET_POINTS_LOST);
         };
         let hold = self.sent.position;
-        // The second time for the history: the blend begins at the hold position.
+        // The second call sets the guard's history: the blend starts at the hold position.
         let checked = self
             .guard
             .first(&entry.position, &hold)
@@ -93,7 +93,7 @@ impl SetPointPlayer {
         self.phase = PlayerPhase::Following;
     }
 
-    /// A faster executor has written more than one set-point by now: the newest one of this net is that of this exchange.
+    /// A faster executor has already written several set-points: this exchange plays the newest one of the net.
     fn skip_to_newest(&mut self) {
         for _ in 0..BUFFER_LENGTH {
             let Some(entry) = self.buffer.commanded(self.pointer + 1) else {

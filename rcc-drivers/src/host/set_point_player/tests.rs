@@ -1,4 +1,4 @@
-//! The rules of the player in virtual time: an executor and a device with periods of 1 ms, each of which may stall.
+//! Tests of the player in virtual time: an executor and a device with periods of 1 ms, each of which may stall.
 //! Test code only.
 
 use rcc_core::message::JOINTS_MAX;
@@ -482,7 +482,7 @@ fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_i
     let mut player = SetPointPlayer::new(fixture.player.settings);
     player.tick(&tick);
     assert_eq!(*player.position(), elsewhere);
-    // And after it was out of reach for so long that nobody knows where it is.
+    // The same after a loss of the device, when its position is unknown.
     fixture.player.lose();
     fixture.player.tick(&tick);
     assert_eq!(*fixture.player.position(), elsewhere);

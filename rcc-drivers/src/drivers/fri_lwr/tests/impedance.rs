@@ -9,7 +9,7 @@ use crate::sim::lwr::settings::KrlStrategy;
 const CARTESIAN: KrlStrategy = KrlStrategy::CartesianImpedance;
 const JOINT: KrlStrategy = KrlStrategy::JointImpedance;
 
-/// Ready, with a controller that runs this strategy.
+/// Returns a ready fixture whose controller runs this strategy.
 fn bench(strategy: KrlStrategy) -> FriFixture {
     let mut bench = FriFixture::new();
     bench.krc = Krc::new(KrcSettings {
@@ -22,7 +22,7 @@ fn bench(strategy: KrlStrategy) -> FriFixture {
     bench
 }
 
-/// Along and about x, y, z all different.
+/// Different values along and about x, y and z.
 fn soft() -> Impedance {
     Impedance {
         strategy: ControlMode::CartesianImpedance as u64,
@@ -48,7 +48,7 @@ fn held(owner: u64, bench: &FriFixture, impedance: Impedance) -> SetPoint {
     }
 }
 
-/// `count` numbers of binary32 at a byte of the last answer, as the table of the layout has them.
+/// Returns `count` binary32 numbers at a byte offset of the last answer, taken from the layout table.
 fn floats(answer: &CommandDatagram, offset: usize, count: usize) -> Vec<f32> {
     let bytes: [u8; CMD_SIZE] = answer.encode();
     let field = bytes[offset..offset + 4 * count].chunks(4);
@@ -77,7 +77,7 @@ fn cartesian_set_points_go_out_with_their_flags_in_kukas_order() {
         [1000.0, 1100.0, 1200.0, 120.0, 110.0, 100.0]
     );
     assert_eq!(floats(&last, 352, 6), [0.1, 0.2, 0.3, 0.6, 0.5, 0.4]);
-    // Of the other strategy nothing is said.
+    // Fields of the other strategy stay zero.
     assert_eq!(floats(&last, 220, 7), [0.0; 7]);
     assert_eq!(floats(&last, 272, 14), [0.0; 14]);
 }
@@ -113,11 +113,11 @@ fn the_flags_are_the_same_from_the_first_answer_to_the_last() {
             strategy,
             ..KrcSettings::default()
         });
-        // The controller sends first: it is known from the first answer on.
+        // The controller sends first, so its strategy is known from the first answer on.
         bench.wait_for(DeviceState::Ready);
         assert!(bench.answers.len() > 100);
         assert!(bench.answers.iter().all(|answer| flags_of(answer) == flags));
-        // And all fields that they name are in their ranges.
+        // All fields that the flags select are within their ranges.
         assert_eq!(bench.faults(), 0);
     }
 }
@@ -134,7 +134,7 @@ fn a_motion_in_cartesian_impedance_commands_the_pose_of_its_joints() {
         bench.cycle(entry);
     }
     bench.wait_for(DeviceState::Ready);
-    // The controller holds the pose against the joints, each cycle: 1 mm, 0.01 rad.
+    // In each cycle the controller compares the pose with the joint positions: tolerance 1 mm, 0.01 rad.
     assert_eq!(bench.faults(), 0);
     assert_eq!(bench.measured().hold[0], hold[0] + 0.3);
     let place = |answer: &CommandDatagram| [3, 7, 11].map(|place| answer.cartesian_position[place]);

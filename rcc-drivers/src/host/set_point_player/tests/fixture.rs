@@ -1,4 +1,4 @@
-//! Executor, board, device and player in one virtual time of 1 ms steps, each of which may stall.
+//! Executor, board, device and player in one virtual time with steps of 1 ms, each of which may stall.
 //! Test code only.
 
 use rcc_core::guard::JointLimits;
@@ -30,21 +30,21 @@ pub(super) fn limits() -> ArmLimits {
 pub(super) struct PlayerFixture {
     pub(super) player: SetPointPlayer,
     pub(super) image: CommandImage,
-    /// There is an executor.
+    /// An executor is present.
     pub(super) connected: bool,
     pub(super) now_ns: u64,
-    /// What the device was sent, one row an exchange with its time, ms.
+    /// Positions sent to the device, one row per exchange with its time, ms.
     pub(super) sent: Vec<(u64, Joints)>,
     pub(super) tick: DeviceCycle,
 }
 
 impl PlayerFixture {
-    /// An arm at 0 that is commandable, and an executor that runs without nets.
+    /// A commandable arm at 0, and an executor without nets.
     pub(super) fn new() -> Self {
         Self::with(|player| player)
     }
 
-    /// As `new`, where the executor's clock follows the device.
+    /// As `new`, but the executor's clock follows the device.
     pub(super) fn with_leading_clock() -> Self {
         Self::with(SetPointPlayer::with_leading_clock)
     }
@@ -80,7 +80,7 @@ impl PlayerFixture {
         fixture
     }
 
-    /// The executor evaluates a cycle.
+    /// Evaluates one cycle of the executor.
     pub(super) fn write(&mut self, entry: SetPoint) {
         let next = self.image.head.sequence + 1;
         self.image.push(next, self.now_ns, entry);
@@ -91,21 +91,21 @@ impl PlayerFixture {
         self.player.observe(self.now_ns, image);
     }
 
-    /// The device has its cycle.
+    /// Runs one cycle of the device.
     pub(super) fn exchange(&mut self) {
         self.observe();
         self.player.tick(&self.tick);
         self.sent.push((self.now_ns / MS, *self.player.position()));
     }
 
-    /// One millisecond in which both run.
+    /// Advances both by one millisecond.
     pub(super) fn both(&mut self, entry: SetPoint) {
         self.now_ns += MS;
         self.write(entry);
         self.exchange();
     }
 
-    /// The executor's cycle and the device's, without time in between.
+    /// Runs one cycle of the executor and one of the device, without time in between.
     pub(super) fn both_now(&mut self, entry: SetPoint) {
         self.write(entry);
         self.exchange();
@@ -115,7 +115,7 @@ impl PlayerFixture {
         (0..cycles).for_each(|_| self.both(SetPoint::NONE));
     }
 
-    /// The device goes on alone.
+    /// Runs the device without the executor.
     pub(super) fn device_alone(&mut self, cycles: u64) {
         for _ in 0..cycles {
             self.now_ns += MS;
@@ -128,7 +128,7 @@ impl PlayerFixture {
         motion.iter().for_each(|q| self.both(at(owner, *q)));
     }
 
-    /// Largest velocity, acceleration and jerk of joint 1 in what was sent, by differences over its periods.
+    /// Returns the largest velocity, acceleration and jerk of joint 1 in what was sent, by finite differences.
     pub(super) fn peaks(&self) -> [f64; 3] {
         let mut rows: Vec<f64> = self.sent.iter().map(|(_, q)| q[0]).collect();
         let mut peak = || {
@@ -176,7 +176,7 @@ pub(super) fn at(owner: u64, q: f64) -> SetPoint {
     }
 }
 
-/// Rest to rest from `from` by `way`, quintic, in `cycles` ms; with its first and last point.
+/// A quintic from rest to rest, from `from` by `way` rad in `cycles` ms, including its first and last point.
 pub(super) fn motion(from: f64, way: f64, cycles: u64) -> Vec<f64> {
     let part = |x: f64| x * x * x * (10.0 - x * (15.0 - 6.0 * x));
     (0..=cycles)

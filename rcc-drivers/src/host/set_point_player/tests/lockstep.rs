@@ -1,10 +1,10 @@
-//! The rules of the player of a device that the executor's clock follows.
+//! Tests of the player while the executor's clock follows the device.
 //! Test code only.
 
 use super::fixture::{A_MAX, MS, PlayerFixture, at, motion, usual};
 use super::*;
 
-/// Velocity and acceleration within their limits.
+/// Checks velocity and acceleration against their limits.
 fn check_limits(fixture: &PlayerFixture) {
     let [velocity, acceleration, _] = fixture.peaks();
     assert!(
@@ -13,7 +13,7 @@ fn check_limits(fixture: &PlayerFixture) {
     );
 }
 
-/// Beside the newest set-point, rad.
+/// Returns the distance from the newest set-point, rad.
 fn beside(fixture: &PlayerFixture) -> f64 {
     let newest = fixture.image.at(fixture.image.head.sequence).unwrap();
     (fixture.last() - newest.position[0]).abs()
