@@ -1,8 +1,10 @@
-//! One axis on its way to a goal that may change in any cycle: phases of constant jerk, and the follower that walks along
-//! them. Pure arithmetic on a fixed number of words, which live in a net's arena; run by the real-time thread.
+//! Motion of one axis to a goal that may change in any cycle: phases of constant jerk, and the follower that steps
+//! along them. Pure arithmetic on a fixed number of words, which are stored in a net's arena; run by the real-time
+//! thread.
 //!
-//! What is here has a closed form and cannot fail: the stop, the way from rest to rest, and one after the other. The
-//! fastest way from any state is the business of a planner ([`crate::path::Motions::way`]).
+//! Everything in this module has a closed form and cannot fail: the stop, the rest-to-rest motion, and one after the
+//! other. The time-optimal motion from an arbitrary state is computed by a planner
+//! ([`crate::path::Motions::plan_axis`]).
 
 use crate::path::MotionLimits;
 
@@ -12,10 +14,10 @@ mod slots;
 pub use follower::{AXIS_WORDS, AxisFollower};
 pub use slots::{is_new, rest_at, share_of, step_axis};
 
-/// Most phases of a way: two or three to brake into the limits, seven to the goal.
+/// Maximum number of phases of a motion: two or three to brake into the limits, seven to the goal.
 pub const PHASES_MAX: usize = 10;
 
-/// Where an axis is and how it moves there, in its unit, and per s and s².
+/// Position, velocity and acceleration of an axis, in its unit, per s and per s².
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct AxisState {
     /// Position.
@@ -27,7 +29,7 @@ pub struct AxisState {
 }
 
 impl AxisState {
-    /// At rest there.
+    /// Returns the state at rest at `position`.
     #[must_use]
     pub const fn at_rest(position: f64) -> AxisState {
         AxisState {
@@ -37,19 +39,19 @@ impl AxisState {
         }
     }
 
-    /// No velocity, no acceleration.
+    /// Returns true if velocity and acceleration are 0.
     #[must_use]
     pub fn rests(&self) -> bool {
         self.velocity == 0.0 && self.acceleration == 0.0
     }
 
-    /// No NaN and no infinity in it.
+    /// Returns true if all three values are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         self.position.is_finite() && self.velocity.is_finite() && self.acceleration.is_finite()
     }
 
-    /// The state `t_s` later under constant jerk.
+    /// Returns the state `t_s` later under constant jerk.
     #[must_use]
     pub fn after(self, t_s: f64, jerk: f64) -> AxisState {
         let AxisState {
@@ -64,14 +66,15 @@ impl AxisState {
         }
     }
 
-    /// The velocity that is left when the acceleration is let go under `jerk`: what the axis cannot avoid.
+    /// Returns the velocity that remains when the acceleration is reduced to 0 with `jerk`: the velocity that the axis
+    /// inevitably reaches.
     #[must_use]
     pub fn coasting(&self, jerk: f64) -> f64 {
         self.velocity + self.acceleration * self.acceleration.abs() / (2.0 * jerk)
     }
 }
 
-/// Whether an axis can be moved with these limits: they are finite and above 0.
+/// Returns true if an axis can be moved with these limits: all are finite and above 0.
 #[must_use]
 pub fn limits_are_valid(limits: &MotionLimits) -> bool {
     let &MotionLimits {
@@ -83,12 +86,12 @@ pub fn limits_are_valid(limits: &MotionLimits) -> bool {
     all.iter().all(|limit| limit.is_finite() && *limit > 0.0)
 }
 
-/// A way in phases of (duration s, jerk), one after the other.
+/// A motion as consecutive phases of (duration s, jerk).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Phases(pub [(f64, f64); PHASES_MAX]);
 
 impl Phases {
-    /// From its parts, in order; what is too much is left out.
+    /// Concatenates the parts in order; phases beyond [`PHASES_MAX`] are dropped.
     #[must_use]
     pub fn of(parts: &[&[(f64, f64)]]) -> Phases {
         let mut phases = Phases::default();
@@ -99,14 +102,14 @@ impl Phases {
         phases
     }
 
-    /// How long it takes, s.
+    /// Returns the duration, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.0.iter().map(|(duration_s, _)| duration_s).sum()
     }
 
-    /// The states where velocity and acceleration have their extrema: where phases begin and end, and where the
-    /// acceleration goes through 0 within one.
+    /// Returns the states at which velocity and acceleration have their extrema: the phase boundaries, and the zero
+    /// crossings of the acceleration within phases.
     pub fn extrema(&self, start: AxisState) -> impl Iterator<Item = AxisState> + '_ {
         let pairs = self.0.iter().scan(start, |state, (duration_s, jerk)| {
             let (begin, end) = (*state, state.after(*duration_s, *jerk));
@@ -122,7 +125,7 @@ impl Phases {
         core::iter::once(start).chain(pairs.flatten())
     }
 
-    /// The state at the end of the way from `start`.
+    /// Returns the state at the end of the motion that starts in `start`.
     #[must_use]
     pub fn end(&self, start: AxisState) -> AxisState {
         let steps = self.0.iter();
@@ -132,8 +135,8 @@ impl Phases {
     }
 }
 
-/// The fastest change of velocity to `velocity` without acceleration: jerk −J, 0, +J or the opposite. An acceleration
-/// beyond its limit is let go at the jerk limit and not exceeded further.
+/// Returns the fastest change of velocity to `velocity` at zero acceleration: jerk −J, 0, +J or the opposite. An
+/// acceleration beyond its limit is reduced at the jerk limit and never exceeded further.
 #[must_use]
 pub fn to_velocity(from: &AxisState, velocity: f64, limits: &MotionLimits) -> [(f64, f64); 3] {
     let &MotionLimits {
@@ -150,7 +153,8 @@ pub fn to_velocity(from: &AxisState, velocity: f64, limits: &MotionLimits) -> [(
         direction * (from.velocity - velocity),
         direction * from.acceleration,
     );
-    // With no phase at a limit the peak satisfies v + a²/2J = peak²/J; it is at least −a, but for rounding.
+    // Without a phase at the acceleration limit the peak satisfies v + a²/2J = peak²/J; apart from rounding it is at
+    // least −a.
     let free = higher(libm::sqrt(higher(jerk * v + a * a / 2.0, 0.0)), -a);
     let peak = lower(free, higher(most, -a));
     let hold_s = if peak < free {
@@ -167,8 +171,8 @@ pub fn to_velocity(from: &AxisState, velocity: f64, limits: &MotionLimits) -> [(
     ]
 }
 
-/// The fastest way of `distance` from rest to rest: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines
-/// and Robots, 2008, 3.4 (double S with zero velocities at both ends).
+/// Returns the fastest rest-to-rest motion over `distance`: Biagiotti and Melchiorri, Trajectory Planning for Automatic
+/// Machines and Robots, 2008, 3.4 (double S with zero velocities at both ends).
 #[must_use]
 pub fn rest_to_rest(distance: f64, limits: &MotionLimits) -> [(f64, f64); 7] {
     let &MotionLimits {
@@ -177,7 +181,7 @@ pub fn rest_to_rest(distance: f64, limits: &MotionLimits) -> [(f64, f64); 7] {
         jerk: j,
     } = limits;
     let way = distance.abs();
-    // To the greatest velocity: with a phase at the greatest acceleration, or without.
+    // Acceleration to the velocity limit: with or without a phase at the acceleration limit.
     let (mut ramp_s, mut hold_s) = if v * j > a * a {
         (a / j, v / a - a / j)
     } else {
@@ -204,7 +208,7 @@ pub fn rest_to_rest(distance: f64, limits: &MotionLimits) -> [(f64, f64); 7] {
     ]
 }
 
-/// To rest, and from there to `goal`: not the fastest way, but one that always exists.
+/// Returns a motion that first stops and then moves to `goal`: not the fastest motion, but one that always exists.
 #[must_use]
 pub fn stop_and_go(from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
     let stop = to_velocity(from, 0.0, limits);

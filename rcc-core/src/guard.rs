@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::impedance::{AXES, ControlStrategy, Impedance, ImpedanceLimits};
+use crate::impedance::{AXES, ControlMode, Impedance, ImpedanceLimits};
 use crate::kinematics::Arm;
 use crate::message::JOINTS_MAX;
 use crate::workspace::{Workspace, WorkspaceGuard, WorkspaceViolation};
@@ -202,8 +202,8 @@ impl fmt::Display for Violation {
             }
             ViolationKind::Strategy => {
                 let (asked, runs) = (
-                    ControlStrategy::label(value as u64),
-                    ControlStrategy::label(limit as u64),
+                    ControlMode::label(value as u64),
+                    ControlMode::label(limit as u64),
                 );
                 write!(
                     f,

@@ -11,7 +11,7 @@ pub const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 /// The control strategy with which a controller executes set-points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
-pub enum ControlStrategy {
+pub enum ControlMode {
     /// Position control: the joints follow the commanded position.
     Position = 0,
     /// Cartesian impedance control: the tool behaves as a mass on springs along and about the axes of the task frame,
@@ -21,20 +21,20 @@ pub enum ControlStrategy {
     JointImpedance = 2,
 }
 
-impl ControlStrategy {
+impl ControlMode {
     /// All strategies in order of their numbers, with their display names.
-    pub const ALL: [(ControlStrategy, &'static str); 3] = [
-        (ControlStrategy::Position, "position control"),
+    pub const ALL: [(ControlMode, &'static str); 3] = [
+        (ControlMode::Position, "position control"),
         (
-            ControlStrategy::CartesianImpedance,
+            ControlMode::CartesianImpedance,
             "Cartesian impedance control",
         ),
-        (ControlStrategy::JointImpedance, "joint impedance control"),
+        (ControlMode::JointImpedance, "joint impedance control"),
     ];
 
     /// Returns the strategy of a number that came from another process; `None` if the number is unknown.
     #[must_use]
-    pub fn from_number(number: u64) -> Option<ControlStrategy> {
+    pub fn from_number(number: u64) -> Option<ControlMode> {
         let row = Self::ALL.iter().find(|row| row.0 as u64 == number);
         row.map(|row| row.0)
     }
@@ -52,7 +52,7 @@ impl ControlStrategy {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Impedance {
-    /// [`ControlStrategy`] that the set-point is for, as a number.
+    /// [`ControlMode`] that the set-point is for, as a number.
     pub strategy: u64,
     /// Stiffness: N/m along an axis, N·m/rad about an axis or of a joint.
     pub stiffness: Joints,
@@ -65,7 +65,7 @@ pub struct Impedance {
 impl Impedance {
     /// Position control without impedance.
     pub const NONE: Impedance = Impedance {
-        strategy: ControlStrategy::Position as u64,
+        strategy: ControlMode::Position as u64,
         stiffness: [0.0; JOINTS_MAX],
         damping: [0.0; JOINTS_MAX],
         added: [0.0; JOINTS_MAX],
@@ -143,20 +143,20 @@ impl ImpedanceLimits {
 
     /// Returns the number of elements that a strategy uses, for an arm with `joints` joints.
     #[must_use]
-    pub fn elements(strategy: ControlStrategy, joints: usize) -> usize {
+    pub fn elements(strategy: ControlMode, joints: usize) -> usize {
         match strategy {
-            ControlStrategy::Position => 0,
-            ControlStrategy::CartesianImpedance => AXES.len(),
-            ControlStrategy::JointImpedance => joints.min(JOINTS_MAX),
+            ControlMode::Position => 0,
+            ControlMode::CartesianImpedance => AXES.len(),
+            ControlMode::JointImpedance => joints.min(JOINTS_MAX),
         }
     }
 
     /// Returns the limits of an element.
     #[must_use]
-    pub fn of(&self, strategy: ControlStrategy, element: usize) -> ElementLimits {
+    pub fn of(&self, strategy: ControlMode, element: usize) -> ElementLimits {
         let (stiffness, added) = match (strategy, element) {
-            (ControlStrategy::CartesianImpedance, 0..3) => (self.translation, self.force),
-            (ControlStrategy::CartesianImpedance, _) => (self.rotation, self.torque),
+            (ControlMode::CartesianImpedance, 0..3) => (self.translation, self.force),
+            (ControlMode::CartesianImpedance, _) => (self.rotation, self.torque),
             _ => (self.joint, self.joint_torque),
         };
         let [_, greatest] = stiffness;
@@ -171,7 +171,7 @@ impl ImpedanceLimits {
     /// Returns the impedance with which an arm is held before a net has commanded one: KUKA's defaults (2000 N/m, 200
     /// N·m/rad, 1000 N·m/rad for a joint, damping 0.7), limited to the allowed range, and no additional force.
     #[must_use]
-    pub fn default_hold(&self, strategy: ControlStrategy, joints: usize) -> Impedance {
+    pub fn default_hold(&self, strategy: ControlMode, joints: usize) -> Impedance {
         let ([along, about, joint], ratio) = DEFAULT_HOLD;
         let within = |value: f64, [least, greatest]: [f64; 2]| value.max(least).min(greatest);
         let mut held = Impedance {
@@ -184,8 +184,8 @@ impl ImpedanceLimits {
         {
             let limits = self.of(strategy, element);
             let usual = match (strategy, element) {
-                (ControlStrategy::CartesianImpedance, 0..3) => along,
-                (ControlStrategy::CartesianImpedance, _) => about,
+                (ControlMode::CartesianImpedance, 0..3) => along,
+                (ControlMode::CartesianImpedance, _) => about,
                 _ => joint,
             };
             *stiffness = within(usual, limits.stiffness);
@@ -202,14 +202,11 @@ mod tests {
 
     #[test]
     fn a_number_without_a_meaning_is_no_strategy() {
-        for (strategy, _) in ControlStrategy::ALL {
-            assert_eq!(
-                ControlStrategy::from_number(strategy as u64),
-                Some(strategy)
-            );
+        for (strategy, _) in ControlMode::ALL {
+            assert_eq!(ControlMode::from_number(strategy as u64), Some(strategy));
         }
-        assert_eq!(ControlStrategy::from_number(3), None);
-        assert_eq!(ControlStrategy::label(3), "another control strategy");
+        assert_eq!(ControlMode::from_number(3), None);
+        assert_eq!(ControlMode::label(3), "another control strategy");
     }
 
     #[test]
@@ -224,7 +221,7 @@ mod tests {
 
     #[test]
     fn an_arm_is_held_with_what_is_allowed() {
-        let held = IMPEDANCE.default_hold(ControlStrategy::CartesianImpedance, 7);
+        let held = IMPEDANCE.default_hold(ControlMode::CartesianImpedance, 7);
         assert_eq!(
             held.stiffness,
             [2000.0, 2000.0, 2000.0, 200.0, 200.0, 200.0, 0.0, 0.0]
@@ -234,11 +231,8 @@ mod tests {
             joint: [0.01, 300.0],
             ..IMPEDANCE
         };
-        let held = weak.default_hold(ControlStrategy::JointImpedance, 7);
+        let held = weak.default_hold(ControlMode::JointImpedance, 7);
         assert_eq!((held.stiffness[6], held.stiffness[7]), (300.0, 0.0));
-        assert_eq!(
-            weak.default_hold(ControlStrategy::Position, 7),
-            Impedance::NONE
-        );
+        assert_eq!(weak.default_hold(ControlMode::Position, 7), Impedance::NONE);
     }
 }

@@ -1,42 +1,42 @@
-//! What crosses processes through boards: plain data of fixed size, every bit pattern valid.
+//! The records that processes exchange through boards: plain data of fixed size, every bit pattern valid.
 //!
-//! Every record begins with `magic` (written once by its owner; 0 means never written), a sequence
-//! number and a CLOCK_MONOTONIC stamp. Readers copy, then check.
+//! Every record begins with `magic` (written once by its owner; 0 means never written), a sequence number and a
+//! CLOCK_MONOTONIC stamp. Readers copy first, then check.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::impedance::Impedance;
 use crate::timing::LateCycle;
 
-/// Most joints of a device.
+/// Maximum number of joints of a device.
 pub const JOINTS_MAX: usize = 8;
-/// Most digital channels of a device, each way.
+/// Maximum number of digital channels of a device, per direction.
 pub const DIGITAL_MAX: usize = 64;
-/// Most analog channels of a device, each way.
+/// Maximum number of analog channels of a device, per direction.
 pub const ANALOG_MAX: usize = 16;
-/// Set-points that a device's driver finds from the executor: what it may sleep through.
+/// Number of set-points that the command board keeps for a driver: the number of cycles that a driver may miss.
 pub const SET_POINTS: usize = 256;
-/// Most devices of a cell.
+/// Maximum number of devices of a cell.
 pub const DEVICES_MAX: usize = 16;
-/// Most commands that exist at a time.
+/// Maximum number of commands at a time.
 pub const COMMANDS_MAX: usize = 64;
-/// Widest value a monitor can carry.
+/// Maximum number of elements of a monitored value.
 pub const MONITOR_WIDTH_MAX: usize = 16;
-/// Marks a record of this layout; change it with the layout.
+/// Identifies this record layout; change it with the layout.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v004");
 
 /// A joint vector; elements past the device's joints are 0.
 pub type Joints = [f64; JOINTS_MAX];
 
-/// What a device is doing, as its driver tells.
+/// The state of a device, as reported by its driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum DeviceState {
-    /// The driver runs but does not reach the device.
+    /// The driver runs but cannot reach the device.
     Offline = 0,
     /// The device answers but cannot be commanded now.
     Online = 1,
-    /// At rest at its hold set-point; a net may take it.
+    /// At rest at its hold set-point; a net may command it.
     Ready = 2,
     /// Follows a net's set-points.
     Commanded = 3,
@@ -54,7 +54,7 @@ impl DeviceState {
         DeviceState::Stopping,
     ];
 
-    /// From a number that came from another process; unknown numbers are `Offline`.
+    /// Returns the state of a number that came from another process; unknown numbers are `Offline`.
     pub fn from_number(number: u32) -> DeviceState {
         Self::ALL
             .get(number as usize)
@@ -62,7 +62,7 @@ impl DeviceState {
             .unwrap_or(DeviceState::Offline)
     }
 
-    /// As printed.
+    /// Returns the display name.
     pub fn name(self) -> &'static str {
         match self {
             DeviceState::Offline => "offline",
@@ -84,29 +84,30 @@ pub struct Measurement {
     pub sequence: u64,
     /// CLOCK_MONOTONIC of that exchange.
     pub stamp_ns: u64,
-    /// Periods of the device since its driver began, also those in which nothing was exchanged.
+    /// Periods of the device since its driver started, including those without an exchange.
     pub periods: u64,
-    /// Period of the device as it says itself, 0 = not known.
+    /// Period as reported by the device, ns; 0 = not known.
     pub period_ns: u64,
     /// [`DeviceState`].
     pub state: u32,
     /// Quality of the connection in thousandths, 1000 is best.
     pub quality_permille: u32,
-    /// Why the device is not ready: a number that the driver explains in its announcement, 0 = fine.
+    /// Reason why the device is not ready: a number that the driver's announcement explains, 0 = no reason.
     pub reason: u32,
     /// Number of joints, 0 for plain I/O.
     pub joints: u32,
-    /// [`crate::impedance::ControlStrategy`] that the device runs, as a number.
+    /// [`crate::impedance::ControlMode`] that the device runs, as a number.
     pub strategy: u64,
     /// Measured position, rad.
     pub position: Joints,
-    /// The set-point that the driver sends: what a net commands, as it is played, or where it holds when no net does, rad.
+    /// The set-point that the driver currently sends, rad: a net's set-points as they are played, or the hold position
+    /// while no net commands the device.
     pub hold: Joints,
     /// Measured torque, N·m.
     pub torque: Joints,
-    /// Torque that the model does not explain, N·m.
+    /// Torque not explained by the dynamic model, N·m.
     pub external_torque: Joints,
-    /// External force and torque at the flange `[fx fy fz tx ty tz]`, N and N·m, sensor frame of the device.
+    /// External force and torque at the flange `[fx fy fz tx ty tz]`, N and N·m, in the sensor frame of the device.
     pub wrench: [f64; 6],
     /// Bit i: digital input i.
     pub digital: u64,
@@ -114,41 +115,42 @@ pub struct Measurement {
     pub digital_known: u64,
     /// Analog inputs in SI units; NaN is unknown.
     pub analog: [f64; ANALOG_MAX],
-    /// Bit i: what the driver tells digital output i, commanded or released.
+    /// Bit i: value that the driver sends to digital output i, commanded or after release.
     pub digital_out: u64,
-    /// Bit i: it tells digital output i anything; one that holds has no value before the first command.
+    /// Bit i: the driver sends a value to digital output i; an output with `on_release: hold` has none before the first
+    /// command.
     pub digital_out_known: u64,
-    /// What the driver tells the analog outputs, SI units; NaN is nothing.
+    /// Values that the driver sends to the analog outputs, SI units; NaN = none.
     pub analog_out: [f64; ANALOG_MAX],
     /// Incarnation of the executor whose board the driver follows, 0 = none.
     pub executor: u64,
-    /// Logical time of the set-point sent last, ns.
+    /// Logical time of the last set-point sent, ns.
     pub played_ns: u64,
-    /// Logical time up to which everything is played and the arm rests at `hold`, ns; 0 while it moves.
+    /// Logical time up to which all set-points have been played and the arm is at rest at `hold`, ns; 0 while it moves.
     pub settled_ns: u64,
-    /// Set-points left to play when the last one was taken.
+    /// Number of set-points left to play when the last one was taken.
     pub margin: u64,
-    /// Exchanges in which the driver answered late or lost an answer.
+    /// Number of exchanges in which the driver answered late or lost an answer.
     pub late: u64,
-    /// Datagrams refused (size, identity, order).
+    /// Number of refused datagrams (size, identity, order).
     pub refused: u64,
-    /// Times that the driver had no fresh set-point while commanded.
+    /// Number of times that the driver had no fresh set-point while commanded.
     pub starved: u64,
 }
 
-/// One cycle's commands for a device.
+/// The commands of one cycle for a device.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SetPoint {
-    /// Logical time: one period per evaluated cycle, whatever the wall clock did; ns.
+    /// Logical time, ns: one period per evaluated cycle, independent of the wall clock.
     pub logical_ns: u64,
     /// Id of the command that holds the arm, 0 = none.
     pub owner: u64,
-    /// 1 = `position` is a command; 0 = no command (null or nobody).
+    /// 1 = `position` is a command; 0 = no command (null, or no net commands the arm).
     pub has_position: u64,
     /// Joint set-point, rad.
     pub position: Joints,
-    /// How softly it is held; it counts with `position`.
+    /// Impedance; valid only with `position`.
     pub impedance: Impedance,
     /// Bit i: value of digital output i.
     pub digital: u64,
@@ -159,7 +161,7 @@ pub struct SetPoint {
 }
 
 impl SetPoint {
-    /// Commands nothing.
+    /// No commands.
     pub const NONE: SetPoint = SetPoint {
         logical_ns: 0,
         owner: 0,
@@ -172,7 +174,7 @@ impl SetPoint {
     };
 }
 
-/// Executor → driver: whose set-points these are, and how far they go.
+/// Executor → driver: the source of the set-points, and the number of the newest.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct CommandHead {
@@ -180,29 +182,29 @@ pub struct CommandHead {
     pub magic: u64,
     /// Incarnation of the executor.
     pub executor: u64,
-    /// Evaluated cycles so far: the number of the newest set-point.
+    /// Number of evaluated cycles: the number of the newest set-point.
     pub sequence: u64,
-    /// CLOCK_MONOTONIC at which the newest was written.
+    /// CLOCK_MONOTONIC at which the newest set-point was written.
     pub stamp_ns: u64,
-    /// Period of the executor.
+    /// Period of the executor, ns.
     pub period_ns: u64,
     /// Sequence of the measurement that the newest set-point was computed from, 0 = none.
     pub seen: u64,
 }
 
-/// Executor → driver: the last set-points of a device. Each process has its own; what crosses is the head and one
-/// set-point a cycle.
+/// Executor → driver: the last set-points of a device. Each process keeps its own image; only the head and one
+/// set-point per cycle are transferred.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct CommandImage {
-    /// Whose they are.
+    /// Source of the set-points.
     pub head: CommandHead,
     /// Ring of the last cycles; the newest is `set_points[sequence % SET_POINTS]`.
     pub set_points: [SetPoint; SET_POINTS],
 }
 
 impl CommandImage {
-    /// The set-point of cycle `sequence`, if the ring has it; cycles count from 1.
+    /// Returns the set-point of cycle `sequence` if the ring still has it; cycles count from 1.
     pub fn at(&self, sequence: u64) -> Option<&SetPoint> {
         let age = self.head.sequence.checked_sub(sequence)?;
         let place = (sequence % SET_POINTS as u64) as usize;
@@ -211,7 +213,7 @@ impl CommandImage {
         (sequence > 0 && age < SET_POINTS as u64 && is_it).then_some(point)
     }
 
-    /// Of an executor that has written nothing yet.
+    /// Creates the image of an executor that has written nothing yet.
     pub const fn new(executor: u64, period_ns: u64) -> CommandImage {
         CommandImage {
             head: CommandHead {
@@ -226,7 +228,7 @@ impl CommandImage {
         }
     }
 
-    /// Makes `point` that of cycle `sequence`, and the newest; its logical time follows from that.
+    /// Stores `point` as the newest set-point, of cycle `sequence`; its logical time is computed from the cycle.
     pub fn push(&mut self, sequence: u64, stamp_ns: u64, point: SetPoint) {
         (self.head.sequence, self.head.stamp_ns) = (sequence, stamp_ns);
         let logical_ns = sequence.wrapping_mul(self.head.period_ns);
@@ -237,7 +239,7 @@ impl CommandImage {
         self.keep(sequence, point);
     }
 
-    /// Puts `point` where that of cycle `sequence` belongs, as it is.
+    /// Stores `point` unchanged in the place of cycle `sequence`.
     pub fn keep(&mut self, sequence: u64, point: SetPoint) {
         let place = (sequence % SET_POINTS as u64) as usize;
         if let Some(place) = self.set_points.get_mut(place) {
@@ -246,23 +248,23 @@ impl CommandImage {
     }
 }
 
-/// The state of a command: the paper's figure 2, and `rejected`.
+/// The state of a command: figure 2 of Vistein et al. 2010, plus `rejected`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum CommandState {
     /// The row is free.
     None = 0,
-    /// The loader works on it.
+    /// The loader is processing it.
     Loading = 1,
     /// The loader or the executor refused it.
     Rejected = 2,
-    /// Can be started.
+    /// It can be started.
     Ready = 3,
     /// Evaluated every cycle.
     Running = 4,
-    /// Evaluated every cycle; its `Cancel` says true.
+    /// Evaluated every cycle; the output of its `Cancel` is true.
     Canceling = 5,
-    /// Over; see [`EndReason`].
+    /// Terminated; see [`EndReason`].
     Terminated = 6,
 }
 
@@ -272,13 +274,13 @@ pub enum CommandState {
 pub enum EndReason {
     /// Not terminated.
     None = 0,
-    /// Its `Termination` said true.
+    /// The input of its `Termination` was true.
     Finished = 1,
-    /// Its `Termination` said true after CANCEL.
+    /// The input of its `Termination` was true after CANCEL.
     Canceled = 2,
-    /// ABORT.
+    /// Ended by ABORT.
     Aborted = 3,
-    /// See [`FaultRecord`].
+    /// Ended by a fault; see [`FaultRecord`].
     Fault = 4,
 }
 
@@ -294,19 +296,19 @@ impl CommandState {
         (CommandState::Terminated, "terminated"),
     ];
 
-    /// From a number that came from another process.
+    /// Converts a number that came from another process; unknown numbers give the first variant.
     pub fn from_number(number: u32) -> CommandState {
         Self::ALL
             .get(number as usize)
             .map_or(CommandState::None, |row| row.0)
     }
 
-    /// As printed.
+    /// Returns the display name.
     pub fn name(self) -> &'static str {
         Self::ALL.get(self as usize).map_or("none", |row| row.1)
     }
 
-    /// Running or canceling.
+    /// Returns true for `Running` and `Canceling`.
     pub fn is_active(self) -> bool {
         matches!(self, CommandState::Running | CommandState::Canceling)
     }
@@ -322,30 +324,30 @@ impl EndReason {
         (EndReason::Fault, "fault"),
     ];
 
-    /// From a number that came from another process.
+    /// Converts a number that came from another process; unknown numbers give the first variant.
     pub fn from_number(number: u32) -> EndReason {
         Self::ALL
             .get(number as usize)
             .map_or(EndReason::None, |row| row.0)
     }
 
-    /// As printed.
+    /// Returns the display name.
     pub fn name(self) -> &'static str {
         Self::ALL.get(self as usize).map_or("none", |row| row.1)
     }
 }
 
-/// Why a net was ended by the executor.
+/// The fault for which the executor ended a net.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum FaultCode {
     /// No fault.
     None = 0,
-    /// A device that the net commands is lost or cannot be commanded.
+    /// A device that the net commands is lost, or cannot be commanded.
     DeviceLost = 1,
-    /// A set-point did not continue from the hold set-point.
+    /// A set-point did not start at the hold set-point.
     Jump = 2,
-    /// A set-point was not finite or outside the limits.
+    /// A set-point was not finite, or outside the limits.
     Limit = 3,
     /// A primitive panicked.
     Panic = 4,
@@ -367,20 +369,20 @@ impl FaultCode {
         (FaultCode::Overrun, "overrun"),
     ];
 
-    /// From a number that came from another process.
+    /// Converts a number that came from another process; unknown numbers give the first variant.
     pub fn from_number(number: u32) -> FaultCode {
         Self::ALL
             .get(number as usize)
             .map_or(FaultCode::None, |row| row.0)
     }
 
-    /// As printed.
+    /// Returns the display name.
     pub fn name(self) -> &'static str {
         Self::ALL.get(self as usize).map_or("none", |row| row.1)
     }
 }
 
-/// A fault with its numbers.
+/// A fault with its values.
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 #[repr(C)]
 pub struct FaultRecord {
@@ -392,9 +394,9 @@ pub struct FaultRecord {
     pub joint: u32,
     /// [`crate::guard::ViolationKind`] as a number, 0 = none.
     pub violation: u32,
-    /// What was asked for, SI.
+    /// Requested value, SI units.
     pub value: f64,
-    /// What is allowed (a limit) or expected (the hold set-point), SI.
+    /// Allowed value (a limit) or expected value (the hold set-point), SI units.
     pub limit: f64,
     /// Executor cycle.
     pub cycle: u64,
@@ -425,19 +427,19 @@ pub struct CommandEntry {
     pub reason: u32,
     /// Fault, if any.
     pub fault: FaultRecord,
-    /// Cycles evaluated since START.
+    /// Number of cycles evaluated since START.
     pub cycles: u64,
     /// Executor cycle of the first evaluation.
     pub started_cycle: u64,
     /// Executor cycle of the last evaluation.
     pub ended_cycle: u64,
-    /// Time of the last evaluation, ns.
+    /// Duration of the last evaluation, ns.
     pub exec_last_ns: u64,
-    /// Longest evaluation, ns.
+    /// Duration of the longest evaluation, ns.
     pub exec_max_ns: u64,
-    /// All evaluations together, ns.
+    /// Total duration of all evaluations, ns.
     pub exec_sum_ns: u64,
-    /// What one evaluation is expected to take on this machine, ns; 0 = not known.
+    /// Expected duration of one evaluation on this machine, ns; 0 = not known.
     pub expected_ns: u64,
     /// 1 = it has a `Cancel` primitive.
     pub can_cancel: u64,
@@ -447,7 +449,7 @@ pub struct CommandEntry {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct DeviceEntry {
-    /// [`DeviceState`] as the executor sees it: `Offline` when the board is stale.
+    /// [`DeviceState`] as seen by the executor: `Offline` when the board is stale.
     pub state: u32,
     /// 1 = a driver's board is attached.
     pub attached: u32,
@@ -457,27 +459,27 @@ pub struct DeviceEntry {
     pub holder: u64,
     /// Sequence of the newest measurement.
     pub sequence: u64,
-    /// Its stamp.
+    /// CLOCK_MONOTONIC of the newest measurement, ns.
     pub stamp_ns: u64,
     /// Quality of the connection in thousandths.
     pub quality_permille: u32,
     /// The driver's reason number.
     pub reason: u32,
-    /// Times that the board became stale.
+    /// Number of times that the board became stale.
     pub losses: u64,
 }
 
-/// Where the executor's cycles take their time from.
+/// The source of the executor's cycle timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum ClockState {
-    /// From its own clock.
+    /// The executor's own clock.
     Own = 0,
-    /// It follows a device, which is silent, or whose phase is not reached yet.
+    /// It follows a device that is silent, or whose phase has not been reached yet.
     Searching = 1,
-    /// Its cycles begin a fixed time after the device's packets.
+    /// Its cycles begin at a fixed time after the device's packets.
     Locked = 2,
-    /// It cannot follow: the device's period is no multiple of its own.
+    /// It cannot follow, because the device's period is not a multiple of its own.
     Unfit = 3,
 }
 
@@ -490,20 +492,20 @@ impl ClockState {
         (ClockState::Unfit, "unfit"),
     ];
 
-    /// From a number that came from another process.
+    /// Converts a number that came from another process; unknown numbers give the first variant.
     pub fn from_number(number: u32) -> ClockState {
         Self::ALL
             .get(number as usize)
             .map_or(ClockState::Own, |row| row.0)
     }
 
-    /// As printed.
+    /// Returns the display name.
     pub fn name(self) -> &'static str {
         Self::ALL.get(self as usize).map_or("own", |row| row.1)
     }
 }
 
-/// How the executor's clock follows a device.
+/// The state of the executor's clock relative to the device that it follows.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct ClockStatus {
@@ -511,20 +513,20 @@ pub struct ClockStatus {
     pub state: u32,
     /// Device index, `u32::MAX` = none.
     pub device: u32,
-    /// Mean time from where a cycle begins to where it should, ns.
+    /// Mean time from the start of a cycle to its target, ns.
     pub error_ns: f64,
-    /// Mean deviation of a packet from where it was expected, ns.
+    /// Mean deviation of packets from their expected time, ns.
     pub jitter_ns: f64,
-    /// The device's period by the executor's clock, ns; 0 = not known.
+    /// The device's period measured with the executor's clock, ns; 0 = not known.
     pub device_period_ns: f64,
-    /// How much longer than nominal that is, in millionths.
+    /// Deviation of that period from nominal, positive if longer, in millionths.
     pub rate_ppm: f64,
-    /// Times that it was locked and lost that.
+    /// Number of times that the lock was lost.
     pub losses: u64,
 }
 
 impl ClockStatus {
-    /// A clock that follows nobody.
+    /// A clock that follows no device.
     pub const OWN: ClockStatus = ClockStatus {
         state: ClockState::Own as u32,
         device: u32::MAX,
@@ -536,7 +538,7 @@ impl ClockStatus {
     };
 }
 
-/// Executor → everybody: the cycle's counters, written every cycle.
+/// Executor → all processes: the counters of the cycle, written every cycle.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct CycleStatus {
@@ -548,43 +550,43 @@ pub struct CycleStatus {
     pub cycle: u64,
     /// CLOCK_MONOTONIC at which the cycle woke.
     pub stamp_ns: u64,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
-    /// Cycles that woke or ended after the next deadline, since the start.
+    /// Number of cycles since the start that woke or ended after the next deadline.
     pub late: u64,
-    /// Of them those that were acknowledged.
+    /// Number of those that were acknowledged.
     pub late_acknowledged: u64,
     /// First late cycle since the last acknowledgement (latched).
     pub first_late: LateCycle,
     /// Last late cycle since the last acknowledgement (latched).
     pub last_late: LateCycle,
-    /// Worst wake-up after the deadline since the last acknowledgement.
+    /// Largest wake-up latency since the last acknowledgement, ns.
     pub worst_wake_ns: u64,
-    /// Time the last cycle computed.
+    /// Computation time of the last cycle, ns.
     pub exec_last_ns: u64,
-    /// Longest a cycle computed since the last acknowledgement.
+    /// Longest computation time of a cycle since the last acknowledgement, ns.
     pub exec_max_ns: u64,
-    /// What nets may need together in one cycle, ns; 0 = no limit.
+    /// Time budget of all nets together in one cycle, ns; 0 = no limit.
     pub budget_ns: u64,
-    /// Periods that were skipped because of late cycles.
+    /// Number of periods skipped because of late cycles.
     pub skipped_periods: u64,
-    /// Records that did not fit the ring to the pump.
+    /// Number of records that did not fit into the ring to the pump thread.
     pub dropped_records: u64,
-    /// Commands running now.
+    /// Number of commands running.
     pub running: u32,
     /// Bit 0 SCHED_FIFO, bit 1 memory locked, bit 2 pinned to a core.
     pub grants: u32,
-    /// Where its time comes from.
+    /// Source of the cycle timing.
     pub clock: ClockStatus,
 }
 
-/// Executor → everybody: the command and device tables, written when they change and at least every 16 ms.
+/// Executor → all processes: the command and device tables, written when they change and at least every 16 ms.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Tables {
     /// [`MAGIC`].
     pub magic: u64,
-    /// Cycle at which they were written.
+    /// Cycle at which the tables were written.
     pub cycle: u64,
     /// Commands; rows with id 0 are free.
     pub commands: [CommandEntry; COMMANDS_MAX],
@@ -596,7 +598,7 @@ pub struct Tables {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct MonitorRecord {
-    /// Counts all records of this executor, without gaps: a gap means loss.
+    /// Number of the record, counted over all records of this executor without gaps: a gap means loss.
     pub sequence: u64,
     /// Executor cycle.
     pub cycle: u64,
@@ -606,8 +608,8 @@ pub struct MonitorRecord {
     pub command: u64,
     /// Index of the monitor in the plan.
     pub monitor: u32,
-    /// Elements used in `values`.
+    /// Number of elements used in `values`.
     pub width: u32,
-    /// Values: reals as they are; Bool 0, 1, NaN = null; Int as its bits.
+    /// Values: `Real` unchanged; `Bool` as 0, 1, NaN = null; `Int` as its bit pattern.
     pub values: [f64; MONITOR_WIDTH_MAX],
 }

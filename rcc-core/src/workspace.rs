@@ -1,63 +1,64 @@
-//! Where an arm may be: a box in its base frame, for the flange or a point that is fixed to it, and not next to a singular
-//! position.
-//! Plain data and arithmetic. A net is held against it before it starts, and each set-point by the guard.
+//! The region that an arm may occupy: a box in its base frame, for the flange or a point fixed to it, and a minimum
+//! distance from singularities. Plain data and arithmetic. A net is checked against it before it starts, and each
+//! set-point by the guard.
 
 use crate::kinematics::{Arm, Singularity};
 use crate::message::Joints;
 use crate::pose::Pose;
 
-/// A box whose edges are parallel to the axes of the arm's base, bounds included.
+/// A box whose edges are parallel to the axes of the arm's base, bounds included, and a minimum distance from
+/// singularities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Workspace {
     /// Smallest x, y and z, m; -∞ = no bound.
     pub lower: [f64; 3],
     /// Largest x, y and z, m; ∞ = no bound.
     pub upper: [f64; 3],
-    /// What must stay inside, in the frame of the flange, m; the origin is the flange itself.
+    /// The point that must stay inside, in the flange frame, m; the origin is the flange itself.
     pub point: [f64; 3],
-    /// An arm does not come nearer to a singular position than this, as [`Singularity::distance`] measures it; 0 = it may.
+    /// Smallest distance from a singularity, as in [`Singularity::distance`]; 0 = unrestricted.
     pub singularity_min: f64,
 }
 
-/// How an arm leaves its workspace.
+/// The way in which an arm leaves its workspace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum WorkspaceViolation {
     /// Through a side of the box.
     Box {
         /// 0, 1, 2: x, y, z.
         axis: u8,
-        /// Where the point would be on that axis, m.
+        /// Requested coordinate of the point on that axis, m.
         value: f64,
-        /// The bound that it is beyond, m.
+        /// The bound that it exceeds, m.
         limit: f64,
     },
-    /// Towards a singular position.
+    /// Too close to a singularity.
     Singular {
-        /// Which, and how near.
+        /// The singularity and its distance.
         near: Singularity,
-        /// How near it may come.
+        /// Smallest allowed distance.
         limit: f64,
     },
 }
 
-/// An arm that stays in its workspace. Who rests outside may come back, or stay, but not go further out.
+/// Checks that an arm stays in its workspace. An arm at rest outside may come back or stay, but not move further out.
 #[derive(Clone, Copy, Debug)]
 pub struct WorkspaceGuard {
     arm: Arm,
     space: Workspace,
-    /// Of the last set-point: how far the point is beyond each axis' bounds, m (negative = inside), and the distance to a
-    /// singular position. ∞ and 0 = wherever it comes from.
+    /// For the last set-point: how far the point is beyond the bounds of each axis, m (negative = inside), and the
+    /// distance from a singularity. ∞ and 0 = any start is accepted.
     beyond: [f64; 3],
     distance: f64,
 }
 
-/// Rounding, m: a pose that was made for the bound itself is inside.
+/// Tolerance for rounding, m: a pose made for the bound itself is inside.
 const ROUNDING_M: f64 = 1e-9;
-/// Rounding of what an arm that rests outside computes of its own place (m, or a sine).
+/// Tolerance for rounding in the computed position of an arm that rests outside (m, or a sine).
 const ROUNDING: f64 = 1e-12;
 
 impl Workspace {
-    /// Without any bound, for the flange.
+    /// A workspace without bounds, for the flange.
     pub const ANYWHERE: Workspace = Workspace {
         lower: [f64::NEG_INFINITY; 3],
         upper: [f64::INFINITY; 3],
@@ -65,7 +66,7 @@ impl Workspace {
         singularity_min: 0.0,
     };
 
-    /// The point in the base when the flange is there.
+    /// Returns the monitored point in the base frame for a pose of the flange, m.
     #[must_use]
     pub fn point_at(&self, flange: &Pose) -> [f64; 3] {
         let [x, y, z] = flange.rotate(self.point);
@@ -75,7 +76,7 @@ impl Workspace {
 }
 
 impl WorkspaceGuard {
-    /// Of an arm that may rest anywhere.
+    /// Creates a check for an arm that may start at rest anywhere.
     #[must_use]
     pub fn new(arm: Arm, space: Workspace) -> WorkspaceGuard {
         WorkspaceGuard {
@@ -86,17 +87,18 @@ impl WorkspaceGuard {
         }
     }
 
-    /// The arm rests there, rad; wherever that is, it may.
+    /// Sets the position at which the arm is at rest, rad; it may be outside.
     pub fn begin(&mut self, joints: &Joints) {
         let (point, near) = self.at(joints);
         self.beyond = self.beyond_of(&point).map(|(beyond, _)| beyond);
         self.distance = near.map_or(0.0, |near| near.distance);
     }
 
-    /// A further set-point, rad.
+    /// Checks a further set-point, rad.
     ///
     /// # Errors
-    /// It leaves the workspace, or is null; the last one stays what the next is compared with.
+    /// Returns how the set-point leaves the workspace; a null set-point counts as outside. The next set-point is then
+    /// compared with the last accepted one.
     pub fn check(&mut self, joints: &Joints) -> Result<(), WorkspaceViolation> {
         let (point, near) = self.at(joints);
         let now = self.beyond_of(&point);
@@ -105,7 +107,7 @@ impl WorkspaceGuard {
             .zip(self.beyond)
             .zip(point.into_iter().zip(0..))
         {
-            // Asked this way round, a NaN leaves.
+            // The comparison is written so that NaN is a violation.
             let stays = beyond <= ROUNDING_M || beyond <= last + ROUNDING;
             if !stays {
                 return Err(WorkspaceViolation::Box { axis, value, limit });
@@ -123,14 +125,14 @@ impl WorkspaceGuard {
         Ok(())
     }
 
-    /// Where the point is, and the nearest singular position if there is a bound to it.
+    /// Returns the monitored point, and the nearest singularity if its distance is limited.
     fn at(&self, joints: &Joints) -> ([f64; 3], Option<Singularity>) {
         let point = self.space.point_at(&self.arm.forward(joints));
         let bounded = self.space.singularity_min > 0.0;
         (point, bounded.then(|| self.arm.singularity(joints)))
     }
 
-    /// How far a point is beyond the nearer bound of each axis, and that bound.
+    /// Returns how far a point is beyond the nearer bound of each axis, and that bound.
     fn beyond_of(&self, point: &[f64; 3]) -> [(f64, f64); 3] {
         let Workspace { lower, upper, .. } = self.space;
         core::array::from_fn(|axis| {
@@ -163,7 +165,7 @@ mod tests {
         stay
     }
 
-    /// With joint 1 turned by so much, the flange goes along y.
+    /// `REST` with joint 1 rotated by `by`, which moves the flange along y.
     fn turned(by: f64) -> Joints {
         let mut joints = REST;
         joints[0] += by;

@@ -1,29 +1,30 @@
-//! The follower of one axis: it keeps the way that it is on as words in an arena, and asks for another one when the goal or
-//! the limits have changed. Run by the real-time thread.
+//! The follower of one axis: it stores its current motion as words in an arena, and requests another one when the goal
+//! or the limits change. Run by the real-time thread.
 
 use super::{AxisState, PHASES_MAX, Phases, limits_are_valid, to_velocity};
 use crate::path::MotionLimits;
 
-/// Numbers that an axis remembers: goal, limits of the way, cycles on it, state now, state at its beginning, phases.
+/// Number of words of an axis: goal, limits of the motion, cycles since its start, current state, start state, phases.
 pub const AXIS_WORDS: usize = 1 + 3 + 1 + 3 + 3 + 2 * PHASES_MAX;
 
-/// An end this near to its goal, in jerk limit × period³, is the goal: the step is hidden in the jerk of one cycle.
+/// An end this close to its goal, in units of jerk limit × period³, is snapped to the goal: the step is hidden within
+/// the jerk of one cycle.
 const SAME: f64 = 1e-4;
 
-/// So much of a position is rounding when a way has been walked along.
+/// Relative rounding error of a position after a motion has been followed to its end.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// A goal that takes longer at the greatest velocity is none, s.
+/// A goal that takes longer than this at the velocity limit is ignored, s.
 const LONGEST_S: f64 = 1e9;
 
 /// One axis that follows a goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisFollower {
-    /// Where the way leads; NaN: to rest, wherever that is.
+    /// Goal of the motion; NaN: a stop, wherever it ends.
     goal: f64,
-    /// What the way was planned with.
+    /// Limits that the motion was planned with.
     limits: MotionLimits,
-    /// Periods since the way began, of the state now.
+    /// Periods from the start of the motion to the current state.
     periods: f64,
     now: AxisState,
     start: AxisState,
@@ -31,7 +32,7 @@ pub struct AxisFollower {
 }
 
 impl AxisFollower {
-    /// At rest there, without a goal.
+    /// Creates a follower at rest at `position`, without a goal.
     #[must_use]
     pub fn at_rest(position: f64) -> AxisFollower {
         AxisFollower {
@@ -48,30 +49,30 @@ impl AxisFollower {
         }
     }
 
-    /// It has not been stepped yet.
+    /// Returns true if it has not been stepped yet.
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.periods == 0.0
     }
 
-    /// Position, velocity and acceleration of the last step.
+    /// Returns position, velocity and acceleration of the last step.
     #[must_use]
     pub fn state(&self) -> AxisState {
         self.now
     }
 
-    /// Whether it rests at its goal.
+    /// Returns true if it is at rest at its goal.
     #[must_use]
     pub fn arrived(&self) -> bool {
         self.now.rests() && self.now.position == self.goal
     }
 
-    /// One period of `dt_s` further, towards `goal` or, without one, to rest. `plan` gives the way from a state to rest at
-    /// a goal, and is asked only when goal or limits are not those of the last step.
+    /// Advances by one period of `dt_s`, towards `goal` or, without a goal, to rest. `plan` returns the motion from a
+    /// state to rest at a goal, and is called only when goal or limits differ from those of the last step.
     ///
-    /// A velocity limit that is not above 0 is no goal, nor is a goal that is not finite or farther away than 30 years at
-    /// the greatest velocity: the axis comes to rest. Limits of acceleration and jerk that are
-    /// not finite and above 0 leave it on the way that it is on.
+    /// If the velocity limit is not above 0, or the goal is not finite or farther away than 10⁹ s at the velocity
+    /// limit, the axis comes to rest. If the acceleration or jerk limit is not finite and above 0, it continues its
+    /// current motion.
     pub fn step(
         &mut self,
         goal: Option<f64>,
@@ -84,9 +85,9 @@ impl AxisFollower {
         let bounded = |limit: f64| limit.is_finite() && limit > 0.0;
         let stays = !(bounded(limits.acceleration) && bounded(limits.jerk));
         let same = match goal {
-            // At rest, but not there: the way ended beside its goal.
+            // A motion that ended beside its goal is planned again.
             Some(goal) => self.goal == goal && self.limits == *limits && !self.missed(),
-            // A stop has no other limits than it began with.
+            // A stop keeps the limits that it started with.
             None => self.goal.is_nan(),
         };
         if !(same || stays) {
@@ -120,7 +121,7 @@ impl AxisFollower {
         AxisState::at_rest(if near { self.goal } else { state.position })
     }
 
-    /// Everything that it is; two followers with equal words go on equally.
+    /// Returns the complete state; two followers with equal words continue identically.
     #[must_use]
     pub fn words(&self) -> [f64; AXIS_WORDS] {
         let MotionLimits {
@@ -146,7 +147,8 @@ impl AxisFollower {
         words
     }
 
-    /// The follower that gave these words. Others give one of no use, which cannot fail either.
+    /// Restores a follower from its words. Arbitrary words give a follower without a meaningful motion, which cannot
+    /// fail either.
     #[must_use]
     pub fn from_words(words: &[f64; AXIS_WORDS]) -> AxisFollower {
         let [

@@ -1,27 +1,27 @@
-//! Axes in the arena of a net: what primitives with goals have in common. Run by the real-time thread.
+//! Axes stored in the arena of a net: shared by primitives with goals. Run by the real-time thread.
 
 use super::{AXIS_WORDS, AxisFollower};
 use crate::frame::Frame;
 use crate::path::MotionLimits;
 
-/// A share of the greatest velocity below this is none.
+/// A velocity share below this counts as 0.
 const SHARE_MIN: f64 = 1e-4;
 
-/// The words of an axis that rests there, without a goal.
+/// Returns the words of an axis at rest at `position`, without a goal.
 #[must_use]
 pub fn rest_at(position: f64) -> [f64; AXIS_WORDS] {
     AxisFollower::at_rest(position).words()
 }
 
-/// The axis whose words are at `slot` has not been stepped yet. What goes to a goal from where an arm is held says that place
-/// first: the jerk from a set-point to the next ones is known from then on only.
+/// Returns true if the axis at `slot` has not been stepped yet. A primitive that moves from an arm's hold position then
+/// outputs that position first, because the jerk from one set-point to the next is defined only from there on.
 #[must_use]
 pub fn is_new(frame: &Frame<'_>, slot: u32) -> bool {
     AxisFollower::from_words(&frame.reals(slot)).is_new()
 }
 
-/// The share of the greatest velocity that the inputs `speed` and `stop` leave, 0 to 1: none while `stop` is true or null,
-/// or `speed` null; a speed above 1 is 1, and one below 0.0001 is 0.
+/// Returns the share of the velocity limit that the inputs `speed` and `stop` allow, 0 to 1: 0 while `stop` is true or
+/// null, or `speed` is null; a speed above 1 counts as 1, and one below 0.0001 as 0.
 #[must_use]
 pub fn share_of(frame: &Frame<'_>, speed: u32, stop: u32) -> f64 {
     let speed = frame.real(speed);
@@ -34,8 +34,7 @@ pub fn share_of(frame: &Frame<'_>, speed: u32, stop: u32) -> f64 {
     }
 }
 
-/// Steps the axis whose words are at `slot` by one cycle towards `goal`, or to rest; `None` while it does not know where it
-/// is.
+/// Steps the axis at `slot` by one cycle towards `goal`, or to rest; `None` while its position is unknown.
 pub fn step_axis(
     frame: &mut Frame<'_>,
     slot: u32,

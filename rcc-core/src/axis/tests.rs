@@ -12,7 +12,7 @@ fn limits(velocity: f64, acceleration: f64, jerk: f64) -> MotionLimits {
     }
 }
 
-/// The end is the goal, at rest, and every corner keeps the limits or comes from the start.
+/// The motion ends at rest at the goal, and every extremum keeps the limits or stems from the start state.
 fn check(
     from: AxisState,
     phases: &Phases,
@@ -26,7 +26,7 @@ fn check(
         .velocity
         .max(from.velocity.abs())
         .max(from.coasting(limits.jerk).abs());
-    // Rounding of an acceleration grows with the time, that of a velocity with it too.
+    // The rounding error of an acceleration grows with time, and so does that of a velocity.
     let t = phases.duration_s();
     let rounding = [1.0, t, t * t].map(|time| 1e-15 * a * time);
     let scale = from.position.abs() + goal.abs() + t * v;
@@ -45,7 +45,7 @@ fn check(
 
 #[test]
 fn a_long_way_uses_every_limit() {
-    // 1 m at 0.5 m/s, 2 m/s², 20 m/s³: way/v + v/a + a/j.
+    // 1 m at 0.5 m/s, 2 m/s², 20 m/s³: distance/v + v/a + a/j.
     let way = rest_to_rest(1.0, &limits(0.5, 2.0, 20.0));
     let duration_s: f64 = way.iter().map(|(t, _)| t).sum();
     assert!((duration_s - (2.0 + 0.25 + 0.1)).abs() < 1e-12);

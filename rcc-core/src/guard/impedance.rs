@@ -2,12 +2,12 @@
 //! thread and by the drivers, after the position has been checked.
 
 use super::{Guard, RELATIVE_TOLERANCE, Violation, ViolationKind};
-use crate::impedance::{ControlStrategy, ElementLimits, Impedance, ImpedanceLimits};
+use crate::impedance::{ControlMode, ElementLimits, Impedance, ImpedanceLimits};
 use crate::message::JOINTS_MAX;
 
 impl Guard {
     /// Checks the impedance of a set-point whose position has been accepted, for a device that runs `strategy` (a
-    /// [`ControlStrategy`] as a number), `dt_s` of logical time after the last one. The first one after a
+    /// [`ControlMode`] as a number), `dt_s` of logical time after the last one. The first one after a
     /// [`Guard::first`] may have any allowed stiffness, because the driver ramps to it.
     ///
     /// # Errors
@@ -18,9 +18,9 @@ impl Guard {
         strategy: u64,
         dt_s: f64,
     ) -> Result<(), Violation> {
-        let known = ControlStrategy::from_number(asked.strategy);
+        let known = ControlMode::from_number(asked.strategy);
         let limits = match (known, self.impedance) {
-            (Some(ControlStrategy::Position), _) if strategy == asked.strategy => return Ok(()),
+            (Some(ControlMode::Position), _) if strategy == asked.strategy => return Ok(()),
             (Some(known), Some(limits)) if strategy == asked.strategy => Some((known, limits)),
             _ => None,
         };
@@ -35,7 +35,7 @@ impl Guard {
         let last = self.last_impedance;
         let count = ImpedanceLimits::elements(known, self.limits.joints);
         let first = match known {
-            ControlStrategy::CartesianImpedance => JOINTS_MAX,
+            ControlMode::CartesianImpedance => JOINTS_MAX,
             _ => 0,
         };
         for element in 0..count {
@@ -105,8 +105,8 @@ mod tests {
     use crate::testing::{IMPEDANCE, lwr};
     use std::string::ToString;
 
-    const CARTESIAN: u64 = ControlStrategy::CartesianImpedance as u64;
-    const JOINT: u64 = ControlStrategy::JointImpedance as u64;
+    const CARTESIAN: u64 = ControlMode::CartesianImpedance as u64;
+    const JOINT: u64 = ControlMode::JointImpedance as u64;
 
     fn guard() -> Guard {
         let mut guard = Guard::new(lwr().limits, 1e-3).with_impedance(Some(IMPEDANCE));
@@ -115,7 +115,7 @@ mod tests {
     }
 
     fn soft() -> Impedance {
-        IMPEDANCE.default_hold(ControlStrategy::CartesianImpedance, 7)
+        IMPEDANCE.default_hold(ControlMode::CartesianImpedance, 7)
     }
 
     fn refused(change: impl Fn(&mut Impedance)) -> Violation {
@@ -130,7 +130,7 @@ mod tests {
     fn what_is_allowed_is_accepted() {
         let mut guard = guard();
         assert_eq!(guard.check_impedance(&soft(), CARTESIAN, 1e-3), Ok(()));
-        let stiff = IMPEDANCE.default_hold(ControlStrategy::JointImpedance, 7);
+        let stiff = IMPEDANCE.default_hold(ControlMode::JointImpedance, 7);
         let mut other = super::tests::guard();
         assert_eq!(other.check_impedance(&stiff, JOINT, 1e-3), Ok(()));
     }
@@ -160,7 +160,7 @@ mod tests {
                 assert_eq!(violation.kind, ViolationKind::Added);
             }
         }
-        let mut asked = IMPEDANCE.default_hold(ControlStrategy::JointImpedance, 7);
+        let mut asked = IMPEDANCE.default_hold(ControlMode::JointImpedance, 7);
         asked.stiffness[6] = 2001.0;
         let violation = guard().check_impedance(&asked, JOINT, 1e-3);
         let words = violation.expect_err("too stiff").to_string();
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn another_strategy_than_the_controllers_is_refused_whatever_it_is() {
         let held = |strategy| IMPEDANCE.default_hold(strategy, 7);
-        for (asked, _) in ControlStrategy::ALL {
+        for (asked, _) in ControlMode::ALL {
             for runs in 0..5 {
                 let checked = guard().check_impedance(&held(asked), runs, 1e-3);
                 assert_eq!(checked.is_ok(), runs == asked as u64, "{asked:?} {runs}");

@@ -19,7 +19,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              null | null",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "in | out
              -7 | 7
@@ -61,7 +61,7 @@ fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
 #[inline(always)]
 fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
     let value = frame.get_int(input)?;
-    // Null, `i64::MIN`, is its own negative.
+    // Null (`i64::MIN`) is its own negation.
     frame.put_int(out, value.wrapping_abs())
 }
 

@@ -1,4 +1,4 @@
-//! `AllOf`: whether every truth value of an array is true: And for any number of them.
+//! `AllOf`: true if every element of a `Bool` array is true: `And` for any number of operands.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TRUTHS, fold_bool};
 
@@ -7,9 +7,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AllOf",
         summary: "True while every element of an array is true.",
-        outputs: &[Port::bool("out", "all are true")],
+        outputs: &[Port::bool("out", "all elements are true")],
         examples: &[Example::new(
-            "three truth values",
+            "three Bools",
             "",
             "in | out
              [true, true, true] | true

@@ -1,5 +1,4 @@
-//! What all motions along a path have in common: inputs, outputs and what a cycle does.
-//! The real-time thread.
+//! Shared part of all motions along a path: inputs, outputs and the step of a cycle. Run by the real-time thread.
 
 use crate::frame::{Frame, Preparation};
 use crate::path::{ElbowMotion, SpeedOverride, SpeedProfile, leg_row};
@@ -11,24 +10,24 @@ use crate::unit::Unit;
 pub(super) const INPUTS: &[Port] = &[
     Port::bool(
         "stop",
-        "brings the motion to rest on the path; once true, it stays stopped",
+        "brings the motion to rest on the path; once true, the motion stays stopped",
     )
     .default(DefaultValue::Bool(false)),
     Port::bool(
         "pause",
-        "brings the motion to rest on the path; when it is false again, the motion goes on",
+        "brings the motion to rest on the path; when false again, the motion continues",
     )
     .default(DefaultValue::Bool(false)),
     Port::real(
         "speed",
         UnitRule::ONE,
-        "part of the speed, at any time; what is computed above 1 counts as 1, and 0 or less is a pause",
+        "speed override, may change at any time; computed values above 1 count as 1, values of 0 or less are a pause",
     )
     .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
 ];
 
-/// What null at the inputs means.
-pub(super) const NULL: &str = "a null `stop` counts as true: who cannot say that the motion may go on, stops it; a null `pause` or `speed` is a pause";
+/// Effect of null inputs.
+pub(super) const NULL: &str = "a null `stop` counts as true, because an unknown condition must stop the motion; a null `pause` or `speed` is a pause";
 
 /// `joints`, `pose`, `done`, `progress`, `distance`, `speed`, `acceleration`, `leg`.
 pub(super) const OUTPUTS: &[Port] = &[
@@ -49,14 +48,14 @@ pub(super) const OUTPUTS: &[Port] = &[
     Port::real(
         "progress",
         UnitRule::ONE,
-        "part of the whole path that is behind it; never falls",
+        "completed part of the whole path; never decreases",
     )
     .within(0.0, 1.0)
     .diagnostic(),
     Port::real(
         "distance",
         UnitRule::Is(Unit::METRE),
-        "way of the flange since the start",
+        "distance travelled by the flange since the start",
     )
     .diagnostic(),
     Port::real(
@@ -68,33 +67,33 @@ pub(super) const OUTPUTS: &[Port] = &[
     Port::real(
         "acceleration",
         UnitRule::Is(Unit::METRE_PER_SECOND2),
-        "acceleration of the flange along the path; below 0 while it brakes",
+        "acceleration of the flange along the path; negative while braking",
     )
     .diagnostic(),
     Port::int(
         "leg",
-        "the leg that it is on, from 0; a rounding belongs to the leg before it",
+        "index of the current leg, from 0; a blend belongs to the leg before it",
     )
     .diagnostic(),
 ];
 
-/// Operands of inputs and outputs.
+/// Number of operands for inputs and outputs.
 pub(super) const PORTS: usize = 11;
 
-/// Part of velocity, acceleration and jerk of the joints.
+/// Part of the joints' velocity, acceleration and jerk limits to use.
 pub(super) const SCALE: Parameter = Parameter::real(
     "scale",
     UnitRule::ONE,
-    "part of velocity, acceleration and jerk of each joint that the motion may use",
+    "part of the velocity, acceleration and jerk limits of each joint that the motion may use",
 )
 .default(DefaultValue::Real(1.0))
 .above(0.0)
 .at_most(1.0);
 
-/// Whether the fastest law is looked for.
+/// Selects time-optimal path parameterization.
 pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
     "time_optimal",
-    "looks for the speed at every place with which the end is reached soonest within all limits; a given velocity is a limit then, no promise",
+    "computes the speed profile that reaches the end in minimum time within all limits; a given velocity is then only a limit",
 )
 .default(DefaultValue::Bool(false));
 
@@ -102,25 +101,25 @@ pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
 pub(super) const ARM_ANGLE: Parameter = Parameter::new(
     "arm_angle",
     ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
-    "of seven joints: the arm angle at the end, to which the elbow turns along the path, the shorter way round; without it as `elbow` says",
+    "for seven joints: arm angle at the end, approached along the path by the shorter way; if omitted, `elbow` decides",
 )
 .default(DefaultValue::Null);
 
-/// What the elbow does.
+/// Motion of the elbow.
 pub(super) const ELBOW: Parameter = Parameter::new(
     "elbow",
     ParameterKind::Word(leg_row::ELBOWS),
-    "stays: the arm angle is that of the start; middle: the elbow turns along the path to the middle of what the joint limits allow at the end",
+    "stays: keeps the arm angle of the start; middle: the elbow moves along the path to the middle of the range that the joint limits allow at the end",
 )
 .default(DefaultValue::Word("stays"));
 
-/// What both say.
+/// Combines both parameters.
 pub(super) fn elbow(preparation: &Preparation<'_>, [arm_angle, elbow]: [u32; 2]) -> ElbowMotion {
     let [arm_angle] = preparation.reals(arm_angle);
     leg_row::elbow(arm_angle, preparation.int(elbow) as f64)
 }
 
-/// What `time_optimal` says.
+/// Returns the speed profile that `time_optimal` selects.
 pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> SpeedProfile {
     match preparation.bool(slot) {
         1 => SpeedProfile::Fastest,
@@ -128,37 +127,38 @@ pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> SpeedProfile {
     }
 }
 
-/// `velocity`, `acceleration`, `jerk` and the same of the orientation: what the flange must keep. Null: what the joints allow.
+/// `velocity`, `acceleration`, `jerk` and the same for the orientation: limits of the flange. Null: limited only by the
+/// joints.
 pub(super) const FLANGE: [Parameter; 6] = [
     limit(
         "velocity",
         Unit::METRE_PER_SECOND,
-        "speed along the path: kept, or the motion is refused; without it as fast as the joints allow",
+        "speed along the path: guaranteed, or the motion is refused; if omitted, as fast as the joints allow",
     ),
     limit(
         "acceleration",
         Unit::METRE_PER_SECOND2,
-        "largest acceleration of the flange; without it what the joints allow",
+        "largest acceleration of the flange; if omitted, limited by the joints",
     ),
     limit(
         "jerk",
         Unit::METRE_PER_SECOND3,
-        "largest jerk of the flange; without it what the joints allow",
+        "largest jerk of the flange; if omitted, limited by the joints",
     ),
     limit(
         "angular_velocity",
         Unit::RADIAN_PER_SECOND,
-        "largest angular speed; without it what the joints allow",
+        "largest angular speed; if omitted, limited by the joints",
     ),
     limit(
         "angular_acceleration",
         Unit::RADIAN_PER_SECOND2,
-        "largest angular acceleration; without it what the joints allow",
+        "largest angular acceleration; if omitted, limited by the joints",
     ),
     limit(
         "angular_jerk",
         Unit::RADIAN_PER_SECOND3,
-        "largest angular jerk; without it what the joints allow",
+        "largest angular jerk; if omitted, limited by the joints",
     ),
 ];
 
@@ -172,7 +172,7 @@ const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
     .above(0.0)
 }
 
-/// One cycle of a motion: its ports in the order of [`INPUTS`] and [`OUTPUTS`], its number, the width of `joints`.
+/// Runs one cycle of a motion: its ports in the order of [`INPUTS`] and [`OUTPUTS`], its index, the width of `joints`.
 pub(super) fn step(frame: &mut Frame<'_>, ports: [u32; PORTS], motion: u32, width: u32) {
     let [
         stop,

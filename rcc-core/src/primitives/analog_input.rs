@@ -10,8 +10,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnalogInput",
         summary: "The value of an analog input.",
-        null: "null while the device is lost or does not know the channel",
-        undefined: "the device is lost; it does not know the channel",
+        null: "null while the device is lost or does not report the channel",
+        undefined: "the device is lost; it does not report the channel",
         outputs: &[Port::real(
             "out",
             UnitRule::Channel,

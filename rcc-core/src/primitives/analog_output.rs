@@ -1,7 +1,7 @@
 //! `AnalogOutput`: commands a named analog output of a device; a unique resource.
 //!
-//! Null sends no command, and the driver does what the channel's `on_release` says. The driver
-//! refuses values outside the channel's range and says so; it does not clamp.
+//! A null input sends no command, and the driver applies the channel's `on_release`. The driver refuses values outside
+//! the channel's range and reports them; it does not clamp.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,8 +12,8 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnalogOutput",
-        summary: "Commands an analog output, which belongs to this net alone.",
-        null: "a null input sends no command: the channel is released as its `on_release` says",
+        summary: "Commands an analog output; the output is a unique resource of this net.",
+        null: "a null input sends no command: the channel is released as configured in its `on_release`",
         inputs: &[Port::real(
             "in",
             UnitRule::Channel,

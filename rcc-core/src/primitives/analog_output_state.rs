@@ -1,4 +1,4 @@
-//! `AnalogOutputState`: what an analog output of a device is told now, whoever commands it.
+//! `AnalogOutputState`: the value that the driver currently sends to an analog output, whichever net commands it.
 
 use crate::primitive::{
     CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule,
@@ -9,13 +9,13 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnalogOutputState",
-        summary: "What the driver tells an analog output now: what a net commands, or what `on_release` says.",
-        null: "null while the device is lost, and before the first command of a channel that holds",
-        undefined: "the device is lost; the channel has not been told anything yet",
+        summary: "The value that the driver currently sends to an analog output: a net's command, or the value of `on_release`.",
+        null: "null while the device is lost, and before the first command to a channel with `on_release: hold`",
+        undefined: "the device is lost; nothing has been sent to the channel yet",
         outputs: &[Port::real(
             "out",
             UnitRule::Channel,
-            "value that the channel was told last, in the unit of the configuration",
+            "last value sent to the channel, in the unit of the configuration",
         )],
         parameters: &[
             Parameter::device(),

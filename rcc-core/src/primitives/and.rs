@@ -1,4 +1,4 @@
-//! `And`: both are true; null if either is null (strict, as every primitive unless it says otherwise).
+//! `And`: true if both are true; null if either is null (strict, as all primitives unless stated otherwise).
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 
@@ -6,9 +6,9 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "And",
-        summary: "True while both are true.",
+        summary: "True while both inputs are true.",
         examples: &[Example::new(
-            "both must be true; whoever knows a default for null, puts `OrElse` before",
+            "both must be true; to treat null as a known value, put `OrElse` before",
             "",
             "a | b | out
                  true | true | true

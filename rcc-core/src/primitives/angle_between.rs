@@ -1,4 +1,4 @@
-//! `AngleBetween`: the angle between two directions, without a sign.
+//! `AngleBetween`: the unsigned angle between two directions.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -10,11 +10,11 @@ use crate::vector;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AngleBetween",
-        summary: "The angle between two vectors, whatever their lengths.",
+        summary: "The angle between two vectors of any length.",
         undefined: "a zero vector; overflow: an infinite input",
         formula: "2 atan2(|a - b|, |a + b|) of the directions (Kahan, How Futile are Mindless Assessments of Roundoff, 2006)",
         examples: &[Example::new(
-            "square, same, opposite and oblique (numpy)",
+            "perpendicular, parallel, opposite and oblique (numpy)",
             "",
             "a | b | out\n\
              [1, 0, 0] | [0, 5, 0] | deg(90)\n\

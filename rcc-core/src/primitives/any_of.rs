@@ -1,4 +1,4 @@
-//! `AnyOf`: whether a truth value of an array is true: Or for any number of them.
+//! `AnyOf`: true if any element of a `Bool` array is true: `Or` for any number of operands.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TRUTHS, fold_bool};
 
@@ -6,10 +6,10 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TRUTHS, fold
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnyOf",
-        summary: "True while an element of an array is true.",
-        outputs: &[Port::bool("out", "one is true")],
+        summary: "True while at least one element of an array is true.",
+        outputs: &[Port::bool("out", "at least one element is true")],
         examples: &[Example::new(
-            "three truth values",
+            "three Bools",
             "",
             "in | out
              [false, false, false] | false

@@ -1,4 +1,4 @@
-//! `ArcCosine`: the angle with a given cosine, from none to half a turn.
+//! `ArcCosine`: the angle with a given cosine, 0 to π.
 
 use core::f64::consts::PI;
 
@@ -8,18 +8,18 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, ma
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ArcCosine",
-        summary: "The angle whose cosine is given.",
+        summary: "The angle with a given cosine.",
         undefined: "in < -1; in > 1",
-        formula: "out = arccos(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = arccos(in); libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
-            "from -1 to 1, and not beyond",
+            "within -1 to 1, and outside",
             "",
             "in | out\n 0.5 | deg(60)\n -1 | deg(180)\n 1 | deg(0)\n -1.1 | null\n null | null",
         )],
         inputs: &[Port::real(
             "in",
             UnitRule::ONE,
-            "cosine, from -1 to 1; what rounding put beyond, a `Limit` brings back",
+            "cosine, from -1 to 1; use `Limit` to remove an excess caused by rounding",
         )],
         outputs: &[Port::real("out", UnitRule::RADIAN, "angle").within(0.0, PI)],
         ..Spec::PLAIN

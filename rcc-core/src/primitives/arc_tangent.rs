@@ -16,7 +16,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                   unit in the last place",
         examples: &[
             Example::new(
-                "all around",
+                "all quadrants",
                 "",
                 "y | x | out
                  0.0 | 2.0 | deg(0)
@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | 1.0 | null",
             ),
             Example::new(
-                "of a tangent",
+                "angle of a tangent",
                 "",
                 "y | out
                  1 | deg(45)
@@ -37,8 +37,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             ),
         ],
         inputs: &[
-            Port::real("y", UnitRule::Var(0), "the point's y, or a tangent"),
-            Port::real("x", UnitRule::Var(0), "the point's x").default(DefaultValue::Real(1.0)),
+            Port::real("y", UnitRule::Var(0), "y of the point, or a tangent"),
+            Port::real("x", UnitRule::Var(0), "x of the point").default(DefaultValue::Real(1.0)),
         ],
         outputs: &[Port::real("out", UnitRule::RADIAN, "angle").within(-PI, PI)],
         ..Spec::PLAIN

@@ -1,7 +1,7 @@
-//! `ArmAngleLimits`: how far the elbow of a seven-joint arm may go round while its flange stays at a pose.
+//! `ArmAngleLimits`: the range through which the elbow of a seven-joint arm can swivel while its flange keeps a pose.
 //!
-//! With it a net chooses the arm angle itself, within joint limits and without a jump to another way round, and gives it to
-//! `InverseKinematicsNear`.
+//! With it a net chooses the arm angle itself, within the joint limits and without a jump to another interval, and
+//! passes it to `InverseKinematicsNear`.
 
 use crate::frame::Frame;
 use crate::kinematics::Arm;
@@ -15,12 +15,12 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ArmAngleLimits",
-        summary: "The arm angles around that of given joints for which a flange pose is within the joint limits, in their branch.",
+        summary: "The interval of arm angles, around that of given joints, in which a flange pose is within the joint limits, in their branch.",
         null: "a null input gives null outputs; an arm of six joints has no arm angle (null)",
-        undefined: "the pose cannot be reached; a joint would be beyond its limit with the arm angle of `hint`; the arm has six joints; overflow: an infinite input",
+        undefined: "the pose is out of reach; a joint would be beyond its limit with the arm angle of `hint`; the arm has six joints; overflow: an infinite input",
         formula: "each joint limit as A sin ψ + B cos ψ + C = 0 (Shimizu et al., IEEE T-RO 24(5), 2008, section IV)",
         examples: &[Example::new(
-            "nothing is known of a null pose, and there is nothing out of reach",
+            "a null pose, and a pose out of reach",
             "{device: lwr}",
             "pose | hint | lower | upper\n\
              null | [0, 0.5, 0, 1, 0, 0.3, 0] | null | null\n\
@@ -32,7 +32,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "hint",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "joint positions that say the branch and the arm angle around which is asked, A1 first",
+                "joint positions that give the branch, and the arm angle around which to search, A1 first",
             ),
         ],
         outputs: &[
@@ -44,7 +44,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "upper",
                 UnitRule::Is(Unit::RADIAN),
-                "largest arm angle, at least that of `hint`; beyond ±π the way goes on through π; a free circle is π to both sides",
+                "largest arm angle, at least that of `hint`; beyond ±π the interval continues through π; without limits the interval extends π to both sides",
             ),
         ],
         parameters: &[Parameter::arm()],

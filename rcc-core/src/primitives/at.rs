@@ -1,4 +1,4 @@
-//! `At`: an element of an array, by an index that a net computes. A fixed element is a link: `a.out[2]`.
+//! `At`: an element of an array, by a computed index. A fixed element is written as a link: `a.out[2]`.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -22,7 +22,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 UnitRule::Var(0),
                 "the array",
             ),
-            Port::int("index", "which element, counted from 0"),
+            Port::int("index", "index of the element, from 0"),
         ],
         outputs: &[Port::new(
             "out",
@@ -31,7 +31,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "the element",
         )],
         examples: &[Example::new(
-            "inside and outside",
+            "an index inside and outside",
             "",
             "in | index | out
              [4.0, 5.5, 6.0] | 1 | 5.5
@@ -62,7 +62,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, store: Store, [input, index, out, length]: [u32; 4]) -> Option<()> {
-    // Null is negative.
+    // A null index is negative.
     match u32::try_from(frame.get_int(index)?) {
         Ok(index) if index < length => copy(frame, store, input + index, out, 1),
         _ => fill_null(frame, store, out, 1),

@@ -1,4 +1,4 @@
-//! `Backlash`: what a part with play does: it moves only when it is pushed.
+//! `Backlash`: mechanical play: the output moves only when the input pushes it.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,13 +11,13 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Backlash",
-        summary: "Follows a number with play: it moves only when the number has come to the end of it.",
+        summary: "Follows a number with play: the output moves only when the number reaches the end of the play.",
         null: "a null input gives null and holds the state",
         undefined: "overflow",
         formula: "out is the number nearest to the last out in [in - width / 2, in + width / 2] (play operator; Visintin, \
                   Differential Models of Hysteresis, 1994, III.2)",
         examples: &[Example::new(
-            "a play of 2",
+            "play of 2",
             "{width: 2}",
             "in | out
              0 | 0
@@ -30,12 +30,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::real("in", UnitRule::Var(0), "number to follow")],
         outputs: &[Port::real("out", UnitRule::Var(0), "followed number")],
         parameters: &[
-            Parameter::real("width", UnitRule::Var(0), "play from one end to the other")
-                .at_least(0.0),
+            Parameter::real("width", UnitRule::Var(0), "total width of the play").at_least(0.0),
             Parameter::new(
                 "initial",
                 ParameterKind::Start(Type::Real, UnitRule::Var(0)),
-                "output before the first cycle; null: the first known input is taken as it is",
+                "output before the first cycle; null: starts at the first known input",
             )
             .default(DefaultValue::Null),
         ],
@@ -53,7 +52,7 @@ fn step(frame: &mut Frame<'_>, [input, out, width, last]: [u32; 4]) -> Option<()
     let (value, before) = (frame.get_real(input)?, frame.get_real(last)?);
     let half = frame.get_real(width)? / 2.0;
     let pushed = lower(higher(before, value - half), value + half);
-    // `lower` and `higher` pass over NaN: neither in the beginning nor with a null input is there a number to keep.
+    // `lower` and `higher` ignore NaN, so that without a state or with a null input there is nothing to hold back.
     let now = finite(if before.is_nan() | value.is_nan() {
         value
     } else {

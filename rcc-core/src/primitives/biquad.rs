@@ -1,4 +1,5 @@
-//! `Biquad`: any linear filter of second order, by its coefficients; several in a row make any other one.
+//! `Biquad`: a linear second-order filter given by its coefficients; higher orders are made by connecting several in
+//! series.
 
 use crate::filter;
 use crate::frame::{Preparation, PrepareFault};
@@ -10,9 +11,9 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Biquad",
-        summary: "A linear filter of second order, by its coefficients.",
-        null: "a null input gives null and holds the state: afterwards it goes on as if no time had passed",
-        undefined: "overflow: coefficients that are not stable",
+        summary: "A linear second-order filter given by its coefficients.",
+        null: "a null input gives null and holds the state: filtering then continues as if no time had passed",
+        undefined: "overflow: unstable coefficients",
         formula: "out = b0 in + b1 in₁ + b2 in₂ - a1 out₁ - a2 out₂ (the last two cycles' values), H(z) = (b0 + b1/z + \
                   b2/z²) / (1 + a1/z + a2/z²); transposed direct form II (Oppenheim and Schafer, Discrete-Time Signal \
                   Processing, 3rd ed., 6.3.4)",
@@ -23,7 +24,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "in | out\n 1 | 1\n 3 | 2\n 5 | 4\n null | null\n 7 | 6",
             ),
             Example::new(
-                "a filter that integrates begins at rest",
+                "an integrating filter starts at rest",
                 "{b0: 1, a1: -1}",
                 "in | out\n 1 | 1\n 3 | 4\n 5 | 9",
             ),
@@ -32,14 +33,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real(
             "out",
             UnitRule::Var(0),
-            "filtered number; it begins as if the first input had been there for ever",
+            "filtered number; it starts in the steady state of the first input",
         )],
         parameters: &[
             Parameter::real("b0", UnitRule::ONE, "part of the input"),
-            Parameter::real("b1", UnitRule::ONE, "part of the last cycle's input").default(DefaultValue::Real(0.0)),
-            Parameter::real("b2", UnitRule::ONE, "part of the input before").default(DefaultValue::Real(0.0)),
-            Parameter::real("a1", UnitRule::ONE, "part of the last cycle's output that is taken off").default(DefaultValue::Real(0.0)),
-            Parameter::real("a2", UnitRule::ONE, "part of the output before that is taken off").default(DefaultValue::Real(0.0)),
+            Parameter::real("b1", UnitRule::ONE, "coefficient of the last cycle's input").default(DefaultValue::Real(0.0)),
+            Parameter::real("b2", UnitRule::ONE, "coefficient of the input two cycles ago").default(DefaultValue::Real(0.0)),
+            Parameter::real("a1", UnitRule::ONE, "coefficient of the last cycle's output, subtracted").default(DefaultValue::Real(0.0)),
+            Parameter::real("a2", UnitRule::ONE, "coefficient of the output two cycles ago, subtracted").default(DefaultValue::Real(0.0)),
         ],
         state: filter::STATE,
         ..Spec::PLAIN

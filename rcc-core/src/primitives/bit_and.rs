@@ -1,4 +1,4 @@
-//! `BitAnd`: the bits that two whole numbers have in common, in two's complement.
+//! `BitAnd`: bitwise AND of two integers, in two's complement.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
@@ -6,9 +6,9 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitAnd",
-        summary: "The bits that are set in both of two whole numbers.",
+        summary: "The bits that are set in both of two integers (bitwise AND).",
         examples: &[Example::new(
-            "1100 and 1010; -1 has every bit",
+            "1100 and 1010; -1 has all bits set",
             "",
             "a | b | out
                  12 | 10 | 8

@@ -1,4 +1,4 @@
-//! `BitNot`: every bit of a whole number turned over, in two's complement.
+//! `BitNot`: bitwise complement of an integer, in two's complement.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, choose, each};
@@ -8,11 +8,11 @@ use crate::types::NULL_INT;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitNot",
-        summary: "A whole number with every bit turned over; a `BitAnd` keeps those that count.",
+        summary: "An integer with every bit inverted; use `BitAnd` to keep the relevant bits.",
         undefined: "overflow: 2^63 - 1 (-2^63 stands for null)",
         formula: "out = -1 - in",
         examples: &[Example::new(
-            "the opposite of no bit is every bit",
+            "the complement of no bits is all bits",
             "",
             "in | out
              0 | -1

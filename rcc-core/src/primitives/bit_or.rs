@@ -1,4 +1,4 @@
-//! `BitOr`: the bits that are set in either of two whole numbers, in two's complement.
+//! `BitOr`: bitwise OR of two integers, in two's complement.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
@@ -6,9 +6,9 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitOr",
-        summary: "The bits that are set in one or both of two whole numbers.",
+        summary: "The bits that are set in at least one of two integers (bitwise OR).",
         examples: &[Example::new(
-            "1100 or 1010; -1 has every bit",
+            "1100 or 1010; -1 has all bits set",
             "",
             "a | b | out
              12 | 10 | 14
@@ -22,7 +22,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::int("out", "a | b, of 64 bits in two's complement")],
         ..Spec::PLAIN
     },
-    // The sign bit alone stands for null: it comes out of two numbers only if one of them is it.
+    // The sign bit alone is the null value: it results from two numbers only if one of them is null.
     &[Kernel::new(|frame, operands| {
         each_int(frame, operands, |a, b| (a | b, false));
     })],

@@ -1,4 +1,4 @@
-//! `BitXor`: the bits in which two whole numbers differ, in two's complement.
+//! `BitXor`: bitwise XOR of two integers, in two's complement.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
@@ -6,8 +6,8 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitXor",
-        summary: "The bits in which two whole numbers differ.",
-        undefined: "overflow: numbers that differ in the sign bit alone (-2^63 stands for null)",
+        summary: "The bits in which two integers differ (bitwise XOR).",
+        undefined: "overflow: numbers that differ only in the sign bit (-2^63 stands for null)",
         examples: &[Example::new(
             "1100 and 1010 differ in two bits",
             "",

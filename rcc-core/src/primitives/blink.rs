@@ -1,4 +1,4 @@
-//! `Blink`: on and off in turns.
+//! `Blink`: alternates between true and false with given durations.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,8 +11,8 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Blink",
-        summary: "True and false in turns while it is enabled; it begins with true.",
-        null: "a null input gives null and begins anew",
+        summary: "Alternates between true and false while enabled, starting with true.",
+        null: "a null input gives null and restarts the pattern",
         examples: &[Example::new(
             "2 ms on, 1 ms off",
             "{on: 2 ms, off: 1 ms}",
@@ -26,20 +26,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              null | null
              true | true",
         )],
-        inputs: &[Port::bool("enable", "while it is false, so is the output")
+        inputs: &[Port::bool("enable", "while false, the output is false")
             .default(DefaultValue::Bool(true))],
         outputs: &[Port::bool("out", "on")],
         parameters: &[
             Parameter::real(
                 "on",
                 UnitRule::SECOND,
-                "how long it is true; at least one cycle",
+                "duration of true; at least one cycle",
             )
             .above(0.0),
             Parameter::real(
                 "off",
                 UnitRule::SECOND,
-                "how long it is false; at least one cycle",
+                "duration of false; at least one cycle",
             )
             .above(0.0),
         ],
@@ -52,7 +52,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
 );
 
-/// `age`: cycles since it was true for the first time, from the beginning of its turn.
+/// `age`: cycles since the current period of the pattern started, with the first cycle of true as 0.
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, [enable, out, on, off, age]: [u32; 5]) -> Option<()> {
     let (enabled, dt_s) = (frame.get_bool(enable)?, frame.dt_s);

@@ -1,5 +1,5 @@
-//! `Cancel`: tells the net that CANCEL was requested. A net without it can only be aborted
-//! (paper, section IV-C).
+//! `Cancel`: reports that CANCEL was requested. A net without it can only be aborted (Vistein et al. 2010, section
+//! IV-C).
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Role, Spec, each};
@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "True from the cycle after CANCEL was requested.",
         null: "never null",
         examples: &[Example::new(
-            "nobody has requested it",
+            "not requested",
             "",
             "requested
                  false",

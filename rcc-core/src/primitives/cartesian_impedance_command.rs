@@ -1,10 +1,10 @@
-//! `CartesianImpedanceCommand`: the set-point of an arm whose tool hangs on springs; a unique resource.
+//! `CartesianImpedanceCommand`: the set-point of an arm under Cartesian impedance control; a unique resource.
 //!
-//! The executor's guard and then the driver check each set-point: ranges, the rate of the stiffness, the wrench, and that
-//! the controller runs this strategy. Null sends no command, and the driver brings the arm to rest.
+//! The executor's guard and then the driver check each set-point: ranges, the rate of the stiffness, the wrench, and
+//! that the controller runs this strategy. A null input sends no command, and the driver brings the arm to rest.
 
 use crate::frame::Frame;
-use crate::impedance::{ControlStrategy, Impedance};
+use crate::impedance::{ControlMode, Impedance};
 use crate::message::JOINTS_MAX;
 use crate::primitive::{
     CatalogueEntry, DefaultValue, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
@@ -20,10 +20,8 @@ const fn axes(name: &'static str, unit: Unit, doc: &'static str) -> Port {
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CartesianImpedanceCommand",
-        summary: "Commands an arm that runs Cartesian impedance control, which belongs to this net alone: the tool is held at \
-                  the pose of `position` by springs along and about the axes of the task frame, and presses with `wrench` on \
-                  top.",
-        null: "a null element of any input sends no command: the driver brings the arm to rest and takes the wrench away",
+        summary: "Commands an arm under Cartesian impedance control, a unique resource of this net: springs along and about the axes of the task frame hold the tool at the pose of `position`, and `wrench` is applied in addition.",
+        null: "a null element of any input sends no command: the driver brings the arm to rest and removes the wrench",
         formula: "t = J^T (K (x_set - x) + D + F) (Schreiber, Stemmer, Bischoff, The Fast Research Interface for the KUKA \
                   Lightweight Robot, ICRA 2010 workshop)",
         inputs: &[
@@ -31,7 +29,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "position",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "joint set-point, A1 first: its pose is where the springs pull to",
+                "joint set-point, A1 first; its flange pose is the equilibrium of the springs",
             ),
             axes(
                 "stiffness",
@@ -54,7 +52,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::typed(
                 "wrench",
                 Type::Wrench,
-                "what the tool presses with on top, axes of the task frame; left out: nothing",
+                "force and torque that the tool applies in addition, axes of the task frame; if omitted, none",
             )
             .default(DefaultValue::Real(0.0)),
         ],
@@ -90,7 +88,7 @@ fn step(
         output.has_position = true;
         output.position = position;
         output.impedance = Impedance {
-            strategy: ControlStrategy::CartesianImpedance as u64,
+            strategy: ControlMode::CartesianImpedance as u64,
             stiffness: six(along, about),
             damping: six(damping, turning),
             added: {
@@ -101,7 +99,7 @@ fn step(
     }
 }
 
-/// Elements along the axes, then about them.
+/// Elements along the axes, followed by those about them.
 fn six([x, y, z]: [f64; 3], [rx, ry, rz]: [f64; 3]) -> [f64; JOINTS_MAX] {
     [x, y, z, rx, ry, rz, 0.0, 0.0]
 }

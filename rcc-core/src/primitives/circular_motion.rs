@@ -1,7 +1,7 @@
-//! `CircularMotion`: an arc of the flange through a point, jerk-limited, that can be stopped on the path.
+//! `CircularMotion`: a jerk-limited circular arc of the flange through a point, with a stop on the path.
 //!
-//! Position follows the circle through start, `via` and `to`; the orientation has a mode. Joints are given as well, by the
-//! arm angle and the branch of the start.
+//! The position follows the circle through start, `via` and `to`; the orientation has three modes. Joints are computed
+//! as well, with the arm angle and the branch of the start.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::{Leg, MotionLimits, PathRequest, PathSegment, leg_row};
@@ -19,7 +19,7 @@ use super::along::{self, PORTS};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CircularMotion",
-        summary: "An arc of the flange through a point, jerk-limited, with a soft stop on the path.",
+        summary: "A jerk-limited circular arc of the flange through a point, with a soft stop on the path.",
         null: along::NULL,
         null_rule: NullRule::Known,
         formula: "circle through start, `via` and `to`; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
@@ -30,23 +30,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "via",
                 ParameterKind::Value(PortType::Is(Type::Vector3), UnitRule::Is(Unit::METRE)),
-                "a point that the flange passes, in the arm's base",
+                "a point on the arc, in the arm's base",
             ),
             Parameter::new(
                 "to",
                 ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed),
-                "flange at the end, in the arm's base; with `angle` another point of the circle",
+                "flange at the end, in the arm's base; with `angle`, another point of the circle",
             ),
             Parameter::new(
                 "angle",
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
-                "how far around instead of to `to`, deg(360) for a whole circle; negative: the other way around",
+                "angle of the arc, replaces the end at `to`; deg(360) for a full circle; negative: opposite direction",
             )
             .default(DefaultValue::Null),
             Parameter::new(
                 "orientation",
                 ParameterKind::Word(leg_row::ORIENTATIONS),
-                "even: turns evenly from that of the start to that of `to`; constant: stays; path: turns with the circle",
+                "even: rotates evenly from the orientation of the start to that of `to`; constant: stays constant; path: rotates with the circle",
             )
             .default(DefaultValue::Word("even")),
             along::FLANGE[0],
@@ -100,7 +100,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let segment = PathSegment::Circle {
         via: preparation.reals(via),
         to: Pose::from_slots(preparation.reals(to)),
-        // A number that is no mode is refused by the language.
+        // The language refuses any other number.
         orientation: leg_row::arc_orientation(orientation as f64),
         angle: (!angle.is_nan()).then_some(angle),
     };

@@ -1,6 +1,6 @@
-//! `Compose`: where a frame is in another one, through a frame between them: out = a · b.
+//! `Compose`: chains two frames: the pose of C in A from B in A and C in B, out = a · b.
 //!
-//! Each element of a product of transforms is ((a₀·b₀ + a₁·b₁) + a₂·b₂) + a₃·b₃, every operation rounded once.
+//! Each element of a product of transforms is ((a₀·b₀ + a₁·b₁) + a₂·b₂) + a₃·b₃, with every operation rounded once.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
@@ -12,11 +12,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Compose",
         summary: "Chains two rotations, poses or transforms: the second is given in the frame of the first.",
-        undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
-        formula: "R_a R_b and p_a + R_a p_b; quaternions come to length one again; of transforms the matrix product",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
+        formula: "R_a R_b and p_a + R_a p_b; quaternions are normalized; for transforms the matrix product",
         examples: &[
             Example::new(
-                "rotations (scipy 1.17): b turns about axes that a has turned",
+                "rotations (scipy 1.17): b is about the axes rotated by a",
                 "",
                 "a | b | out\n\
                  {rpy: [0.3, -0.5, 1.2]} | {quat: [0.18485641079320972, -0.323498718888117, 0.5083551296813268, 0.7763708832723447]} | {quat: [0.46611343908948644, -0.3676405431603912, 0.7738747034672753, 0.22067314349132097]}\n\
@@ -100,7 +100,7 @@ fn transforms(frame: &mut Frame<'_>, a: u32, b: u32, out: u32) -> Option<()> {
     frame.put_reals::<16>(out, bytemuck::cast(product))
 }
 
-/// A row of the product.
+/// Returns one row of the product.
 #[inline(always)]
 fn row([a0, a1, a2, a3]: [f64; 4], b: &[[f64; 4]; 4]) -> [f64; 4] {
     let [

@@ -1,4 +1,4 @@
-//! `Concatenate`: two arrays behind each other. Single values come together in a list of links: `[a.out, b.out]`.
+//! `Concatenate`: joins two arrays. Single values are joined by a list of links: `[a.out, b.out]`.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -14,8 +14,8 @@ const fn array(length: Dim) -> PortType {
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Concatenate",
-        summary: "Two arrays as one, the second behind the first.",
-        null: "null is handed on, element by element",
+        summary: "Joins two arrays, the second after the first.",
+        null: "null is passed through, element by element",
         inputs: &[
             Port::new(
                 "a",
@@ -37,7 +37,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "all elements",
         )],
         examples: &[Example::new(
-            "two lengths",
+            "arrays of different lengths",
             "",
             "a | b | out\n [1.0, 2.0] | [3.0, 4.0, 5.0] | [1.0, 2.0, 3.0, 4.0, 5.0]",
         )],

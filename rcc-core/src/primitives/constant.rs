@@ -1,4 +1,4 @@
-//! `Constant`: a value with a name. A number written at an input is the same without one.
+//! `Constant`: a named value. A literal at an input has the same effect without a name.
 
 use crate::primitive::{
     CatalogueEntry, Example, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
@@ -26,7 +26,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::new(
             "value",
             ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
-            "a number, truth value, list or pose",
+            "a number, Bool, list or pose",
         )],
         role: Role::Constant,
         ..Spec::PLAIN

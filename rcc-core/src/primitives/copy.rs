@@ -1,4 +1,4 @@
-//! `Copy`: out = in. The loader puts it where values must come to lie side by side, for a list of links.
+//! `Copy`: out = in. The loader inserts it where values must be contiguous, for a list of links.
 
 use crate::primitive::{
     CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
@@ -9,8 +9,8 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Copy",
-        summary: "Its input, of any type: a list of links becomes one value with a name.",
-        null: "null is handed on, element by element",
+        summary: "Passes its input through, of any type: a list of links becomes one named value.",
+        null: "null is passed through, element by element",
         inputs: &[Port::new(
             "in",
             PortType::Any,

@@ -8,9 +8,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Cosine",
         summary: "The cosine of an angle.",
         undefined: "overflow: an infinite angle",
-        formula: "out = cos(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = cos(in); libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
-            "the angles of a triangle, and no angle",
+            "special angles, and null",
             "",
             "in | out\n 0 | 1\n deg(60) | 0.5\n deg(-90) | 0\n deg(180) | -1\n null | null",
         )],

@@ -1,6 +1,6 @@
-//! `Counter`: in how many cycles a condition was true.
+//! `Counter`: the number of cycles in which a condition was true.
 //!
-//! Behind a `RisingEdge` it counts events.
+//! After a `RisingEdge` it counts events.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, choose, each};
@@ -10,7 +10,7 @@ use crate::types::{NULL_BOOL, NULL_INT};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Counter",
-        summary: "Counts the cycles in which its input is true, this one included.",
+        summary: "Counts the cycles in which its input is true, including the current one.",
         null: "a null input gives null and is not counted",
         examples: &[Example::new(
             "null is not counted",
@@ -25,7 +25,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ",
         )],
         inputs: &[Port::bool("in", "condition to count")],
-        outputs: &[Port::int("out", "cycles so far; 0 before the first")],
+        outputs: &[Port::int(
+            "out",
+            "number of cycles so far; 0 before the first",
+        )],
         state: StateSpec {
             ints: 1,
             ..StateSpec::NONE
@@ -38,7 +41,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, [input, out, count]: [u32; 3]) -> Option<()> {
     let value = frame.get_bool(input)?;
-    // At a cycle every 125 µs it would be full after 36 million years.
+    // At a cycle of 125 µs it would overflow after 36 million years.
     let counted = frame.get_int(count)?.saturating_add(i64::from(value & 1));
     let null = value & NULL_BOOL != 0;
     frame.put_int(out, choose(null, NULL_INT, counted))?;

@@ -1,4 +1,4 @@
-//! `Cross`: the vector square to two others, a × b.
+//! `Cross`: the cross product of two vectors, a × b.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Cross",
         summary: "The cross product of two vectors, right-handed.",
-        undefined: "overflow: an infinite input, a result too large for a number",
+        undefined: "overflow: an infinite input, a result out of range",
         formula: "[a_y b_z - a_z b_y, a_z b_x - a_x b_z, a_x b_y - a_y b_x]",
         examples: &[Example::new(
             "x × y = z, and parallel vectors",

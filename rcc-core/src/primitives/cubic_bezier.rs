@@ -1,4 +1,4 @@
-//! `CubicBezier`: a smooth curve by two ends and two control points.
+//! `CubicBezier`: a smooth curve given by its end points and two control points.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite};
@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         formula: "out = (1-t)³ from + 3 (1-t)² t control1 + 3 (1-t) t² control2 + t³ to (Farin, Curves and \
                   Surfaces for CAGD, 5th ed., 4.3)",
         examples: &[Example::new(
-            "ends, middle, and beyond",
+            "ends, middle, and extrapolation",
             "",
             "from | control1 | control2 | to | t | out
              0 | 0 | 1 | 1 | 0 | 0
@@ -24,14 +24,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              0 | null | 1 | 1 | 0 | null",
         )],
         inputs: &[
-            Port::real("from", UnitRule::Var(0), "result at 0"),
-            Port::real("control1", UnitRule::Var(0), "the curve leaves towards it"),
-            Port::real("control2", UnitRule::Var(0), "the curve arrives from it"),
-            Port::real("to", UnitRule::Var(0), "result at 1"),
+            Port::real("from", UnitRule::Var(0), "result at t = 0"),
+            Port::real("control1", UnitRule::Var(0), "control point of the start"),
+            Port::real("control2", UnitRule::Var(0), "control point of the end"),
+            Port::real("to", UnitRule::Var(0), "result at t = 1"),
             Port::real(
                 "t",
                 UnitRule::ONE,
-                "part of the way; beyond 0 and 1 the curve goes on",
+                "curve parameter, 0 to 1; outside, the curve is extrapolated",
             ),
         ],
         outputs: &[Port::real("out", UnitRule::Var(0), "number on the curve")],
@@ -50,7 +50,7 @@ fn step(frame: &mut Frame<'_>, [from, control1, control2, to, t, out]: [u32; 6])
     frame.put_real(out, finite(bezier([a, b, c, d], t)))
 }
 
-/// The point of the curve at `t`.
+/// Returns the point of the curve at `t`.
 #[inline(always)]
 pub fn bezier([a, b, c, d]: [f64; 4], t: f64) -> f64 {
     let u = 1.0 - t;

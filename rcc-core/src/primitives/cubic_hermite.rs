@@ -1,4 +1,4 @@
-//! `CubicHermite`: a smooth curve by position and slope at both ends.
+//! `CubicHermite`: a smooth curve given by value and slope at both ends.
 
 use super::cubic_bezier::bezier;
 use crate::frame::Frame;
@@ -8,12 +8,12 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, ea
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CubicHermite",
-        summary: "A number on a cubic curve that has given values and slopes at both ends.",
+        summary: "A number on a cubic curve with given values and slopes at both ends.",
         undefined: "overflow",
         formula: "the Bézier curve from, from + from_slope / 3, to - to_slope / 3, to (Farin, Curves and Surfaces for CAGD, \
                   5th ed., 6.5)",
         examples: &[Example::new(
-            "from rest to rest, and with a slope",
+            "zero slopes, and a given slope",
             "",
             "from | from_slope | to | to_slope | t | out
              0 | 0 | 1 | 0 | 0.25 | 0.15625
@@ -24,22 +24,22 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              1 | null | 1 | 0 | 0 | null",
         )],
         inputs: &[
-            Port::real("from", UnitRule::Var(0), "result at 0"),
+            Port::real("from", UnitRule::Var(0), "result at t = 0"),
             Port::real(
                 "from_slope",
                 UnitRule::Var(0),
-                "change of the result per t at 0",
+                "slope of the result by t at t = 0",
             ),
-            Port::real("to", UnitRule::Var(0), "result at 1"),
+            Port::real("to", UnitRule::Var(0), "result at t = 1"),
             Port::real(
                 "to_slope",
                 UnitRule::Var(0),
-                "change of the result per t at 1",
+                "slope of the result by t at t = 1",
             ),
             Port::real(
                 "t",
                 UnitRule::ONE,
-                "part of the way; beyond 0 and 1 the curve goes on",
+                "curve parameter, 0 to 1; outside, the curve is extrapolated",
             ),
         ],
         outputs: &[Port::real("out", UnitRule::Var(0), "number on the curve")],

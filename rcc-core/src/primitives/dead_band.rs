@@ -1,4 +1,4 @@
-//! `DeadBand`: passes over small deviations: 0 within a band, and beyond it as far as the number is beyond.
+//! `DeadBand`: suppresses small deviations: 0 within a band, the distance from the band outside.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -9,7 +9,7 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DeadBand",
-        summary: "0 within a band, and how far a number is beyond it outside: without a step at its edges.",
+        summary: "0 within a band, and the distance from the band outside it, without a step at its edges.",
         undefined: "low above high; overflow",
         formula: "out = in - high above high, in - low below low, else 0 (Dead Zone of Simulink)",
         examples: &[Example::new(

@@ -1,4 +1,4 @@
-//! `Debounce`: takes a new value over only after it has stayed for a time, as a contact does that has stopped to bounce.
+//! `Debounce`: accepts a new value only after it has been stable for a time, as for a bouncing contact.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,10 +11,10 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Debounce",
-        summary: "Changes only after its input has been different for a time without interruption.",
-        null: "a null input gives null, keeps the value and starts the time anew",
+        summary: "Accepts a new value only after the input has differed from the output for a time without interruption.",
+        null: "a null input gives null, keeps the value and restarts the time",
         examples: &[Example::new(
-            "what lasts 2 ms counts; the first value is taken as it is",
+            "a change of 2 ms counts; the first value is accepted at once",
             "{time: 2 ms}",
             "in | out
              true | true
@@ -27,11 +27,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              true | false",
         )],
         inputs: &[Port::bool("in", "signal that may bounce")],
-        outputs: &[Port::bool("out", "last value that stayed")],
-        parameters: &[
-            Parameter::real("time", UnitRule::SECOND, "how long a new value must stay")
-                .at_least(0.0),
-        ],
+        outputs: &[Port::bool("out", "last stable value")],
+        parameters: &[Parameter::real(
+            "time",
+            UnitRule::SECOND,
+            "time for which a new value must be stable",
+        )
+        .at_least(0.0)],
         state: StateSpec {
             bools: 1,
             ints: 1,
@@ -42,7 +44,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
 );
 
-/// `age`: cycles in which `in` was another value than `out`, this one included.
+/// `age`: cycles in which `in` has differed from `out`, including the current one.
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, [input, out, time, last, age]: [u32; 5]) -> Option<()> {
     let (value, before) = (frame.get_bool(input)?, frame.get_bool(last)?);

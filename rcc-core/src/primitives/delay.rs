@@ -1,4 +1,4 @@
-//! `Delay`: a value as it was some time ago.
+//! `Delay`: a value delayed by a time.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,10 +12,10 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Delay",
-        summary: "A value as it was some time ago.",
-        null: "null is delayed like any value; a null age gives null, and so does one that is negative or beyond `max`",
-        undefined: "the age is beyond `max`, or the net is not that old; age < 0",
-        formula: "the value of so many evaluations ago as the age is periods, to the nearest; age 0: the value itself",
+        summary: "A value delayed by a time that may change in any cycle.",
+        null: "null is delayed like any value; a null age gives null, and so does an age that is negative or beyond `max`",
+        undefined: "the age is beyond `max`, or the net has not run that long; age < 0",
+        formula: "the value from round(age / period) evaluations ago; age 0: the current value",
         examples: &[
             Example::new(
                 "two cycles",
@@ -30,31 +30,27 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  7 | null | null",
             ),
             Example::new(
-                "of truth values",
+                "Bools",
                 "{max: 1 ms}",
                 "in | age | out\n true | 0.001 | null\n false | 0.001 | true\n false | 0.001 | false",
             ),
         ],
         inputs: &[
             Port::new("in", PortType::Any, UnitRule::Var(0), "value to delay"),
-            Port::real(
-                "age",
-                UnitRule::Is(Unit::SECOND),
-                "how long ago, from 0 to `max`",
-            ),
+            Port::real("age", UnitRule::Is(Unit::SECOND), "delay, from 0 to `max`"),
         ],
         outputs: &[Port::new(
             "out",
             PortType::Any,
             UnitRule::Var(0),
-            "the value of then",
+            "delayed value",
         )],
         parameters: &[Parameter::new(
             "max",
             ParameterKind::Window,
-            "greatest age, the nearest whole number of evaluations",
+            "largest delay, rounded to a whole number of evaluations",
         )],
-        // the place of the next value in the ring
+        // index of the next value in the ring
         state: StateSpec {
             ints: 1,
             ..StateSpec::NONE
@@ -84,7 +80,7 @@ fn step(
     let length = i64::from(cycles.max(1));
     let next = frame.get_int(place)?;
     let next = if (0..length).contains(&next) { next } else { 0 };
-    // At most CYCLES_MAX places of a width that the plan's check has multiplied with it.
+    // At most CYCLES_MAX elements; the plan's check multiplied this with the width.
     let slot = |place: i64| ring + place as u32 * width;
     let back = libm::round(frame.get_real(age)? / frame.dt_s);
     if back == 0.0 {

@@ -1,4 +1,4 @@
-//! `Derivative`: how fast a number changes, smoothed over a time constant.
+//! `Derivative`: the rate of change of a number, smoothed with a time constant.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,14 +11,14 @@ use crate::types::NULL_REAL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Derivative",
-        summary: "How fast a number changes, smoothed by a first-order low-pass filter.",
-        null: "a null input gives null and is a new beginning: the next known input gives 0",
+        summary: "The rate of change of a number, smoothed by a first-order low-pass filter.",
+        null: "a null input gives null and resets the filter: the next known input gives 0",
         undefined: "overflow",
         formula: "out += (Δin - out · dt) / (T + dt), that is s / (1 + T s) by backward differences (Åström and \
                   Hägglund, Advanced PID Control, 2006, 13.3)",
         examples: &[
             Example::new(
-                "without a filter: the difference of two cycles",
+                "unfiltered: the difference of two cycles",
                 "",
                 "in | out\n 1 | 0\n 1.5 | 5\n 1.4 | -1\n null | null\n 7 | 0\n 7.1 | 1",
             )
@@ -34,12 +34,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real(
             "out",
             UnitRule::PerSecond(0),
-            "change per second; 0 in the first cycle",
+            "rate of change, per second; 0 in the first cycle",
         )],
         parameters: &[Parameter::real(
             "time_constant",
             UnitRule::SECOND,
-            "T of the filter; 0: none",
+            "time constant T of the filter; 0: no filter",
         )
         .default(DefaultValue::Real(0.0))
         .at_least(0.0)],

@@ -1,4 +1,4 @@
-//! `Determinant`: by elimination.
+//! `Determinant`: computed by Gaussian elimination.
 
 use crate::frame::Frame;
 use crate::linear::AugmentedMatrix;
@@ -12,7 +12,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Determinant",
-        summary: "The determinant of a square matrix of plain numbers, at most 8×8.",
+        summary: "The determinant of a square matrix of dimensionless numbers, at most 8×8.",
         null: "a null element gives null",
         undefined: "an infinite element",
         formula: "the product of the pivots; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4)",
@@ -44,7 +44,7 @@ fn step(frame: &mut Frame<'_>, [input, out, side]: [u32; 3]) -> Option<()> {
     let Some(mut tableau) = AugmentedMatrix::<8>::read(frame, input, side) else {
         return frame.put_real(out, NULL_REAL);
     };
-    // A pivot that is nothing is the only thing that ends it early.
+    // Only a zero pivot ends the elimination early.
     let determinant = tableau.reduce(0.0).unwrap_or(0.0);
     frame.put_real(out, determinant)
 }

@@ -1,4 +1,4 @@
-//! `DeviceBase`: where the base of an arm stands in the world of its cell.
+//! `DeviceBase`: the pose of an arm's base in the world frame of its cell.
 
 use crate::frame::Frame;
 use crate::pose::Pose;
@@ -9,15 +9,15 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DeviceBase",
-        summary: "Where the base of an arm stands in the world, as the cell's configuration has it (`base`).",
+        summary: "The pose of an arm's base in the world frame, from the cell's configuration (`base`).",
         outputs: &[Port::typed(
             "pose",
             Type::Pose,
-            "the arm's base in the world of the cell",
+            "the arm's base in the world frame of the cell",
         )],
         parameters: &[Parameter::arm()],
         examples: &[Example::new(
-            "an arm whose base is the world",
+            "an arm whose base is the world frame",
             "{device: lwr}",
             "pose\n {xyz: [0, 0, 0], rpy: [0, 0, 0]}",
         )],

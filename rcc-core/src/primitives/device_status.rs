@@ -1,6 +1,6 @@
-//! `DeviceStatus`: how a device and the connection to it are doing.
+//! `DeviceStatus`: the state of a device and of the connection to it.
 //!
-//! There is no clock in a cycle: the age is counted in evaluations of the net, so that a replay finds the same.
+//! A cycle has no clock: the age is counted in evaluations of the net, so that a replay gives the same value.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, Spec, StateSpec, UnitRule, each};
@@ -11,10 +11,10 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DeviceStatus",
-summary: "State, connection and age of what a device measures; `IsNull` of an output says that it is lost.",
+summary: "State, connection quality and age of a device's measurements; `IsNull` of an output tells that the device is lost.",
 null: "null while the device is lost",
 undefined: "the device is lost",
-outputs: &[Port::int("state", "1 online, cannot be commanded; 2 ready; 3 commanded by a net; 4 being brought to rest").diagnostic(), Port::int("reason", "why it is not ready, a number of its driver that `rcc-cli devices` explains; 0: fine").diagnostic(), Port::real("quality", UnitRule::Is(Unit::ONE), "of the connection, 1 is best").diagnostic(), Port::real("age", UnitRule::Is(Unit::SECOND), "since the last new measurement, in whole periods of the net; 0: new in this cycle").diagnostic(), Port::int("late", "exchanges that the driver answered late, since it began").diagnostic(), Port::int("refused", "datagrams that the driver refused, since it began").diagnostic(), Port::int("starved", "times that the driver had no set-point in time while commanded, since it began").diagnostic()],
+outputs: &[Port::int("state", "1 online, cannot be commanded; 2 ready; 3 commanded by a net; 4 being brought to rest").diagnostic(), Port::int("reason", "reason why it is not ready, a number of its driver that `rcc-cli devices` explains; 0: no reason").diagnostic(), Port::real("quality", UnitRule::Is(Unit::ONE), "quality of the connection, 1 is best").diagnostic(), Port::real("age", UnitRule::Is(Unit::SECOND), "time since the last new measurement, in whole periods of the net; 0: new in this cycle").diagnostic(), Port::int("late", "number of exchanges that the driver answered late since it started").diagnostic(), Port::int("refused", "number of datagrams that the driver refused since it started").diagnostic(), Port::int("starved", "number of times that the driver had no set-point in time while commanded since it started").diagnostic()],
 parameters: &[Parameter::device()],
 state: StateSpec { ints: 2, ..StateSpec::NONE },
         ..Spec::PLAIN
@@ -44,7 +44,7 @@ fn step(
         frame.set_real(age, NULL_REAL);
         return;
     };
-    // The sequence seen last, and evaluations since then.
+    // The last sequence number, and the number of evaluations since then.
     let (seen, waited) = (frame.int(memory), frame.int(memory + 1));
     let sequence = whole(m.sequence);
     let waited = if sequence == seen {

@@ -9,8 +9,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DigitalInput",
         summary: "The value of a digital input.",
-        null: "null while the device is lost or does not know the channel",
-        undefined: "the device is lost; it does not know the channel",
+        null: "null while the device is lost or does not report the channel",
+        undefined: "the device is lost; it does not report the channel",
         outputs: &[Port::bool("out", "value of the channel")],
         parameters: &[
             Parameter::device(),

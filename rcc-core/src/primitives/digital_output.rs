@@ -1,6 +1,6 @@
 //! `DigitalOutput`: commands a named digital output of a device; a unique resource.
 //!
-//! Null sends no command, and the driver does what the channel's `on_release` says.
+//! A null input sends no command, and the driver applies the channel's `on_release`.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,8 +12,8 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DigitalOutput",
-        summary: "Commands a digital output, which belongs to this net alone.",
-        null: "a null input sends no command: the channel is released as its `on_release` says",
+        summary: "Commands a digital output; the output is a unique resource of this net.",
+        null: "a null input sends no command: the channel is released as configured in its `on_release`",
         inputs: &[Port::bool("in", "value to write")],
         parameters: &[
             Parameter::device(),

@@ -1,4 +1,4 @@
-//! `DigitalOutputState`: what a digital output of a device is told now, whoever commands it.
+//! `DigitalOutputState`: the value that the driver currently sends to a digital output, whichever net commands it.
 
 use crate::primitive::{
     CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Spec, each_bit_channel,
@@ -8,10 +8,10 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DigitalOutputState",
-        summary: "What the driver tells a digital output now: what a net commands, or what `on_release` says.",
-        null: "null while the device is lost, and before the first command of a channel that holds",
-        undefined: "the device is lost; the channel has not been told anything yet",
-        outputs: &[Port::bool("out", "value that the channel was told last")],
+        summary: "The value that the driver currently sends to a digital output: a net's command, or the value of `on_release`.",
+        null: "null while the device is lost, and before the first command to a channel with `on_release: hold`",
+        undefined: "the device is lost; nothing has been sent to the channel yet",
+        outputs: &[Port::bool("out", "last value sent to the channel")],
         parameters: &[
             Parameter::device(),
             Parameter::new(

@@ -1,4 +1,4 @@
-//! `Divide`: out = a / b, rounded once; a division by zero has no meaningful result and yields null.
+//! `Divide`: out = a / b, rounded once; a division by zero gives null.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "The quotient of two numbers; its unit is the quotient of theirs.",
         undefined: "b = 0",
         examples: &[Example::new(
-            "a quotient, and none by zero",
+            "a quotient, and a division by zero",
             "",
             "a | b | out
                  6 | 3 | 2

@@ -10,10 +10,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Dot",
         summary: "The dot product of two vectors or arrays of the same length.",
         null: "a null element gives null",
-        undefined: "overflow: an infinite element, a result too large for a number",
-        formula: "((a₀ b₀ + a₁ b₁) + a₂ b₂) + …, every operation rounded once",
+        undefined: "overflow: an infinite element, a result out of range",
+        formula: "((a₀ b₀ + a₁ b₁) + a₂ b₂) + …, with every operation rounded once",
         examples: &[Example::new(
-            "in order, and null",
+            "a product, and null",
             "",
             "a | b | out\n\
              [1.0, 2.0, 3.0] | [-2.0, 1.0, 0.5] | 1.5\n\

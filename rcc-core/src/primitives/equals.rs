@@ -1,6 +1,6 @@
-//! `Equals`: whether two values of one scalar type are equal; numbers within a tolerance.
+//! `Equals`: true if two values of one scalar type are equal; numbers within a tolerance.
 //!
-//! `Real`: |a - b| ≤ tolerance (default 0: bit for bit, but 0 = -0). `Bool` and `Int`: exactly.
+//! `Real`: |a - b| ≤ tolerance (default 0: bitwise equality, except that 0 = -0). `Bool` and `Int`: exactly.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -24,14 +24,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | 1.0 | null",
             ),
             Example::new(
-                "truth values",
+                "Bools",
                 "",
                 "a | b | out
                  true | true | true
                  true | false | false",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "a | b | out
                  3 | 3 | true
@@ -48,7 +48,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::new(
             "tolerance",
             ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0)),
-            "largest difference of numbers that still count as equal; Bool and Int ignore it",
+            "largest difference of two numbers that count as equal; ignored for Bool and Int",
         )
         .default(DefaultValue::Real(0.0))
         .at_least(0.0)],
@@ -70,7 +70,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 #[inline(always)]
 fn step_real(frame: &mut Frame<'_>, [a, b, out, tolerance]: [u32; 4]) {
     let (a, b) = (frame.real(a), frame.real(b));
-    // Equal infinities differ by NaN, hence the first comparison.
+    // The difference of equal infinities is NaN, hence the first comparison.
     let result = u8::from((a == b) | ((a - b).abs() <= frame.real(tolerance)));
     frame.set_bool(
         out,

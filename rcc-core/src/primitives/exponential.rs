@@ -8,14 +8,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Exponential",
         summary: "The exponential of a number.",
         undefined: "overflow: a number above 709.78",
-        formula: "out = e^in; libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = e^in; libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
-            "powers of e, and one that is too large",
+            "powers of e, and an overflow",
             "",
             "in | out\n 0 | 1\n 1 | 2.718281828459045\n -1 | 0.36787944117144233\n 710 | null\n -800 | 0\n null | null",
         )],
         inputs: &[Port::real("in", UnitRule::ONE, "exponent")],
-        outputs: &[Port::real("out", UnitRule::ONE, "e to its power").within(0.0, f64::MAX)],
+        outputs: &[
+            Port::real("out", UnitRule::ONE, "e to the power of the number").within(0.0, f64::MAX),
+        ],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| {

@@ -1,6 +1,6 @@
-//! `FallingEdge`: true in the cycle in which its input becomes false after it was true.
+//! `FallingEdge`: true in the cycle in which its input changes from true to false.
 //!
-//! The first cycle has no cycle before it and gives no edge, unless `initial` says what was before.
+//! There is no edge in the first cycle, unless `initial` gives the value before it.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -13,12 +13,12 @@ use crate::types::{NULL_BOOL, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FallingEdge",
-        summary: "True in the one cycle in which its input becomes false.",
-        null: "a null input gives null; the last known value stays remembered",
+        summary: "True for one cycle when its input becomes false.",
+        null: "a null input gives null; the last known value is kept",
         formula: "F_TRIG of IEC 61131-3, table 44, but null instead of false before the first cycle",
         examples: &[
             Example::new(
-                "only the change counts, and null does not hide it",
+                "only a change counts, also across null",
                 "",
                 "in | out
                  false | false
@@ -30,7 +30,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  false | true",
             ),
             Example::new(
-                "true before the first cycle",
+                "initially true",
                 "{initial: true}",
                 "in | out\n false | true\n false | false",
             ),
@@ -40,7 +40,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::new(
             "initial",
             ParameterKind::Start(Type::Bool, UnitRule::Typed),
-            "value before the first cycle; null: the first known value gives no edge",
+            "value before the first cycle; null: no edge at the first known value",
         )
         .default(DefaultValue::Null)],
         state: StateSpec {

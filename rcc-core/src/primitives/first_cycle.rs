@@ -1,4 +1,4 @@
-//! `FirstCycle`: true in the first cycle of the net, for what must be done once.
+//! `FirstCycle`: true in the first cycle of the net, for actions that must run once.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, each};
@@ -7,7 +7,7 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, ea
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FirstCycle",
-        summary: "True in the first cycle after START, and never again.",
+        summary: "True in the first cycle after START, false afterwards.",
         null: "never null",
         null_rule: NullRule::Known,
         examples: &[Example::new(
@@ -15,7 +15,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "",
             "out\n true\n false\n false",
         )],
-        outputs: &[Port::bool("out", "this is the first cycle")],
+        outputs: &[Port::bool("out", "true in the first cycle")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| each(frame, operands, step))],

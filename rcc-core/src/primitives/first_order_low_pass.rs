@@ -1,4 +1,5 @@
-//! `FirstOrderLowPass`: a first-order lag (PT1) by its time constant. Its gain is computed when the net is made ready.
+//! `FirstOrderLowPass`: a first-order lag (PT1) given by its time constant. Its gain is computed when the net is
+//! prepared.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::primitive::{
@@ -11,12 +12,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FirstOrderLowPass",
         summary: "Smooths a number by a first-order low-pass filter with a time constant.",
-        null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        null: "a null input gives null and holds the state: it then continues from the last output",
         undefined: "overflow",
-        formula: "out += (in - out) · (1 - e^(-dt / T)), 1 / (1 + T s) with steps of its input (Åström and Wittenmark, \
-                  Computer-Controlled Systems, 3rd ed., table 2.1); LowPass takes the gain itself",
+        formula: "out += (in - out) · (1 - e^(-dt / T)), the exact step response of 1 / (1 + T s) (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., table 2.1); LowPass takes the gain itself",
         examples: &[Example::new(
-            "after one time constant 1/e of a step is left",
+            "after one time constant, 1/e of a step remains",
             "{time_constant: 0.3 s}",
             "in | out
              1 | 1
@@ -27,9 +27,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )
         .every_ms(100)],
         inputs: &[Port::real("in", UnitRule::Var(0), "number to smooth")],
-        outputs: &[Port::real("out", UnitRule::Var(0), "smoothed number; the first one is the input")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "smoothed number; starts at the first input")],
         parameters: &[
-            Parameter::real("time_constant", UnitRule::SECOND, "T: after it 1/e of a step is left; cutoff 1 / (2π T)").above(0.0),
+            Parameter::real("time_constant", UnitRule::SECOND, "T: after this time 1/e of a step remains; cutoff 1 / (2π T)").above(0.0),
         ],
         // gain, last output
         state: StateSpec {

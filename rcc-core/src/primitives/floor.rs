@@ -1,4 +1,4 @@
-//! `Floor`: the greatest whole number that is not above a number.
+//! `Floor`: the largest integer that is not above a number.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_whole};
 
@@ -6,16 +6,16 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, ma
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Floor",
-        summary: "A number rounded down, as a whole number.",
+        summary: "A number rounded down to an integer.",
         undefined: "overflow: a result beyond ±(2^63 - 1)",
         formula: "out = ⌊in⌋",
         examples: &[Example::new(
-            "to both sides, and beyond what an Int can be",
+            "positive, negative, and beyond the range of Int",
             "",
             "in | out\n 0.5 | 0\n -0.5 | -1\n 2 | 2\n 1e19 | null\n -1e19 | null\n null | null",
         )],
         inputs: &[Port::real("in", UnitRule::Var(0), "number, in any unit")],
-        outputs: &[Port::int("out", "whole number, without the unit")],
+        outputs: &[Port::int("out", "integer, without unit")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| {

@@ -1,8 +1,8 @@
-//! `ForceControl`: holds a force along one axis while a path goes on along the others, by admittance.
+//! `ForceControl`: controls the force along one axis while a path continues along the others, by admittance control.
 //!
-//! What is added to the path's pose is a way along the axis whose speed is proportional to the force that is missing. That
-//! speed is followed within limits of acceleration and jerk, in closed form, and never so that the way to rest would end
-//! beyond `travel`: where contact is lost, the tool does not go on searching.
+//! The pose of the path is offset along the axis with a velocity proportional to the force error. That velocity is
+//! followed within acceleration and jerk limits, in closed form, and never such that the stopping distance would end
+//! beyond `travel`: if contact is lost, the tool does not keep searching.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -26,18 +26,16 @@ const GAIN: UnitRule = UnitRule::Is(Unit::METRE_PER_SECOND.per(Unit::NEWTON));
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ForceControl",
-        summary: "Presses with a force along one axis while a path goes on along the others: moves the path's pose along \
-                  the axis, within limits of speed, acceleration, jerk and way.",
-        null: "a null `force` or `wrench`, and an `active` that is not true, bring the way along the axis to rest within \
-               its limits; a null `pose` gives a null `pose`",
+        summary: "Applies a force along one axis while a path continues along the others: offsets the path's pose along the axis, within limits of speed, acceleration, jerk and travel.",
+        null: "a null `force` or `wrench`, and an `active` that is not true, bring the offset to rest within its limits; a null `pose` gives a null `pose`",
         null_rule: NullRule::Propagates,
-        undefined: "an axis without direction; a pose without direction of its rotation; overflow",
+        undefined: "a zero axis; a pose with a rotation that cannot be normalized; overflow",
         formula: "v -> gain (force - pressed), pressed = -wrench · axis, |v| <= velocity; admittance without mass: \
                   Siciliano and Villani, Robot Force Control, 1999, section 3.3; selection of axes: Raibert and Craig, \
                   1981. v is followed with |a| <= acceleration and |da/dt| <= jerk by the filter of OnlineTrajectory",
         examples: &[
             Example::new(
-                "nothing touches: it goes down with gain · force, as soon as the limits allow",
+                "no contact: the offset grows with gain · force, as soon as the limits allow",
                 "{axis: [0, 0, -1], gain: 0.1, velocity: 2, acceleration: 1, jerk: 1, travel: 100}",
                 "pose | force | wrench | pose_out | offset | velocity | limited
                  {xyz: [1, 0, 5], rpy: [0, 0, 0]} | 10 | [0, 0, 0, 0, 0, 0] | {xyz: [1, 0, 4.833333333333333], rpy: [0, 0, 0]} | 0.16666666666666666 | 0.5 | false
@@ -50,41 +48,41 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .every_ms(1000),
         ],
         inputs: &[
-            Port::typed("pose", Type::Pose, "of the path, in the base"),
-            Port::real("force", FORCE, "to press with, along the axis"),
+            Port::typed("pose", Type::Pose, "pose of the path, in the base"),
+            Port::real("force", FORCE, "force to apply, along the axis"),
             Port::typed(
                 "wrench",
                 Type::Wrench,
-                "what the surroundings exert on the tool, axes of the frame that `axis` is in",
+                "external wrench on the tool, in axes of the frame of `axis`",
             ),
-            Port::bool("active", "while it is not true, the way along the axis comes to rest and stays")
+            Port::bool("active", "while not true, the offset comes to rest and stays")
                 .default(DefaultValue::Bool(true)),
         ],
         outputs: &[
-            Port::typed("pose_out", Type::Pose, "the path's pose, moved by `offset` along the axis"),
-            Port::real("offset", METRE, "way along the axis").diagnostic(),
-            Port::real("velocity", VELOCITY, "of the way along the axis").diagnostic(),
-            Port::real("acceleration", ACCELERATION, "of the way along the axis").diagnostic(),
-            Port::real("missing", FORCE, "force - pressed").diagnostic(),
-            Port::bool("limited", "it stopped or stops because of `travel`: until the force leads back").diagnostic(),
-            Port::bool("resting", "the way along the axis rests").diagnostic(),
+            Port::typed("pose_out", Type::Pose, "the path's pose, offset along the axis by `offset`"),
+            Port::real("offset", METRE, "offset along the axis").diagnostic(),
+            Port::real("velocity", VELOCITY, "of the offset along the axis").diagnostic(),
+            Port::real("acceleration", ACCELERATION, "of the offset along the axis").diagnostic(),
+            Port::real("missing", FORCE, "force error: `force` minus the applied force").diagnostic(),
+            Port::bool("limited", "held at `travel`, or stopping there, until the force leads back").diagnostic(),
+            Port::bool("resting", "the offset is at rest").diagnostic(),
         ],
         parameters: &[
             Parameter::new(
                 "axis",
                 ParameterKind::Value(PortType::Is(Type::Vector3), UnitRule::ONE),
-                "where the tool presses to, any length but 0",
+                "direction in which the tool presses, any length except 0",
             ),
-            Parameter::bool("in_tool", "the axis is in axes of `pose`, which it turns with; else in those of the base")
+            Parameter::bool("in_tool", "the axis is given in axes of `pose` and rotates with it; otherwise in axes of the base")
                 .default(DefaultValue::Bool(false)),
-            Parameter::real("gain", GAIN, "speed for each newton that is missing; below 1 / (stiffness of contact · delay)")
+            Parameter::real("gain", GAIN, "speed per newton of force error; choose less than 1 / (contact stiffness · delay)")
                 .above(0.0),
             Parameter::real("velocity", VELOCITY, "largest speed along the axis").above(0.0),
             Parameter::real("acceleration", ACCELERATION, "largest acceleration along the axis").above(0.0),
             Parameter::real("jerk", JERK, "largest jerk along the axis").above(0.0),
-            Parameter::real("travel", METRE, "longest way from the path, to both sides").above(0.0),
+            Parameter::real("travel", METRE, "largest offset from the path, in both directions").above(0.0),
         ],
-        // way, velocity, acceleration; 1 = held back by `travel` above, -1 below
+        // offset, velocity, acceleration; 1 = held by `travel` above, -1 below
         state: StateSpec {
             reals: 4,
             ..StateSpec::NONE
@@ -94,7 +92,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
 );
 
-/// Limits of the way along the axis.
+/// Limits of the offset along the axis.
 #[derive(Clone, Copy, Debug)]
 struct OffsetLimits {
     velocity: f64,
@@ -103,13 +101,13 @@ struct OffsetLimits {
     travel: f64,
 }
 
-/// The way along the axis.
+/// The state of the offset along the axis.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct OffsetState {
     s: f64,
     v: f64,
     a: f64,
-    /// Held back by `travel`: 1 above, -1 below, 0 not.
+    /// Held by `travel`: 1 above, -1 below, 0 not held.
     held: f64,
 }
 
@@ -180,9 +178,9 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
     frame.set_known_pose(pose_out, moved);
 }
 
-/// One period towards a speed of `goal`, or to rest where that would lead beyond `travel`.
+/// Advances one period towards the velocity `goal`, or to rest if that velocity would lead beyond `travel`.
 fn follow(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> OffsetState {
-    // Held back, it goes to rest until the goal leads away from the bound.
+    // While held, it comes to rest until the goal leads away from the bound.
     let held = if before.held * goal >= 0.0 {
         before.held
     } else {
@@ -207,10 +205,11 @@ fn follow(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> O
     }
 }
 
-/// Whole periods make the way to rest longer than that in continuous time by less than these cycles at its speed.
+/// In whole periods the stopping distance exceeds that in continuous time by less than this many cycles at the current
+/// speed.
 const MARGIN_CYCLES: f64 = 3.0;
 
-/// One period in which the speed goes to `goal` as fast as acceleration and jerk allow, without overshoot.
+/// Advances one period with the velocity approaching `goal` as fast as acceleration and jerk allow, without overshoot.
 fn towards(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> OffsetState {
     let OffsetState { s, v, a, .. } = before;
     let change = limits.jerk * dt_s;
@@ -218,7 +217,7 @@ fn towards(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> 
     let wanted = within(wanted, -limits.acceleration, limits.acceleration);
     let next = within(wanted, a - change, a + change);
     let speed = v + (a + next) / 2.0 * dt_s;
-    // What rounding leaves of a speed that is reached.
+    // Removes the rounding residue of a velocity that has been reached.
     let arrived = (next.abs() <= 1e-9 * change) & ((speed - goal).abs() <= 1e-9 * change * dt_s);
     OffsetState {
         s: s + (v + (2.0 * a + next) / 6.0 * dt_s) * dt_s,
@@ -228,7 +227,7 @@ fn towards(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> 
     }
 }
 
-/// The rate after one more period from which braking with `most` ends just where nothing is left, see `OnlineTrajectory`.
+/// Returns the rate after one more period from which braking with `most` ends exactly at zero, see `OnlineTrajectory`.
 fn braking_rate(left: f64, rate: f64, most: f64, dt_s: f64) -> f64 {
     let unit = most * dt_s;
     let z = (left / dt_s - rate / 2.0) / unit;
@@ -238,15 +237,16 @@ fn braking_rate(left: f64, rate: f64, most: f64, dt_s: f64) -> f64 {
     if z < 0.0 { -value } else { value }
 }
 
-/// The least and the greatest place on the fastest way to rest from here, with `margin_s` of the speed added.
+/// Returns the lowest and highest position on the fastest stop from here, with `margin_s` times the speed added.
 fn reach(way: &OffsetState, limits: &OffsetLimits, margin_s: f64) -> [f64; 2] {
     let OffsetState { s, v, a, .. } = *way;
     let (jerk, most) = (limits.jerk, limits.acceleration);
-    // The speed when the acceleration is taken back at once: where it still goes then, it has to be braked.
+    // The velocity after the acceleration is reduced at once: if it still has the same direction, it must be braked.
     let after = v + a * a.abs() / (2.0 * jerk);
     let sign = if after < 0.0 { -1.0 } else { 1.0 };
     let end = s + sign * stop_way(sign * v, sign * a, jerk, most);
-    // An acceleration against the speed may turn it round: until then it goes less far than without.
+    // An acceleration against the velocity may reverse it: until then the distance is shorter than without the
+    // acceleration.
     let turn = s + stop_way(v.abs(), 0.0, jerk, most) * if v < 0.0 { -1.0 } else { 1.0 };
     let turns = v * after < 0.0;
     let turn = if turns { turn } else { end };
@@ -254,15 +254,15 @@ fn reach(way: &OffsetState, limits: &OffsetLimits, margin_s: f64) -> [f64; 2] {
     [s.min(end).min(turn) - margin, s.max(end).max(turn) + margin]
 }
 
-/// The way to rest with jerk and acceleration at their limits, from a speed and acceleration from which it is not turned
-/// round: v + a |a| / 2 jerk is not negative.
+/// Returns the stopping distance with jerk and acceleration at their limits, for a velocity and acceleration that do
+/// not reverse: v + a |a| / 2 jerk is not negative.
 fn stop_way(v: f64, a: f64, jerk: f64, most: f64) -> f64 {
     let peak = libm::sqrt((jerk * v + a * a / 2.0).max(0.0)).min(most);
     let first = (a + peak) / jerk;
     let held = ((v + (a * a / 2.0 - peak * peak) / jerk) / peak).max(0.0);
     let held = if peak > 0.0 { held } else { 0.0 };
     let last = peak / jerk;
-    // The speeds between the three parts follow from the end, where it is 0.
+    // The velocities between the three phases follow from the end, where the velocity is 0.
     let slow = peak * peak / (2.0 * jerk);
     let quick = slow + peak * held;
     let way_first = v * first + a * first * first / 2.0 - jerk * first * first * first / 6.0;

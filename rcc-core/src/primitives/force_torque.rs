@@ -22,7 +22,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real("tx", TORQUE, "torque about x"),
             Port::real("ty", TORQUE, "torque about y"),
             Port::real("tz", TORQUE, "torque about z"),
-            Port::typed("wrench", Type::Wrench, "all six, `[fx fy fz tx ty tz]`").diagnostic(),
+            Port::typed(
+                "wrench",
+                Type::Wrench,
+                "all six elements, `[fx fy fz tx ty tz]`",
+            )
+            .diagnostic(),
         ],
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN

@@ -10,7 +10,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ForwardKinematics",
-        summary: "The flange pose that belongs to joint positions.",
+        summary: "The flange pose for joint positions.",
         inputs: &[Port::new(
             "joints",
             PortType::Joints,

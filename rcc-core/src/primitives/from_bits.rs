@@ -1,4 +1,4 @@
-//! `FromBits`: a whole number from truth values, the lowest bit first.
+//! `FromBits`: an integer from an array of Bools, lowest bit first.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,33 +11,33 @@ use crate::types::{NULL_BOOL, NULL_INT, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FromBits",
-        summary: "The whole number that truth values are the bits of.",
+        summary: "The integer whose bits are the elements of a Bool array.",
         null: "a null element gives null",
-        undefined: "more than 63 bits that the number needs",
-        formula: "the sum of 2^i over all i with in[i]; with a sign the highest bit counts negative (two's complement)",
+        undefined: "more than 63 significant bits",
+        formula: "the sum of 2^i over all i with in[i]; if signed, the highest bit counts negative (two's complement)",
         inputs: &[Port::new(
             "in",
             PortType::Array(ElementType::Are(Type::Bool), Dim::Var(0)),
             UnitRule::Typed,
-            "its bits, the lowest first",
+            "bits, lowest first",
         )],
-        outputs: &[Port::int("out", "the number")],
+        outputs: &[Port::int("out", "integer")],
         parameters: &[Parameter::new(
             "signed",
             ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
-            "the highest bit is the sign",
+            "the highest bit is the sign bit",
         )
         .default(DefaultValue::Bool(false))],
         examples: &[
             Example::new(
-                "without a sign",
+                "unsigned",
                 "",
                 "in | out
                  [false, true, true] | 6
                  [null, true, true] | null",
             ),
             Example::new(
-                "with a sign",
+                "signed",
                 "{signed: true}",
                 "in | out\n [false, true, true] | -2",
             ),
@@ -56,7 +56,7 @@ fn step(frame: &mut Frame<'_>, [input, out, signed, length]: [u32; 4]) -> Option
     for i in 0..length {
         let bit = frame.get_bool(input + i)?;
         null |= bit & NULL_BOOL != 0;
-        // Above bit 62 only the sign may go on.
+        // Above bit 62 only the sign extension is allowed.
         let differs = (bit & 1 == 1) != negative;
         null |= i > 62 && differs;
         number |= choose(i > 62, 0, i64::from(bit & 1) << i.min(62));

@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "True while the first number is greater than the second.",
         examples: &[
             Example::new(
-                "only what is really greater; not less is `Not` behind `Less`",
+                "strictly greater; for greater or equal use `Not` after `Less`",
                 "",
                 "a | b | out
                  2.0 | 1.0 | true
@@ -20,7 +20,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | 1.0 | null",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "a | b | out
                  2 | 1 | true

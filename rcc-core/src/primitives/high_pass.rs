@@ -1,4 +1,5 @@
-//! `HighPass`: a first-order high-pass filter by its cutoff. Its coefficients are computed when the net is made ready.
+//! `HighPass`: a first-order high-pass filter given by its cutoff. Its coefficients are computed when the net is
+//! prepared.
 
 use crate::filter::{self, Biquad};
 use crate::frame::{Preparation, PrepareFault};
@@ -8,13 +9,13 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Parameter, Port, Spec, U
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "HighPass",
-        summary: "Takes the mean and slow drift out of a number by a first-order high-pass filter.",
-        null: "a null input gives null and holds the state: afterwards it goes on as if no time had passed",
+        summary: "Removes mean and slow drift from a number by a first-order high-pass filter.",
+        null: "a null input gives null and holds the state: filtering then continues as if no time had passed",
         undefined: "overflow",
         formula: "s / (s + ω), ω = 2π cutoff; bilinear transform with prewarping \
                   (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.2.2)",
         examples: &[Example::new(
-            "a step at a quarter of the rate; a constant gives 0",
+            "a step, with the cutoff at a quarter of the rate; a constant gives 0",
             "{cutoff: 2.5 Hz}",
             "in | out\n 5 | 0\n 5 | 0\n 7 | 1\n 7 | 0\n null | null\n 6 | -0.5",
         )

@@ -12,10 +12,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Hold",
         summary: "The value of the last cycle in which `sample` was true.",
-        null: "a null `in` is not taken, and a null `sample` takes nothing; null until something was taken, unless \
-               `initial` is given",
+        null: "a null `in` is not sampled, and a null `sample` samples nothing; null until the first sample, unless `initial` is given",
         null_rule: NullRule::Known,
-        undefined: "nothing was taken yet",
+        undefined: "nothing sampled yet",
         examples: &[
             Example::new(
                 "a number",
@@ -37,19 +36,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             ),
         ],
         inputs: &[
-            Port::new("in", PortType::Any, UnitRule::Var(0), "value to take"),
-            Port::bool("sample", "while true the value is taken"),
+            Port::new("in", PortType::Any, UnitRule::Var(0), "value to sample"),
+            Port::bool("sample", "while true, the value is sampled"),
         ],
         outputs: &[Port::new(
             "out",
             PortType::Any,
             UnitRule::Var(0),
-            "what was taken last",
+            "last sample",
         )],
         parameters: &[Parameter::new(
             "initial",
             ParameterKind::First(UnitRule::Var(0)),
-            "the value before anything was taken",
+            "value before the first sample",
         )
         .default(DefaultValue::Null)],
         memory: MemorySpec::values(1),

@@ -1,4 +1,4 @@
-//! `Hypotenuse`: the length of the sum of two lengths at right angles, without overflow on the way.
+//! `Hypotenuse`: √(a² + b²) without intermediate overflow.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_finite};
 
@@ -8,7 +8,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Hypotenuse",
         summary: "The square root of the sum of two squares.",
         undefined: "overflow",
-        formula: "out = √(a² + b²); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = √(a² + b²); libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
             "a right triangle",
             "",

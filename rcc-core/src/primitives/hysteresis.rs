@@ -1,4 +1,4 @@
-//! `Hysteresis`: a threshold that does not flutter: true above `high`, false below `low`, and as it was in between.
+//! `Hysteresis`: a threshold that does not chatter: true above `high`, false below `low`, unchanged in between.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,11 +11,11 @@ use crate::types::{NULL_BOOL, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Hysteresis",
-        summary: "True from when a number exceeds one bound until it falls below another.",
+        summary: "Becomes true when a number exceeds `high`, and false when it falls below `low`.",
         null: "a null input gives null and holds the state",
         undefined: "low above high",
         examples: &[Example::new(
-            "between the bounds it stays as it was",
+            "unchanged between the bounds",
             "",
             "in | low | high | out
              1.5 | 1 | 2 | false
@@ -28,15 +28,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              2.0 | 3 | 2 | null",
         )],
         inputs: &[
-            Port::real("in", UnitRule::Var(0), "number to judge"),
-            Port::real("low", UnitRule::Var(0), "below this it becomes false"),
-            Port::real("high", UnitRule::Var(0), "above this it becomes true"),
+            Port::real("in", UnitRule::Var(0), "number to compare"),
+            Port::real(
+                "low",
+                UnitRule::Var(0),
+                "the output becomes false below this",
+            ),
+            Port::real(
+                "high",
+                UnitRule::Var(0),
+                "the output becomes true above this",
+            ),
         ],
-        outputs: &[Port::bool("out", "the number is high")],
+        outputs: &[Port::bool("out", "state of the threshold")],
         parameters: &[Parameter::new(
             "initial",
             ParameterKind::Start(Type::Bool, UnitRule::Typed),
-            "value of a number between the bounds before it was ever beyond one",
+            "output for a number between the bounds before it was ever outside them",
         )
         .default(DefaultValue::Bool(false))],
         state: StateSpec {

@@ -1,6 +1,6 @@
-//! `Input`: a value that people and programs set from outside while the net runs.
+//! `Input`: a value that is set from outside, through the control interface, while the net runs.
 //!
-//! It has no kernel: what is set lies ready between two cycles, and the executor writes it before it evaluates the net.
+//! It has no kernel: a new value is held until the next cycle, and the executor writes it before it evaluates the net.
 
 use crate::primitive::{
     CatalogueEntry, DefaultValue, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec,
@@ -8,19 +8,19 @@ use crate::primitive::{
 };
 use crate::unit::Unit;
 
-/// What it is, of a value whose readers may not tell.
+/// Type of the value, if its readers do not determine it.
 pub(super) const TYPE: Parameter = Parameter::new(
     "type",
     ParameterKind::Type,
-    "its type where links and values do not tell it, `Wrench`",
+    "type, if links and values do not determine it, `Wrench`",
 )
 .default(DefaultValue::Null);
 
-/// The same for its unit.
+/// Unit of the value, if its readers do not determine it.
 pub(super) const UNIT: Parameter = Parameter::new(
     "unit",
     ParameterKind::Unit(0),
-    "its unit where they do not, `N`",
+    "unit, if links and values do not determine it, `N`",
 )
 .default(DefaultValue::Null);
 
@@ -31,9 +31,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "A value that is set from outside while the net is ready or runs.",
         null: "null until it is set, unless an initial value is given; it can be set to null, and expires to null",
         null_rule: NullRule::Known,
-        undefined: "it is not set, it is set to null, or what was set has expired",
+        undefined: "it was never set, it is set to null, or the value has expired",
         outputs: &[
-            Port::new("value", PortType::Any, UnitRule::Var(0), "what was set last"),
+            Port::new("value", PortType::Any, UnitRule::Var(0), "last value set"),
             Port::real(
                 "age",
                 UnitRule::Is(Unit::SECOND),
@@ -45,25 +45,25 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "initial",
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
-                "the value before it is set; it does not expire",
+                "value before it is first set; does not expire",
             )
             .default(DefaultValue::Null),
             Parameter::new(
                 "at_least",
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
-                "less is refused, element by element; of numbers and arrays of them",
+                "smaller values are refused, element by element; for numbers and arrays of numbers",
             )
             .default(DefaultValue::Null),
             Parameter::new(
                 "at_most",
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
-                "more is refused, element by element; of numbers and arrays of them",
+                "larger values are refused, element by element; for numbers and arrays of numbers",
             )
             .default(DefaultValue::Null),
             Parameter::new(
                 "expires",
                 ParameterKind::Value(PortType::Is(crate::types::Type::Real), UnitRule::Is(Unit::SECOND)),
-                "what was set longer ago than this is null; a dead client is not obeyed any more",
+                "a value set longer ago than this becomes null, so that a dead client is no longer obeyed",
             )
             .default(DefaultValue::Null)
             .above(0.0),

@@ -1,4 +1,4 @@
-//! `IntDivide`: how often one whole number fits into another, rounded towards zero.
+//! `IntDivide`: integer division, rounded towards zero.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
@@ -6,11 +6,11 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "IntDivide",
-        summary: "The quotient of two whole numbers, rounded towards zero.",
+        summary: "The quotient of two integers, rounded towards zero.",
         undefined: "b = 0",
         formula: "out = truncate(a / b): a = b · out + Remainder(a, b)",
         examples: &[Example::new(
-            "to both sides, and by zero",
+            "positive, negative, and by zero",
             "",
             "a | b | out
              7 | 2 | 3

@@ -1,4 +1,4 @@
-//! `Integrator`: the sum of a rate over time, between limits at which it stays (so that nothing winds up).
+//! `Integrator`: integrates a rate over time, with limits that also stop the integral (no windup).
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -13,11 +13,10 @@ const BOUND: ParameterKind = ParameterKind::Value(PortType::Is(Type::Real), Unit
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Integrator",
-        summary: "Integrates a rate over time; of a rate of 1 it is a stopwatch.",
+        summary: "Integrates a rate over time; with a rate of 1 it is a stopwatch.",
         null: "a null input gives null and holds the state",
         undefined: "low above high; overflow",
-        formula: "out += in · dt (backward Euler: this cycle's rate counts for the period that ends with it), then limited; \
-                  limiting the integral is clamping anti-windup (Åström and Hägglund, Advanced PID Control, 2006, 3.5)",
+        formula: "out += in · dt (backward Euler: the rate of this cycle applies to the period that ends with it), then limited; limiting the integral is clamping anti-windup (Åström and Hägglund, Advanced PID Control, 2006, 3.5)",
         examples: &[
             Example::new(
                 "a rate of 2 per second every 0.1 s",
@@ -32,14 +31,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .every_ms(100),
             Example::new(
-                "it leaves a limit at once",
+                "a limit is left at once",
                 "{low: -1, high: 1}",
                 "in | out\n 800 | 0.8\n 800 | 1\n 800 | 1\n -300 | 0.7",
             ),
         ],
         inputs: &[
             Port::real("in", UnitRule::PerSecond(0), "rate"),
-            Port::bool("reset", "while true the output is `initial`")
+            Port::bool("reset", "while true, the output is `initial`")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[Port::real("out", UnitRule::Var(0), "integral")],
@@ -50,8 +49,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "value before the first cycle and after a reset",
             )
             .default(DefaultValue::Real(0.0)),
-            Parameter::new("low", BOUND, "least output; null: none").default(DefaultValue::Null),
-            Parameter::new("high", BOUND, "greatest output; null: none")
+            Parameter::new("low", BOUND, "minimum output; null: no limit")
+                .default(DefaultValue::Null),
+            Parameter::new("high", BOUND, "maximum output; null: no limit")
                 .default(DefaultValue::Null),
         ],
         state: StateSpec {

@@ -1,4 +1,4 @@
-//! `Interpolate`: a rotation or pose between two others, by the shorter way about one axis.
+//! `Interpolate`: a rotation or pose between two others, by the shorter rotation about one axis.
 
 use crate::frame::Frame;
 use crate::pose::Pose;
@@ -12,8 +12,8 @@ use crate::vector;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Interpolate",
-        summary: "A rotation or pose on the way between two others: straight, and turned about one axis.",
-        undefined: "rotations half a turn apart, for both ways are equally short; overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        summary: "Interpolates between two rotations or poses: the position along a straight line, the orientation about one axis.",
+        undefined: "rotations 180° apart, where both ways are equally short; overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "p + t (p_to - p) and exp(t log(R_to Rᵀ)) R (Slerp: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985)",
         examples: &[
             Example::new(
@@ -25,7 +25,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | {rpy: [0, 0, 0]} | 0.25 | null",
             ),
             Example::new(
-                "half way between poses, and as far again",
+                "halfway between poses, and extrapolated",
                 "",
                 "from | to | t | out\n\
                  {xyz: [0, 0, 0], rpy: [0, 0, 0]} | {xyz: [1, 2, 4], rpy: [0, 0, 1]} | 0.5 | {xyz: [0.5, 1, 2], rpy: [0, 0, 0.5]}\n\
@@ -34,29 +34,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             ),
         ],
         inputs: &[
-            Port::of(
-                "from",
-                TypeFamily::Turn,
-                UnitRule::Var(0),
-                "what it is at t = 0",
-            ),
-            Port::of(
-                "to",
-                TypeFamily::Turn,
-                UnitRule::Var(0),
-                "what it is at t = 1",
-            ),
+            Port::of("from", TypeFamily::Turn, UnitRule::Var(0), "value at t = 0"),
+            Port::of("to", TypeFamily::Turn, UnitRule::Var(0), "value at t = 1"),
             Port::real(
                 "t",
                 UnitRule::Is(Unit::ONE),
-                "how far on the way; below 0 and above 1 it goes on",
+                "interpolation parameter; below 0 and above 1 extrapolates",
             ),
         ],
         outputs: &[Port::of(
             "out",
             TypeFamily::Turn,
             UnitRule::Var(0),
-            "what it is at t",
+            "value at t",
         )],
         ..Spec::PLAIN
     },

@@ -1,4 +1,4 @@
-//! `Interval`: where a number is between two others: whether, and at which part of the way.
+//! `Interval`: whether a number is inside an interval, and its relative position in it.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,8 +11,8 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Interval",
-        summary: "Whether a number is in an interval, and how far from its beginning to its end.",
-        undefined: "low not below high; overflow: an interval longer than the greatest Real",
+        summary: "Whether a number is inside an interval, and its relative position from start to end.",
+        undefined: "low not below high; overflow: an interval longer than the largest Real",
         formula: "fraction = (in - low) / (high - low), at least 0 and at most 1; inside = low ≤ in ≤ high",
         examples: &[Example::new(
             "from 10 to 20",
@@ -27,20 +27,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              null | 10 | 20 | null | null",
         )],
         inputs: &[
-            Port::real("in", UnitRule::Var(0), "number to judge"),
-            Port::real("low", UnitRule::Var(0), "beginning of the interval"),
+            Port::real("in", UnitRule::Var(0), "number to compare"),
+            Port::real("low", UnitRule::Var(0), "start of the interval"),
             Port::real("high", UnitRule::Var(0), "end of the interval"),
         ],
         outputs: &[
             Port::bool(
                 "inside",
-                "the number is not beyond the beginning or the end",
+                "the number is inside the interval, bounds included",
             )
             .diagnostic(),
             Port::real(
                 "fraction",
                 UnitRule::ONE,
-                "0 up to the beginning, 1 from the end on, between them in proportion",
+                "relative position: 0 up to the start, 1 from the end on, linear in between",
             )
             .within(0.0, 1.0)
             .diagnostic(),

@@ -1,4 +1,4 @@
-//! `Inverse`: the inverse of a matrix. To solve equations `Solve` is cheaper and more exact.
+//! `Inverse`: the inverse of a matrix. To solve equations, `Solve` is cheaper and more accurate.
 
 use crate::frame::Frame;
 use crate::linear::AugmentedMatrix;
@@ -14,9 +14,9 @@ const SQUARE: PortType = PortType::Matrix(Dim::Small(0), Dim::Small(0));
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Inverse",
-        summary: "The inverse of a square matrix of plain numbers, at most 8×8.",
+        summary: "The inverse of a square matrix of dimensionless numbers, at most 8×8.",
         null: "a null element gives null in every element",
-        undefined: "a matrix that is singular, or so near to it that only rounding would be left",
+        undefined: "a matrix that is singular within rounding",
         formula: "in · out = 1; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4); singular: a pivot ≤ n·ε·max|in|",
         inputs: &[Port::new(
             "in",
@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "out",
             SQUARE,
             UnitRule::Is(Unit::ONE),
-            "its inverse",
+            "inverse matrix",
         )],
         examples: &[Example::new(
             "2×2",

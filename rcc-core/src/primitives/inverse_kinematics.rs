@@ -1,8 +1,9 @@
-//! `InverseKinematics`: joint positions of an arm for a flange pose, as they follow from where it started.
+//! `InverseKinematics`: joint positions of an arm for a flange pose, continuous with the start position.
 //!
-//! The branch, and the arm angle of seven joints, are those of the arm's hold set-point when the command becomes ready, and
-//! stay: the same pose always gives the same joints. Where an angle is not determined (two axes in line) the last solution
-//! decides; each joint takes the turn that is nearest to the last solution, and so never jumps by a turn.
+//! The branch and, for seven joints, the arm angle are those of the arm's hold set-point when the command becomes
+//! ready. They stay constant, so that the same pose always gives the same joints. Where an angle is undetermined (two
+//! aligned axes), the last solution decides; each joint takes the turn nearest to the last solution and therefore never
+//! jumps by a full turn.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::kinematics::{Branch, InverseKinematicsError, within_limits};
@@ -13,19 +14,19 @@ use crate::primitive::{
 use crate::types::{NULL_INT, Type};
 use crate::unit::Unit;
 
-/// Words for the port that says why there are no joints.
-pub(super) const REASON: &str = "why there are no joints: 0 there are, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit; null if the device has no arm";
-/// Words for the port that says which joint is at its limit.
+/// Description of the port with the reason for missing joints.
+pub(super) const REASON: &str = "why there are no joints: 0 no fault, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit; null if the device is not an arm";
+/// Description of the port with the joint at its limit.
 pub(super) const JOINT: &str =
-    "the first joint that would be beyond its limit, from 1; 0 for any other reason";
+    "first joint that would exceed its limit, from 1; 0 for any other reason";
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "InverseKinematics",
-        summary: "Joint positions for a flange pose, with the branch (and arm angle) of the start.",
-        null: "a null pose, one that cannot be reached and one beyond a joint limit give null; `reason` says which",
-        undefined: "the pose cannot be reached; a joint would be beyond its limit",
+        summary: "Joint positions for a flange pose, in the branch (and with the arm angle) of the start.",
+        null: "a pose that is null, out of reach or beyond a joint limit gives null; `reason` tells which",
+        undefined: "the pose is out of reach; a joint would be beyond its limit",
         formula: "closed form; seven joints: Shimizu et al., IEEE T-RO 24(5), 2008, and Faria et al., Mech. Mach. Theory 121, 2018; six joints: Brandstötter et al., Austrian Robotics Workshop, 2014",
         inputs: &[Port::typed("pose", Type::Pose, "flange in the arm's base")],
         outputs: &[
@@ -41,7 +42,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 .diagnostic(),
         ],
         parameters: &[Parameter::arm()],
-        // arm angle, number of the branch, hint joints
+        // arm angle, branch index, hint joints
         state: StateSpec {
             reals: 2 + JOINTS_MAX as u32,
             ..StateSpec::NONE
@@ -80,7 +81,7 @@ fn step(frame: &mut Frame<'_>, [pose, joints, reason, joint, device, state, widt
     put(frame, [joints, reason, joint, width], found);
 }
 
-/// Writes joints, or why there are none.
+/// Writes joints, or the reason why there are none.
 pub(super) fn put(
     frame: &mut Frame<'_>,
     [joints, reason, joint, width]: [u32; 4],
@@ -138,7 +139,7 @@ mod tests {
         let limit = bench.model.limits.upper[0];
         bench.hold = Some([limit - 0.01, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
         bench.prepare().unwrap();
-        // Turned about the first axis, past its limit and past half a turn: no other way round is taken.
+        // Rotated about the first axis, beyond its limit and beyond 180°: it must not switch to the other way round.
         for beyond in [0.02, 0.3] {
             let mut there = bench.hold.unwrap();
             there[0] = limit + beyond;
@@ -156,7 +157,7 @@ mod tests {
         let hold = [0.3, -1.2, 1.4, 3.1, 0.8, -4.0, 0.0, 0.0];
         bench.hold = Some(hold);
         bench.prepare().unwrap();
-        // Joint 4 goes on past half a turn.
+        // Joint 4 continues beyond 180°.
         for step in 0..100 {
             let mut there = hold;
             there[3] += 1e-3 * f64::from(step);

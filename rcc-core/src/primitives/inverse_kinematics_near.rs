@@ -1,6 +1,7 @@
-//! `InverseKinematicsNear`: joint positions of an arm for a flange pose and an arm angle, in the branch of others.
+//! `InverseKinematicsNear`: joint positions of an arm for a flange pose and an arm angle, in the branch of given joint
+//! positions.
 //!
-//! `InverseKinematics` keeps arm angle and branch of the start; here the net decides both in each cycle, from what it likes.
+//! `InverseKinematics` keeps arm angle and branch of the start; here the net chooses both in each cycle.
 
 use crate::frame::Frame;
 use crate::kinematics::{ArmConfiguration, Unreachable};
@@ -16,21 +17,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "InverseKinematicsNear",
         summary: "Joint positions for a flange pose with a given arm angle, in the branch of given joint positions.",
-        null: "a null input, a pose that cannot be reached and one beyond a joint limit give null; `reason` says which",
-        undefined: "the pose cannot be reached; a joint would be beyond its limit; overflow: an infinite input",
+        null: "a null input, and a pose that is out of reach or beyond a joint limit, give null; `reason` tells which",
+        undefined: "the pose is out of reach; a joint would be beyond its limit; overflow: an infinite input",
         formula: "closed form, see InverseKinematics",
         inputs: &[
             Port::typed("pose", Type::Pose, "flange in the arm's base"),
             Port::real(
                 "arm_angle",
                 UnitRule::Is(Unit::RADIAN),
-                "turn of the elbow about the line from shoulder to wrist, as ArmAngle gives it; for six joints any number",
+                "rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle; ignored for six joints, but must not be null",
             ),
             Port::new(
                 "hint",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "joint positions that say the branch, the angles that axes in line leave open, and which of several turns is taken, A1 first",
+                "joint positions that determine the branch, the angles that aligned axes leave open, and the choice among several turns, A1 first",
             ),
         ],
         outputs: &[
@@ -38,7 +39,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "joints",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "joint positions, A1 first, within the limits of the robot's configuration, by whole turns nearest to the hint",
+                "joint positions, A1 first, within the limits of the robot's configuration, by the turn nearest to the hint",
             ),
             Port::int("reason", REASON).within(0.0, 4.0).diagnostic(),
             Port::int("joint", JOINT)
@@ -84,7 +85,7 @@ mod tests {
         let arm = bench.model.arm.unwrap();
         bench.set_reals("pose", &arm.forward(&JOINTS).to_slots());
         bench.set_real("arm_angle", arm.arm_angle(&JOINTS).unwrap());
-        // Others of the same branch do as well.
+        // Other joint positions of the same branch are valid, too.
         bench.set_reals("hint", &[0.0, 0.1, 0.0, -0.1, 0.0, 0.1, 0.0]);
         for (got, want) in bench.step().reals("joints", 7).iter().zip(JOINTS) {
             assert!((got - want).abs() < 1e-12, "{got} {want}");

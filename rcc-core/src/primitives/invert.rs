@@ -1,7 +1,7 @@
-//! `Invert`: where the outer frame is in the inner one.
+//! `Invert`: the outer frame expressed in the inner one.
 //!
-//! Of a transform, which turns and moves and does not scale, the rotation is transposed and the position becomes
-//! -((r₀ᵢ·x + r₁ᵢ·y) + r₂ᵢ·z), every operation rounded once.
+//! For a rigid transform the rotation is transposed and the position becomes -((r₀ᵢ·x + r₁ᵢ·y) + r₂ᵢ·z), with every
+//! operation rounded once.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
@@ -13,7 +13,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Invert",
         summary: "The inverse of a rotation, pose or transform.",
-        undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "Rᵀ and -Rᵀ p",
         examples: &[
             Example::new(

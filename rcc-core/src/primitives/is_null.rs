@@ -1,6 +1,6 @@
-//! `IsNull`: whether a value of any type is null. Its output is never null.
+//! `IsNull`: true if a value of any type is null. Its output is never null.
 //!
-//! An array or composite is null if one of its elements is.
+//! An array or composite counts as null if any of its elements is.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,11 +12,11 @@ use crate::types::{NULL_BOOL, NULL_INT, Store};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "IsNull",
-        summary: "True while its input has no value.",
+        summary: "True while its input is null.",
         null: "a null input gives true, and so does an array or vector with a null element; the output is never null",
         null_rule: NullRule::Known,
         examples: &[Example::new(
-            "a number that is lost for a cycle",
+            "a number that is null for one cycle",
             "",
             "in | out
              0.5 | false
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "in",
             PortType::Any,
             UnitRule::Var(0),
-            "value to look at",
+            "value to test",
         )],
         outputs: &[Port::bool("out", "in is null")],
         ..Spec::PLAIN

@@ -12,7 +12,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Jacobian",
-        summary: "How the flange moves per joint velocity: the geometric Jacobian at joint positions.",
+        summary: "The geometric Jacobian at joint positions: the twist of the flange per joint velocity.",
         undefined: "overflow: an infinite joint position",
         formula: "column i: [a_i × (p - o_i), a_i] with the axis a_i through o_i and the flange at p (Siciliano et al., Robotics, 2009, section 3.1)",
         examples: &[
@@ -40,7 +40,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "out",
             PortType::JointColumns(6),
             UnitRule::Typed,
-            "one column a joint; rows vx vy vz (m/s) and wx wy wz (rad/s) of the flange, per rad/s of each joint; axes of the base, reference point the origin of the flange",
+            "one column per joint; rows vx vy vz (m/s) and wx wy wz (rad/s) of the flange, per rad/s of each joint; axes of the base, reference point the origin of the flange",
         )],
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN

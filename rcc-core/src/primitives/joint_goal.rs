@@ -1,10 +1,10 @@
-//! `JointGoal`: the joints of an arm go to a goal that may change in any cycle, each as fast as its limits allow.
+//! `JointGoal`: moves the joints of an arm to a goal that may change in any cycle, each as fast as its limits allow.
 //!
-//! Nothing is said about the way between: joints are not synchronised. Who needs a way takes a motion along a path.
+//! The path in between is unspecified: joints are not synchronised. Use a motion along a path where the path matters.
 //!
-//! Cost of seven joints, measured on a loaded virtual machine with two cores: 0.6 µs in a cycle in which nothing changed; 13 µs
-//! (median), 29 µs (99 of 100) in one in which all goals did. No loop without a constant bound: each joint is planned once a
-//! cycle at most, from two tries of the closed forms (`docs/performance-motion.md`).
+//! Cost for seven joints, measured on a loaded virtual machine with two cores: 0.6 µs in a cycle without changes; 13 µs
+//! (median) and 29 µs (99th percentile) in a cycle in which all goals change. Every loop has a constant bound: each
+//! joint is planned at most once per cycle, with two evaluations of the closed forms (`docs/performance-motion.md`).
 
 use crate::axis::{AXIS_WORDS, AxisFollower, is_new, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};
@@ -17,7 +17,7 @@ use crate::primitive::{
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 use crate::unit::Unit;
 
-/// A limit for all joints, which may be left out.
+/// Optional limit for all joints.
 const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
     let value = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Is(unit));
     Parameter::new(name, value, doc)
@@ -29,26 +29,25 @@ const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointGoal",
-        summary: "Joints go to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and \
-                  jerk allow.",
+        summary: "Moves joints to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and jerk allow.",
         null: "a null element of `goal` or a null `speed` brings all joints to rest and keeps them there; a null `stop` counts \
                as true",
         null_rule: NullRule::Known,
-        formula: "each joint for itself as ScalarGoal; in the first cycle it rests at the arm's hold set-point",
+        formula: "each joint independently, as ScalarGoal; in the first cycle it is at rest at the arm's hold set-point",
         inputs: &[
             Port::new(
                 "goal",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "where to be, A1 first; beyond a joint's range it is no goal",
+                "goal, A1 first; ignored while beyond a joint's range",
             ),
             Port::real(
                 "speed",
                 UnitRule::ONE,
-                "share of the greatest velocity: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
+                "fraction of the velocity limit to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop)",
             )
             .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
-            Port::bool("stop", "while true all joints brake to rest and stay; then they go on")
+            Port::bool("stop", "while true, all joints brake to rest and stay there; afterwards they continue")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
@@ -65,7 +64,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "there",
             )
             .diagnostic(),
-            Port::bool("done", "all at rest: at the goal, or where a stop ended"),
+            Port::bool("done", "all joints are at rest: at the goal, or where a stop ended"),
             Port::bool("accepted", "the goal is known and within the range of every joint")
                 .diagnostic(),
         ],
@@ -74,7 +73,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::real(
                 "scale",
                 UnitRule::ONE,
-                "share of the velocity, acceleration and jerk that the robot's configuration allows",
+                "fraction of the velocity, acceleration and jerk limits of the robot's configuration to use",
             )
             .default(DefaultValue::Real(1.0))
             .above(0.0)
@@ -82,17 +81,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             limit(
                 "max_velocity",
                 Unit::RADIAN_PER_SECOND,
-                "greatest speed of every joint, where it is less",
+                "velocity limit of every joint, if lower than the configured one",
             ),
             limit(
                 "max_acceleration",
                 Unit::RADIAN_PER_SECOND2,
-                "greatest acceleration of every joint, where it is less",
+                "acceleration limit of every joint, if lower than the configured one",
             ),
             limit(
                 "max_jerk",
                 Unit::RADIAN_PER_SECOND3,
-                "greatest jerk of every joint, where it is less",
+                "jerk limit of every joint, if lower than the configured one",
             ),
         ],
         state: StateSpec {
@@ -117,7 +116,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     Ok(())
 }
 
-/// Where the axes are in the arena.
+/// Slots of the axes in the arena.
 fn axes(state: u32) -> impl Iterator<Item = u32> {
     (0..JOINTS_MAX as u32).map(move |joint| state + joint * AXIS_WORDS as u32)
 }
@@ -173,7 +172,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
     frame.set_bool(accepted, u8::from(goal.is_some()));
 }
 
-/// What one joint may do: the robot's, scaled, or what is given where that is less.
+/// Returns the limits of one joint: the robot's, scaled, or the given ones if they are lower.
 fn limits(robot: [f64; 3], scale: f64, given: [f64; 3], share: f64) -> MotionLimits {
     let [robot_v, robot_a, robot_j] = robot;
     let [v, a, j] = given;

@@ -1,10 +1,10 @@
-//! `JointImpedanceCommand`: the set-point of an arm whose joints hang on springs; a unique resource.
+//! `JointImpedanceCommand`: the set-point of an arm under joint impedance control; a unique resource.
 //!
-//! The executor's guard and then the driver check each set-point: ranges, the rate of the stiffness, the torque, and that
-//! the controller runs this strategy. Null sends no command, and the driver brings the arm to rest.
+//! The executor's guard and then the driver check each set-point: ranges, the rate of the stiffness, the torque, and
+//! that the controller runs this strategy. A null input sends no command, and the driver brings the arm to rest.
 
 use crate::frame::Frame;
-use crate::impedance::{ControlStrategy, Impedance};
+use crate::impedance::{ControlMode, Impedance};
 use crate::primitive::{
     CatalogueEntry, DefaultValue, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
 };
@@ -18,9 +18,8 @@ const fn joints(name: &'static str, unit: Unit, doc: &'static str) -> Port {
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointImpedanceCommand",
-        summary: "Commands an arm that runs joint impedance control, which belongs to this net alone: each joint is held at \
-                  its position by a spring, and presses with `torque` on top.",
-        null: "a null element of any input sends no command: the driver brings the arm to rest and takes the torque away",
+        summary: "Commands an arm under joint impedance control, a unique resource of this net: a spring holds each joint at its position, and `torque` is applied in addition.",
+        null: "a null element of any input sends no command: the driver brings the arm to rest and removes the torque",
         formula: "t = K (q_set - q) + D + t_add (Schreiber, Stemmer, Bischoff, The Fast Research Interface for the KUKA \
                   Lightweight Robot, ICRA 2010 workshop)",
         inputs: &[
@@ -28,14 +27,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             joints(
                 "stiffness",
                 Unit::NEWTON_METRE.per(Unit::RADIAN),
-                "of each joint, A1 first",
+                "stiffness of each joint, A1 first",
             ),
             joints("damping", Unit::ONE, "damping ratio of each joint")
                 .default(DefaultValue::Real(0.7)),
             joints(
                 "torque",
                 Unit::NEWTON_METRE,
-                "what each joint presses with on top; left out: nothing",
+                "torque that each joint applies in addition; if omitted, none",
             )
             .default(DefaultValue::Real(0.0)),
         ],
@@ -57,7 +56,7 @@ fn step(frame: &mut Frame<'_>, [position, stiffness, damping, torque, device, wi
         output.has_position = true;
         output.position = position;
         output.impedance = Impedance {
-            strategy: ControlStrategy::JointImpedance as u64,
+            strategy: ControlMode::JointImpedance as u64,
             stiffness,
             damping,
             added,

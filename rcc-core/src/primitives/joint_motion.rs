@@ -1,6 +1,7 @@
-//! `JointMotion`: all joints together on a straight line in joint space (PTP), to joints or to where the flange is at a pose.
+//! `JointMotion`: moves all joints together on a straight line in joint space (PTP), to joint positions or to a flange
+//! pose.
 //!
-//! One path parameter moves every joint, so that a stop, a pause or another speed leave all of them on the line.
+//! One path parameter moves all joints, so that a stop, a pause or a different speed keeps them on the line.
 
 use crate::frame::{Preparation, PrepareFault};
 use crate::message::JOINTS_MAX;
@@ -19,7 +20,7 @@ use super::along::{self, PORTS};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointMotion",
-        summary: "Point to point: all joints together, jerk-limited, to joints or to a flange pose.",
+        summary: "Point-to-point motion: all joints together, jerk-limited, to joint positions or to a flange pose.",
         null: along::NULL,
         null_rule: NullRule::Known,
         formula: "q(s) = q₀ + (q₁ − q₀)·s/l; s jerk-limited such that every joint keeps its velocity, acceleration and jerk",
@@ -30,25 +31,25 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "to",
                 ParameterKind::Value(PortType::Joints, UnitRule::Is(Unit::RADIAN)),
-                "joints at the end, A1 first; or give `pose`",
+                "joint positions at the end, A1 first; alternative to `pose`",
             )
             .default(DefaultValue::Null),
             Parameter::new(
                 "pose",
                 ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed),
-                "flange at the end, in the arm's base; or give `to`",
+                "flange at the end, in the arm's base; alternative to `to`",
             )
             .default(DefaultValue::Null),
             Parameter::int(
                 "branch",
-                "with `pose`: in this branch, 0 to 7 (bit 0 shoulder, 1 elbow, 2 wrist); without it in the one reached soonest",
+                "with `pose`: branch at the end, 0 to 7 (bit 0 shoulder, 1 elbow, 2 wrist); if omitted, the one reached soonest",
             )
             .default(DefaultValue::Null)
             .at_least(0.0)
             .at_most(7.0),
             Parameter::int(
                 "status",
-                "with `pose`: KUKA's Status of a 6-axis arm, of which bits 0 to 2 say the branch",
+                "with `pose`: KUKA's Status of a 6-axis arm; bits 0 to 2 give the branch",
             )
             .default(DefaultValue::Null)
             .at_least(0.0)
@@ -69,7 +70,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 )
 .prepared_by(prepare);
 
-/// A number of a few bits, if it is one.
+/// Converts a small bit field; `None` if the number is not one.
 fn bits(value: i64) -> Option<u8> {
     u8::try_from(value).ok()
 }

@@ -1,7 +1,7 @@
 //! `JointPositionCommand`: the set-point of an arm's joints; a unique resource.
 //!
-//! The executor's guard and then the driver check each set-point. Null sends no command, and the
-//! driver brings the arm to rest; it never repeats the last one.
+//! The executor's guard and then the driver check each set-point. A null input sends no command, and the driver brings
+//! the arm to rest; it never repeats the last set-point.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -13,7 +13,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointPositionCommand",
-        summary: "Commands the joint positions of an arm, which belongs to this net alone.",
+        summary: "Commands the joint positions of an arm, a unique resource of this net.",
         null: "a null element sends no command: the driver brings the arm to rest",
         inputs: &[Port::new(
             "position",

@@ -1,4 +1,4 @@
-//! `JointState`: what an arm measures, latched at the beginning of the cycle.
+//! `JointState`: the measurements of an arm's joints, latched at the beginning of the cycle.
 
 use crate::frame::Frame;
 use crate::message::Joints;
@@ -9,7 +9,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointState",
-        summary: "Joint positions and torques that an arm measures.",
+        summary: "Measured joint positions and torques of an arm.",
         null: "null while the device is lost",
         undefined: "the device is lost",
         outputs: &[
@@ -23,7 +23,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "hold",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "set-point that the driver sends: a net's as it is played, its own without one",
+                "set-point that the driver currently sends: a net's as it is played, or the driver's hold position",
             )
             .diagnostic(),
             Port::new(
@@ -37,7 +37,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "external_torque",
                 PortType::Joints,
                 UnitRule::Is(Unit::NEWTON_METRE),
-                "joint torques that the robot's model does not explain",
+                "joint torques not explained by the robot's dynamic model",
             )
             .diagnostic(),
         ],

@@ -1,4 +1,4 @@
-//! `JointTorqueFromWrench`: the joint torques that hold a force and torque at the flange.
+//! `JointTorqueFromWrench`: the static joint torques that balance a force and torque at the flange.
 
 use crate::frame::Frame;
 use crate::message::JOINTS_MAX;
@@ -12,8 +12,8 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointTorqueFromWrench",
-        summary: "The joint torques that belong to a wrench that the flange exerts, at joint positions, at rest.",
-        undefined: "overflow: an infinite input, a result too large for a number",
+        summary: "The static joint torques for a wrench that the flange exerts, at joint positions.",
+        undefined: "overflow: an infinite input, a result out of range",
         formula: "J(q)ᵀ wrench, by virtual work (Siciliano et al., Robotics, 2009, section 3.8)",
         examples: &[
             Example::new(

@@ -1,7 +1,7 @@
-//! `JointVelocity`: joint velocities by the difference of two exchanges with the arm.
+//! `JointVelocity`: joint velocities from the difference of two exchanges with the arm.
 //!
-//! Time is counted in periods of the device, as it says itself, and not by when a datagram arrived: that would add the jitter
-//! of the network to the velocity. Nothing is smoothed.
+//! Time is counted in periods as reported by the device, not by the arrival of datagrams, which would add network
+//! jitter to the velocity. Nothing is smoothed.
 
 use crate::frame::Frame;
 use crate::message::{JOINTS_MAX, Joints};
@@ -18,22 +18,22 @@ const REALS: usize = 4 * JOINTS_MAX;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointVelocity",
-        summary: "Measured and commanded joint velocities: what changed between the last two exchanges, per time.",
+        summary: "Measured and commanded joint velocities: the change between the last two exchanges, per time.",
         null: "null while the device is lost and until its second exchange",
-        undefined: "the device is lost or was not there one exchange before; it does not say its period",
+        undefined: "the device is lost or was lost one exchange before; it does not report its period",
         formula: "(q - q_before) / (periods of the device between the two exchanges × its period)",
         outputs: &[
             Port::new(
                 "velocity",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN_PER_SECOND),
-                "of the measured positions, A1 first",
+                "velocity of the measured positions, A1 first",
             ),
             Port::new(
                 "commanded",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN_PER_SECOND),
-                "of the set-points that the driver sends",
+                "velocity of the set-points that the driver sends",
             )
             .diagnostic(),
         ],
@@ -60,7 +60,7 @@ fn step(frame: &mut Frame<'_>, [velocity, commanded, device, reals, periods, wid
     let now = i64::try_from(m.periods).unwrap_or(i64::MAX);
     let passed = now.saturating_sub(frame.int(periods));
     if passed != 0 {
-        // A driver that began anew counts from 0 again: there is no difference then.
+        // A restarted driver counts from 0 again: no difference can be computed then.
         let time = if passed > 0 {
             passed as f64 * m.period_ns as f64 * 1e-9
         } else {
@@ -78,7 +78,7 @@ fn step(frame: &mut Frame<'_>, [velocity, commanded, device, reals, periods, wid
     frame.set_joints(commanded, width, Some(&held_rate));
 }
 
-/// The change per time; null if anything is not known, or if no time has passed.
+/// Returns the change per time; null if a value is unknown, or if no time has passed.
 fn quotient(now: &Joints, before: &Joints, time_s: f64) -> Joints {
     let mut rates = [0.0; JOINTS_MAX];
     for (rate, (now, before)) in rates.iter_mut().zip(now.iter().zip(before)) {

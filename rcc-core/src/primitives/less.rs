@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "True while the first number is less than the second.",
         examples: &[
             Example::new(
-                "only what is really less; not greater is `Not` behind `Greater`",
+                "strictly less; for less or equal use `Not` after `Greater`",
                 "",
                 "a | b | out
                  1.0 | 2.0 | true
@@ -20,7 +20,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | 1.0 | null",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "a | b | out
                  1 | 2 | true

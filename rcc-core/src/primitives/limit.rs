@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[
             Port::linear("in", UnitRule::Var(0), "number to limit"),
             Port::linear("low", UnitRule::Var(0), "least result"),
-            Port::linear("high", UnitRule::Var(0), "greatest result"),
+            Port::linear("high", UnitRule::Var(0), "largest result"),
         ],
         outputs: &[Port::linear(
             "out",

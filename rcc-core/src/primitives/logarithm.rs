@@ -8,7 +8,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Logarithm",
         summary: "The natural logarithm of a number.",
         undefined: "in <= 0; overflow: an infinite number",
-        formula: "out = ln(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = ln(in); libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
             "of e, 1 and 0",
             "",

@@ -15,7 +15,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "LowPass",
         summary: "Smooths a number by a first-order low-pass filter.",
-        null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        null: "a null input gives null and holds the state: it then continues from the last output",
         formula: "y += (x - y) * gain; gain = 1 - exp(-dt / T) for a time constant T",
         examples: &[Example::new(
             "takes over a part of the difference",
@@ -41,7 +41,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "initial",
                 ParameterKind::Start(Type::Real, UnitRule::Var(0)),
-                "output before the first cycle; null: the first known input is taken as it is",
+                "output before the first cycle; null: starts at the first known input",
             )
             .default(DefaultValue::Real(0.0)),
         ],

@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MakePose",
         summary: "A pose from its position and its rotation.",
-        undefined: "overflow: an infinite input, a quaternion without direction",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized",
         examples: &[Example::new(
             "both, or null",
             "",

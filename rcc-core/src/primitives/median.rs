@@ -22,7 +22,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  1.0 | null | 2.0 | null",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "a | b | c | out
                  1 | 9 | 2 | 2

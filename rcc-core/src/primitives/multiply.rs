@@ -1,4 +1,4 @@
-//! `Multiply`: out = a · b, rounded once; an Int that overflows has no meaningful result and is null.
+//! `Multiply`: out = a · b, rounded once; an `Int` overflow gives null.
 
 use crate::primitive::{
     CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real,
@@ -10,8 +10,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Multiply",
         summary: "The product of two numbers; its unit is the product of theirs.",
-        null: "a null input gives null, and so does a whole number out of range",
-        undefined: "overflow of whole numbers",
+        null: "a null input gives null, and so does an integer out of range",
+        undefined: "overflow of integers",
         examples: &[
             Example::new(
                 "real numbers",
@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  2.5 | 1 mm | 2.5 mm",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "a | b | out
                  6 | -7 | -42

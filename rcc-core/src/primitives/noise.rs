@@ -24,7 +24,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              2.0 | 1.8840110143471849",
         )],
         inputs: &[
-            Port::real("amplitude", UnitRule::Var(0), "greatest distance from 0")
+            Port::real("amplitude", UnitRule::Var(0), "largest distance from 0")
                 .default(DefaultValue::Real(1.0)),
         ],
         outputs: &[Port::real(

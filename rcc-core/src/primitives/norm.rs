@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Norm",
         summary: "The Euclidean length of a vector or array.",
         null: "a null element gives null",
-        undefined: "overflow: an infinite element, a result too large for a number",
+        undefined: "overflow: an infinite element, a result out of range",
         formula: "the square root of the sum of the squares, by hypot: no square overflows",
         examples: &[Example::new(
             "any size",

@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Not",
         summary: "True while its input is false.",
         examples: &[Example::new(
-            "the opposite",
+            "negation",
             "",
             "in | out
                  true | false

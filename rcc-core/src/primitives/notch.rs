@@ -9,7 +9,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Notch",
         summary: "Takes one frequency out of a number, for instance a resonance.",
-        null: "a null input gives null and holds the state: afterwards it goes on as if no time had passed",
+        null: "a null input gives null and holds the state: filtering then continues as if no time had passed",
         undefined: "overflow",
         formula: "(s² + ω²) / (s² + ω s / quality + ω²), ω = 2π frequency; bilinear transform with prewarping \
                   (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.2.2)",

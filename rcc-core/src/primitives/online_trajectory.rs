@@ -62,12 +62,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "max_velocity",
                 UnitRule::PerSecond(0),
-                "greatest speed; when it shrinks, the speed follows as the acceleration allows",
+                "largest speed; when it shrinks, the speed follows as the acceleration allows",
             ),
             Port::real(
                 "max_acceleration",
                 UnitRule::PerSecond2(0),
-                "greatest acceleration, also for braking",
+                "largest acceleration, also for braking",
             ),
             Port::bool("reset", "while true it is at `reset_to`, at rest")
                 .default(DefaultValue::Bool(false)),

@@ -1,4 +1,4 @@
-//! `Or`: at least one is true; null if either is null (strict, as every primitive unless it says otherwise).
+//! `Or`: true if at least one is true; null if either is null (strict, as all primitives unless stated otherwise).
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 
@@ -6,9 +6,9 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Or",
-        summary: "True while at least one is true.",
+        summary: "True while at least one input is true.",
         examples: &[Example::new(
-            "one is enough; whoever knows a default for null, puts `OrElse` before",
+            "one is sufficient; to treat null as a known value, put `OrElse` before",
             "",
             "a | b | out
                  false | false | false

@@ -66,17 +66,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         inputs: &[
             Port::typed("pose", Type::Pose, "of the path, in any frame"),
-            vector("correction", Unit::METRE, "the offset that is wished for"),
+            vector("correction", Unit::METRE, "the offset that is requested"),
             vector(
                 "rotation",
                 Unit::RADIAN,
-                "the turn that is wished for: a rotation vector",
+                "the turn that is requested: a rotation vector",
             )
             .default(DefaultValue::Null),
             Port::real(
                 "speed",
                 UnitRule::ONE,
-                "share of the greatest velocities: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
+                "fraction of the velocity limits to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop)",
             )
             .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
             Port::bool("stop", "while true the offset comes to rest and stays")
@@ -87,38 +87,38 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             vector("offset", Unit::METRE, "that is added now").diagnostic(),
             vector("turn", Unit::RADIAN, "that is added now: a rotation vector").diagnostic(),
             Port::bool("limited", "the wish is beyond a bound"),
-            Port::bool("settled", "offset and turn rest at what is wished for, or at its bound")
+            Port::bool("settled", "offset and turn rest at what is requested, or at its bound")
                 .diagnostic(),
         ],
         parameters: &[
             Parameter::real(
                 "max",
                 UnitRule::Is(Unit::METRE),
-                "greatest size of each element of the offset",
+                "largest size of each element of the offset",
             )
             .at_least(0.0),
             Parameter::real(
                 "velocity",
                 UnitRule::Is(Unit::METRE_PER_SECOND),
-                "greatest speed of each element of the offset",
+                "largest speed of each element of the offset",
             )
             .above(0.0),
             Parameter::real(
                 "acceleration",
                 UnitRule::Is(Unit::METRE_PER_SECOND2),
-                "greatest acceleration of each element of the offset",
+                "largest acceleration of each element of the offset",
             )
             .above(0.0),
             Parameter::real(
                 "jerk",
                 UnitRule::Is(Unit::METRE_PER_SECOND3),
-                "greatest jerk of each element of the offset",
+                "largest jerk of each element of the offset",
             )
             .above(0.0),
             Parameter::real(
                 "max_rotation",
                 UnitRule::RADIAN,
-                "greatest size of each element of the turn",
+                "largest size of each element of the turn",
             )
             .default(DefaultValue::Real(0.0))
             .at_least(0.0)
@@ -127,19 +127,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "angular_velocity",
                 Unit::RADIAN_PER_SECOND,
                 1.0,
-                "greatest rate of each element of the turn",
+                "largest rate of each element of the turn",
             ),
             angular(
                 "angular_acceleration",
                 Unit::RADIAN_PER_SECOND2,
                 4.0,
-                "greatest second derivative of each element of the turn",
+                "largest second derivative of each element of the turn",
             ),
             angular(
                 "angular_jerk",
                 Unit::RADIAN_PER_SECOND3,
                 40.0,
-                "greatest third derivative of each element of the turn",
+                "largest third derivative of each element of the turn",
             ),
             Parameter::new(
                 "in_path",

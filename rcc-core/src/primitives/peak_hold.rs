@@ -11,7 +11,7 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PeakHold",
-        summary: "The least and the greatest value of a number since the last reset.",
+        summary: "The least and the largest value of a number since the last reset.",
         null: "a null input gives null and holds the state",
         examples: &[Example::new(
             "a reset begins with the number of its own cycle",
@@ -34,13 +34,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "least",
                 UnitRule::Var(0),
-                "least value, this cycle's included",
+                "least value, this cycle included",
             )
             .diagnostic(),
             Port::real(
                 "greatest",
                 UnitRule::Var(0),
-                "greatest value, this cycle's included",
+                "largest value, this cycle included",
             )
             .diagnostic(),
         ],

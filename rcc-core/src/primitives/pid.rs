@@ -97,8 +97,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .default(DefaultValue::Null)
             .above(0.0),
-            Parameter::new("low", OUTPUT, "least output; null: none").default(DefaultValue::Null),
-            Parameter::new("high", OUTPUT, "greatest output; null: none").default(DefaultValue::Null),
+            Parameter::new("low", OUTPUT, "minimum output; null: no limit").default(DefaultValue::Null),
+            Parameter::new("high", OUTPUT, "maximum output; null: no limit").default(DefaultValue::Null),
         ],
         // integral, derivative, last measured
         state: StateSpec {

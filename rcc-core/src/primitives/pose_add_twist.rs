@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseAddTwist",
 summary: "The pose after one period of the net with a constant twist.",
-undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
+undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
 formula: "p + v T, exp(ω T) R with the period T: exact for a constant twist, inverse of TwistFromPoses",
 examples: &[Example::new("one period of 10 ms (scipy 1.17)", "", "pose | twist | out\n\
              {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6] | {xyz: [0.401, -0.098, 0.697], quat: [0.25876811908192066, -0.1223367222833714, 0.573978712263488, 0.7672165436147178]}\n\

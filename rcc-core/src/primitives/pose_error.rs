@@ -12,8 +12,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseError",
         summary: "The way and the turn that lead from one pose to another, in the outer axes.",
-        undefined: "overflow: an infinite input, a quaternion without direction, positions too far apart for a number",
-        formula: "[p_to - p_from, log(R_to R_fromᵀ)]; at half a turn one of two vectors is taken",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, positions too far apart for a number",
+        formula: "[p_to - p_from, log(R_to R_fromᵀ)]; at 180° one of two vectors is taken",
         examples: &[Example::new(
             "oblique (scipy 1.17)",
             "",
@@ -36,7 +36,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "rotation",
                 PortType::Is(Type::Vector3),
                 UnitRule::Is(Unit::RADIAN),
-                "axis times angle in axes of A, at most π long",
+                "axis × angle in axes of A, length at most π",
             ),
         ],
         ..Spec::PLAIN

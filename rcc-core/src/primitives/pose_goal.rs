@@ -35,10 +35,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "speed",
                 UnitRule::ONE,
-                "share of the greatest velocities: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
+                "fraction of the velocity limits to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop)",
             )
             .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
-            Port::bool("stop", "while true it brakes to rest and stays; then it goes on")
+            Port::bool("stop", "while true, it brakes to rest and stays there; afterwards it continues")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
@@ -56,39 +56,39 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::real(
                 "velocity",
                 UnitRule::Is(Unit::METRE_PER_SECOND),
-                "greatest speed along each of x, y and z",
+                "largest speed along each of x, y and z",
             )
             .above(0.0),
             Parameter::real(
                 "acceleration",
                 UnitRule::Is(Unit::METRE_PER_SECOND2),
-                "greatest acceleration along each of x, y and z",
+                "largest acceleration along each of x, y and z",
             )
             .above(0.0),
             Parameter::real(
                 "jerk",
                 UnitRule::Is(Unit::METRE_PER_SECOND3),
-                "greatest jerk along each of x, y and z",
+                "largest jerk along each of x, y and z",
             )
             .above(0.0),
             Parameter::real(
                 "angular_velocity",
                 UnitRule::Is(Unit::RADIAN_PER_SECOND),
-                "greatest rate of each element of the rotation vector",
+                "largest rate of each element of the rotation vector",
             )
             .default(DefaultValue::Real(1.0))
             .above(0.0),
             Parameter::real(
                 "angular_acceleration",
                 UnitRule::Is(Unit::RADIAN_PER_SECOND2),
-                "greatest second derivative of each element of the rotation vector",
+                "largest second derivative of each element of the rotation vector",
             )
             .default(DefaultValue::Real(4.0))
             .above(0.0),
             Parameter::real(
                 "angular_jerk",
                 UnitRule::Is(Unit::RADIAN_PER_SECOND3),
-                "greatest third derivative of each element of the rotation vector",
+                "largest third derivative of each element of the rotation vector",
             )
             .default(DefaultValue::Real(40.0))
             .above(0.0),

@@ -8,7 +8,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Power",
         summary: "A number to the power of another.",
         undefined: "a negative base with an exponent that is not whole; 0 to a negative power; overflow",
-        formula: "out = base^exponent; libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = base^exponent; libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
             "whole and broken exponents, and what has no result",
             "",

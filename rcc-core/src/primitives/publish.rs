@@ -13,7 +13,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Publish",
         summary: "Gives a value to other nets: they read it with `Subscribe` in the cycle after this one.",
-        null: "null is handed on, element by element",
+        null: "null is passed through, element by element",
         inputs: copy::ENTRY.spec.inputs,
         outputs: &[Port::new("out", PortType::Any, UnitRule::Var(0), "the same").diagnostic()],
         parameters: &[Parameter::new(

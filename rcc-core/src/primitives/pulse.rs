@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Pulse",
         summary: "True for a time from when its input becomes true; further edges in that time do not count.",
-        null: "a null input gives null; a pulse that has begun goes on, and the last known value stays remembered",
+        null: "a null input gives null; a pulse that has begun goes on, and the last known value is kept",
         formula: "TP of IEC 61131-3, table 46, but the first known value is no edge",
         examples: &[Example::new(
             "3 ms at a period of 1 ms",

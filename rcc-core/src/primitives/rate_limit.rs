@@ -15,7 +15,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RateLimit",
         summary: "Follows a number no faster than a given rate.",
-        null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        null: "a null input gives null and holds the state: it then continues from the last output",
         formula: "out += in - out, at most ±rate · dt",
         examples: &[Example::new(
             "10 per second, every 0.1 s; the first value is taken as it is",

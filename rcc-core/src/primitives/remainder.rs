@@ -26,7 +26,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | 2.0 | null",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "a | b | out
                  7 | 3 | 1

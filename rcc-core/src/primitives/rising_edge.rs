@@ -1,7 +1,7 @@
-//! `RisingEdge`: true in the cycle in which its input becomes true after it was false.
+//! `RisingEdge`: true in the cycle in which its input changes from false to true.
 //!
-//! The first cycle has no cycle before it and gives no edge, unless `initial` says what was before. A null input gives null and is forgotten:
-//! the edge is judged against the last value that was known.
+//! There is no edge in the first cycle, unless `initial` gives the value before it. A null input gives null and is
+//! skipped: an edge is a change from the last known value.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -14,12 +14,12 @@ use crate::types::{NULL_BOOL, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RisingEdge",
-        summary: "True in the one cycle in which its input becomes true.",
-        null: "a null input gives null; the last known value stays remembered",
+        summary: "True for one cycle when its input becomes true.",
+        null: "a null input gives null; the last known value is kept",
         formula: "R_TRIG of IEC 61131-3, table 44, but null instead of false before the first cycle",
         examples: &[
             Example::new(
-                "only the change counts, and null does not hide it",
+                "only a change counts, also across null",
                 "",
                 "in | out
                  true | false
@@ -31,7 +31,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  true | true",
             ),
             Example::new(
-                "false before the first cycle",
+                "initially false",
                 "{initial: false}",
                 "in | out
                  true | true
@@ -43,7 +43,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::new(
             "initial",
             ParameterKind::Start(Type::Bool, UnitRule::Typed),
-            "value before the first cycle; null: the first known value gives no edge",
+            "value before the first cycle; null: no edge at the first known value",
         )
         .default(DefaultValue::Null)],
         state: StateSpec {

@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Rotate",
         summary: "A vector, twist or wrench in axes of an inner frame, in axes of the outer one; reference points stay.",
-        undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "R in, of twists and wrenches both vectors; q [in, 0] q⁻¹ as in + 2w (u × in) + 2u × (u × in)",
         inputs: &[
             Port::typed("rotation", Type::Rotation, "rotation of B in A"),

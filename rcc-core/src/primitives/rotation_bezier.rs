@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationBezier",
         summary: "A cubic curve between two rotations, with given angular velocities at its ends.",
-        undefined: "two rotations of the construction half a turn apart; overflow: an infinite input, a quaternion without direction, velocities too large for a number",
+        undefined: "two rotations of the construction 180° apart; overflow: an infinite input, a quaternion that cannot be normalized, velocities too large for a number",
         formula: "de Casteljau with Slerp of from, exp(v₀/3) from, exp(-v₁/3) to, to (Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985)",
         examples: &[
             Example::new(

@@ -11,8 +11,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationError",
         summary: "The turn that leads from one rotation to another, as axis times angle in the outer axes.",
-        undefined: "overflow: a quaternion without direction",
-        formula: "log(to from⁻¹); at half a turn one of two vectors is taken (Caccavale et al., Role of Euler parameters in robot control, Asian J. Control 1(1), 1999)",
+        undefined: "overflow: a quaternion that cannot be normalized",
+        formula: "log(to from⁻¹); at 180° one of two vectors is taken (Caccavale et al., Role of Euler parameters in robot control, Asian J. Control 1(1), 1999)",
         examples: &[Example::new(
             "oblique (scipy 1.17), and none",
             "",
@@ -29,7 +29,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "out",
             PortType::Is(Type::Vector3),
             UnitRule::Is(Unit::RADIAN),
-            "axis times angle in axes of A, at most π long",
+            "axis × angle in axes of A, length at most π",
         )],
         ..Spec::PLAIN
     },

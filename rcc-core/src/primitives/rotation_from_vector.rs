@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationFromVector",
         summary: "The rotation about the direction of a vector by its length: the exponential map.",
-        undefined: "overflow: an infinite input, a result too large for a number",
+        undefined: "overflow: an infinite input, a result out of range",
         formula: "q = [sin(a/2) in/a, cos(a/2)] with a = |in|, a series near 0 (Grassia, J. Graphics Tools 3(3), 1998)",
         examples: &[Example::new(
             "oblique (scipy 1.17), and none",

@@ -11,10 +11,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToAxisAngle",
         summary: "The axis, at length one, and the angle of a rotation.",
-        undefined: "overflow: a quaternion without direction",
-        formula: "angle = 2 atan2(|u|, w) for q = [u, w] with w >= 0; at half a turn both axes are right, and the one whose last element that is not zero is positive is taken",
+        undefined: "overflow: a quaternion that cannot be normalized",
+        formula: "angle = 2 atan2(|u|, w) for q = [u, w] with w >= 0; at 180° both axes are right, and the one whose last element that is not zero is positive is taken",
         examples: &[Example::new(
-            "oblique (scipy 1.17), half a turn and none",
+            "oblique (scipy 1.17), 180° and none",
             "",
             "in | axis | angle\n\
              {rpy: [0.3, -0.5, 1.2]} | [0.4036433731391749, -0.18823502542629336, 0.8953432875291975] | 1.3844660788463787\n\

@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToMatrix",
         summary: "The rotation matrix of a rotation.",
-        undefined: "overflow: a quaternion without direction",
+        undefined: "overflow: a quaternion that cannot be normalized",
         formula: "Solà, arXiv:1711.02508, section 2",
         examples: &[Example::new(
             "a general one (scipy 1.17)",

@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToQuaternion",
         summary: "The quaternion of a rotation, of the two the one with w ≥ 0.",
-        undefined: "overflow: a quaternion without direction",
+        undefined: "overflow: a quaternion that cannot be normalized",
         formula: "Hamilton, ij = k; if w = 0 the last element that is not zero is positive",
         examples: &[Example::new(
             "the sign",

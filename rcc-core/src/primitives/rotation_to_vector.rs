@@ -11,10 +11,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToVector",
         summary: "The axis of a rotation times its angle: the logarithm.",
-        undefined: "overflow: a quaternion without direction",
-        formula: "2 atan2(|u|, w) u/|u| for q = [u, w] with w >= 0; at half a turn one of the two is taken, always the same",
+        undefined: "overflow: a quaternion that cannot be normalized",
+        formula: "2 atan2(|u|, w) u/|u| for q = [u, w] with w >= 0; at 180° one of the two is taken, always the same",
         examples: &[Example::new(
-            "oblique (scipy 1.17), half a turn and none",
+            "oblique (scipy 1.17), 180° and none",
             "",
             "in | out\n\
              {rpy: [0.3, -0.5, 1.2]} | [0.5588305580623192, -0.26060500755348875, 1.2395724105069739]\n\

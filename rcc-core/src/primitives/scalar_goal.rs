@@ -51,10 +51,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "speed",
                 UnitRule::ONE,
-                "share of the greatest velocity: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
+                "fraction of the velocity limit to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop)",
             )
             .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
-            Port::bool("stop", "while true it brakes to rest and stays; then it goes on")
+            Port::bool("stop", "while true, it brakes to rest and stays there; afterwards it continues")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
@@ -64,14 +64,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::bool("done", "at rest: at the goal, or where a stop ended"),
         ],
         parameters: &[
-            Parameter::real("max_velocity", UnitRule::PerSecond(0), "greatest speed").above(0.0),
+            Parameter::real("max_velocity", UnitRule::PerSecond(0), "largest speed").above(0.0),
             Parameter::real(
                 "max_acceleration",
                 UnitRule::PerSecond2(0),
-                "greatest acceleration, also for braking",
+                "largest acceleration, also for braking",
             )
             .above(0.0),
-            Parameter::real("max_jerk", UnitRule::PerSecond3(0), "greatest jerk").above(0.0),
+            Parameter::real("max_jerk", UnitRule::PerSecond3(0), "largest jerk").above(0.0),
             Parameter::new(
                 "initial",
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0)),

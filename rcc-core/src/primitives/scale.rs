@@ -1,4 +1,4 @@
-//! `Scale`: out = in · factor, each element rounded once; an Int that overflows has no meaningful result and is null.
+//! `Scale`: out = in · factor, each element rounded once; an `Int` overflow gives null.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,11 +12,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Scale",
         summary: "A number, vector, array or matrix times a number; its unit is the product of theirs.",
-        null: "a null element gives a null element, a null factor null in all of them",
-        undefined: "overflow of whole numbers",
+        null: "a null element gives a null element, a null factor gives null in all elements",
+        undefined: "overflow of integers",
         inputs: &[
-            Port::linear("in", UnitRule::Var(0), "what is scaled"),
-            Port::new("factor", PortType::Part, UnitRule::Var(1), "the number"),
+            Port::linear("in", UnitRule::Var(0), "value to scale"),
+            Port::new("factor", PortType::Part, UnitRule::Var(1), "factor"),
         ],
         outputs: &[Port::linear("out", UnitRule::Product(0, 1), "in · factor")],
         examples: &[

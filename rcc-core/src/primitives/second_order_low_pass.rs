@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SecondOrderLowPass",
         summary: "Smooths a number by a second-order low-pass filter.",
-        null: "a null input gives null and holds the state: afterwards it goes on as if no time had passed",
+        null: "a null input gives null and holds the state: filtering then continues as if no time had passed",
         undefined: "overflow",
         formula: "ω² / (s² + 2 damping ω s + ω²), ω = 2π cutoff; bilinear transform with prewarping \
                   (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.2.2)",

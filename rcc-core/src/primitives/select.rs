@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | 1.5 | 2.5 | null",
             ),
             Example::new(
-                "vectors of whole numbers",
+                "vectors of integers",
                 "",
                 "condition | yes | no | out
                  true | [1, 2] | [3, 4] | [1, 2]

@@ -1,4 +1,4 @@
-//! `SetElement`: an array with another value at an index that a net computes.
+//! `SetElement`: an array with one element replaced, by a computed index.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -13,17 +13,17 @@ const ARRAY: PortType = PortType::Array(ElementType::Open, Dim::Var(0));
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SetElement",
-        summary: "An array with another value at an index.",
-        null: "null elements are handed on, a null value is put in; a null index gives null in every element",
+        summary: "An array with the element at an index replaced.",
+        null: "null elements are passed through, a null value is stored; a null index gives null in every element",
         undefined: "index < 0 or index ≥ the length",
         inputs: &[
             Port::new("in", ARRAY, UnitRule::Var(0), "the array"),
-            Port::int("index", "which element, counted from 0"),
+            Port::int("index", "index of the element, from 0"),
             Port::new("value", PortType::Scalar, UnitRule::Var(0), "its new value"),
         ],
         outputs: &[Port::new("out", ARRAY, UnitRule::Var(0), "the new array")],
         examples: &[Example::new(
-            "inside and outside",
+            "an index inside and outside",
             "",
             "in | index | value | out
              [4.0, 5.5, 6.0] | 1 | 7.0 | [4.0, 7.0, 6.0]

@@ -7,7 +7,7 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Shift",
-        summary: "The bits of a whole number moved to the left; by a negative number of places, to the right.",
+        summary: "The bits of an integer moved to the left; by a negative number of places, to the right.",
         undefined: "overflow: bits that would be lost; `BitAnd` takes them off before",
         formula: "out = ⌊in · 2^by⌋",
         examples: &[Example::new(

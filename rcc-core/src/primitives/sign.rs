@@ -22,7 +22,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | null",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "in | out
                  7 | 1

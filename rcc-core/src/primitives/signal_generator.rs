@@ -33,7 +33,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "amplitude",
                 UnitRule::Var(0),
-                "greatest distance from `offset`",
+                "largest distance from `offset`",
             )
             .default(DefaultValue::Real(1.0)),
             Port::real("offset", UnitRule::Var(0), "mean").default(DefaultValue::Real(0.0)),

@@ -8,9 +8,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Sine",
         summary: "The sine of an angle.",
         undefined: "overflow: an infinite angle",
-        formula: "out = sin(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = sin(in); libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
-            "the angles of a triangle, and no angle",
+            "special angles, and null",
             "",
             "in | out\n 0 | 0\n deg(30) | 0.5\n deg(-90) | -1\n deg(750) | 0.5\n null | null",
         )],

@@ -15,9 +15,9 @@ const VECTOR: PortType = PortType::Array(ElementType::Are(Type::Real), SIDE);
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Solve",
-        summary: "The array that a square matrix, at most 8×8, turns into a given one.",
+        summary: "Solves a system of linear equations with a square matrix, at most 8×8.",
         null: "a null element gives null in every element",
-        undefined: "a matrix that is singular, or so near to it that only rounding would be left",
+        undefined: "a matrix that is singular within rounding",
         formula: "matrix · out = in; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4); singular: a pivot ≤ n·ε·max|matrix|",
         inputs: &[
             Port::new(
@@ -26,7 +26,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 UnitRule::Var(0),
                 "the matrix, square, at most 8×8",
             ),
-            Port::new("in", VECTOR, UnitRule::Var(1), "the right side"),
+            Port::new("in", VECTOR, UnitRule::Var(1), "right-hand side"),
         ],
         outputs: &[Port::new(
             "out",

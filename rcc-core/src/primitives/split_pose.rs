@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SplitPose",
         summary: "The position and the rotation of a pose.",
-        undefined: "overflow: an infinite input, a quaternion without direction",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized",
         examples: &[Example::new(
             "both, or null",
             "",

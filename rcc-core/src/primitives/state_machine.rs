@@ -44,7 +44,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                     PortType::Matrix(Dim::Var(1), Dim::Is(3)),
                     UnitRule::Is(Unit::ONE),
                 ),
-                "rows of three whole numbers: from which state, to which one, on which condition (from 0); the first that fits wins",
+                "rows of three integers: from which state, to which one, on which condition (from 0); the first that fits wins",
             ),
             Parameter::new(
                 "initial",

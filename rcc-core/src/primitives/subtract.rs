@@ -1,4 +1,4 @@
-//! `Subtract`: out = a - b, rounded once; an Int that overflows has no meaningful result and is null.
+//! `Subtract`: out = a - b, rounded once; an `Int` overflow gives null.
 
 use crate::primitive::{
     CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Subtract",
         summary: "The difference of two numbers, vectors, arrays or matrices of the same unit.",
         null: "a null input gives null, element by element",
-        undefined: "overflow of whole numbers",
+        undefined: "overflow of integers",
         examples: &[
             Example::new(
                 "numbers",
@@ -21,7 +21,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              null | 1.0 | null",
             ),
             Example::new(
-                "whole numbers",
+                "integers",
                 "",
                 "a | b | out
              2 | 3 | -1",

@@ -8,7 +8,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Tangent",
         summary: "The tangent of an angle.",
         undefined: "overflow: an infinite angle",
-        formula: "out = tan(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        formula: "out = tan(in); libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
             "half of a right angle, to both sides",
             "",

@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "A number, vector or wrench relative to what it was when `trigger` became true, averaged over a time.",
         null: "a null element gives a null element; a cycle with one is not averaged, and `busy` lasts longer; a null \
                `trigger` starts nothing",
-        undefined: "overflow: an infinite input, a result too large for a number",
+        undefined: "overflow: an infinite input, a result out of range",
         formula: "out = in - zero; zero = mean of the n known values from the rising edge of `trigger` on, n · dt ≥ time; \
                   it is taken over in the cycle of the n-th one",
         examples: &[

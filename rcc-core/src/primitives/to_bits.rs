@@ -1,4 +1,4 @@
-//! `ToBits`: a whole number as truth values, the lowest bit first.
+//! `ToBits`: an integer as an array of Bools, lowest bit first.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,32 +11,32 @@ use crate::types::{NULL_BOOL, NULL_INT, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ToBits",
-        summary: "The lowest bits of a whole number, and whether that is all of it.",
+        summary: "The lowest bits of an integer, and whether they represent it completely.",
         formula: "two's complement: out[i] = floor(in / 2^i) mod 2",
-        inputs: &[Port::int("in", "the number")],
+        inputs: &[Port::int("in", "integer")],
         outputs: &[
             Port::new(
                 "out",
                 PortType::Array(ElementType::Are(Type::Bool), Dim::Var(0)),
                 UnitRule::Typed,
-                "its bits, the lowest first",
+                "bits, lowest first",
             ),
-            Port::bool("overflow", "the number does not fit into so many bits").diagnostic(),
+            Port::bool("overflow", "the integer does not fit into `bits` bits").diagnostic(),
         ],
         parameters: &[
-            Parameter::new("bits", ParameterKind::Length(0), "how many bits, 1 to 63")
+            Parameter::new("bits", ParameterKind::Length(0), "number of bits, 1 to 63")
                 .at_least(1.0)
                 .at_most(63.0),
             Parameter::new(
                 "signed",
                 ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
-                "what fits: -2^(bits-1) to 2^(bits-1)-1, or else 0 to 2^bits-1",
+                "signed range -2^(bits-1) to 2^(bits-1)-1, otherwise 0 to 2^bits-1",
             )
             .default(DefaultValue::Bool(false)),
         ],
         examples: &[
             Example::new(
-                "without a sign",
+                "unsigned",
                 "{bits: 3}",
                 "in | out | overflow
                  6 | [false, true, true] | false
@@ -45,7 +45,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | null | null",
             ),
             Example::new(
-                "with a sign",
+                "signed",
                 "{bits: 3, signed: true}",
                 "in | out | overflow
                  -4 | [false, false, true] | false
@@ -66,7 +66,7 @@ fn step(frame: &mut Frame<'_>, [input, out, overflow, signed, length]: [u32; 5])
         let bit = (value >> i.min(63)) & 1;
         frame.put_bool(out + i, choose(null, NULL_BOOL, bit as u8))?;
     }
-    // What is above the bits is all 0, or, with a sign, all as the highest bit.
+    // The bits above must be all 0 or, if signed, all equal to the highest bit.
     let above = value >> length.saturating_sub(signed).min(63);
     let fits = (above == 0) | ((signed == 1) & (above == -1));
     frame.put_bool(overflow, choose(null, NULL_BOOL, u8::from(!fits)))

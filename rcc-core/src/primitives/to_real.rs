@@ -1,4 +1,4 @@
-//! `ToReal`: a whole number as a Real; beyond ±2^53 the nearest one, ties to even.
+//! `ToReal`: an integer as a Real; beyond ±2^53 the nearest one, ties to even.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
@@ -8,7 +8,7 @@ use crate::types::NULL_INT;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ToReal",
-        summary: "A whole number as a real one.",
+        summary: "An integer as a Real.",
         examples: &[Example::new(
             "the same number",
             "",
@@ -17,11 +17,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  -3 | -3.0
                  null | null",
         )],
-        inputs: &[Port::int("in", "whole number")],
+        inputs: &[Port::int("in", "integer")],
         outputs: &[Port::real(
             "out",
             UnitRule::Var(0),
-            "the same number, in the unit of its reader",
+            "the same number, in the unit of the reader",
         )],
         ..Spec::PLAIN
     },

@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Toggle",
         summary: "Turns over in each cycle in which its input becomes true.",
-        null: "a null input gives null and holds the state; the last known value stays remembered",
+        null: "a null input gives null and holds the state; the last known value is kept",
         examples: &[Example::new(
             "a button pressed twice; the first value is no press",
             "",

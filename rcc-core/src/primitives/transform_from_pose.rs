@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TransformFromPose",
         summary: "The homogeneous transform of a pose.",
-        undefined: "overflow: an infinite input, a quaternion without direction",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized",
         formula: "[R p; 0 1]",
         examples: &[Example::new(
             "turned and moved",

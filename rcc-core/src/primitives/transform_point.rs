@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TransformPoint",
         summary: "A point given in an inner frame, seen from the outer one.",
-        undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "R point + p",
         examples: &[Example::new(
             "turned and moved (scipy 1.17)",

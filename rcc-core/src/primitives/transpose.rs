@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Transpose",
         summary: "A matrix with its rows as columns.",
-        null: "null is handed on, element by element",
+        null: "null is passed through, element by element",
         inputs: &[Port::new(
             "in",
             PortType::Matrix(Dim::Var(0), Dim::Var(1)),

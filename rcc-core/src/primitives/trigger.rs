@@ -30,7 +30,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[
             Port::bool("on", "switches it on, if it was never switched off"),
             Port::bool("off", "switches it off for good, even before it was on"),
-            Port::bool("reset", "makes it as it was in the beginning")
+            Port::bool("reset", "makes it as it was at the start")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[Port::bool("out", "on")],

@@ -10,8 +10,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TwistFromPoses",
 summary: "The constant twist that leads from the pose before to this one in one period of the net.",
-undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
-formula: "v = (p - p_previous) / T, ω = log(R R_previousᵀ) / T with the period T; at half a turn a period one of two is taken",
+undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
+formula: "v = (p - p_previous) / T, ω = log(R R_previousᵀ) / T with the period T; at 180° per period, one of the two possible rotations is returned",
 examples: &[Example::new("one period of 10 ms", "", "pose | previous | out\n\
              {xyz: [0.401, -0.098, 0.697], rpy: [0, 0, 0.31]} | {xyz: [0.4, -0.1, 0.7], rpy: [0, 0, 0.3]} | [0.1, 0.2, -0.3, 0, 0, 1]\n\
              {xyz: [0, 0, 0], rpy: [0, 0, 0]} | null | null").every_ms(10),],

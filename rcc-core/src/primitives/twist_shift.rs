@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TwistShift",
         summary: "The same motion as a twist with another reference point, in the same axes.",
-        undefined: "overflow: an infinite input, a result too large for a number",
+        undefined: "overflow: an infinite input, a result out of range",
         formula: "v' = v + ω × by, ω' = ω (Lynch and Park, Modern Robotics, 2017, section 3.3.2)",
         examples: &[Example::new(
             "2 rad/s about z: half a metre along x moves along y with 1 m/s",

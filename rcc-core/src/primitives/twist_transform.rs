@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TwistTransform",
         summary: "A twist that is given in an inner frame, in the outer one: axes and reference point both change.",
-        undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "ω_A = R ω_B, v_A = R v_B + p × ω_A (the adjoint: Lynch and Park, Modern Robotics, 2017, section 3.3.2)",
         examples: &[Example::new(
             "turned and moved (numpy, scipy 1.17)",

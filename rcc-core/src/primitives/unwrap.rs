@@ -16,9 +16,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "An angle without the jumps by whole turns: from cycle to cycle it takes the shorter way.",
         null: "a null input gives null and holds the state: afterwards it is the shorter way from the last known angle",
         undefined: "overflow: more than 2^63 turns",
-        formula: "out = in + 2π · n; n changes by the whole number of turns that is nearest to in's step",
+        formula: "out = in + 2π · n; n changes by the number of turns that is nearest to in's step",
         examples: &[Example::new(
-            "over half a turn and back; null is bridged",
+            "over 180° and back; null is bridged",
             "",
             "in | out
              deg(170) | deg(170)

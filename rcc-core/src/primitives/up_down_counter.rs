@@ -43,7 +43,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 .default(DefaultValue::Int(0)),
         ],
         outputs: &[
-            Port::int("count", "edges up minus edges down; 0 in the beginning"),
+            Port::int("count", "edges up minus edges down; 0 at the start"),
             Port::bool("full", "the count is at least `preset`").diagnostic(),
             Port::bool("empty", "the count is at most 0").diagnostic(),
         ],

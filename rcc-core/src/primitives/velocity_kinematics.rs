@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "VelocityKinematics",
         summary: "The twist of the flange that belongs to joint velocities at joint positions.",
-        undefined: "overflow: an infinite input, a result too large for a number",
+        undefined: "overflow: an infinite input, a result out of range",
         formula: "J(q) q̇ with the geometric Jacobian (Siciliano et al., Robotics, 2009, section 3.1)",
         examples: &[
             Example::new(

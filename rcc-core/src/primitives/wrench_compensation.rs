@@ -29,7 +29,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "WrenchCompensation",
         summary: "The external wrench on a tool from what a wrist sensor reads: without the tool's weight, its inertia in a \
                   straight acceleration, and the sensor's offset.",
-        undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "f = f_read - f0 - m (g - a), t = t_read - t0 - c × m (g - a), with g and a turned into the sensor's axes; \
                   angular acceleration is left out (Siciliano et al., Robotics, 2009, section 9.3; Kubus, Kröger, Wahl, IROS \
                   2008)",

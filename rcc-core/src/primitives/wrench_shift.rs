@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WrenchShift",
         summary: "The same load as a wrench with another reference point, in the same axes.",
-        undefined: "overflow: an infinite input, a result too large for a number",
+        undefined: "overflow: an infinite input, a result out of range",
         formula: "f' = f, t' = t - by × f (Lynch and Park, Modern Robotics, 2017, section 3.4)",
         examples: &[Example::new(
             "10 N down at the origin turn about a point half a metre along x",

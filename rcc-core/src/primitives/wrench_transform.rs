@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WrenchTransform",
         summary: "A wrench that is given in an inner frame, in the outer one: axes and reference point both change.",
-        undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "f_A = R f_B, t_A = R t_B + p × f_A (Lynch and Park, Modern Robotics, 2017, section 3.4)",
         examples: &[Example::new(
             "turned and moved (numpy, scipy 1.17)",

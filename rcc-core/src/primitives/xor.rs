@@ -1,4 +1,4 @@
-//! `Xor`: exactly one is true; null if either is null.
+//! `Xor`: true if exactly one is true; null if either is null.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 
@@ -6,9 +6,9 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Xor",
-        summary: "True while exactly one of two is true.",
+        summary: "True while exactly one input is true.",
         examples: &[Example::new(
-            "either, not both",
+            "one or the other, but not both",
             "",
             "a | b | out
                  true | false | true
