@@ -1,6 +1,5 @@
-//! The command line's end of the REST interface: one request a connection, over the cell's Unix socket or over TCP with
-//! the cell's token.
-//! Blocks the calling thread, never longer than its time-out.
+//! Client of the loader's REST interface: one request per connection, over the cell's Unix socket or over TCP with the
+//! cell's token. Each request blocks the calling thread for at most its time-out.
 
 use std::fmt;
 use std::io;
@@ -23,7 +22,7 @@ use tokio::runtime::{Builder, Runtime};
 
 use crate::failure::Failure;
 
-/// Asks the loader of one cell.
+/// REST client of one cell's loader.
 #[derive(Debug)]
 pub struct Client {
     cell: String,
@@ -32,19 +31,19 @@ pub struct Client {
     runtime: Runtime,
 }
 
-/// Where the loader is.
+/// Address of a loader.
 #[derive(Debug)]
 enum Endpoint {
     Socket(PathBuf),
     Tcp(RemoteLoader),
 }
 
-/// A loader's TCP transport, and what opens it.
+/// Address of a loader that listens on TCP, and the token that authorises the requests.
 #[derive(Clone)]
 pub struct RemoteLoader {
     /// Host and port.
     pub authority: String,
-    /// The value of `authorization`, if there is a token.
+    /// Value of the `authorization` header; `None` without a token.
     pub authorization: Option<Vec<u8>>,
 }
 
@@ -55,10 +54,10 @@ impl fmt::Debug for RemoteLoader {
 }
 
 impl RemoteLoader {
-    /// The transport at `url`, `http://HOST:PORT`; the token is in a file, or given.
+    /// Parses `url` (`http://HOST:PORT`). The token is read from `token_file`, or else taken from `token`.
     ///
     /// # Errors
-    /// Another form of address, or a token file that cannot be used.
+    /// Fails if `url` has another form or if the token file cannot be read.
     pub fn new(
         url: &str,
         token_file: Option<&Path>,
@@ -102,15 +101,15 @@ impl RemoteLoader {
 }
 
 impl Client {
-    /// A client of the cell `cell` with this socket; every request takes at most `timeout`.
+    /// Creates a client of the cell `cell` that uses the Unix socket `socket`; each request takes at most `timeout`.
     ///
     /// # Errors
-    /// The system gives no event queue.
+    /// Fails if the system cannot create an event queue.
     pub fn new(cell: &str, socket: &Path, timeout: Duration) -> Result<Client, Failure> {
         Client::with_endpoint(cell, Endpoint::Socket(socket.to_owned()), timeout)
     }
 
-    /// A client of a loader's TCP transport.
+    /// Creates a client that reaches the loader over TCP.
     ///
     /// # Errors
     /// As [`Client::new`].
@@ -138,15 +137,15 @@ impl Client {
         })
     }
 
-    /// GET.
+    /// Sends a GET request.
     ///
     /// # Errors
-    /// The loader cannot be reached, is silent, or refuses.
+    /// Fails if the loader cannot be reached, does not answer in time, or refuses the request.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
         self.request(Method::GET, path, String::new())
     }
 
-    /// POST with a text.
+    /// Sends a POST request with a text body.
     ///
     /// # Errors
     /// As [`Client::get`].
@@ -154,7 +153,7 @@ impl Client {
         self.request(Method::POST, path, body)
     }
 
-    /// PUT with a text.
+    /// Sends a PUT request with a text body.
     ///
     /// # Errors
     /// As [`Client::get`].
@@ -162,7 +161,8 @@ impl Client {
         self.request(Method::PUT, path, body)
     }
 
-    /// Values of the ports that the patterns name, all of one cycle; of all outputs without patterns.
+    /// Returns the values of the ports that match the patterns, all of one cycle; without patterns, the values of all
+    /// outputs.
     ///
     /// # Errors
     /// As [`Client::get`].
@@ -173,7 +173,7 @@ impl Client {
         self.get(&format!("{path}{query}{}", ports.join(",")))
     }
 
-    /// DELETE.
+    /// Sends a DELETE request.
     ///
     /// # Errors
     /// As [`Client::get`].
@@ -259,7 +259,7 @@ impl Client {
     }
 }
 
-/// What is known of a request that was sent and not answered in time.
+/// Returns the help text for a request that was sent but not answered in time.
 fn silent(path: &str) -> &'static str {
     match is_stop(path) {
         true => {
@@ -272,7 +272,7 @@ fn silent(path: &str) -> &'static str {
     }
 }
 
-/// One request over one connection.
+/// Sends one request over a connection of its own.
 async fn send(
     stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
     request: hyper::http::request::Builder,
@@ -281,7 +281,7 @@ async fn send(
     let (mut sender, connection) = hyper::client::conn::http1::handshake(TokioIo::new(stream))
         .await
         .map_err(io::Error::other)?;
-    // Ends with the connection, which ends with `sender`.
+    // The connection task ends with the connection, which closes when `sender` is dropped.
     let driven = tokio::spawn(connection);
     let request = request
         .body(Full::new(Bytes::from(body)))
@@ -301,7 +301,7 @@ async fn send(
     Ok((status, bytes))
 }
 
-/// The failure of a cell whose loader is not there.
+/// Returns the failure for a cell whose loader cannot be reached.
 #[must_use]
 pub fn no_loader(cell: &str, cause: &str) -> Failure {
     Failure::new(
@@ -319,7 +319,7 @@ fn other_build(error: &dyn std::fmt::Display) -> Failure {
     )
 }
 
-/// A name as one segment of an address (RFC 3986, section 2.1).
+/// Percent-encodes a name as one path segment (RFC 3986, section 2.1).
 #[must_use]
 pub fn segment(name: &str) -> String {
     let mut out = String::new();
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ends_a_motion_is_done_also_when_nobody_waits_and_is_told_so() {
+    fn a_timed_out_stop_request_is_reported_as_still_pending() {
         for path in ["/commands/line%237/cancel", "/commands/7/abort"] {
             assert!(silent(path).contains("not confirmed yet"), "{path}");
         }

@@ -1,5 +1,5 @@
-//! What all verbs share: which cell, how to print, how long to wait.
-//! Made once from the arguments; used by the main thread.
+//! Settings shared by all verbs: cell, output format, time-out. Created once from the command line's arguments; used by
+//! the main thread.
 
 use std::io::{self, IsTerminal};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use crate::client::{Client, RemoteLoader, no_loader};
 use crate::failure::Failure;
 use crate::output::{print_diagnostics, print_line};
 
-/// How results are printed.
+/// Output format of results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
     /// Tables and sentences.
@@ -22,33 +22,33 @@ pub enum Format {
     Json,
 }
 
-/// What all verbs share.
+/// Settings shared by all verbs.
 #[derive(Clone, Debug)]
 pub struct Context {
-    /// Name of the cell, if one was given.
+    /// Name of the cell given on the command line, if any.
     pub cell: Option<String>,
-    /// A loader's TCP door, to be used instead of the cell's socket.
+    /// Loader reached over TCP, used instead of the cell's socket.
     pub remote: Option<RemoteLoader>,
-    /// How results are printed.
+    /// Output format of results.
     pub format: Format,
-    /// How long one answer is waited for.
+    /// Longest time to wait for one answer.
     pub timeout: Duration,
 }
 
-/// The cell of those who name none.
+/// Name of the cell if none is given.
 pub const DEFAULT_CELL: &str = "demo";
 
 impl Context {
-    /// The name of the cell.
+    /// Returns the name of the cell.
     #[must_use]
     pub fn cell_name(&self) -> &str {
         self.cell.as_deref().unwrap_or(DEFAULT_CELL)
     }
 
-    /// A client of the cell's loader.
+    /// Creates a client of the cell's loader. Creates nothing on disk.
     ///
     /// # Errors
-    /// There is no such cell. Nothing is made on disk.
+    /// Fails if the cell does not exist.
     pub fn client(&self) -> Result<Client, Failure> {
         if let Some(remote) = &self.remote {
             return Client::remote(remote.clone(), self.timeout);
@@ -57,25 +57,25 @@ impl Context {
         let socket = match Cell::find(name) {
             Ok(Some(cell)) => cell.socket(),
             Ok(None) => return Err(no_loader(name, ": no such cell")),
-            // Another user's: whether his `access` lets us in, the socket tells.
+            // The cell belongs to another user: connecting to its socket shows whether its `access` setting admits us.
             Err(CellError::NotOurs { .. }) => base_dir().join(name).join("loader.sock"),
             Err(error) => return Err(of_cell(&error)),
         };
         Client::new(name, &socket, self.timeout)
     }
 
-    /// True if diagnostics may be coloured.
+    /// Returns true if diagnostics may be coloured.
     #[must_use]
     pub fn colour() -> bool {
         let off = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         !off && io::stderr().is_terminal()
     }
 
-    /// Prints a result: the value as JSON, or what `human` makes of it.
+    /// Prints a result: as JSON, or as the text that `human` makes of it.
     pub fn print<T: Serialize>(&self, value: &T, human: impl FnOnce(&T) -> String) {
         let text = match self.format {
             Format::Human => human(value),
-            // Values of ours have string keys and finite numbers, or null instead.
+            // Our values have string keys and numbers that are finite or null, so serialisation cannot fail.
             Format::Json => serde_json::to_string(value).unwrap_or_default(),
         };
         print_line(&text);
@@ -94,7 +94,7 @@ impl Context {
     }
 }
 
-/// A cell's name or folder that cannot be used.
+/// Converts an error about a cell's name or folder into a failure.
 #[must_use]
 pub fn of_cell(error: &rcc_ipc::CellError) -> Failure {
     let code = match error {

@@ -1,5 +1,5 @@
-//! The demo: the paper's figures 3, 4, 5 and a cancel on a simulated robot, through every process, verified from data.
-//! NetRun by the main thread, which also supervises the demo's cell.
+//! The demo: figures 3, 4 and 5 of the paper and a cancel, on a simulated robot with all processes, verified from
+//! recorded data. Runs on the main thread, which also supervises the demo's cell.
 
 pub mod facts;
 pub mod checks;
@@ -39,12 +39,12 @@ use verify::MotionCheck;
 struct DemoFigure {
     title: &'static str,
     file: &'static str,
-    /// Where it begins, m.
+    /// Start position of the flange, base frame, m.
     start: [f64; 3],
     event: MotionEvent,
 }
 
-/// Beside the start configuration of the simulated arm, and 0.15 m to the side.
+/// Two start positions (m): near the start configuration of the simulated arm, and 0.15 m to the side.
 const MIDDLE: [f64; 3] = [0.538, 0.0, 0.384];
 const SIDE: [f64; 3] = [0.538, 0.15, 0.384];
 
@@ -75,21 +75,21 @@ const FIGURES: [DemoFigure; 4] = [
     },
 ];
 
-/// The arm, its simulator and its torch, as the demo's configuration names them.
+/// Names of the arm, its simulator and its torch in the demo's configuration.
 const ARM: &str = "lwr";
 const SIMULATOR: &str = "lwr-sim";
 const TORCH: &str = "torch";
-/// Of the floor, N/m.
+/// Stiffness of the floor, N/m.
 const STIFFNESS: f64 = 3000.0;
-/// A measurement is made again, when the machine was late meanwhile, until so much time has passed since the start.
+/// Figures disturbed by a late machine are repeated until this time after the start.
 const AGAIN_LIMIT: Duration = Duration::from_secs(35);
-/// A way to the start is tried so often: a machine that is busy loses the connection now and then.
+/// Attempts to approach a start position: a busy machine loses the connection now and then.
 const APPROACHES: usize = 5;
 
-/// Runs it.
+/// Runs the demo.
 ///
 /// # Errors
-/// The cell does not come up, or something that was measured is not as it must be.
+/// Fails if the cell does not start or a check does not hold.
 pub fn run(context: &Context) -> Result<(), Failure> {
     let begun = Instant::now();
     let interrupts = Interrupts::listen()?;
@@ -119,7 +119,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     });
     starting.set(false);
     let clean = supervisor.stop(&interrupts);
-    // Before the report, which is the result: it is printed, or that is an error.
+    // Flushed before the report, which is the demo's result: it is printed, or that is an error.
     printer.finish();
     let (results, status) = played?;
     report(
@@ -183,7 +183,7 @@ fn play(
     Ok((results, client.get("/status")?))
 }
 
-/// What the configuration says about the demo's arm.
+/// The demo's arm, as configured.
 struct DemoArm {
     arm: Arm,
     torch_bit: u16,
@@ -215,7 +215,7 @@ impl DemoArm {
     }
 }
 
-/// Runs one figure and judges it; again, when it failed while the machine did not keep its own time.
+/// Runs and checks one figure; repeats it if it failed while the machine was late or the connection was lost.
 fn measure(
     runner: &mut DemoRunner<'_>,
     figure: &DemoFigure,
@@ -259,7 +259,7 @@ fn measure(
     }
 }
 
-/// Brings the arm to where a figure begins.
+/// Moves the arm to the start position of a figure.
 fn go_to(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Failure> {
     let mut words = String::new();
     for _ in 0..APPROACHES {
@@ -322,7 +322,7 @@ fn run_figure(
     Ok(run)
 }
 
-/// A net that brings the flange to a point, tool down.
+/// Returns a net that moves the flange to a point, with the tool pointing down.
 fn approach([x, y, z]: [f64; 3]) -> String {
     format!(
         "net: approach

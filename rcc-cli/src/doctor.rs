@@ -1,7 +1,7 @@
-//! What the machine grants and how it really behaves, as findings with causes and remedies.
-//! Run by the main thread of `rcc-cli doctor`; only [`measure`] starts a thread of its own.
+//! Checks of the machine and its measured behaviour, as findings with causes and remedies. Run by the main thread of
+//! `rcc-cli doctor`; only [`measure`] starts a thread of its own.
 //!
-//! [`facts`] are read once, [`checks`] are pure functions of them, [`measure`] is the one that takes its time.
+//! [`facts`] are read once, [`checks`] are pure functions of them, and [`measure`] is the only part that takes time.
 
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ pub mod driver_status;
 pub mod trial;
 pub mod requirements;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FindingLevel {
@@ -34,7 +34,7 @@ pub enum FindingLevel {
 }
 
 impl FindingLevel {
-    /// As printed before a finding.
+    /// Returns the word printed before a finding.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -46,25 +46,25 @@ impl FindingLevel {
     }
 }
 
-/// One thing that was looked at.
+/// Result of one check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct HealthFinding {
-    /// Which check found it.
+    /// Name of the check.
     pub check: &'static str,
-    /// How bad it is.
+    /// Severity.
     pub level: FindingLevel,
-    /// What is so.
+    /// The finding itself.
     pub what: String,
-    /// Why, where it is known.
+    /// Cause, if known.
     pub cause: Option<String>,
-    /// What to do.
+    /// Remedy.
     pub fix: Option<String>,
 }
 
 impl HealthFinding {
     fn new(level: FindingLevel, what: impl Into<String>) -> HealthFinding {
         HealthFinding {
-            // The table of checks writes it in.
+            // Filled in by the table of checks.
             check: "",
             level,
             what: what.into(),
@@ -73,31 +73,31 @@ impl HealthFinding {
         }
     }
 
-    /// As it should be.
+    /// Creates a finding that everything is as it should be.
     #[must_use]
     pub fn ok(what: impl Into<String>) -> HealthFinding {
         HealthFinding::new(FindingLevel::Ok, what)
     }
 
-    /// Worth knowing.
+    /// Creates a finding worth knowing.
     #[must_use]
     pub fn note(what: impl Into<String>) -> HealthFinding {
         HealthFinding::new(FindingLevel::Note, what)
     }
 
-    /// It works, but worse than it could.
+    /// Creates a finding of something that works worse than possible.
     #[must_use]
     pub fn warn(what: impl Into<String>, fix: impl Into<String>) -> HealthFinding {
         HealthFinding::new(FindingLevel::Warn, what).fix(fix)
     }
 
-    /// It prevents a cell from running.
+    /// Creates a finding that prevents cells from running.
     #[must_use]
     pub fn fail(what: impl Into<String>, fix: impl Into<String>) -> HealthFinding {
         HealthFinding::new(FindingLevel::Fail, what).fix(fix)
     }
 
-    /// Worse if the cell's file requires what was refused (`executor: {rt: required}`).
+    /// Raises a warning to a failure if the cell requires what was refused (`executor: {rt: required}`).
     #[must_use]
     pub fn required(mut self, required: bool) -> HealthFinding {
         if required && self.level == FindingLevel::Warn {
@@ -106,14 +106,14 @@ impl HealthFinding {
         self
     }
 
-    /// Why it is so.
+    /// Adds the cause.
     #[must_use]
     pub fn cause(mut self, cause: impl Into<String>) -> HealthFinding {
         self.cause = Some(cause.into());
         self
     }
 
-    /// What to do.
+    /// Adds the remedy.
     #[must_use]
     pub fn fix(mut self, fix: impl Into<String>) -> HealthFinding {
         self.fix = Some(fix.into());
@@ -121,7 +121,7 @@ impl HealthFinding {
     }
 }
 
-/// The worst level among findings.
+/// Returns the highest severity of some findings.
 #[must_use]
 pub fn worst(findings: &[HealthFinding]) -> FindingLevel {
     let levels = findings.iter().map(|finding| finding.level);

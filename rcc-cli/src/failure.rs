@@ -1,5 +1,4 @@
-//! Why a verb did not succeed: the same body as over HTTP, and the exit code.
-//! Made and printed by the main thread.
+//! Failures of verbs: the same body as over HTTP, plus the exit code. Created and printed by the main thread.
 
 use rcc_config::diagnostic::{Faults, DiagnosticRow, DiagnosticPosition, Severity, SourceText, render};
 use rcc_core::printable::Printable;
@@ -7,19 +6,19 @@ use rcc_loader::server::api::{ErrorBody, Finding};
 use rcc_loader::server::codes::{self, Code, exit};
 use rcc_loader::server::compile::findings;
 
-/// What is told to the person or program that called us.
+/// A verb's failure, as reported to the person or program that called it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure {
-    /// Exit code.
+    /// Exit code of the program.
     pub exit: u8,
-    /// What, where, what to do. Nothing is printed when it is empty (its code is): the verb said it already.
+    /// Code, message and help. Nothing is printed if code and message are empty: the verb has already printed its own.
     pub body: Box<ErrorBody>,
-    /// The text that the diagnostics refer to, as name and content.
+    /// Name and content of the text that the diagnostics refer to.
     pub source: Option<Box<(String, String)>>,
 }
 
 impl Failure {
-    /// A failure of the table of codes.
+    /// Creates a failure with a code of the table.
     pub fn new(code: Code, message: impl Into<String>, help: impl Into<String>) -> Failure {
         let help = help.into();
         Failure {
@@ -34,7 +33,7 @@ impl Failure {
         }
     }
 
-    /// What the server answered.
+    /// Converts the server's error answer.
     #[must_use]
     pub fn answered(body: ErrorBody) -> Failure {
         Failure {
@@ -44,7 +43,7 @@ impl Failure {
         }
     }
 
-    /// Ends with this exit code; everything has been said.
+    /// Ends with this exit code without printing anything more.
     #[must_use]
     pub fn said(exit: u8) -> Failure {
         Failure {
@@ -54,13 +53,13 @@ impl Failure {
         }
     }
 
-    /// Ended by Ctrl-C.
+    /// Failure of a verb that was ended by Ctrl-C.
     #[must_use]
     pub fn interrupted() -> Failure {
         Failure::said(exit::INTERRUPTED)
     }
 
-    /// A file that cannot be read.
+    /// Failure to read a file.
     #[must_use]
     pub fn unreadable(path: &str, error: &std::io::Error) -> Failure {
         let permission = error.kind() == std::io::ErrorKind::PermissionDenied;
@@ -72,7 +71,7 @@ impl Failure {
         Failure::new(code, format!("{path}: {error}"), help)
     }
 
-    /// A text that is not valid, with its findings. The exit code is that of the first error.
+    /// Failure for an invalid text, with its findings. The exit code is that of the first error.
     #[must_use]
     pub fn invalid(what: &str, diagnostics: Vec<Finding>, source: (String, String)) -> Failure {
         let first = diagnostics
@@ -95,7 +94,7 @@ impl Failure {
         }
     }
 
-    /// A configuration that is not valid.
+    /// Failure for an invalid configuration.
     #[must_use]
     pub fn of_faults(what: &str, faults: &Faults) -> Failure {
         let source = faults
@@ -109,7 +108,7 @@ impl Failure {
         failure
     }
 
-    /// As people read it.
+    /// Formats the failure as text for people.
     #[must_use]
     pub fn human(&self, colour: bool) -> String {
         let body = &self.body;
@@ -138,7 +137,7 @@ impl Failure {
     }
 }
 
-/// Draws findings, with the lines of the text if it is here.
+/// Renders findings; includes lines of the text if all places refer to it.
 #[must_use]
 pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: bool) -> String {
     if findings.is_empty() {

@@ -1,5 +1,5 @@
-//! What several verbs do with one command: load and wait, follow until it is over, tell its states.
-//! Runs on the caller's thread and asks the loader at a person's pace.
+//! Operations on one command that several verbs share: load and wait, follow until it ends, describe its state. Runs on
+//! the caller's thread and polls the loader at 20 ms.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -16,15 +16,15 @@ use crate::client::{Client, segment};
 use crate::failure::Failure;
 use crate::output::print_note;
 
-/// How often a state is asked for.
+/// Interval between two polls of a command's state.
 pub const POLL: Duration = Duration::from_millis(20);
-/// How long a net may take from `loading` to `ready`.
+/// Longest time that a net may take from `loading` to `ready`.
 pub const LOAD_LIMIT: Duration = Duration::from_secs(30);
 
-/// The text of a net, `-` is the standard input; with the name that diagnostics use.
+/// Reads the text of a net (`-` is the standard input); returns the name used in diagnostics, and the text.
 ///
 /// # Errors
-/// The file cannot be read.
+/// Fails if the file cannot be read.
 pub fn read_text(path: &str) -> Result<(String, String), Failure> {
     let name = if path == "-" { "standard input" } else { path };
     given(path, TEXT_MAX)
@@ -32,11 +32,11 @@ pub fn read_text(path: &str) -> Result<(String, String), Failure> {
         .map_err(|error| Failure::unreadable(name, &error))
 }
 
-/// A text that was named on the command line, of at most `max` bytes; `-` is the standard input. A pipe is read (`<(…)`
-/// is one), something without end is not.
+/// Reads a text named on the command line, of at most `max` bytes; `-` is the standard input. Pipes such as `<(…)` are
+/// read; endless streams are not.
 ///
 /// # Errors
-/// It cannot be read, is too long or is no text.
+/// Fails if it cannot be read, is too long or is not UTF-8 text.
 pub fn given(path: &str, max: u64) -> std::io::Result<String> {
     match path {
         "-" => file::read_stream(std::io::stdin(), max),
@@ -44,10 +44,10 @@ pub fn given(path: &str, max: u64) -> std::io::Result<String> {
     }
 }
 
-/// Reads a net as one text: with the fragments of the libraries that it uses, which a cell could not read.
+/// Reads a net as one text that includes the fragments of its libraries, which a cell could not read.
 ///
 /// # Errors
-/// The file cannot be read, or a library is missing or not valid.
+/// Fails if the file cannot be read, or if a library is missing or invalid.
 pub fn read_net(path: &str) -> Result<(String, String), Failure> {
     let (name, text) = read_text(path)?;
     let bundled = bundle(&text, &name, &FileLibraries).map_err(|faults| {
@@ -57,22 +57,22 @@ pub fn read_net(path: &str) -> Result<(String, String), Failure> {
     Ok((name, bundled.into_owned()))
 }
 
-/// Longest text of a net, bytes; more is refused by the loader, too.
+/// Longest text of a net, bytes; the loader refuses longer texts as well.
 pub const TEXT_MAX: u64 = rcc_loader::server::bodies::TEXT_MAX as u64;
 
-/// What becomes of a command that is rejected.
+/// What to do with a command that the loader rejects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OnRejection {
-    /// It stays, so that STATE shows why.
+    /// Keep it, so that STATE shows the reason.
     Keep,
-    /// It is unloaded: its diagnostics are shown, and nobody knows its id.
+    /// Unload it: its diagnostics are printed, and nobody knows its id.
     Unload,
 }
 
-/// LOAD: gives the text to the core and waits until it is `ready`.
+/// LOAD: sends the text to the core and waits until the net is `ready`.
 ///
 /// # Errors
-/// Not reachable, or rejected, with the diagnostics.
+/// Fails if the loader cannot be reached or rejects the net; includes the diagnostics.
 pub fn load(
     client: &Client,
     name: &str,
@@ -97,7 +97,7 @@ pub fn load(
                 let source = (name.to_owned(), text.to_owned());
                 let what = format!("{name} is rejected");
                 if rejected == OnRejection::Unload {
-                    // Failing leaves it in the table, where `unload` finds it.
+                    // If this fails, the command stays in the table, where `unload` can remove it.
                     let _ = unload(client, id);
                 }
                 return Err(Failure::invalid(&what, command.diagnostics, source));
@@ -107,34 +107,34 @@ pub fn load(
     }
 }
 
-/// UNLOAD.
+/// UNLOAD: removes a command that is not active.
 ///
 /// # Errors
-/// Not reachable, or refused.
+/// Fails if the loader cannot be reached or refuses.
 pub fn unload(client: &Client, id: u64) -> Result<Done, Failure> {
     client.delete(&format!("/commands/{id}"))
 }
 
-/// One command, without its text and names: to be asked for often.
+/// Returns one command without its text and names; cheap enough for polling.
 ///
 /// # Errors
-/// Not reachable, or no such command.
+/// Fails if the loader cannot be reached or the command does not exist.
 pub fn brief(client: &Client, name: &str) -> Result<CommandView, Failure> {
     client.get(&format!("/commands/{}?brief=true", segment(name)))
 }
 
-/// One command with its text and names.
+/// Returns one command with its text and names.
 ///
 /// # Errors
-/// Not reachable, or no such command.
+/// Fails if the loader cannot be reached or the command does not exist.
 pub fn state(client: &Client, name: &str) -> Result<CommandDetail, Failure> {
     client.get(&format!("/commands/{}", segment(name)))
 }
 
-/// `start`, `cancel` or `abort`.
+/// Sends `start`, `cancel` or `abort`.
 ///
 /// # Errors
-/// Not reachable, or refused.
+/// Fails if the loader cannot be reached or refuses.
 pub fn operate(client: &Client, name: &str, what: &str) -> Result<Done, Failure> {
     client.post(
         &format!("/commands/{}/{what}", segment(name)),
@@ -142,10 +142,10 @@ pub fn operate(client: &Client, name: &str, what: &str) -> Result<Done, Failure>
     )
 }
 
-/// START of some commands after stopping others, between the same two cycles.
+/// Starts some commands and stops others between the same two cycles.
 ///
 /// # Errors
-/// Not reachable, or refused: then nothing has changed.
+/// Fails if the loader cannot be reached or refuses; then nothing has changed.
 pub fn switch(client: &Client, stop: &[String], start: &[String]) -> Result<Switched, Failure> {
     let named = |names: &[String]| names.iter().cloned().map(CommandRef::Name).collect();
     let switch = Switch {
@@ -162,13 +162,13 @@ pub fn switch(client: &Client, stop: &[String], start: &[String]) -> Result<Swit
     client.post("/switch", body)
 }
 
-/// `net#id`.
+/// Formats a command as `net#id`.
 #[must_use]
 pub fn title(command: &CommandView) -> String {
     format!("{}#{}", command.net, command.id)
 }
 
-/// The state with its reason and fault: `terminated (fault: device lost)`.
+/// Formats the state with its reason or fault: `terminated (fault: device lost)`.
 #[must_use]
 pub fn state_words(command: &CommandView) -> String {
     match (&command.fault, &command.reason) {
@@ -178,16 +178,16 @@ pub fn state_words(command: &CommandView) -> String {
     }
 }
 
-/// True when nothing will change any more.
+/// Returns true if the command's state is final.
 #[must_use]
 pub fn is_over(command: &CommandView) -> bool {
     matches!(command.state.as_str(), "terminated" | "rejected")
 }
 
-/// The exit code of a command that is over, by how it ended and what was asked of it. What is no success is told.
+/// Judges a command that has ended by how it ended and by what was requested of it; prints the reason of a failure.
 ///
 /// # Errors
-/// Everything that was not asked for, with its words on stderr.
+/// Fails with the exit code of every outcome that was not requested.
 pub fn judge(command: &CommandView, asked: RequestedEnd) -> Result<(), Failure> {
     let code = codes::outcome(asked, command.reason.as_deref());
     if code == exit::OK {

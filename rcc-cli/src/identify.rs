@@ -1,9 +1,10 @@
-//! What hangs on a wrist sensor, from what it reads in several orientations: mass, centre of mass and the sensor's offset by
-//! linear least squares. Pure; the caller's thread.
+//! Identifies the load of a wrist sensor from readings in several orientations: mass, centre of mass and the sensor's
+//! offsets by linear least squares. Pure; runs on the caller's thread.
 //!
-//! With gravity g turned into the sensor's axes, f = f0 + m g and t = t0 + (m c) × g. Both are linear in the ten unknowns,
-//! and without their means (of the readings, of g) the offsets drop out: one number m from the forces, three m c from the
-//! torques (Kubus, Kröger and Wahl, "On-line rigid body identification of inertial parameters", IROS 2007, without motion).
+//! With gravity g in the sensor's axes, f = f0 + m g and t = t0 + (m c) × g. Both are linear in the ten unknowns.
+//! Subtracting the means of the readings and of g eliminates the offsets: m follows from the forces, and the three
+//! elements of m c from the torques (Kubus, Kröger and Wahl, "On-line rigid body identification of inertial
+//! parameters", IROS 2007, without motion).
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use thiserror::Error;
@@ -12,76 +13,77 @@ pub mod readings;
 
 /// Standard gravity (ISO 80000-3), m/s².
 pub const GRAVITY: f64 = 9.806_65;
-/// Orientations needed: fewer leave nothing to judge the residual by.
+/// Least number of orientations: with fewer, the residual says nothing about the fit.
 pub const ORIENTATIONS_MIN: usize = 6;
-/// Two orientations are different if the directions of gravity in the sensor are this far apart, rad.
+/// Two orientations count as different if the directions of gravity in the sensor differ by more than this, rad.
 pub const DIFFERENT_RAD: f64 = 0.0873;
-/// The least spread of the directions of gravity, see [`Identified::spread`], that separates the weight from the offset.
+/// Least [`Identified::spread`] that separates the weight from the offset.
 pub const SPREAD_MIN: f64 = 0.15;
 
-/// More than this part of the weight left over in the forces is no noise any more.
+/// Largest residual of the forces, as a part of the weight, that counts as noise.
 pub const LEFT_MAX: f64 = 0.1;
 
 /// One reading at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// `[fx fy fz tx ty tz]`, N and N·m, as the sensor says it.
+    /// `[fx fy fz tx ty tz]` as reported by the sensor, N and N·m.
     pub wrench: [f64; 6],
-    /// Axes of the sensor in the base, `[x y z w]`, any length but 0.
+    /// Orientation of the sensor in the base frame, `[x y z w]`; any length but 0.
     pub rotation: [f64; 4],
 }
 
-/// What was found, with what it is worth.
+/// Identified parameters and their quality.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Identified {
-    /// Of everything behind the sensor, kg.
+    /// Mass of everything behind the sensor, kg.
     pub mass: f64,
-    /// Centre of mass, axes and origin of the sensor, m.
+    /// Centre of mass in the sensor's frame, m.
     pub centre: [f64; 3],
-    /// What the sensor reads without load, N.
+    /// Force reading without load, N.
     pub force_offset: [f64; 3],
-    /// The same, N·m.
+    /// Torque reading without load, N·m.
     pub torque_offset: [f64; 3],
-    /// Readings used.
+    /// Number of readings used.
     pub readings: usize,
-    /// Different directions of gravity among them.
+    /// Number of different directions of gravity among them.
     pub orientations: usize,
-    /// How different the directions of gravity are: 0 all equal or on one axis, 0.82 evenly from everywhere.
+    /// Spread of the directions of gravity: 0 if all are equal or on one axis, 0.82 if evenly distributed.
     pub spread: f64,
-    /// How much more surely the best known direction of the centre is found than the worst one, 1 at best.
+    /// Condition of the centre of mass: uncertainty of its worst direction relative to its best one; 1 is ideal.
     pub condition: f64,
-    /// Root of the mean square of what is left of the force's elements, N, and of the torque's, N·m.
+    /// Root mean square of the residual's elements: force, N, and torque, N·m.
     pub residual: [f64; 2],
-    /// Largest element that is left, N and N·m.
+    /// Largest element of the residual: force, N, and torque, N·m.
     pub residual_max: [f64; 2],
-    /// Standard deviation of the mass, kg, and of the worst known direction of the centre, m, if what is left is chance.
+    /// Standard deviations of the mass, kg, and of the least certain direction of the centre, m, if the residual is
+    /// random.
     pub deviation: [f64; 2],
 }
 
-/// Why nothing can be identified.
+/// Reason why the load cannot be identified.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum IdentifyError {
-    /// A reading is not finite, or its rotation has no direction.
+    /// A reading is not finite, or its rotation is zero.
     #[error("reading {number} is not finite, or its rotation is zero")]
     Reading {
-        /// Counted from 1.
+        /// Number of the reading, counted from 1.
         number: usize,
     },
-    /// Gravity has no direction.
+    /// Gravity is zero or not finite.
     #[error("gravity must be finite and nonzero")]
     Gravity,
-    /// Not enough orientations.
+    /// Too few different orientations.
     #[error(
         "{orientations} different orientations among {readings} readings; at least {ORIENTATIONS_MIN} are required: rotate the \
          sensor so that gravity acts along other axes (rotating about the vertical does not help)"
     )]
     TooFew {
-        /// Different ones.
+        /// Number of different orientations.
         orientations: usize,
-        /// Readings.
+        /// Number of readings.
         readings: usize,
     },
-    /// They do not separate the unknowns.
+    /// The orientations do not separate the unknowns.
     #[error(
         "the orientations are too similar: their spread is {spread:.3}; at least {SPREAD_MIN} is required to separate weight \
          and offset: let gravity act along all three axes of the sensor, in both directions if possible"
@@ -90,39 +92,40 @@ pub enum IdentifyError {
         /// See [`Identified::spread`].
         spread: f64,
     },
-    /// The mass is not above what is left.
+    /// The mass is not significant.
     #[error(
         "the estimated mass is {mass:.6} kg with a standard deviation of {deviation:.6} kg: the sensor carries no load, \
          or it does not report the force of the tool on the sensor (negative mass: opposite sign, or inverse rotation)"
     )]
     Mass {
-        /// kg.
+        /// Estimated mass, kg.
         mass: f64,
-        /// kg.
+        /// Its standard deviation, kg.
         deviation: f64,
     },
-    /// The readings are not those of one mass on a good sensor.
+    /// The readings do not fit one mass on a linear sensor.
     #[error(
         "the readings do not fit a single mass: the residual is {left:.2} N for a weight of {weight:.2} N, largest in reading {number} \
          ({most:.2} N): remove that reading if it was disturbed (motion, contact); otherwise the sensor's scale, its axes or \
          the rotations are wrong"
     )]
     Misfit {
-        /// Root of the mean square of the force's elements, N.
+        /// Root mean square of the force residual's elements, N.
         left: f64,
-        /// N.
+        /// Weight, N.
         weight: f64,
-        /// The reading that fits least, from 1.
+        /// Number of the reading with the largest residual, counted from 1.
         number: usize,
-        /// Its largest element, N.
+        /// Largest element of its force residual, N.
         most: f64,
     },
 }
 
-/// Finds the ten parameters of `WrenchCompensation`; `gravity` is the acceleration of what falls, axes of the base, m/s².
+/// Identifies the ten parameters of `WrenchCompensation`. `gravity` is the acceleration of a falling body in the base
+/// frame, m/s².
 ///
 /// # Errors
-/// Readings that are no numbers, too few or too similar orientations, no mass.
+/// Fails if readings are not finite, if there are too few or too similar orientations, or if no mass is found.
 pub fn identify(readings: &[Reading], gravity: [f64; 3]) -> Result<Identified, IdentifyError> {
     let down = Vector3::from(gravity);
     if !(down.iter().all(|x| x.is_finite()) && down.norm() > 0.0) {
@@ -143,7 +146,7 @@ pub fn identify(readings: &[Reading], gravity: [f64; 3]) -> Result<Identified, I
     fit(&rows, orientations, down.norm())
 }
 
-/// Force, torque, and gravity in axes of the sensor.
+/// One reading: force (N), torque (N·m), and gravity (m/s²), all in the sensor's axes.
 #[derive(Clone, Copy)]
 struct Row {
     force: Vector3<f64>,
@@ -164,17 +167,17 @@ fn row(reading: &Reading, down: Vector3<f64>) -> Option<Row> {
     })
 }
 
-/// How many directions of gravity are further apart than [`DIFFERENT_RAD`].
+/// Counts the directions of gravity that differ by more than [`DIFFERENT_RAD`].
 fn different(rows: &[Row]) -> usize {
     let mut known: Vec<Vector3<f64>> = Vec::new();
     for row in rows {
         let direction = row.gravity.normalize();
-        // By the chord: an arc cosine is not exact where it matters.
+        // Compares chords, because the arc cosine is inexact for small angles.
         let chord = 2.0 * (DIFFERENT_RAD / 2.0).sin();
         if known.iter().all(|one| (one - direction).norm() > chord) {
             known.push(direction);
         }
-        // More do not change the answer, and each one costs a look at all readings.
+        // A hundred suffice for the answer; each further one would cost a pass over all readings.
         if known.len() == 100 {
             break;
         }
@@ -228,7 +231,7 @@ fn fit(rows: &[Row], orientations: usize, fall: f64) -> Result<Identified, Ident
         }
     }
     let [force_sum, torque_sum] = sums;
-    // So many numbers are free after 4 unknowns of the force, 6 of the torque.
+    // Degrees of freedom: the force has 4 unknowns, the torque 6.
     let free = [3.0 * count - 4.0, 3.0 * count - 6.0];
     let mass_deviation = (force_sum / free[0] / squares).sqrt();
     if !(mass > 3.0 * mass_deviation && mass > 1e-6) {

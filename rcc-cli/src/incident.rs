@@ -1,4 +1,4 @@
-//! Names for the numbers of an incident: nets, ports and slots, from the command files in it. Pure.
+//! Names the nets, ports and slots of an incident, from the command files stored in it. Pure.
 
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_engine::net::Net;
@@ -8,23 +8,23 @@ use rcc_language::names::{Names, PortNames};
 use rcc_loader::server::store::CommandFile;
 use serde_json::{Number, Value};
 
-/// What is known of a net beside its plan.
+/// A net of an incident and the names of its ports.
 #[derive(Clone, Debug, Default)]
 pub struct IncidentNet {
-    /// Its id.
+    /// Id of the command.
     pub id: u64,
-    /// Its name; empty if nobody knows.
+    /// Name of the net; empty if unknown.
     pub net: String,
-    /// Where its ports are.
+    /// Slots of its ports.
     pub names: Names,
 }
 
-/// One or more elements of an arena that are shown.
+/// Consecutive slots of an arena that are shown under one name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ShownSlots {
-    /// `line/move.pose`, `line/ik.joints[2]`.
+    /// Full name: `line/move.pose`, `line/ik.joints[2]`.
     pub name: String,
-    /// Which arena.
+    /// Arena.
     pub store: Store,
     /// First slot.
     pub slot: u32,
@@ -33,7 +33,7 @@ pub struct ShownSlots {
 }
 
 impl IncidentNet {
-    /// From a net's command file, if there is one that can be read.
+    /// Reads the names from a net's command file, if it exists and is readable.
     #[must_use]
     pub fn of(id: u64, command: Option<&[u8]>) -> IncidentNet {
         let file = command.and_then(|bytes| serde_json::from_slice::<CommandFile>(bytes).ok());
@@ -45,13 +45,13 @@ impl IncidentNet {
         }
     }
 
-    /// `line#3`, or `#3`.
+    /// Formats the net as `line#3`, or `#3` if its name is unknown.
     #[must_use]
     pub fn title(&self) -> String {
         format!("{}#{}", self.net, self.id)
     }
 
-    /// The name before the slash.
+    /// Returns the part of a full name before the slash.
     fn prefix(&self) -> String {
         match self.net.as_str() {
             "" => format!("#{}", self.id),
@@ -59,7 +59,7 @@ impl IncidentNet {
         }
     }
 
-    /// Outputs that a pattern means, by their port or by the monitor that watches them.
+    /// Returns the outputs that match a pattern, by their port or by the monitor that watches them.
     #[must_use]
     pub fn shown(&self, patterns: &[Pattern]) -> Vec<ShownSlots> {
         let net = self.prefix();
@@ -105,7 +105,7 @@ impl IncidentNet {
         all
     }
 
-    /// The name of a slot that differs.
+    /// Returns the name of a slot that differs.
     #[must_use]
     pub fn slot(&self, difference: &SlotDifference) -> String {
         let net = self.prefix();
@@ -146,7 +146,7 @@ impl ShownSlots {
         }
     }
 
-    /// Its elements now, null as `null`.
+    /// Returns the current values of its elements; null is `null`.
     #[must_use]
     pub fn values(&self, net: &Net) -> Vec<Value> {
         let (reals, bools, ints) = net.arenas();
@@ -169,7 +169,7 @@ impl ShownSlots {
 fn real(value: f64) -> Value {
     match Number::from_f64(value) {
         Some(number) => Value::Number(number),
-        // Infinite is no number in JSON, and not null either.
+        // JSON cannot represent infinite numbers, and they are not null either.
         None if value.is_infinite() => Value::String(value.to_string()),
         None => Value::Null,
     }
@@ -189,7 +189,7 @@ fn int(value: i64) -> Value {
     }
 }
 
-/// Bits of a slot as its store reads them.
+/// Converts the bits of a slot to a value, by the type of its store.
 #[must_use]
 pub fn value_of(store: Store, bits: u64) -> Value {
     match store {
@@ -199,7 +199,7 @@ pub fn value_of(store: Store, bits: u64) -> Value {
     }
 }
 
-/// A value for people and tables: null is empty, or a dash.
+/// Formats a value for people and tables; null becomes the text `null`.
 #[must_use]
 pub fn text(value: &Value, null: &str) -> String {
     match value {

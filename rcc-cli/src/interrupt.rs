@@ -1,5 +1,5 @@
-//! Ctrl-C and SIGTERM as a counter that loops look at.
-//! One thread waits for the signals; any thread may read the count.
+//! Counts SIGINT, SIGTERM and SIGHUP, so that loops can check for them. One thread waits for the signals; any thread
+//! may read the count.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -11,18 +11,18 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::failure::Failure;
 
-/// How often the person or the system asked us to end.
+/// Number of signals that asked the program to end.
 #[derive(Clone, Debug)]
 pub struct Interrupts {
-    // Relaxed everywhere: a number that others only read; nothing else is handed over with it.
+    // Relaxed everywhere: the counter orders no other memory access.
     count: Arc<AtomicU32>,
 }
 
 impl Interrupts {
-    /// From now on SIGINT, SIGTERM and SIGHUP are counted and end nothing by themselves.
+    /// Counts SIGINT, SIGTERM and SIGHUP from now on; they no longer end the program.
     ///
     /// # Errors
-    /// The system gives no thread or no signals.
+    /// Fails if the system provides no thread or no signal handling.
     pub fn listen() -> Result<Interrupts, Failure> {
         let failed = |error: std::io::Error| {
             Failure::new(
@@ -71,13 +71,13 @@ impl Interrupts {
         Ok(Interrupts { count })
     }
 
-    /// How many there were.
+    /// Returns the number of signals so far.
     #[must_use]
     pub fn count(&self) -> u32 {
         self.count.load(Ordering::Relaxed)
     }
 
-    /// True once there was one.
+    /// Returns true after the first signal.
     #[must_use]
     pub fn asked(&self) -> bool {
         self.count() > 0

@@ -1,5 +1,5 @@
-//! The command line of RCC: verbs, the supervisor behind `up`, and the demo.
-//! Everything runs in ordinary threads; nothing here can touch a cycle.
+//! The command line of RCC: verbs, the supervisor behind `up`, and the demo. Everything runs in ordinary threads;
+//! nothing here can affect a cycle.
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 

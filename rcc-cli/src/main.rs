@@ -1,5 +1,5 @@
-//! `rcc-cli`: reads its arguments, runs one verb, and ends with a documented exit code.
-//! The main thread does it all; the supervisor's children are started by it, so they end with it.
+//! `rcc-cli`: parses its arguments, runs one verb, and ends with a documented exit code. The main thread does all the
+//! work and starts the supervisor's children, so they end with it.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -15,20 +15,20 @@ use rcc_cli::output;
 use rcc_cli::verbs::Verb;
 use rcc_loader::server::codes;
 
-/// Robot Control Core: load nets, run them, look at them.
+/// Robot Control Core: check, run and inspect nets.
 #[derive(Parser)]
 #[command(version, after_help = EXIT_CODES)]
 struct Arguments {
-    /// Name of the cell (default: demo).
+    /// Name of the cell [default: demo].
     #[arg(long, env = "RCC_CELL", global = true)]
     cell: Option<String>,
-    /// Ask this loader over TCP instead of the cell's socket: http://HOST:PORT.
+    /// Connect to the loader over TCP instead of the cell's socket: http://HOST:PORT.
     #[arg(long, env = "RCC_URL", global = true)]
     url: Option<String>,
-    /// The file with the token for --url; without, the token is in RCC_TOKEN.
+    /// File with the token for --url; otherwise the token is read from RCC_TOKEN.
     #[arg(long, env = "RCC_TOKEN_FILE", global = true, requires = "url")]
     token_file: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format of results.
     #[arg(
         long,
         env = "RCC_OUTPUT",
@@ -37,7 +37,7 @@ struct Arguments {
         global = true
     )]
     output: Format,
-    /// How long one answer is waited for: 500ms, 2s, 1min.
+    /// Longest time to wait for one answer: 500ms, 2s, 1min.
     #[arg(long, env = "RCC_TIMEOUT", default_value = "2s", value_parser = duration, global = true)]
     timeout: Duration,
     #[command(subcommand)]
@@ -68,7 +68,7 @@ fn main() -> ExitCode {
         .as_deref()
         .filter(|url| !url.is_empty())
         .map(|url| {
-            // Never an argument: those are seen by everybody on the machine.
+            // Not a command line option: every user of the machine can read the arguments of a process.
             let token = std::env::var("RCC_TOKEN").ok();
             RemoteLoader::new(url, arguments.token_file.as_deref(), token.as_deref())
         });
@@ -91,13 +91,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// Help, version or wrong arguments: printed, and an error if that cannot be.
+/// Prints clap's help, version or usage error, and returns the exit code.
 fn conclude(told: &clap::Error) -> ExitCode {
     if told.use_stderr() {
-        // What was typed may be the name of a file of somebody else.
+        // The text may quote an argument such as another user's file name: make it printable.
         output::print_note(&told.to_string());
     } else if std::io::stdout().is_terminal() {
-        // Ours, with colours.
+        // Our own text, printed with colours.
         let _ = told.print();
     } else {
         output::print_line(&told.to_string());

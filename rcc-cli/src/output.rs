@@ -1,6 +1,6 @@
-//! What the command line prints. A verb whose result is its output ends when that cannot be written; whatever looks after
-//! something that runs prints through a [`Printer`], whose output is never a reason to end or to wait. Whatever a net, a
-//! device or another program says, nothing in it commands the terminal.
+//! Output of the command line. A verb whose result is its output ends the program when that output cannot be written;
+//! code that supervises something running prints through a [`Printer`], which never ends the program and never blocks.
+//! Control characters in texts of nets, devices and other programs are made harmless before they reach a terminal.
 //! Used by the main thread; a printer has a thread of its own.
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
@@ -11,18 +11,18 @@ use std::{process, thread};
 use rcc_core::printable::{Coloured, Printable};
 use rcc_loader::server::codes::{self, exit};
 
-/// Lines that wait while nobody takes them; further ones are dropped.
+/// Lines that may wait to be printed; further ones are dropped.
 const LINES_WAITING_MAX: usize = 1024;
-/// How long the last lines are waited for at the end.
+/// Longest time to wait for the last lines at the end.
 const LAST_LINES: Duration = Duration::from_secs(1);
 
-/// Prints a line on stdout, as the result of a verb that has nothing else to do. A reader that is gone ends the program
-/// without words, as it ends other filters; any other failure ends it with an error, because the result is lost.
+/// Prints a line on stdout, as the result of a verb. A closed pipe ends the program silently, as it ends other filters;
+/// any other failure ends it with an error, because the result is lost.
 pub fn print_line(text: &str) {
     write_or_exit(&format!("{}\n", Printable(text.trim_end_matches('\n'))));
 }
 
-/// Prints the text of a file, as [`print_line`], but to the byte as it is unless a terminal shows it.
+/// Prints the text of a file like [`print_line`], but byte for byte unless stdout is a terminal.
 pub fn print_file(text: &str) {
     if io::stdout().is_terminal() {
         print_line(text);
@@ -31,10 +31,10 @@ pub fn print_file(text: &str) {
     }
 }
 
-/// Prints a table, as [`print_line`], in the place of the one before, of so many lines; 0: below what is there.
+/// Prints a table like [`print_line`], over the previous one of `before` lines; 0 appends it.
 pub fn reprint(before: usize, text: &str) {
     if before > 0 {
-        // Back to its first line, and from there to the end everything is erased.
+        // Moves the cursor to the table's first line and erases to the end of the screen.
         write_or_exit(&format!("\x1b[{before}A\x1b[J"));
     }
     print_line(text);
@@ -48,7 +48,8 @@ fn write_or_exit(text: &str) {
     }
 }
 
-/// The exit code of a program whose output cannot be written; told on stderr unless its reader is gone.
+/// Returns the exit code of a program whose output cannot be written; prints the error on stderr unless the pipe is
+/// closed.
 fn exit_code_of(error: &io::Error) -> u8 {
     if error.kind() == ErrorKind::BrokenPipe {
         return exit::READER_GONE;
@@ -61,24 +62,24 @@ fn exit_code_of(error: &io::Error) -> u8 {
     codes::NOT_STORED.exit
 }
 
-/// Prints a remark on stderr. Nobody can be told when that fails, and nothing changes by it.
+/// Prints a note on stderr. A failure to do so is ignored.
 pub fn print_note(text: &str) {
     write_stderr(&Printable(text.trim_end_matches('\n')).to_string());
 }
 
-/// Prints drawings of findings on stderr, as [`print_note`], in the colours that they were drawn in.
+/// Prints rendered diagnostics on stderr like [`print_note`], and keeps their colours.
 pub fn print_diagnostics(drawing: &str) {
     write_stderr(&Coloured(drawing.trim_end_matches('\n')).to_string());
 }
 
 fn write_stderr(text: &str) {
     if !text.is_empty() {
-        // One write, so that lines of several programs do not mix.
+        // A single write, so that lines of several programs do not interleave.
         let _ = io::stderr().write_all(format!("{text}\n").as_bytes());
     }
 }
 
-/// Where a printer's text goes.
+/// Destination of a printer's text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stream {
     /// Standard output.
@@ -87,8 +88,8 @@ enum Stream {
     Err,
 }
 
-/// Prints while something runs that must not wait for it: neither a full disk, nor a reader that is gone, nor one that
-/// does not read (a stopped terminal, a pager) holds up the caller. PrintJob that cannot be printed is dropped.
+/// Prints without ever blocking the caller: neither a full disk, nor a closed pipe, nor a reader that does not read (a
+/// stopped terminal, a pager) delays it. Text that cannot be printed is dropped.
 #[derive(Clone, Debug)]
 pub struct Printer {
     texts: SyncSender<PrintJob>,
@@ -97,17 +98,17 @@ pub struct Printer {
 #[derive(Debug)]
 enum PrintJob {
     Print(Stream, String),
-    /// Everything before is printed.
+    /// Everything sent before has been printed.
     Done(SyncSender<()>),
 }
 
 impl Printer {
-    /// Starts the thread. Without one nothing is printed.
+    /// Starts the printing thread. If that fails, nothing is printed.
     #[must_use]
     pub fn start() -> Printer {
         let (texts, waiting) = sync_channel(LINES_WAITING_MAX);
         let run = move || print_all(&waiting, &mut write);
-        // A system that gives no thread gives none to a cell either, and that is told by what fails next.
+        // A system that cannot start this thread cannot start a cell either; the next step reports that.
         let _ = thread::Builder::new().name("output".into()).spawn(run);
         Printer { texts }
     }
@@ -124,22 +125,22 @@ impl Printer {
         self.send(Stream::Err, line);
     }
 
-    /// Prints a line on stdout over the one that begins there, and ends it or not.
+    /// Overwrites the current line on stdout; `end` appends a line break.
     pub fn overwrite(&self, line: &str, end: bool) {
         let end = if end { "\n" } else { "" };
         self.send(Stream::Out, format!("\r{}\x1b[K{end}", Printable(line)));
     }
 
     fn send(&self, stream: Stream, text: String) {
-        // Full or without a reader: dropped.
+        // Dropped if the queue is full or the printer's thread has ended.
         let _ = self.texts.try_send(PrintJob::Print(stream, text));
     }
 
-    /// Waits until everything is printed, at most a second.
+    /// Waits until everything is printed, at most one second.
     pub fn finish(&self) {
         let (done, printed) = sync_channel(1);
         if self.texts.try_send(PrintJob::Done(done)).is_ok() {
-            // Whoever does not read until now does not get the rest.
+            // Text that is not taken within this time is lost.
             let _: Result<(), RecvTimeoutError> = printed.recv_timeout(LAST_LINES);
         }
     }
@@ -155,7 +156,7 @@ fn write(stream: Stream, text: &str) -> io::Result<()> {
     }
 }
 
-/// Prints until the last printer is gone; the first failure of stdout is told on stderr.
+/// Prints until the last printer is dropped; reports the first failure of stdout on stderr.
 fn print_all(texts: &Receiver<PrintJob>, write: &mut dyn FnMut(Stream, &str) -> io::Result<()>) {
     let mut told = false;
     for text in texts {
@@ -167,11 +168,11 @@ fn print_all(texts: &Receiver<PrintJob>, write: &mut dyn FnMut(Stream, &str) -> 
                 {
                     told = true;
                     let words = format!("cannot write to standard output: {error}: going on without it\n");
-                    // Neither of the two takes anything: there is nobody to tell.
+                    // If stderr fails as well, the error cannot be reported anywhere.
                     let _ = write(Stream::Err, &words);
                 }
             }
-            // Whoever waited may have given up.
+            // The waiting thread may have given up.
             PrintJob::Done(done) => {
                 let _ = done.try_send(());
             }
@@ -184,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn output_that_fails_is_told_once_and_the_rest_is_still_tried() {
+    fn a_failing_output_is_reported_once_and_the_rest_is_still_tried() {
         let (texts, waiting) = sync_channel(8);
         let printer = Printer { texts };
         ["a", "b", "c"].iter().for_each(|line| printer.print_line(line));
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_printer_that_nobody_reads_from_holds_up_nobody() {
+    fn a_printer_that_nobody_reads_from_blocks_nobody() {
         let (texts, waiting) = sync_channel(2);
         let printer = Printer { texts };
         (0..100).for_each(|number| printer.print_line(&number.to_string()));

@@ -1,5 +1,5 @@
-//! Curves as a picture: panels with axes, limits and a legend, as SVG or PNG. Whoever asks for a picture runs it; the same
-//! curves give the same picture.
+//! Draws curves as SVG or PNG: panels with axes, limits and a legend. Runs on the caller's thread; the same curves give
+//! the same bytes.
 
 use std::io::Write;
 use std::sync::OnceLock;
@@ -12,7 +12,7 @@ use thiserror::Error;
 
 mod simplify;
 
-/// Colours that people with any colour vision tell apart (Okabe and Ito, 2008).
+/// Colours distinguishable with any colour vision (Okabe and Ito, 2008).
 const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -26,48 +26,49 @@ const COLOURS: [RGBColor; 8] = [
 const LIMIT: RGBColor = RGBColor(200, 30, 30);
 const WIDTH: u32 = 1200;
 const TITLE: u32 = 44;
-/// Height of a panel with time, and of one with places.
+/// Height of a panel over time, and of a spatial panel, pixels.
 const HEIGHT: u32 = 240;
 const SQUARE: u32 = 380;
 const LEGEND: u32 = 230;
-/// Names beyond these are not in the legend.
+/// Largest number of names in a legend.
 const LEGEND_MAX: usize = 12;
 const FONT: &str = "sans-serif";
 
-/// A curve; where it has no value there is a gap between two segments.
+/// A curve; a gap separates two segments where it has no value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlotCurve {
-    /// For the legend; empty: it is not in it.
+    /// Name in the legend; an empty name is left out.
     pub name: String,
-    /// Its segments, points in order.
+    /// Segments, each with its points in order.
     pub segments: Vec<Vec<(f64, f64)>>,
-    /// Place in the list of colours.
+    /// Index into the list of colours.
     pub colour: usize,
 }
 
-/// A rectangle of the picture with axes of its own.
+/// A rectangle of the plot with its own axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlotPanel {
-    /// What is shown, with its unit.
+    /// Quantity and unit.
     pub title: String,
-    /// Name of the horizontal axis, with its unit.
+    /// Name and unit of the horizontal axis.
     pub across: String,
-    /// Three to a row, with the same scale in both directions: places. Otherwise it is as wide as the picture: time.
+    /// True for positions in space: three panels per row, with equal scales on both axes. False for values over time:
+    /// one panel per row.
     pub is_spatial: bool,
-    /// Curves.
+    /// Curves to draw.
     pub curves: Vec<PlotCurve>,
-    /// Values that must not be exceeded.
+    /// Values that must not be exceeded, drawn as horizontal lines.
     pub limits: Vec<f64>,
-    /// Vertical lines: something happens.
+    /// Times of events, drawn as vertical lines.
     pub marks: Vec<f64>,
-    /// What is shown at least: least and greatest value, down and up.
+    /// Range that the vertical axis covers at least: lower and upper value.
     pub shows: Option<[f64; 2]>,
-    /// A rectangle: left, right, bottom and top.
+    /// A rectangle to draw: left, right, bottom and top.
     pub frame: Option<[f64; 4]>,
 }
 
 impl PlotPanel {
-    /// A panel of values over time, s.
+    /// Creates a panel of values over time (s).
     #[must_use]
     pub fn over_time(title: String, curves: Vec<PlotCurve>) -> PlotPanel {
         PlotPanel {
@@ -83,16 +84,16 @@ impl PlotPanel {
     }
 }
 
-/// Panels under a title.
+/// Panels under a common title.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plot {
-    /// Above all.
+    /// Title above all panels.
     pub title: String,
-    /// From the top; those with places come in rows of three.
+    /// Panels from top to bottom; spatial panels are placed three to a row.
     pub panels: Vec<PlotPanel>,
 }
 
-/// Why there is no picture.
+/// Reason why a plot cannot be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("cannot draw the plot: {0}")]
 pub struct PlotError(String);
@@ -103,30 +104,30 @@ fn failed(error: impl std::fmt::Display) -> PlotError {
     PlotError(error.to_string())
 }
 
-/// The one font of pictures, so that they are the same everywhere and need nothing from the system.
+/// Registers the only font used, so that plots are the same everywhere and need no system fonts.
 fn font() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
-        // Refused only if it were no font; then there are no letters, and the drawing says so.
+        // Registration fails only if the data is not a font; then drawing text reports the error.
         let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
     });
 }
 
 impl Plot {
-    /// As SVG.
+    /// Draws the plot as SVG.
     ///
     /// # Errors
-    /// The drawing fails.
+    /// Fails if drawing fails.
     pub fn svg(&self) -> Result<String, PlotError> {
         let mut text = String::new();
         self.draw(SVGBackend::with_string(&mut text, (WIDTH, self.height())))?;
         Ok(text)
     }
 
-    /// Writes it as PNG.
+    /// Writes the plot as PNG.
     ///
     /// # Errors
-    /// The drawing or the writing fails.
+    /// Fails if drawing or writing fails.
     pub fn png(&self, out: impl Write) -> Result<(), PlotError> {
         let (width, height) = (WIDTH, self.height());
         let mut pixels = vec![0; width as usize * height as usize * 3];
@@ -234,7 +235,7 @@ impl PlotPanel {
             .map(|mark| [(*mark, bottom), (*mark, top)]);
         let marks = up.map(|ends| PathElement::new(ends, RGBColor(90, 90, 90).stroke_width(1)));
         chart.draw_series(marks).map_err(failed)?;
-        // Half a unit of the picture is not seen.
+        // Deviations below half a pixel are invisible.
         let (x, y) = (
             (right - left) / f64::from(width),
             (top - bottom) / f64::from(height),
@@ -251,7 +252,7 @@ impl PlotPanel {
         self.legend(&side)
     }
 
-    /// Of places: where they begin.
+    /// Marks the start of each curve in a spatial panel.
     fn ends<B: DrawingBackend>(
         &self,
         chart: &mut ChartContext<'_, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
@@ -297,7 +298,7 @@ impl PlotPanel {
         Ok(())
     }
 
-    /// Left, right, bottom and top of what is shown.
+    /// Returns left, right, bottom and top of the visible range.
     fn bounds(&self, width: u32, height: u32) -> [f64; 4] {
         let points = || {
             self.curves
@@ -313,7 +314,7 @@ impl PlotPanel {
             let room = 0.05 * (top - bottom);
             return [left, right, bottom - room, top + room];
         }
-        // Without the axes' labels.
+        // Excludes the space for the axis labels.
         let shape = f64::from(width - 80) / f64::from(height - 70);
         let half = 0.55 * ((right - left) / shape).max(top - bottom).max(1e-3);
         let (x, y) = (0.5 * (left + right), 0.5 * (bottom + top));
@@ -321,7 +322,7 @@ impl PlotPanel {
     }
 }
 
-/// Least and greatest of some values, never the same.
+/// Returns the least and greatest of some values; never an empty range.
 fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let [low, high] = values
         .filter(|value| value.is_finite())
@@ -335,7 +336,7 @@ fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     }
 }
 
-/// With as many digits as a mark of an axis needs.
+/// Formats a tick label with as many digits as it needs.
 fn short(value: f64) -> String {
     let rounded = format!("{value:.6}");
     let trimmed = rounded.trim_end_matches('0').trim_end_matches('.');
@@ -377,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_the_same_each_time_and_names_cannot_break_it() {
+    fn a_plot_is_reproducible_and_escapes_names() {
         let svg = picture().svg().unwrap();
         assert_eq!(svg, picture().svg().unwrap());
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
@@ -407,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_change_has_room_around_it() {
+    fn a_constant_value_gets_a_range_around_it() {
         assert_eq!(span([2.0, 2.0].into_iter()), [1.5, 2.5]);
         assert_eq!(span([f64::NAN].into_iter()), [0.0, 1.0]);
         assert_eq!(span([1.0, f64::INFINITY, 3.0].into_iter()), [1.0, 3.0]);

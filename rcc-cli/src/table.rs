@@ -1,10 +1,9 @@
-//! Tables for people: columns without frames, as wide as their content.
-//! Pure.
+//! Tables for people: columns without borders, as wide as their content. Pure.
 
 use comfy_table::presets::NOTHING;
 use comfy_table::{ContentArrangement, Table};
 
-/// A table with these heads.
+/// Creates a table with these headings.
 #[must_use]
 pub fn table(heads: &[&str]) -> Table {
     let mut table = Table::new();
@@ -15,7 +14,7 @@ pub fn table(heads: &[&str]) -> Table {
     table
 }
 
-/// The table as text, without blanks at line ends.
+/// Formats the table as text, without trailing blanks.
 #[must_use]
 pub fn text(table: &Table) -> String {
     let lines: Vec<String> = table
@@ -30,7 +29,7 @@ pub fn text(table: &Table) -> String {
     lines.join("\n")
 }
 
-/// A time in the unit that suits it.
+/// Formats a duration in a suitable unit.
 #[must_use]
 pub fn time(ns: u64) -> String {
     let value = ns as f64;
@@ -43,7 +42,7 @@ pub fn time(ns: u64) -> String {
     }
 }
 
-/// Cycles with thin groups of three digits.
+/// Formats a number with its digits grouped by three.
 #[must_use]
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();

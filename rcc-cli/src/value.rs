@@ -1,20 +1,19 @@
-//! Values of ports for people: null is null, numbers with few digits, angles in degrees if asked for.
-//! Pure.
+//! Formats port values for people: null stays null, numbers have few digits, angles are in degrees on request. Pure.
 
 use rcc_loader::server::api::ValueView;
 use serde_json::Value;
 
 use crate::table;
 
-/// How values are shown.
+/// Formatting options.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Style {
-    /// Angles in degrees.
+    /// Show angles in degrees.
     pub degrees: bool,
 }
 
 impl Style {
-    /// The value in the unit that is shown.
+    /// Returns the value in the displayed unit.
     #[must_use]
     pub fn value(self, view: &ValueView) -> Value {
         match self.factor(view) {
@@ -23,7 +22,7 @@ impl Style {
         }
     }
 
-    /// The unit that is shown; empty if there is none.
+    /// Returns the displayed unit; empty if there is none.
     #[must_use]
     pub fn unit(self, view: &ValueView) -> String {
         let unit = view.unit.clone().unwrap_or_default();
@@ -33,13 +32,13 @@ impl Style {
         }
     }
 
-    /// The value for people.
+    /// Formats the value for people.
     #[must_use]
     pub fn human(self, view: &ValueView) -> String {
         human(&self.value(view))
     }
 
-    /// Of angles and what is an angle per time.
+    /// Returns the conversion factor of angles and their time derivatives; `None` for other units.
     fn factor(self, view: &ValueView) -> Option<f64> {
         let unit = view.unit.as_deref().unwrap_or_default();
         let angle = unit == "rad" || unit.starts_with("rad/s");
@@ -75,14 +74,14 @@ fn human(value: &Value) -> String {
     }
 }
 
-/// One row a port.
+/// Formats values as a table, one row per port.
 #[must_use]
 pub fn rows(values: &[ValueView], style: Style) -> String {
     let mut rows = table::table(&["PORT", "VALUE", "UNIT"]);
     for view in values {
         let unit = match (view.unit.as_ref(), view.ty.as_str()) {
             (Some(_), _) => style.unit(view),
-            // These say their units by their type.
+            // The type of these implies their units.
             (None, ty @ ("Pose" | "Rotation" | "Twist" | "Wrench")) => ty.to_owned(),
             (None, _) => String::new(),
         };

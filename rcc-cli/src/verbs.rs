@@ -1,5 +1,5 @@
-//! The verbs: one file and two lines each, its module and its row of the table.
-//! Every verb runs on the main thread and ends with a documented exit code.
+//! The verbs: each is one file and two lines, its module and its row in the table. Verbs run on the main thread and end
+//! with a documented exit code.
 
 use std::time::Duration;
 
@@ -46,17 +46,17 @@ pub mod wrench;
 
 macro_rules! verbs {
     ($($(#[doc = $doc:literal])* $name:ident = $module:ident;)*) => {
-        /// What to do.
+        /// Subcommands of `rcc-cli`.
         #[derive(clap::Subcommand, Debug)]
         pub enum Verb {
             $($(#[doc = $doc])* $name($module::Arguments),)*
         }
 
         impl Verb {
-            /// Does it.
+            /// Runs the verb.
             ///
             /// # Errors
-            /// Everything that is not a success, with its exit code.
+            /// Fails with the exit code of everything that is not a success.
             pub fn run(self, context: &Context) -> Result<(), Failure> {
                 match self {
                     $(Verb::$name(arguments) => $module::run(context, arguments),)*
@@ -67,91 +67,91 @@ macro_rules! verbs {
 }
 
 verbs! {
-    /// Start a simulated cell, run the paper's three figures, verify what was measured.
+    /// Run the paper's three figures on a simulated cell and verify the measurements
     Demo = demo;
-    /// Start and supervise a cell.
+    /// Start and supervise a cell
     Up = up;
-    /// Check nets without loading them anywhere.
+    /// Check nets offline
     Check = check;
-    /// Lay out the text of nets, comments kept.
+    /// Format nets, keeping comments
     Fmt = fmt;
-    /// What a net needs, in which order it runs, and what can be null and why.
+    /// Explain a net: time budget, order of evaluation, and which values can be null
     Explain = explain;
-    /// A net of the predecessor (DirectIONet) as YAML or JSON, and back.
+    /// Convert nets between DirectIONet (the predecessor's format), YAML and JSON
     Convert = convert;
-    /// Make a robot file from a URDF.
+    /// Create robot files from URDF
     Robot = robot;
-    /// Draw a net: SVG, DOT or Mermaid.
+    /// Draw a net as SVG, DOT or Mermaid
     Graph = graph;
-    /// What primitives cost on this machine.
+    /// Show the execution cost of each primitive on this machine
     Costs = costs;
-    /// LOAD: give a net to the core.
+    /// Load a net (LOAD)
     Load = load;
-    /// START: evaluate a loaded net from the next cycle on.
+    /// Start loaded nets at the next cycle (START)
     Start = start;
-    /// Run a net in virtual time against simple device models, without a cell.
+    /// Run a net in virtual time against simple device models, without a cell
     Simulate = simulate;
-    /// Draw what the arms of a net would do: path, joints, speeds, accelerations and jerks against their limits.
+    /// Plot the arm motions of a net: path, joints, and derivatives relative to their limits
     Plot = plot;
-    /// Load, start and follow a net; Ctrl-C cancels it.
+    /// Load, start and follow a net; Ctrl-C cancels it
     Run = run;
-    /// Set inputs of a net while it is ready or runs, or list them.
+    /// Set or list the inputs of a net
     Set = set;
-    /// Values of any ports of a net, again and again.
+    /// Show values of a net's ports periodically
     Watch = watch;
-    /// CANCEL: ask a net to end in its own way.
+    /// Ask a net to end in its own way (CANCEL)
     Cancel = cancel;
-    /// ABORT: end a net at once; the drivers bring its devices to rest.
+    /// End a net at once; the drivers bring its devices to rest (ABORT)
     Abort = abort;
-    /// UNLOAD: forget a net that is not active.
+    /// Unload a net that is not active (UNLOAD)
     Unload = unload;
-    /// STATE: everything about one net, or the states of all.
+    /// Show the state of one net, or of all nets (STATE)
     State = state;
-    /// List the loaded nets.
+    /// List the loaded nets
     Ls = ls;
-    /// List the values that go from net to net.
+    /// List the topics that connect nets
     Topics = topics;
-    /// List the devices.
+    /// List the devices and their connections
     Devices = devices;
-    /// List the primitives, or explain one.
+    /// List the primitives, or explain one
     Primitives = primitives;
-    /// Print the JSON Schema of nets, for editors.
+    /// Print the JSON Schema of nets, for editors
     Schema = schema;
-    /// The executor's health and the processes of the cell.
+    /// Show the executor's health and the cell's processes
     Status = status;
-    /// Where the time of the cycles goes, live: nets, histograms, primitives, late cycles.
+    /// Show live timing: nets, histograms, primitives and late cycles
     Top = top;
-    /// What happened: who died, what was lost, what ended and why.
+    /// Show the event log: process deaths, lost devices, ended nets and their causes
     Events = events;
-    /// List what the flight recorder wrote, or have it write now.
+    /// List the incident files of the flight recorder, or record one now
     Incidents = incidents;
-    /// Run the nets of an incident file again and compare every cycle.
+    /// Replay the nets of an incident file and compare every cycle
     Replay = replay;
-    /// Break something on purpose, in a simulated cell only.
+    /// Inject a fault into a simulated cell
     Fault = fault;
-    /// What this machine grants and how punctual it is; why a device is not connected.
+    /// Check this machine's real-time capability, or diagnose a device connection
     Doctor = doctor;
-    /// What hangs on a wrist sensor, from its readings.
+    /// Identify the load of a wrist sensor from its readings
     Wrench = wrench;
-    /// Print monitored values as they come.
+    /// Print monitored values as they arrive
     Tail = tail;
-    /// Write the systemd units of a cell from its configuration, or remove them.
+    /// Install or remove the systemd units of a cell
     InstallUnits = install_units;
-    /// Set what only root can set for real time; the units do it at start.
+    /// Apply the real-time settings that need root; the units do this at start
     RtSetup = rt_setup;
 }
 
-/// A net by id or name.
+/// Selects a net by id or name.
 #[derive(clap::Args, Debug)]
 pub struct NetName {
-    /// Id, name of the net (then the newest of that name), or name#id.
+    /// Net: id, name (the newest with that name), or name#id
     pub name: String,
 }
 
-/// Reads `500ms`, `2s`, `1min`, or seconds without a unit.
+/// Parses `500ms`, `2s`, `1min`, or seconds without a unit.
 ///
 /// # Errors
-/// Anything else, in words.
+/// Returns a message for any other text, and for durations outside of 1 ms to one day.
 pub fn duration(text: &str) -> Result<Duration, String> {
     let text = text.trim();
     let digits = text
@@ -178,14 +178,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_have_a_unit_or_are_seconds() {
+    fn durations_have_a_unit_or_are_seconds() {
         assert_eq!(duration("500ms"), Ok(Duration::from_millis(500)));
         assert_eq!(duration("1.5"), Ok(Duration::from_millis(1500)));
         assert_eq!(duration("1 min"), Ok(Duration::from_secs(60)));
     }
 
     #[test]
-    fn what_is_no_time_is_refused() {
+    fn invalid_durations_are_refused() {
         for text in ["", "s", "-1s", "0s", "5 h", "1e9s", "nan"] {
             assert!(duration(text).is_err(), "{text}");
         }

@@ -290,7 +290,7 @@ fn a_net_that_would_break_a_limit_is_drawn_and_told_but_not_simulated() {
     let (file, svg) = (folder.file("hasty.yaml"), folder.file("hasty.svg"));
     let words = plot(1, &[&file, "-o", &svg]);
     assert!(
-        words.contains("would break a limit") && words.contains("in move"),
+        words.contains("would violate a limit") && words.contains("in move"),
         "{words}"
     );
     assert!(folder.read("hasty.svg").contains("jerk"));
@@ -338,7 +338,7 @@ fn check_rehearses_from_where_the_simulators_begin() {
     let told = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(output.status.code(), Some(0), "{told}");
     assert!(
-        told.contains("instead of 300.0 mm: half of a leg at most"),
+        told.contains("instead of 300.0 mm: at most half of a leg"),
         "{told}"
     );
     let text = fs::read_to_string(net("line.yaml")).expect("a net");

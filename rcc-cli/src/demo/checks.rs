@@ -1,5 +1,5 @@
-//! From what was recorded of one motion to the checks that it must pass.
-//! Pure; the demo's main thread calls it when a motion is over.
+//! Derives the checks of one motion from its recorded data. Pure; called by the demo's main thread when a motion has
+//! ended.
 
 use rcc_core::frame::joints_from;
 use rcc_core::kinematics::Arm;
@@ -13,30 +13,30 @@ use super::simulator::Exchange;
 use super::verify::{self, ARM_TOLERANCE_M, MotionCheck, LineSegment, SET_POINT_TOLERANCE_M, SentDatagram, DistanceTrack};
 use crate::follow;
 
-/// What happens to a motion of the demo, and so what is looked for.
+/// Event during a motion of the demo, which selects the checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionEvent {
-    /// Nothing.
+    /// No event.
     None,
-    /// It meets a floor.
+    /// The arm touches a floor.
     Contact,
-    /// The torch is switched on and off on the way.
+    /// The torch is switched on and off during the motion.
     Weld,
-    /// It is cancelled while the torch burns.
+    /// The motion is cancelled while the torch burns.
     Cancel,
 }
 
 /// Everything recorded of one motion.
 pub struct RecordedMotion<'a> {
-    /// The command when it was over.
+    /// The command after its end.
     pub command: &'a CommandDetail,
-    /// What its text says.
+    /// Parameters from its text.
     pub facts: MotionFacts,
     /// Its monitor records, in order.
     pub records: Vec<MonitorRecord>,
-    /// What went over the wire.
+    /// Datagrams on the wire.
     pub exchanges: Vec<Exchange>,
-    /// The arm's kinematics.
+    /// Kinematics of the arm.
     pub arm: Arm,
     /// Bit of the torch in `$FRI_FRM_BOOL`.
     pub torch_bit: u16,
@@ -44,7 +44,7 @@ pub struct RecordedMotion<'a> {
     pub dt_s: f64,
 }
 
-/// A monitor's values: cycle and elements.
+/// Values of a monitor: cycle and elements.
 type Series<'a> = Vec<(u64, &'a [f64])>;
 
 impl RecordedMotion<'_> {
@@ -70,7 +70,7 @@ impl RecordedMotion<'_> {
         }
     }
 
-    /// First cycle in which a truth value is `value` and was not in the cycle before.
+    /// Returns the first cycle in which a Bool becomes `value`.
     fn switched(&self, source: &str, value: bool) -> Option<u64> {
         let wanted = f64::from(u8::from(value));
         let series = self.series(source);
@@ -81,7 +81,7 @@ impl RecordedMotion<'_> {
         pairs.next().map(|pair| pair[1].0)
     }
 
-    /// First cycle in which a truth value is true.
+    /// Returns the first cycle in which a Bool is true.
     fn first_true(&self, source: &str) -> Option<u64> {
         let series = self.series(source);
         let mut cycles = series
@@ -91,7 +91,7 @@ impl RecordedMotion<'_> {
     }
 }
 
-/// The index of the monitor that watches `source`.
+/// Returns the index of the monitor that watches `source`.
 #[must_use]
 pub fn monitor_index(command: &CommandDetail, source: &str) -> Option<u32> {
     let monitors = command.names.get("monitors")?.as_array()?;
@@ -101,7 +101,7 @@ pub fn monitor_index(command: &CommandDetail, source: &str) -> Option<u32> {
     u32::try_from(monitors.iter().position(watches)?).ok()
 }
 
-/// All checks of a motion.
+/// Returns all checks of a motion.
 #[must_use]
 pub fn checks(recorded: &RecordedMotion<'_>, event: MotionEvent) -> Vec<MotionCheck> {
     let set_points = recorded.points("move.pose");
@@ -212,7 +212,7 @@ fn in_cycle(cycle: Option<u64>) -> String {
     cycle.map_or_else(|| "never".to_owned(), |cycle| format!("cycle {cycle}"))
 }
 
-/// The floor was really there.
+/// Checks that the arm really touched the floor.
 fn pushed(recorded: &RecordedMotion<'_>) -> MotionCheck {
     let force = recorded
         .exchanges

@@ -1,5 +1,5 @@
-//! What a net of the demo says about itself: where its motion goes, what it may do, where the torch switches.
-//! Read from the same text that is loaded, so that what is verified is what is written there.
+//! Parameters of a demo net: goal and limits of its motion, and switching positions of the torch. Read from the text
+//! that is loaded, so that the checks use the loaded values.
 
 use rcc_config::quantity;
 use rcc_config::yaml::{self, Node};
@@ -8,28 +8,28 @@ use rcc_loader::server::codes;
 
 use crate::failure::Failure;
 
-/// The facts of one net.
+/// Parameters of one net.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionFacts {
-    /// Where the motion goes, m, base frame.
+    /// Goal of the motion, base frame, m.
     pub goal: [f64; 3],
-    /// What it may do; the length is not known before it starts.
+    /// Limits of the motion; the length is unknown before it starts (0).
     pub limits: PathLimits,
-    /// Distance beyond which the torch burns, m.
+    /// Distance from which the torch burns, m.
     pub torch_on: Option<f64>,
-    /// Distance from which on it does not, m.
+    /// Distance from which the torch is off again, m.
     pub torch_off: Option<f64>,
 }
 
-/// The id of the motion in the nets of the demo.
+/// Id of the motion in the demo's nets.
 const MOTION: &str = "move";
-/// Its output that the torch depends on.
+/// Output of the motion that switches the torch.
 const DISTANCE: &str = "move.distance";
 
-/// Reads the facts of a net.
+/// Reads the parameters of a net.
 ///
 /// # Errors
-/// The text is none of the demo's nets.
+/// Fails if the text is not one of the demo's nets.
 pub fn read(name: &str, text: &str) -> Result<MotionFacts, Failure> {
     let strange = |what: &str| {
         Failure::new(
@@ -67,7 +67,7 @@ pub fn read(name: &str, text: &str) -> Result<MotionFacts, Failure> {
     })
 }
 
-/// The literal that a primitive of this type compares the distance with.
+/// Returns the literal that a primitive of type `ty` compares the distance with.
 fn compared(primitives: &Node, ty: &str) -> Option<f64> {
     let entries = primitives.map()?.iter().map(|entry| &entry.value);
     let mut compared = entries.filter_map(|primitive| {

@@ -1,38 +1,38 @@
-//! A motion as a person watches it: a bar with distance, speed, force and torch.
-//! Printed by the demo's main thread; redrawn in place on a terminal, a few lines elsewhere.
+//! Progress of a motion: a bar with distance, speed, force and torch. Printed by the demo's main thread; redrawn in
+//! place on a terminal, otherwise printed once at the end.
 
 use crate::output::Printer;
 use std::io::{self, IsTerminal};
 
-/// Cells of the bar.
+/// Width of the bar, characters.
 const WIDTH: usize = 28;
 
-/// What is shown.
+/// The displayed values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionProgress {
-    /// Part of the way, 0 to 1.
+    /// Completed part of the path, 0 to 1.
     pub part: f64,
-    /// m.
+    /// Distance along the path, m.
     pub distance: f64,
-    /// m/s, if the net shows it.
+    /// Speed, m/s, if the net monitors it.
     pub speed: Option<f64>,
-    /// N, if the net shows it.
+    /// Force, N, if the net monitors it.
     pub force: Option<f64>,
-    /// The torch, if the net has one.
+    /// State of the torch, if the net has one.
     pub torch: Option<bool>,
 }
 
-/// The bar of one motion.
+/// Progress bar of one motion.
 pub struct Bar {
     name: String,
     live: bool,
     shown: Option<String>,
-    /// A terminal that is gone, or stopped, is no reason to stop a robot in some other way than by its net.
+    /// Never blocks: a closed or stopped terminal must not change how the robot stops.
     printer: Printer,
 }
 
 impl Bar {
-    /// A bar with this name before it.
+    /// Creates a bar with this title.
     #[must_use]
     pub fn new(name: &str, quiet: bool, printer: &Printer) -> Bar {
         Bar {
@@ -43,7 +43,7 @@ impl Bar {
         }
     }
 
-    /// Shows the motion as it is now; only on a terminal.
+    /// Redraws the bar; only on a terminal.
     pub fn show(&mut self, view: &MotionProgress) {
         let line = line(&self.name, view);
         if self.live && self.shown.as_ref() != Some(&line) {
@@ -52,7 +52,7 @@ impl Bar {
         self.shown = Some(line);
     }
 
-    /// The last line stays, with how it ended.
+    /// Prints the final line, with how the motion ended.
     pub fn end(&mut self, view: &MotionProgress, words: &str) {
         let text = format!("{}  {words}", line(&self.name, view));
         if self.live {
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn null_is_no_way() {
+    fn a_null_position_shows_an_empty_bar() {
         let view = MotionProgress {
             part: f64::NAN,
             ..MotionProgress::default()

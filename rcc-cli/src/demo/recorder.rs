@@ -1,5 +1,5 @@
-//! Everything that the nets of the demo's cell make visible, kept in memory.
-//! One thread reads the executor's stream; the demo's main thread looks at what has come.
+//! Keeps all monitor records of the demo's cell in memory. A thread of its own reads the executor's stream; the demo's
+//! main thread queries the records.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,12 +15,12 @@ use rcc_loader::server::executor::EXECUTOR_LABEL;
 
 use crate::failure::Failure;
 
-/// How often the stream is looked at; its buffers hold more than 100 ms.
+/// Polling interval of the stream; its buffers hold more than 100 ms.
 const POLL_INTERVAL: Duration = Duration::from_millis(4);
 
 #[derive(Default)]
 struct RecordStore {
-    /// By command.
+    /// Records by command.
     records: HashMap<u64, Vec<MonitorRecord>>,
     next_sequence: Option<u64>,
     lost: u64,
@@ -29,16 +29,16 @@ struct RecordStore {
 /// Keeps records until it is dropped.
 pub struct Recorder {
     kept: Arc<Mutex<RecordStore>>,
-    // Relaxed: nothing else is handed over with it.
+    // Relaxed: the flag orders no other memory access.
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Recorder {
-    /// Begins to keep the records of the cell's executor.
+    /// Starts to keep the records of the cell's executor.
     ///
     /// # Errors
-    /// There is no executor, or its stream cannot be read.
+    /// Fails if there is no executor or if its stream cannot be read.
     pub fn start(cell: &Cell) -> Result<Recorder, Failure> {
         let failed = |words: String| Failure::new(codes::NO_EXECUTOR, words, "");
         let announced = cell
@@ -71,7 +71,7 @@ impl Recorder {
         })
     }
 
-    /// The newest value of a monitor.
+    /// Returns the newest value of a monitor (its first element).
     #[must_use]
     pub fn newest(&self, command: u64, monitor: u32) -> Option<f64> {
         let kept = locked(&self.kept);
@@ -81,7 +81,7 @@ impl Recorder {
             .map(|record| record.values[0])
     }
 
-    /// The last cycle that was recorded of a command.
+    /// Returns the cycle of the newest record of a command; 0 without records.
     #[must_use]
     pub fn last_cycle(&self, command: u64) -> u64 {
         let kept = locked(&self.kept);
@@ -91,7 +91,7 @@ impl Recorder {
             .map_or(0, |last| last.cycle)
     }
 
-    /// All records of a command, in order, and how many records were lost so far.
+    /// Removes and returns all records of a command, in order, with the number of records lost so far.
     #[must_use]
     pub fn take(&self, command: u64) -> (Vec<MonitorRecord>, u64) {
         let mut kept = locked(&self.kept);
@@ -104,7 +104,7 @@ impl Drop for Recorder {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A panic there was printed there; here nothing depends on it any more.
+            // A panic was already printed by its thread, and nothing here depends on that thread any more.
             let _ = thread.join();
         }
     }
@@ -119,7 +119,7 @@ fn keep(
     let mut batch = Vec::new();
     while !stop.load(Ordering::Relaxed) {
         batch.clear();
-        // The stream's end is the executor's: what is missing then is found by who looks for it.
+        // The stream ends with the executor; missing records are detected by the checks.
         while matches!(subscriber.read_into(&mut batch), Ok(true)) {}
         let mut kept = locked(kept);
         for record in &batch {
@@ -134,12 +134,12 @@ fn keep(
         drop(kept);
         thread::sleep(POLL_INTERVAL);
     }
-    // In this order: what was opened through the session is closed first.
+    // Drop order: what was opened through the session is closed before the session.
     drop(subscriber);
     drop(session);
 }
 
-/// A panic between two records leaves whole records.
+/// Ignores poisoning: records are added whole, so a panic leaves no partial record.
 fn locked(kept: &Mutex<RecordStore>) -> MutexGuard<'_, RecordStore> {
     kept.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,5 +1,5 @@
-//! The demo's cell with everything that acts on it and records it; runs one net at a time.
-//! Used by the demo's main thread, which keeps supervising the cell while it waits.
+//! Runs the demo's nets one at a time, and records each. Used by the demo's main thread, which keeps supervising the
+//! cell while it waits.
 
 use std::time::{Duration, Instant};
 
@@ -16,49 +16,49 @@ use crate::interrupt::Interrupts;
 use crate::output::Printer;
 use crate::supervisor::{POLL_INTERVAL, Supervisor};
 
-/// How long a device that is not ready is waited for.
+/// Longest time to wait for a device to become ready.
 const READY_LIMIT: Duration = Duration::from_secs(20);
-/// How long one net of the demo may take.
+/// Longest time for one net of the demo.
 const NET_LIMIT: Duration = Duration::from_secs(20);
-/// How long the last records of a net may take to come.
+/// Longest time to wait for a net's last records.
 const RECORDS_LIMIT: Duration = Duration::from_secs(1);
 
-/// The cell and who acts on it.
+/// The demo's cell, its clients and its recorders.
 pub struct DemoRunner<'a> {
-    /// When the cell was up.
+    /// Time at which the cell was up.
     pub begun: Instant,
-    /// Keeps the cell alive.
+    /// Supervises the cell.
     pub supervisor: &'a mut Supervisor,
-    /// Asks the loader.
+    /// Client of the loader.
     pub client: &'a Client,
-    /// Keeps the records.
+    /// Keeps the monitor records.
     pub recorder: &'a Recorder,
-    /// The simulated arm.
+    /// Control port of the simulated arm.
     pub simulator: &'a mut Simulator,
-    /// Ctrl-C.
+    /// Detects Ctrl-C.
     pub interrupts: &'a Interrupts,
-    /// Where the person who watches is told.
+    /// Prints progress and notes.
     pub printer: &'a Printer,
 }
 
-/// A net that is over, with what was recorded of it.
+/// A net that has ended, with its recorded data.
 pub struct NetRun {
-    /// The command when it was over.
+    /// The command after its end.
     pub command: CommandDetail,
-    /// Its records.
+    /// Its monitor records.
     pub records: Vec<MonitorRecord>,
-    /// What went over the wire from before START until the arm was at rest.
+    /// Datagrams on the wire, from before START until the arm was at rest.
     pub exchanges: Vec<Exchange>,
-    /// Late cycles of the executor meanwhile.
+    /// Late cycles of the executor during the run.
     pub late: u64,
 }
 
 impl DemoRunner<'_> {
-    /// Loads, starts and follows a net until it is over and the arm is at rest. `watch` is called while it runs and says
-    /// when it shall be cancelled.
+    /// Loads, starts and follows a net until it has ended and the arm is at rest. `watch` is called repeatedly while
+    /// the net runs; it returns true when the net is to be cancelled.
     ///
     /// # Errors
-    /// Interrupted, not reachable, refused, or it takes too long.
+    /// Fails on an interrupt, if the loader cannot be reached or refuses, or if a time limit is exceeded.
     pub fn run(
         &mut self,
         name: &str,
@@ -104,7 +104,8 @@ impl DemoRunner<'_> {
         })
     }
 
-    /// The device may become unready between LOAD and START when the machine is busy; then both are tried again.
+    /// Loads and starts a net. On a busy machine the device may become unready between LOAD and START; then both are
+    /// repeated.
     fn load_and_start(&mut self, name: &str, text: &str) -> Result<CommandDetail, Failure> {
         let limit = Instant::now() + READY_LIMIT;
         loop {
@@ -123,10 +124,10 @@ impl DemoRunner<'_> {
         }
     }
 
-    /// Waits until every device is at rest and may be commanded.
+    /// Waits until every device is at rest and can be commanded.
     ///
     /// # Errors
-    /// Interrupted, not reachable, or it takes too long.
+    /// Fails on an interrupt, if the loader cannot be reached, or if it takes too long.
     pub fn wait_until_ready(&mut self) -> Result<(), Failure> {
         let limit = Instant::now() + READY_LIMIT;
         loop {
@@ -176,7 +177,7 @@ impl DemoRunner<'_> {
     }
 }
 
-/// The simulator's control port failed.
+/// Failure of a simulator's control port.
 pub fn simulator_failed(error: std::io::Error) -> Failure {
     Failure::new(codes::PROCESS_FAILED, error.to_string(), "")
 }

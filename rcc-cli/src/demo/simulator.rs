@@ -1,5 +1,5 @@
-//! The demo's hand on the simulated arm: its control port, and the trace of what went over the wire.
-//! Blocks the demo's main thread for at most a few seconds.
+//! Client of a simulator's control port, and reader of its traces of the datagrams on the wire. Blocks the demo's main
+//! thread for at most a few seconds.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
@@ -8,34 +8,34 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-/// How long the simulator may take for an answer.
+/// Longest time that the simulator may take to answer.
 const ANSWER_LIMIT: Duration = Duration::from_secs(6);
-/// In a trace: the robot follows our set-points.
+/// Value of the trace's `state` column while the robot follows set-points.
 const COMMAND_STATE: &str = "2";
 
-/// The control port of `lwr-sim` or `io-sim`.
+/// Client of the control port of `lwr-sim` or `io-sim`.
 pub struct Simulator {
     stream: BufReader<UnixStream>,
 }
 
-/// One measurement datagram of the controller and our answer to it.
+/// One measurement datagram of the controller and our answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exchange {
-    /// Joints of our answer as the robot received them, rad.
+    /// Joint positions of our answer as the robot received them, rad.
     pub commanded: [f64; 7],
     /// `$FRI_FRM_BOOL` of our answer.
     pub booleans: u16,
-    /// Where the simulated flange is, base frame, m.
+    /// Position of the simulated flange, base frame, m.
     pub flange: [f64; 3],
     /// Force on the flange, base axes, N.
     pub force: [f64; 3],
 }
 
 impl Simulator {
-    /// Connects to the socket of a simulator.
+    /// Connects to a simulator's socket.
     ///
     /// # Errors
-    /// What the system says.
+    /// Returns the system's error.
     pub fn connect(path: &Path) -> io::Result<Simulator> {
         let stream = UnixStream::connect(path)?;
         stream.set_read_timeout(Some(ANSWER_LIMIT))?;
@@ -45,10 +45,10 @@ impl Simulator {
         })
     }
 
-    /// Sends one command and reads its answer.
+    /// Sends one command and returns the answer.
     ///
     /// # Errors
-    /// What the system says, or the simulator's refusal.
+    /// Returns the system's error or the simulator's refusal.
     pub fn ask(&mut self, command: &Value) -> io::Result<Value> {
         self.stream
             .get_mut()
@@ -62,7 +62,7 @@ impl Simulator {
         }
     }
 
-    /// Puts a floor at this height, m, that pushes upwards.
+    /// Places a floor at this height (m) with this stiffness (N/m), which pushes upwards.
     ///
     /// # Errors
     /// As [`Simulator::ask`].
@@ -73,7 +73,7 @@ impl Simulator {
         self.ask(&json!({ "wall": wall })).map(|_| ())
     }
 
-    /// Takes the floor away.
+    /// Removes the floor.
     ///
     /// # Errors
     /// As [`Simulator::ask`].
@@ -81,7 +81,7 @@ impl Simulator {
         self.ask(&json!({"wall": null})).map(|_| ())
     }
 
-    /// Traces into a new file below the folder of its socket.
+    /// Starts a trace into a new file, which must be below the folder of the simulator's socket.
     ///
     /// # Errors
     /// As [`Simulator::ask`].
@@ -99,7 +99,7 @@ impl Simulator {
     /// Ends the trace and reads it.
     ///
     /// # Errors
-    /// As [`Simulator::ask`], or a file that is no trace.
+    /// As [`Simulator::ask`]; also fails if the file is not a trace.
     pub fn end_trace(&mut self, trace: ActiveTrace) -> io::Result<Vec<Exchange>> {
         self.ask(&json!({"trace": null}))?;
         let text = std::fs::read_to_string(&trace.path)?;
@@ -112,7 +112,7 @@ pub struct ActiveTrace {
     path: PathBuf,
 }
 
-/// The exchanges of a trace in which the robot followed our set-points.
+/// Returns the exchanges of a trace in which the robot followed set-points.
 fn read_trace(text: &str) -> io::Result<Vec<Exchange>> {
     let malformed = |what: &str| io::Error::other(format!("lwr-sim's trace: {what}"));
     let mut lines = text.lines();
@@ -148,7 +148,7 @@ fn read_trace(text: &str) -> io::Result<Vec<Exchange>> {
             force: [real(fx)?, real(fx + 1)?, real(fx + 2)?],
         };
         for (joint, place) in exchange.commanded.iter_mut().enumerate() {
-            // The shortest text of a binary32: read as such, then widened.
+            // Printed as the shortest text of a binary32: parsed as such, then widened.
             let value: f32 = field(c1 + joint).parse().map_err(|_| malformed(line))?;
             *place = f64::from(value);
         }

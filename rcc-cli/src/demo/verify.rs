@@ -1,35 +1,35 @@
-//! What must hold of a motion, judged from recorded data alone: set-points, the simulated arm, what went over the wire.
-//! Pure; the demo's main thread calls it when a motion is over.
+//! Checks of a motion, based on recorded data alone: set-points, the simulated arm, and datagrams on the wire. Pure;
+//! called by the demo's main thread when a motion has ended.
 
 use rcc_core::path::PathLimits;
 use rcc_motion::stop_time;
 
-/// Set-points are on the line to this, m.
+/// Tolerance of set-points on the line, m.
 pub const SET_POINT_TOLERANCE_M: f64 = 1e-9;
-/// The simulated arm is on the line to this, m.
+/// Tolerance of the simulated arm on the line, m.
 pub const ARM_TOLERANCE_M: f64 = 1e-3;
-/// A position on the wire is rounded to binary32: 1 rad to 6e-8, at less than 1 m.
+/// Tolerance of positions on the wire, m: binary32 rounds 1 rad to 6e-8 rad, at less than 1 m.
 pub const WIRE_TOLERANCE_M: f64 = 1e-6;
-/// A limit may be exceeded by this part of itself.
+/// Relative tolerance of limits.
 const RELATIVE_TOLERANCE: f64 = 1e-6;
-/// Rounding of a distance below 1 m.
+/// Rounding error of a distance below 1 m.
 const ROUNDING_M: f64 = 2.3e-16;
 
-/// One thing that was measured, and whether it is as it must be.
+/// One check and its result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionCheck {
-    /// What.
+    /// What is checked.
     pub what: String,
-    /// As it must be.
+    /// Expected value.
     pub expected: String,
-    /// As it is.
+    /// Measured value.
     pub found: String,
-    /// Whether both agree.
+    /// True if the measured value is as expected.
     pub holds: bool,
 }
 
 impl MotionCheck {
-    /// A check.
+    /// Creates a check.
     pub fn new(
         what: impl Into<String>,
         holds: bool,
@@ -48,32 +48,32 @@ impl MotionCheck {
 /// A straight line between two points, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineSegment {
-    /// Where it begins.
+    /// Start point.
     pub start: [f64; 3],
-    /// Where it ends.
+    /// End point.
     pub end: [f64; 3],
 }
 
 impl LineSegment {
-    /// Its length, m.
+    /// Returns the length, m.
     #[must_use]
     pub fn length(&self) -> f64 {
         norm(minus(self.end, self.start))
     }
 
-    /// How far along the line the foot of `point` is, m from the start; not limited to the line.
+    /// Returns the position of the foot of `point` along the line, m from the start; not clamped to the line.
     #[must_use]
     pub fn along(&self, point: [f64; 3]) -> f64 {
         let direction = minus(self.end, self.start);
         dot(minus(point, self.start), direction) / self.length()
     }
 
-    /// Distance of a point from the line between its ends, m. NaN if anything is.
+    /// Returns the distance of a point from the line segment, m; NaN if any coordinate is NaN.
     #[must_use]
     pub fn distance(&self, point: [f64; 3]) -> f64 {
         let length = self.length();
         let along = self.along(point);
-        // Written so that NaN stays NaN.
+        // Written so that NaN propagates.
         let part = if along < 0.0 {
             0.0
         } else if along > length {
@@ -87,7 +87,7 @@ impl LineSegment {
     }
 }
 
-/// Every point is within `tolerance` of the line; no points or a null point do not hold.
+/// Checks that every point is within `tolerance` (m) of the line; fails without points or with a NaN point.
 #[must_use]
 pub fn on_the_line(what: &str, points: &[[f64; 3]], line: &LineSegment, tolerance: f64) -> MotionCheck {
     let mut worst = 0.0_f64;
@@ -105,21 +105,21 @@ pub fn on_the_line(what: &str, points: &[[f64; 3]], line: &LineSegment, toleranc
     MotionCheck::new(what, holds, format!("≤ {}", metres(tolerance)), found)
 }
 
-/// Distances along the line, one a cycle.
+/// Distances along the line, one per cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct DistanceTrack<'a> {
     /// Cycle of the first distance.
     pub first_cycle: u64,
-    /// m, one for each cycle from there.
+    /// Distances, m, one per cycle.
     pub distances: &'a [f64],
-    /// What the motion may do, m.
+    /// Limits of the motion (m, s).
     pub limits: PathLimits,
     /// Period, s.
     pub dt_s: f64,
 }
 
 impl DistanceTrack<'_> {
-    /// The distance in a cycle, m.
+    /// Returns the distance in a cycle, m.
     #[must_use]
     pub fn at(&self, cycle: u64) -> Option<f64> {
         let index = usize::try_from(cycle.checked_sub(self.first_cycle)?).ok()?;
@@ -130,7 +130,7 @@ impl DistanceTrack<'_> {
         Some(self.at(cycle)? - self.at(cycle.checked_sub(1)?)?)
     }
 
-    /// The first cycle of the final distance.
+    /// Returns the first cycle with the final distance.
     #[must_use]
     pub fn rest_cycle(&self) -> Option<u64> {
         let last = self.distances.last()?;
@@ -139,7 +139,7 @@ impl DistanceTrack<'_> {
     }
 }
 
-/// Velocity, acceleration and jerk, as finite differences of the set-points, are within the limits.
+/// Checks that velocity, acceleration and jerk, as finite differences of the set-points, are within the limits.
 #[must_use]
 pub fn within_limits(what: &str, track: &DistanceTrack<'_>) -> MotionCheck {
     let PathLimits {
@@ -161,7 +161,7 @@ pub fn within_limits(what: &str, track: &DistanceTrack<'_>) -> MotionCheck {
         let largest = differences
             .iter()
             .fold(0.0_f64, |most, value| nan_max(most, value.abs()));
-        // Rounding of the distances, as it shows in differences of this order.
+        // Rounding of the distances, as amplified by differences of this order.
         let power = order as i32 + 1;
         let rounding = ROUNDING_M * 2.0_f64.powi(power) / track.dt_s.powi(power);
         holds &= largest <= limit * (1.0 + RELATIVE_TOLERANCE) + rounding;
@@ -175,8 +175,8 @@ pub fn within_limits(what: &str, track: &DistanceTrack<'_>) -> MotionCheck {
     )
 }
 
-/// A soft stop that was asked for in cycle `asked` (`None`: it never was) while the motion had a constant speed: it begins at once (in the
-/// cycle itself or the next), and is over in the time that the limits predict, ± 1 cycle.
+/// Checks a soft stop that was requested in cycle `asked` (`None`: never) at constant speed: it starts in that cycle or
+/// the next, and takes the time predicted from the limits, ± 1 cycle.
 #[must_use]
 pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> Vec<MotionCheck> {
     let Some(asked) = asked else {
@@ -204,7 +204,7 @@ pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> 
     let rests = begun.zip(track.rest_cycle()).and_then(|(begun, rest)| {
         let speed = track.step(begun - 1)? / track.dt_s;
         let predicted = stop_time(speed, 0.0, &track.limits) / track.dt_s;
-        // At rest in the first cycle that is not before the end of the stop, counted from the last one before it.
+        // Predicted: the first cycle at or after the end of the stop, counted from the last cycle before the stop.
         Some((predicted.ceil(), (rest + 1).checked_sub(begun)? as f64))
     });
     let in_time = MotionCheck::new(
@@ -229,8 +229,8 @@ pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> 
     vec![begins, in_time, on_the_way]
 }
 
-/// The first cycle, from a little before `asked` on, that is slower than the one before by what the jerk limit gives
-/// in a cycle (half of it, for rounding).
+/// Returns the first cycle, starting shortly before `asked`, whose step is shorter than the previous one by half of
+/// what the jerk limit allows in a cycle (half, because of rounding).
 fn stop_begins(track: &DistanceTrack<'_>, asked: u64) -> Option<u64> {
     let slower = 0.5 * track.limits.jerk * track.dt_s.powi(3) / 6.0;
     let last = track.first_cycle + track.distances.len() as u64;
@@ -240,21 +240,21 @@ fn stop_begins(track: &DistanceTrack<'_>, asked: u64) -> Option<u64> {
     })
 }
 
-/// Cycles before the cause in which there may be no braking yet.
+/// Number of cycles before the cause that are searched for braking.
 const BEFORE: u64 = 20;
 
-/// One datagram to the robot: how far along the line its set-point is, m, and an output's bit.
+/// One datagram to the robot: its set-point's position along the line, and an output bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SentDatagram {
-    /// m along the line.
+    /// Position along the line, m.
     pub along: f64,
-    /// The output.
+    /// Output bit.
     pub on: bool,
 }
 
-/// The output becomes `on` exactly once, in the first datagram whose set-point has reached `along` (m): that of the cycle
-/// in which the net switched it. A driver that bridges a late executor sends points between two set-points; then it is
-/// the first one not before.
+/// Checks that the output becomes `on` exactly once, in the first datagram whose set-point has reached `along` (m): the
+/// set-point of the cycle in which the net switched it. A driver that bridges a late executor also sends intermediate
+/// points; then it is the first of those that is not before `along`.
 #[must_use]
 pub fn switches_with(what: &str, sent: &[SentDatagram], on: bool, along: f64) -> MotionCheck {
     let expected = format!("with the set-point at {along:.6} m");
@@ -277,11 +277,11 @@ pub fn switches_with(what: &str, sent: &[SentDatagram], on: bool, along: f64) ->
     MotionCheck::new(what, holds, expected, found)
 }
 
-/// The net switches in the cycle whose set-point is the first beyond `position` (m): `before` and `after` are the
-/// distances of the cycle before and of that cycle.
+/// Checks that the net switches in the first cycle whose set-point is beyond `position` (m). `pair` holds the distances
+/// of the previous cycle and of that cycle.
 #[must_use]
 pub fn crosses(what: &str, position: f64, pair: Option<(f64, f64)>) -> MotionCheck {
-    // A decimal position is on the grid of set-points but for rounding.
+    // A decimal position coincides with a set-point except for rounding.
     let rounding = 1e-12;
     let holds = pair.is_some_and(|(before, after)| {
         before <= position + rounding && after >= position - rounding
@@ -293,7 +293,7 @@ pub fn crosses(what: &str, position: f64, pair: Option<(f64, f64)>) -> MotionChe
     MotionCheck::new(what, holds, format!("at {position:.6} m"), found)
 }
 
-/// Cycle numbers without gaps, ascending by one.
+/// Checks that cycle numbers ascend by one.
 #[must_use]
 pub fn without_gaps(what: &str, cycles: &[u64]) -> MotionCheck {
     let gaps = cycles
@@ -309,7 +309,7 @@ pub fn without_gaps(what: &str, cycles: &[u64]) -> MotionCheck {
     )
 }
 
-/// A length in the unit that suits it.
+/// Formats a length in a suitable unit.
 #[must_use]
 pub fn metres(value: f64) -> String {
     match value.abs() {

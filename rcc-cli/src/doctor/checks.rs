@@ -1,5 +1,5 @@
-//! The checks: one file and two lines each; pure functions of the facts, each with tests on good and bad ones.
-//! Run by the main thread, in this order.
+//! The checks: each is one file and two lines; pure functions of the facts, tested on good and bad facts. Run by the
+//! main thread in the order of the table.
 
 use super::HealthFinding;
 use super::facts::MachineFacts;
@@ -25,7 +25,7 @@ mod throttling;
 mod virtual_machine;
 mod wake_up;
 
-/// A function that looks at the facts.
+/// A check: a pure function of the facts.
 type CheckFunction = fn(&MachineFacts) -> Vec<HealthFinding>;
 
 /// Name and function of every check.
@@ -52,7 +52,7 @@ pub const CHECKS: &[(&str, CheckFunction)] = &[
     ("leftovers", leftovers::check),
 ];
 
-/// All findings, in the order of the table.
+/// Runs all checks, in the order of the table.
 #[must_use]
 pub fn all(facts: &MachineFacts) -> Vec<HealthFinding> {
     let named = |(name, check): &(&'static str, fn(&MachineFacts) -> Vec<HealthFinding>)| {
@@ -65,7 +65,7 @@ pub fn all(facts: &MachineFacts) -> Vec<HealthFinding> {
     CHECKS.iter().flat_map(named).collect()
 }
 
-/// Bytes for people.
+/// Formats a number of bytes.
 fn bytes(amount: u64) -> String {
     match amount {
         0..1024 => format!("{amount} bytes"),
@@ -75,7 +75,7 @@ fn bytes(amount: u64) -> String {
     }
 }
 
-/// Core numbers for people.
+/// Formats core numbers.
 fn cores(all: &[usize]) -> String {
     let words: Vec<String> = all.iter().map(usize::to_string).collect();
     words.join(", ")
@@ -94,8 +94,8 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_wrong_says_what_to_do() {
-        // Nothing is known: every check must cope with it.
+    fn every_problem_has_a_remedy() {
+        // With unknown facts: every check must handle them.
         for finding in all(&MachineFacts::default()) {
             let needs = finding.level >= FindingLevel::Warn;
             assert!(!needs || finding.fix.is_some(), "{finding:?}");

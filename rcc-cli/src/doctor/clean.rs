@@ -1,5 +1,5 @@
-//! Removes what dead cells have left, and nothing else: a cell with a living process is refused by its lock.
-//! Run by the main thread.
+//! Removes leftovers of dead cells and nothing else: the lock of a cell with a living process refuses. Run by the main
+//! thread.
 
 use std::fs;
 use std::io;
@@ -11,17 +11,17 @@ use serde::Serialize;
 
 use super::facts::cells::{self, CellFacts, StrayMemory};
 
-/// What was removed, or why not.
+/// What was removed and what was not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Cleaned {
-    /// For people: a line each.
+    /// Removed items, one line each.
     pub removed: Vec<String>,
-    /// For people: a line each.
+    /// Items that could not be removed, with the reason, one line each.
     pub refused: Vec<String>,
 }
 
-/// Removes dead cells below `base`; with `shm` also the shared memory there that belongs to no cell below `base`, that
-/// nobody uses, and that is ours (root: anybody's).
+/// Removes dead cells below `base`. With `shm`, also removes unused shared memory there that belongs to no cell below
+/// `base` and is owned by this user (as root: by anybody).
 #[must_use]
 pub fn clean(base: &Path, shm: Option<&Path>) -> Cleaned {
     let mut cleaned = Cleaned::default();

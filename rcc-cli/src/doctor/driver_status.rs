@@ -1,5 +1,5 @@
-//! What a device's driver tells about its connection: the file that it writes once a second, read with tolerance.
-//! Run by the main thread. The history begins with the driver's life, and says since when.
+//! Status file of a device's driver, which the driver writes once a second; unknown and missing fields are tolerated.
+//! Run by the main thread. The history starts with the driver.
 
 use rcc_ipc::{Cell, Role};
 use rcc_os::{file, wall};
@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 
 /// Bars of a sparkline, from worst to best.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-/// A second without any exchange.
+/// Mark of a second without any exchange.
 const NOTHING: char = '·';
-/// Longest file of a driver that is read, bytes; a minute has a few kilobytes.
+/// Longest status file that is read, bytes; a minute takes a few kilobytes.
 const FILE_MAX: u64 = 1 << 20;
-/// A driver that lives and has not written for so many seconds does not turn.
+/// A living driver that has not written for this time is stuck, s.
 const STALE_AFTER: u64 = 5;
 
-/// One second of a device's life.
+/// Statistics of one second of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SecondStats {
@@ -30,81 +30,81 @@ pub struct SecondStats {
     pub refused: u64,
 }
 
-/// The file.
+/// Content of the status file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct DriverStatus {
     /// Name of the driver.
     pub driver: String,
-    /// Its process.
+    /// Process id.
     pub pid: u32,
-    /// Seconds since the epoch: when the driver began.
+    /// Start of the driver, seconds since the epoch.
     pub since: u64,
-    /// Seconds since the epoch: when this was written.
+    /// Time of this status, seconds since the epoch.
     pub at: u64,
-    /// As the driver sees it.
+    /// State of the device as seen by the driver.
     pub state: String,
-    /// Why it is not ready, 0 = it is.
+    /// Reason why the device is not ready; 0 if it is.
     pub reason: u32,
-    /// The same in words.
+    /// Description of the reason.
     pub reason_words: String,
     /// Newest quality, thousandths.
     pub quality_permille: u32,
-    /// Since the driver began, as all that follow.
+    /// Exchanges since the driver started; the following counters likewise.
     pub exchanges: u64,
-    /// Answers that came too late or got lost.
+    /// Late or lost answers.
     pub late: u64,
-    /// Datagrams refused.
+    /// Refused datagrams.
     pub refused: u64,
-    /// Times without a fresh set-point.
+    /// Cycles without a fresh set-point.
     pub starved: u64,
-    /// Times that the device went offline.
+    /// Number of times that the device went offline.
     pub losses: u64,
-    /// When it did last, seconds since the epoch.
+    /// Time of the last such event, seconds since the epoch.
     pub lost_at: Option<u64>,
     /// The last minute, oldest first.
     pub seconds: Vec<SecondStats>,
-    /// What only this driver knows.
+    /// Driver-specific diagnosis.
     pub link: serde_json::Value,
 }
 
-/// The history of a device, as `devices` shows it.
+/// History of a connection, as shown by `devices`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LinkHistory {
-    /// Seconds that it covers: at most 60, less after a start of the driver.
+    /// Length, s: at most 60, less after a start of the driver.
     pub seconds: usize,
-    /// Smallest quality in it, thousandths.
+    /// Lowest quality, thousandths.
     pub quality_min_permille: u32,
-    /// Mean quality in it, thousandths.
+    /// Mean quality, thousandths.
     pub quality_mean_permille: u32,
-    /// Late or lost answers in it.
+    /// Late or lost answers.
     pub late: u64,
     /// Late or lost answers since the driver started.
     pub late_total: u64,
-    /// When the driver began, seconds since the epoch.
+    /// Start of the driver, seconds since the epoch.
     pub since: u64,
-    /// When the device went offline last, seconds since the epoch.
+    /// Time at which the device last went offline, seconds since the epoch.
     pub lost_at: Option<u64>,
-    /// Who is on the other end, where the driver knows.
+    /// Address of the other end, if the driver knows it.
     pub peer: Option<String>,
-    /// The driver lives, but does not tell any more.
+    /// True if the driver lives but has stopped writing its status.
     pub stale: bool,
-    /// Mean quality second by second, oldest first.
+    /// Mean quality per second, oldest first.
     pub sparkline: String,
 }
 
 impl DriverStatus {
-    /// What the driver of `device` told last, if there is one that lives.
+    /// Reads the last status of the device's driver, if it is alive.
     #[must_use]
     pub fn of(cell: &Cell, device: &str) -> Option<DriverStatus> {
         let announced = cell.announced(Role::Driver, device).ok().flatten()?;
         let path = cell.drivers_dir().join(format!("{device}.json"));
         let told: DriverStatus = serde_json::from_slice(&file::read(&path, FILE_MAX).ok()?).ok()?;
-        // The file of a predecessor is history of somebody else.
+        // A file of an earlier driver process does not count.
         (!announced.liveness().is_dead() && announced.pid == told.pid).then_some(told)
     }
 
-    /// The last minute in figures.
+    /// Returns the history of the last minute.
     #[must_use]
     pub fn history(&self) -> LinkHistory {
         self.history_at(now())
@@ -144,7 +144,7 @@ impl DriverStatus {
     }
 }
 
-/// One sign a second: the mean quality, a dot where nothing was exchanged.
+/// Draws one character per second: the mean quality, or a dot if nothing was exchanged.
 #[must_use]
 pub fn sparkline(seconds: &[SecondStats]) -> String {
     let sign = |second: &SecondStats| {
@@ -157,7 +157,7 @@ pub fn sparkline(seconds: &[SecondStats]) -> String {
     seconds.iter().map(sign).collect()
 }
 
-/// Seconds since the epoch.
+/// Returns the current time, seconds since the epoch.
 #[must_use]
 pub fn now() -> u64 {
     wall::seconds()
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bar_a_second_and_a_dot_without_exchange() {
+    fn each_second_is_a_bar_or_a_dot_without_exchange() {
         let all = [second(1000, 5), second(0, 5), second(500, 5), second(0, 0)];
         assert_eq!(sparkline(&all), "█▁▄·");
     }

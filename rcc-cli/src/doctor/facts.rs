@@ -1,5 +1,5 @@
-//! What is so on this machine, as plain data: read once, from files below a root folder and by a few system calls.
-//! Run by the main thread. The checks see nothing else, so they are tested on facts that were written down.
+//! Facts about this machine as plain data: read once, from files below a root folder and by a few system calls. Run by
+//! the main thread. The checks use nothing else, so they can be tested on fixed facts.
 
 use std::path::PathBuf;
 
@@ -16,44 +16,44 @@ pub mod login;
 pub mod shared_memory;
 pub mod system;
 
-/// Everything that the checks look at.
+/// All facts that the checks use.
 #[derive(Clone, Debug, Default)]
 pub struct MachineFacts {
-    /// What is asked of the machine.
+    /// The cell's requirements.
     pub requirements: MachineRequirements,
-    /// What was tried.
+    /// Results of trying SCHED_FIFO and memory locking.
     pub trial: Trial,
-    /// Who we are.
+    /// User and login session.
     pub user: login::UserFacts,
-    /// What this process may use.
+    /// Resource limits of this process.
     pub limits: limits::ResourceLimits,
-    /// What the system's files grant to users at login.
+    /// Limits that the system's files grant to users at login.
     pub granted: Vec<limits::LimitGrant>,
-    /// The kernel.
+    /// Kernel.
     pub kernel: kernel::KernelFacts,
-    /// The core in question, or all.
+    /// The configured core, or all cores.
     pub cpu: cpu::CpuFacts,
-    /// MemoryFacts and swap.
+    /// Memory and swap.
     pub memory: kernel::MemoryFacts,
     /// `/dev/shm`.
     pub shared: shared_memory::SharedMemoryMount,
-    /// logind's word about shared memory of users that log out.
+    /// logind's RemoveIPC setting; `None` without systemd.
     pub remove_ipc: Option<bool>,
-    /// The folder of the cells.
+    /// Folder of the cells.
     pub base: runtime_folder::FolderFacts,
-    /// The cells in it.
+    /// Cells in that folder.
     pub cells: Vec<cells::CellFacts>,
-    /// Shared memory of cells whose folder is not in the usual base.
+    /// Shared memory of cells in other folders.
     pub strays: Vec<cells::StrayMemory>,
-    /// The wake-ups.
+    /// Measured wake-up latency.
     pub measured: Option<WakeUpMeasurement>,
-    /// Why they could not be measured.
+    /// Reason why it could not be measured.
     pub not_measured: Option<String>,
-    /// What the machine did meanwhile.
+    /// Activity of the machine during the measurement.
     pub activity: cpu::MachineActivity,
 }
 
-/// Reads everything but trial and measurement.
+/// Reads all facts except trial and measurement.
 #[must_use]
 pub fn read(root: &system::SystemRoot, requirements: MachineRequirements) -> MachineFacts {
     let user = login::read(root);

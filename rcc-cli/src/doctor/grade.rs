@@ -1,9 +1,8 @@
-//! From measured wake-ups to a grade A to D, and what a grade allows.
-//! Pure.
+//! Grades A to D from the measured wake-up latency, and what each grade allows. Pure.
 //!
-//! The bounds are parts of the period, because what counts is whether a cycle still ends before the next begins. Half a
-//! period is also where our simulated controller stops rating a connection as perfect. Ten periods are what the demo's
-//! drivers bridge by their delay; [`PERIODS_C`] is that.
+//! The bounds are parts of the period, because a cycle must end before the next one starts. At half a period our
+//! simulated controller also stops rating a connection as perfect. The demo's drivers bridge ten periods by their
+//! delay, hence [`PERIODS_C`].
 
 use std::fmt;
 
@@ -11,29 +10,29 @@ use serde::{Deserialize, Serialize};
 
 use super::measure::WakeUpMeasurement;
 
-/// A: no wake-up later than this part of the period, in percent.
+/// A: the longest latency is at most this part of the period, percent.
 pub const PERCENT_A: u64 = 10;
-/// B: no wake-up later than this part of the period, in percent.
+/// B: the longest latency is at most this part of the period, percent.
 pub const PERCENT_B: u64 = 50;
-/// C: 99.9 % of the wake-ups within [`PERCENT_B`], and none later than so many periods.
+/// C: 99.9 % of the wake-ups are within [`PERCENT_B`], and none is later than this number of periods.
 pub const PERIODS_C: u64 = 10;
-/// What A and B allow as `stale_after`, in periods.
+/// Shortest `stale_after` for A and B, in periods.
 pub const STALE_PERIODS: u64 = 3;
-/// `stale_after` where nothing better is known, ns.
+/// Default of `stale_after`, ns.
 pub const STALE_USUAL_NS: u64 = 50_000_000;
-/// Fewer wake-ups say too little for A or B.
+/// Least number of wake-ups for A or B.
 pub const CYCLES_MIN: u64 = 1000;
 
-/// How punctual the machine was.
+/// Punctuality of the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Grade {
-    /// Hard real time at this period, with room for nets.
+    /// Hard real time at this period, with reserve for nets.
     A,
     /// No cycle is missed; nets may use half of the period.
     B,
-    /// Cycles are missed now and then; drivers bridge them.
+    /// Cycles are missed occasionally; drivers bridge them.
     C,
-    /// For simulation and looking around.
+    /// Suitable for simulation only.
     D,
 }
 
@@ -44,7 +43,7 @@ impl fmt::Display for Grade {
 }
 
 impl Grade {
-    /// The grade of a measurement. Without SCHED_FIFO it is C at best: any other program may come first tomorrow.
+    /// Grades a measurement. Without SCHED_FIFO the best grade is C, because any other program may preempt it.
     #[must_use]
     pub fn of(measured: &WakeUpMeasurement) -> Grade {
         let part = |percent| measured.period_ns * percent / 100;
@@ -64,7 +63,7 @@ impl Grade {
         }
     }
 
-    /// What it is good for.
+    /// Describes what the grade is suitable for.
     #[must_use]
     pub fn allows(self) -> &'static str {
         match self {
@@ -77,8 +76,8 @@ impl Grade {
         }
     }
 
-    /// Shortest `stale_after` that does not lose devices by mere lateness, ns: 3 periods for A and B, else twice the
-    /// longest wake-up in whole milliseconds, and not less than 5 periods.
+    /// Returns the shortest `stale_after` that tolerates the measured lateness, ns: 3 periods for A and B; otherwise
+    /// twice the longest latency in whole milliseconds, but at least 5 periods.
     #[must_use]
     pub fn stale_after_ns(self, max_ns: u64, period_ns: u64) -> u64 {
         match self {

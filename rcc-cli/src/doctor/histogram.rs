@@ -1,24 +1,24 @@
-//! A histogram of times as people and programs are told it: its buckets, and a drawing with logarithmic bars.
-//! Pure.
+//! Histograms for people and programs: buckets, and a drawing with logarithmic bars. Pure.
 
 use rcc_core::histogram::Histogram;
 pub use rcc_loader::server::api::BucketView as Bucket;
 
-/// Bounds of the rows that people see, ns.
+/// Upper bounds of the drawn rows, ns.
 const ROWS: [u64; 17] = [
     200, 500, 1_000, 2_000, 5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000,
     2_000_000, 5_000_000, 10_000_000, 20_000_000, 50_000_000,
 ];
 const BAR: usize = 40;
 
-/// The occupied buckets.
+/// Returns the occupied buckets.
 #[must_use]
 pub fn buckets(histogram: &Histogram) -> Vec<Bucket> {
     let rows = histogram.buckets();
     rows.map(|(to_ns, count)| Bucket { to_ns, count }).collect()
 }
 
-/// One line a row that has something above it and below it; the bars are logarithmic, as the rare ones matter.
+/// Draws one line per row between the first and last occupied one; the bars are logarithmic, because rare values
+/// matter.
 #[must_use]
 pub fn drawing(buckets: impl IntoIterator<Item = Bucket>) -> String {
     let mut counts = [0_u64; ROWS.len() + 1];
@@ -55,7 +55,7 @@ fn short(ns: u64) -> String {
     }
 }
 
-/// One is seen, ten times as many are longer by the same.
+/// Returns the length of a bar: at least 1 for any count, and logarithmic.
 fn bar(count: u64, most: u64) -> usize {
     if count == 0 {
         return 0;

@@ -1,5 +1,5 @@
-//! Why a device is not connected: stage after stage, from the configuration to the device's own state.
-//! Run by the main thread; the stages are functions of facts, and the report ends with the first that fails.
+//! Diagnosis of a device connection, stage by stage, from the configuration to the device's own state. Run by the main
+//! thread; stages are functions of facts, and the report ends with the first failed stage.
 
 use serde::Serialize;
 
@@ -11,43 +11,43 @@ pub mod gather;
 pub mod plain;
 pub mod sockets;
 
-/// What is known about one device.
+/// Facts about one device.
 #[derive(Clone, Debug, Default)]
 pub struct LinkFacts {
-    /// Its name.
+    /// Name of the device.
     pub device: String,
     /// Name of its driver.
     pub driver: String,
-    /// Its settings.
+    /// Settings of the driver.
     pub settings: serde_json::Value,
-    /// The cell's file.
+    /// File of the cell's configuration.
     pub source: String,
     /// Period of the executor, ns.
     pub period_ns: u64,
-    /// Ports of the file that are chosen at start, and the cell does not run.
+    /// Automatic ports whose numbers are unknown because the cell does not run.
     pub unknown_ports: Vec<String>,
-    /// The cell has simulators.
+    /// True if the cell has simulators.
     pub simulated: bool,
-    /// Process of the living driver.
+    /// Process id of the living driver.
     pub pid: Option<u32>,
-    /// What it told last.
+    /// The driver's newest status.
     pub driver_status: Option<DriverStatus>,
-    /// What it had told about a second before.
+    /// The driver's status about a second before.
     pub before: Option<DriverStatus>,
-    /// What was heard without a driver.
+    /// Result of listening in the driver's place.
     pub probe: Option<serde_json::Value>,
-    /// Why nothing could be heard without a driver.
+    /// Reason why listening failed.
     pub no_probe: Option<String>,
-    /// Addresses of this machine.
+    /// Network interfaces of this machine.
     pub interfaces: Vec<sockets::NetworkInterface>,
-    /// Who has the device's port.
+    /// Process that holds the device's port.
     pub holder: Option<String>,
-    /// The server accepts connections; none: it was not tried.
+    /// Result of connecting to the server; `None` if not tried.
     pub connects: Option<Result<(), String>>,
 }
 
 impl LinkFacts {
-    /// What only the driver knows, from the driver or from listening in its place.
+    /// Returns the driver-specific diagnosis, from the driver or from listening in its place.
     #[must_use]
     pub fn link(&self) -> &serde_json::Value {
         match (&self.driver_status, &self.probe) {
@@ -57,13 +57,13 @@ impl LinkFacts {
         }
     }
 
-    /// A counter of [`LinkFacts::link`] since the beginning.
+    /// Returns a counter of [`LinkFacts::link`] since the start.
     #[must_use]
     pub fn total(&self, key: &str) -> u64 {
         self.link()[key].as_u64().unwrap_or(0)
     }
 
-    /// How much a counter has grown while we looked.
+    /// Returns the increase of a counter during the check.
     #[must_use]
     pub fn grown(&self, key: &str) -> u64 {
         let before = self
@@ -73,37 +73,37 @@ impl LinkFacts {
         self.total(key).saturating_sub(before.unwrap_or(0))
     }
 
-    /// Somebody answers the device, so that its judgement of us means something.
+    /// Returns true if a driver answers the device, so that the device's quality rating is meaningful.
     #[must_use]
     pub fn is_answered(&self) -> bool {
         self.driver_status.is_some()
     }
 }
 
-/// A stage: nothing to say, or what was found.
+/// A stage: its name, and a function that returns a finding or nothing.
 pub type LinkStage = (&'static str, fn(&LinkFacts) -> Option<HealthFinding>);
 
-/// The report about one device; keys are only ever added.
+/// Report about one device; keys are only ever added.
 #[derive(Clone, Debug, Serialize)]
 pub struct LinkReport {
-    /// Form of this report, 1.
+    /// Version of the format, 1.
     pub schema: u32,
-    /// The device.
+    /// Device.
     pub device: String,
-    /// Its driver.
+    /// Driver.
     pub driver: String,
-    /// The stage that failed, if one did.
+    /// The failed stage, if any.
     pub failed: Option<&'static str>,
-    /// What was found, in order; ends with what failed.
+    /// Findings in order; the last one is the failure.
     pub findings: Vec<HealthFinding>,
     /// The last minute, if a driver runs.
     pub history: Option<LinkHistory>,
-    /// What only the driver knows.
+    /// Driver-specific diagnosis.
     pub link: serde_json::Value,
 }
 
 impl LinkReport {
-    /// Runs the stages that suit the driver.
+    /// Runs the stages for the driver.
     #[must_use]
     pub fn of(facts: &LinkFacts) -> LinkReport {
         let stages: &[LinkStage] = match facts.driver.as_str() {
@@ -137,7 +137,7 @@ impl LinkReport {
         }
     }
 
-    /// For people.
+    /// Formats the report for people.
     #[must_use]
     pub fn human(&self) -> String {
         let mut text: String = self.findings.iter().map(super::report::lines).collect();
@@ -165,13 +165,13 @@ impl LinkReport {
     }
 }
 
-/// Thousandths for people.
+/// Formats thousandths as percent.
 #[must_use]
 pub fn percent(permille: u32) -> String {
     format!("{:.1} %", f64::from(permille) / 10.0)
 }
 
-/// The configuration can be used as it is.
+/// Stage: the configuration is usable.
 fn configuration(facts: &LinkFacts) -> Option<HealthFinding> {
     if facts.unknown_ports.is_empty() {
         return None;
@@ -191,7 +191,7 @@ fn configuration(facts: &LinkFacts) -> Option<HealthFinding> {
     )
 }
 
-/// The driver lives and turns.
+/// Stage: the driver is alive and reports its status.
 fn driver(facts: &LinkFacts) -> Option<HealthFinding> {
     let pid = facts.pid?;
     let Some(told) = &facts.driver_status else {
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_that_stopped_telling_fails() {
+    fn a_driver_that_stopped_reporting_fails() {
         let mut facts = LinkFacts {
             pid: Some(7),
             ..LinkFacts::default()

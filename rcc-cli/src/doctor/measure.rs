@@ -1,5 +1,5 @@
-//! Wakes up as the executor does and writes down how late: same clock, same call, same core, same priority and period.
-//! One thread of its own, which allocates nothing while it measures; the main thread waits for it.
+//! Measures wake-up latency like the executor: same clock, call, core, priority and period. Uses a thread of its own
+//! that does not allocate while it measures; the main thread waits for it.
 
 use std::io;
 use std::sync::mpsc;
@@ -16,50 +16,50 @@ use serde::Serialize;
 use super::histogram::{Bucket, buckets, drawing};
 use super::trial::become_fifo;
 
-/// The first wake-ups touch memory for the first time and are not counted.
+/// Wake-ups that are not counted, because they touch memory for the first time.
 const WARM_UP: u64 = 20;
 
-/// How to measure.
+/// Parameters of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeasurementPlan {
-    /// SCHED_FIFO priority, `None` = as an ordinary thread.
+    /// SCHED_FIFO priority; `None` measures an ordinary thread.
     pub priority: Option<u8>,
-    /// The core, `None` = the system chooses.
+    /// Core; `None` leaves the choice to the scheduler.
     pub core: Option<usize>,
     /// Time between two wake-ups, ns.
     pub period_ns: u64,
-    /// How long.
+    /// Length of the measurement.
     pub length: Duration,
 }
 
-/// How late the wake-ups were.
+/// Measured wake-up latency.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct WakeUpMeasurement {
-    /// SCHED_FIFO priority it ran with, none = ordinary thread.
+    /// SCHED_FIFO priority in effect; `None` for an ordinary thread.
     pub priority: Option<u8>,
-    /// Core it was bound to, none = not bound.
+    /// Core that the thread was bound to; `None` if not bound.
     pub core: Option<usize>,
     /// Period, ns.
     pub period_ns: u64,
-    /// Wake-ups.
+    /// Number of wake-ups.
     pub cycles: u64,
-    /// Shortest delay, ns.
+    /// Shortest latency, ns.
     pub min_ns: u64,
-    /// Half of all were at most this late, ns.
+    /// Median latency, ns.
     pub p50_ns: u64,
-    /// 99 % were at most this late, ns.
+    /// 99th percentile, ns.
     pub p99_ns: u64,
-    /// 99.9 % were at most this late, ns.
+    /// 99.9th percentile, ns.
     pub p999_ns: u64,
-    /// Longest delay, ns.
+    /// Longest latency, ns.
     pub max_ns: u64,
-    /// Wake-ups after the next deadline: a cycle would have been missed.
+    /// Wake-ups after the next deadline, which would have missed a cycle.
     pub missed: u64,
-    /// Times that another thread took the core away.
+    /// Involuntary context switches of the thread.
     pub preempted: u64,
-    /// All of them.
+    /// Distribution of the latencies.
     pub histogram: Vec<Bucket>,
-    /// For people.
+    /// Histogram as text.
     #[serde(skip)]
     pub drawing: String,
 }
@@ -67,19 +67,19 @@ pub struct WakeUpMeasurement {
 /// Measures; takes `plan.length`.
 ///
 /// # Errors
-/// The system gives no thread, or refuses the core.
+/// Fails if the system cannot create the thread or refuses the core.
 pub fn measure(plan: MeasurementPlan) -> io::Result<WakeUpMeasurement> {
     let (tell, told) = mpsc::channel();
     let thread = thread::Builder::new()
         .name("wake-ups".into())
         .spawn(move || {
-            // The receiver waits for it.
+            // The receiver waits for the result.
             let _ = tell.send(run(plan));
         })?;
     let result = told
         .recv()
         .map_err(|_| io::Error::other("the measuring thread panicked"))?;
-    // It has sent its result and ends by itself.
+    // The thread has sent its result and is about to end.
     let _ = thread.join();
     result
 }
@@ -113,7 +113,7 @@ fn run(plan: MeasurementPlan) -> io::Result<WakeUpMeasurement> {
     })
 }
 
-/// Returns how many were after the next deadline.
+/// Adds the latencies to the histogram; returns the number of wake-ups after the next deadline.
 fn wake_ups(plan: MeasurementPlan, histogram: &mut Histogram) -> u64 {
     let period_ns = plan.period_ns.max(10_000);
     let mut deadline_ns = monotonic_ns() + period_ns;
@@ -127,7 +127,7 @@ fn wake_ups(plan: MeasurementPlan, histogram: &mut Histogram) -> u64 {
             histogram.add(late_ns);
             missed += u64::from(late_ns >= period_ns);
         }
-        // Missed periods are skipped, never caught up with.
+        // Missed periods are skipped, never caught up.
         deadline_ns += (late_ns / period_ns + 1) * period_ns;
     }
     missed

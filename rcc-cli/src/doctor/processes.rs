@@ -1,10 +1,9 @@
-//! The processes of this machine, as far as `/proc` lets us look.
-//! Run by the main thread.
+//! The processes of this machine, as far as `/proc` is readable. Run by the main thread.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Their folders in `/proc`; not `self` and `thread-self`.
+/// Returns the folders of all processes in `/proc`, without `self` and `thread-self`.
 pub fn all() -> impl Iterator<Item = PathBuf> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     entries
@@ -15,7 +14,7 @@ pub fn all() -> impl Iterator<Item = PathBuf> {
         .map(|entry| entry.path())
 }
 
-/// What a process of [`all`] has open; nothing of another user's.
+/// Returns the open files of a process of [`all`]; empty for other users' processes.
 pub fn open_files(process: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = fs::read_dir(process.join("fd"));
     let entries = entries.into_iter().flatten().flatten();

@@ -1,7 +1,6 @@
-//! The last grade, kept where `status` finds it: it belongs to the machine and outlives cells.
-//! Run by the main thread.
+//! Stores the last grade for `status`: it belongs to the machine and outlives cells. Run by the main thread.
 //!
-//! `$RCC_STATE_DIR`, else `/var/lib/rcc` for root, else `$XDG_STATE_HOME/rcc`, else `~/.local/state/rcc`.
+//! Stored in `$RCC_STATE_DIR`, else `/var/lib/rcc` for root, else `$XDG_STATE_HOME/rcc`, else `~/.local/state/rcc`.
 
 use std::fs;
 use std::io;
@@ -14,43 +13,43 @@ use super::grade::Grade;
 use super::measure::WakeUpMeasurement;
 use crate::table::{grouped, time};
 
-/// Where root's measurement lies; everybody reads it.
+/// Folder of root's record, readable by everybody.
 const OF_ROOT: &str = "/var/lib/rcc";
 const FILE: &str = "doctor.json";
 /// Longest record that is read, bytes.
 const FILE_MAX: u64 = 64 << 10;
-/// Of this form.
+/// Version of the file format.
 const SCHEMA: u32 = 1;
 
-/// A grade and how it was obtained.
+/// A grade and how it was measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GradeRecord {
-    /// Form of this file, 1.
+    /// Version of the file format, 1.
     pub schema: u32,
-    /// Seconds since the epoch.
+    /// Time of the measurement, seconds since the epoch.
     pub at: u64,
-    /// Which start of the machine.
+    /// Boot id of the machine.
     pub boot: String,
-    /// KernelFacts.
+    /// Kernel release.
     pub kernel: String,
-    /// The grade.
+    /// Grade.
     pub grade: Grade,
-    /// SCHED_FIFO priority, none = without.
+    /// SCHED_FIFO priority; `None` if without.
     pub priority: Option<u8>,
-    /// Core, none = not bound.
+    /// Core; `None` if not bound.
     pub core: Option<usize>,
     /// Period, ns.
     pub period_ns: u64,
-    /// Wake-ups.
+    /// Number of wake-ups.
     pub cycles: u64,
-    /// 99.9 % were at most this late, ns.
+    /// 99.9th percentile of the latency, ns.
     pub p999_ns: u64,
-    /// Longest, ns.
+    /// Longest latency, ns.
     pub max_ns: u64,
 }
 
 impl GradeRecord {
-    /// Of a measurement that has just ended.
+    /// Creates the record of a measurement that has just ended.
     #[must_use]
     pub fn of(measured: &WakeUpMeasurement) -> GradeRecord {
         GradeRecord {
@@ -68,10 +67,10 @@ impl GradeRecord {
         }
     }
 
-    /// Keeps it; returns the file.
+    /// Stores the record; returns its file.
     ///
     /// # Errors
-    /// There is no folder for it, or it cannot be written.
+    /// Fails if there is no folder for it or if it cannot be written.
     pub fn store(&self) -> io::Result<PathBuf> {
         let folder =
             state_dir().ok_or_else(|| io::Error::other("no home folder: set RCC_STATE_DIR"))?;
@@ -88,14 +87,14 @@ impl GradeRecord {
         Ok(path)
     }
 
-    /// The last one of this user, else root's.
+    /// Returns the last record of this user, or else of root.
     #[must_use]
     pub fn last() -> Option<GradeRecord> {
         let folders = state_dir().into_iter().chain([PathBuf::from(OF_ROOT)]);
         folders.filter_map(|folder| read(&folder)).next()
     }
 
-    /// One line for `status`.
+    /// Describes the record in one line.
     #[must_use]
     pub fn words(&self) -> String {
         self.words_at(now(), &boot(), &line("/proc/sys/kernel/osrelease"))
@@ -127,7 +126,7 @@ impl GradeRecord {
     }
 }
 
-/// A time that has passed, in one unit.
+/// Formats an elapsed time in one unit.
 #[must_use]
 pub fn age(seconds: u64) -> String {
     match seconds {

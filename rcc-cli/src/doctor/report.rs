@@ -1,5 +1,4 @@
-//! The whole report: findings and measurement, for people and for programs.
-//! Pure.
+//! The complete report: findings and measurement, as text and as JSON. Pure.
 
 use serde::Serialize;
 
@@ -9,36 +8,36 @@ use super::measure::WakeUpMeasurement;
 use super::{HealthFinding, FindingLevel, checks, worst};
 use crate::table::time;
 
-/// Form of the JSON.
+/// Version of the JSON format.
 const SCHEMA: u32 = 1;
-/// Wide enough for every level's word.
+/// Indentation that fits every level's word.
 const MARGIN: &str = "       ";
 
-/// What `doctor --output json` says; keys are only ever added.
+/// Output of `doctor --output json`; keys are only ever added.
 #[derive(Clone, Debug, Serialize)]
 pub struct DoctorReport {
-    /// Form of this report, 1.
+    /// Version of the format, 1.
     pub schema: u32,
-    /// Where the wishes come from.
+    /// The cell's requirements.
     pub asked: RequirementsView,
-    /// The worst of the findings.
+    /// Highest severity of the findings.
     pub worst: FindingLevel,
-    /// The grade, if it was measured.
+    /// Grade, if measured.
     pub grade: Option<Grade>,
-    /// Shortest `stale_after` that this grade allows, ns.
+    /// Shortest `stale_after` that the grade allows, ns.
     pub stale_after_min_ns: Option<u64>,
-    /// The wake-ups.
+    /// Measured wake-up latency.
     pub measured: Option<WakeUpMeasurement>,
     /// All findings.
     pub findings: Vec<HealthFinding>,
-    /// Where the grade was kept, for `status`.
+    /// File in which the grade was stored for `status`.
     pub kept_in: Option<String>,
 }
 
-/// What is asked of the machine.
+/// Requirements on the machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct RequirementsView {
-    /// Where it is written.
+    /// Where they are configured.
     pub source: String,
     /// SCHED_FIFO priority.
     pub priority: u8,
@@ -51,7 +50,7 @@ pub struct RequirementsView {
 }
 
 impl DoctorReport {
-    /// All checks on these facts.
+    /// Runs all checks on these facts.
     #[must_use]
     pub fn of(facts: &MachineFacts) -> DoctorReport {
         let findings = checks::all(facts);
@@ -76,7 +75,7 @@ impl DoctorReport {
         }
     }
 
-    /// For people.
+    /// Formats the report for people.
     #[must_use]
     pub fn human(&self) -> String {
         let mut text = format!("requirements from: {}\n", self.asked.source);
@@ -118,7 +117,7 @@ impl DoctorReport {
     }
 }
 
-/// A finding in one to three lines.
+/// Formats a finding in one to three lines.
 #[must_use]
 pub fn lines(finding: &HealthFinding) -> String {
     let mut text = format!(" {:<5} {}\n", finding.level.word(), finding.what);
@@ -195,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn people_read_level_cause_and_remedy() {
+    fn a_finding_shows_level_cause_and_remedy() {
         let finding = HealthFinding::warn("it limps", "carry it").cause("a stone");
         assert_eq!(
             lines(&finding),
@@ -204,8 +203,8 @@ mod tests {
     }
 
     #[test]
-    fn what_prevents_is_counted_in_the_verdict() {
-        // Without facts /dev/shm is not writable.
+    fn failures_are_counted_in_the_verdict() {
+        // With unknown facts /dev/shm is not writable.
         let report = DoctorReport::of(&MachineFacts::default());
         assert_eq!(report.worst, FindingLevel::Fail);
         assert!(

@@ -1,5 +1,4 @@
-//! What a cell asks of the machine: from its file, from a running cell, or the defaults.
-//! Run by the main thread.
+//! A cell's requirements on the machine: from its file, from a running cell, or the defaults. Run by the main thread.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,20 +13,20 @@ use rcc_loader::server::codes;
 use crate::context::{Context, of_cell};
 use crate::failure::Failure;
 
-/// What is asked of the machine.
+/// Requirements on the machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MachineRequirements {
     /// SCHED_FIFO priority of the executor.
     pub priority: u8,
-    /// Its core.
+    /// Core of the executor.
     pub core: Option<usize>,
-    /// Its period, ns.
+    /// Period of the executor, ns.
     pub period_ns: u64,
-    /// When a measurement is stale, ns; none without configuration.
+    /// Age at which a measurement is stale, ns; `None` without a configuration.
     pub stale_after_ns: Option<u64>,
-    /// The executor ends where it is not granted SCHED_FIFO, locked memory and its core (`rt: required`).
+    /// True if the executor ends when SCHED_FIFO, locked memory or its core are refused (`rt: required`).
     pub required: bool,
-    /// Where it is written, for people.
+    /// Where the requirements are configured.
     pub source: String,
 }
 
@@ -45,21 +44,21 @@ impl Default for MachineRequirements {
     }
 }
 
-/// A configuration, and the cell that runs with it, if one does.
+/// A configuration, and the cell that runs with it, if any.
 #[derive(Clone, Debug)]
 pub struct SelectedCell {
-    /// The configuration; ports that are chosen at start are 0 unless the cell runs.
+    /// Configuration; automatic ports are placeholders unless the cell runs.
     pub config: CellConfig,
-    /// Its file.
+    /// File of the configuration.
     pub path: PathBuf,
     /// Numbers of the automatic ports, from the running cell.
     pub ports: BTreeMap<String, u16>,
-    /// The cell that runs with it.
+    /// The cell that runs with this configuration.
     pub cell: Option<Cell>,
 }
 
 impl MachineRequirements {
-    /// What this configuration asks for.
+    /// Returns the requirements of a configuration.
     #[must_use]
     pub fn of(config: &CellConfig) -> MachineRequirements {
         MachineRequirements {
@@ -73,12 +72,13 @@ impl MachineRequirements {
     }
 }
 
-/// The configuration that `--cell` names: a file, or a running cell. Without `--cell` the usual cell if it runs.
+/// Returns the configuration selected by `--cell`: a file, or a running cell. Without `--cell`, the default cell if it
+/// runs.
 ///
-/// A dead cell of that name has none any more: there are its left-overs to be looked at.
+/// A dead cell has no configuration: `None`, so that its leftovers can be inspected.
 ///
 /// # Errors
-/// The file is not valid, or there is no such cell, not even a dead one.
+/// Fails if the file is invalid, or if no cell of that name exists, not even a dead one.
 pub fn select(context: &Context) -> Result<Option<SelectedCell>, Failure> {
     match context.cell.as_deref() {
         Some(name) if is_file(name) => of_file(Path::new(name)).map(Some),
@@ -140,7 +140,8 @@ fn of_running(name: &str) -> Result<Option<SelectedCell>, Failure> {
     }))
 }
 
-/// Every process of a cell was started with `--config FILE` and its ports; nobody else knows the automatic ones.
+/// Reads the configuration from a process of the cell, which was started with `--config FILE` and its ports; the
+/// automatic ports are known nowhere else.
 fn arguments_of(announced: &Announcement) -> Option<(PathBuf, BTreeMap<String, u16>)> {
     let read = |file: &str| fs::read(format!("/proc/{}/{file}", announced.pid)).ok();
     configuration_in(&read("cmdline")?).or_else(|| configuration_of(&read("environ")?))
@@ -171,7 +172,7 @@ fn configuration_in(command_line: &[u8]) -> Option<(PathBuf, BTreeMap<String, u1
     Some((path?, ports))
 }
 
-/// Services get it by their environment.
+/// Services receive it through their environment.
 fn configuration_of(environment: &[u8]) -> Option<(PathBuf, BTreeMap<String, u16>)> {
     let variable = |name: &str| {
         let mut all = environment.split(|byte| *byte == 0);
@@ -190,7 +191,7 @@ fn load(path: &Path, chosen: &BTreeMap<String, u16>) -> Result<CellConfig, Failu
     let mut ports: BTreeMap<String, u16> = auto_ports(path)
         .map_err(invalid)?
         .into_iter()
-        // A number that nobody uses: only the running cell knows the real one.
+        // A placeholder: only the running cell knows the real number.
         .map(|(name, _)| (name, 1))
         .collect();
     ports.extend(chosen.iter().map(|(name, number)| (name.clone(), *number)));

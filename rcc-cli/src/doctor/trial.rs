@@ -1,5 +1,5 @@
-//! Really tries what the executor will ask for: SCHED_FIFO on a thread, locked memory. What was got is given back.
-//! Run by the main thread; SCHED_FIFO is tried on a thread that does nothing else.
+//! Tries what the executor needs: SCHED_FIFO on a thread, and locked memory; both are released again. Run by the main
+//! thread; SCHED_FIFO is tried on a separate thread.
 
 use std::thread;
 
@@ -10,12 +10,12 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// What was tried, and the system's word where it was refused.
+/// Results of the trials, with the system's error if refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trial {
     /// SCHED_FIFO with the configured priority.
     pub fifo: Result<(), Errno>,
-    /// All memory of this process, now and later.
+    /// Locking all current and future memory of this process.
     pub lock: Result<(), Errno>,
 }
 
@@ -28,7 +28,7 @@ impl Default for Trial {
     }
 }
 
-/// Tries all of it.
+/// Runs all trials.
 #[must_use]
 pub fn try_all(priority: u8) -> Trial {
     let fifo = thread::Builder::new()
@@ -36,15 +36,15 @@ pub fn try_all(priority: u8) -> Trial {
         .map_err(|_| Errno::EAGAIN)
         .and_then(|thread| thread.join().unwrap_or(Err(Errno::EINVAL)));
     let lock = mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE);
-    // Without it nothing is locked any more; it refuses nothing that was granted.
+    // munlockall only releases what was locked; a failure changes nothing.
     let _ = munlockall();
     Trial { fifo, lock }
 }
 
-/// Makes the calling thread SCHED_FIFO.
+/// Switches the calling thread to SCHED_FIFO.
 ///
 /// # Errors
-/// What the system says.
+/// Returns the system's error.
 pub fn become_fifo(priority: u8) -> Result<(), Errno> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let value = ThreadPriorityValue::try_from(priority)

@@ -1,5 +1,5 @@
-//! Readings of a wrench and a pose from what other verbs write: the table of `simulate --csv`, or lines of `tail --output
-//! json`. Pure; the caller's thread.
+//! Reads wrenches and poses from the output of other verbs: the table of `simulate --csv`, or lines of `tail --output
+//! json`. Pure; runs on the caller's thread.
 
 use std::collections::BTreeMap;
 
@@ -8,56 +8,56 @@ use thiserror::Error;
 
 use super::Reading;
 
-/// Which values of a file are the wrench and the rotation; `None`: the only one of its length.
+/// Selects the values that are the wrench and the rotation; `None` selects the only value of its length.
 #[derive(Clone, Debug, Default)]
 pub struct ReadingSelection {
-    /// A name that ends like this, of six numbers.
+    /// Suffix of the name of a value of six numbers.
     pub wrench: Option<String>,
-    /// A name that ends like this, of seven numbers (a pose) or four (a rotation).
+    /// Suffix of the name of a value of seven numbers (a pose) or four (a rotation).
     pub pose: Option<String>,
 }
 
-/// Why a file has no readings.
+/// Reason why a file yields no readings.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ReadingsError {
-    /// It is empty, or begins as nothing we know.
+    /// The file is empty or has an unknown format.
     #[error("line {line}: neither a CSV table with a header line nor lines of JSON: {cause}")]
     Form {
-        /// Counted from 1.
+        /// Number of the line, counted from 1.
         line: usize,
         /// What is wrong with it.
         cause: String,
     },
-    /// Nothing or more than one thing is the wrench or the pose.
+    /// No value, or more than one, can be the wrench or the pose.
     #[error("expected one {role}, found {found} {what}: {names}")]
     Choice {
         /// `wrench` or `pose`.
         role: &'static str,
-        /// What it is.
+        /// Kind of the values.
         what: &'static str,
-        /// How many.
+        /// Number of candidates.
         found: usize,
-        /// Their names, or all there are.
+        /// Names of the candidates, or of all values if there are none.
         names: String,
     },
-    /// There is a line of names and nothing that has both.
+    /// No row contains both values.
     #[error(
         "no line contains both wrench and pose: give their monitors the same rate"
     )]
     Nothing,
 }
 
-/// Values by name, a row for each moment; `None` was not due or is null.
+/// Values by name, one row per moment; `None` means not due or null.
 struct ReadingTable {
     names: Vec<(String, usize)>,
-    /// By place in `names`.
+    /// One element per entry of `names`.
     rows: Vec<Vec<Option<Vec<f64>>>>,
 }
 
-/// Reads them all.
+/// Reads all readings of a file.
 ///
 /// # Errors
-/// A file of another form, or without exactly one wrench and one pose.
+/// Fails if the file has another format, or does not contain exactly one wrench and one pose.
 pub fn read(text: &str, wanted: &ReadingSelection) -> Result<Vec<Reading>, ReadingsError> {
     let table = match text.trim_start().starts_with('{') {
         true => lines(text)?,
@@ -113,7 +113,7 @@ fn choose(
     })
 }
 
-/// `time [s],net/ft.wrench[0],…`: columns `name[0]` to `name[n - 1]` are one value.
+/// Parses CSV such as `time [s],net/ft.wrench[0],…`: columns `name[0]` to `name[n - 1]` form one value.
 fn table(text: &str) -> Result<ReadingTable, ReadingsError> {
     let mut lines = text
         .lines()
@@ -128,7 +128,7 @@ fn table(text: &str) -> Result<ReadingTable, ReadingsError> {
     let columns: Vec<usize> = head
         .split(',')
         .map(|cell| {
-            // Without the unit, and without the index of the element.
+            // Strips the unit and the index of the element.
             let name = cell.split(" [").next().unwrap_or(cell).trim();
             let base = name.split('[').next().unwrap_or(name);
             match names.iter_mut().position(|(known, _)| known == base) {
@@ -174,7 +174,8 @@ fn table(text: &str) -> Result<ReadingTable, ReadingsError> {
     Ok(ReadingTable { names, rows })
 }
 
-/// `{"name": "net/ft.wrench", "cycle": 12, "value": [0.1, …], …}` a line; what is of one cycle belongs together.
+/// Parses lines such as `{"name": "net/ft.wrench", "cycle": 12, "value": [0.1, …], …}`; values of one cycle form one
+/// row.
 fn lines(text: &str) -> Result<ReadingTable, ReadingsError> {
     let mut names: Vec<(String, usize)> = Vec::new();
     let mut cycles: BTreeMap<u64, Vec<(usize, Vec<f64>)>> = BTreeMap::new();
@@ -186,7 +187,7 @@ fn lines(text: &str) -> Result<ReadingTable, ReadingsError> {
             line: number + 1,
             cause: error.to_string(),
         })?;
-        // Other lines tell of starts, ends and losses.
+        // Other lines report starts, ends and losses.
         let (Some(name), Some(cycle), Some(value)) = (
             record["name"].as_str(),
             record["cycle"].as_u64(),

@@ -1,6 +1,7 @@
-//! Fewer points of a curve, as far as nobody sees it (Ramer 1972, Douglas and Peucker 1973). Pure.
+//! Line simplification: removes points whose removal is invisible (Ramer 1972; Douglas and Peucker 1973). Pure.
 
-/// The points that a line needs to stay within `x` across and `y` up of all others; ends and places without number stay.
+/// Returns the points needed to stay within `x` horizontally and `y` vertically of all others; keeps the end points and
+/// points that are not finite.
 #[must_use]
 pub fn simplified(points: &[(f64, f64)], x: f64, y: f64) -> Vec<(f64, f64)> {
     let mut stays = vec![false; points.len()];
@@ -27,7 +28,7 @@ pub fn simplified(points: &[(f64, f64)], x: f64, y: f64) -> Vec<(f64, f64)> {
     kept.map(|(point, _)| *point).collect()
 }
 
-/// From a point to the line between two others, in units of the picture.
+/// Returns the distance of a point from the line segment between two others, in units of the tolerances.
 fn distance(point: (f64, f64), from: (f64, f64), to: (f64, f64), [x, y]: [f64; 2]) -> f64 {
     let [px, py] = [(point.0 - from.0) / x, (point.1 - from.1) / y];
     let [dx, dy] = [(to.0 - from.0) / x, (to.1 - from.1) / y];

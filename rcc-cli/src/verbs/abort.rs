@@ -8,17 +8,17 @@ use crate::failure::Failure;
 use crate::follow;
 use crate::table::grouped;
 
-/// Which net.
+/// Arguments of `abort`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     named: NetName,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, or refused.
+/// Fails if the loader cannot be reached or refuses.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let done: Done = follow::operate(&client, &arguments.named.name, "abort")?;

@@ -1,4 +1,4 @@
-//! `cancel NAME [--wait]`: asks a net to end in its own way, and tells how it did.
+//! `cancel NAME [--wait]`: asks a net to end in its own way, and reports how it ended.
 
 use std::time::Instant;
 
@@ -10,20 +10,21 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow;
 
-/// Which net.
+/// Arguments of `cancel`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     named: NetName,
-    /// Wait until it is over, or the given time.
+    /// Wait until the net has ended, or for the given time
     #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "30s", value_parser = super::duration)]
     wait: Option<std::time::Duration>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, refused, not over in time, or ended by a fault or an abort.
+/// Fails if the loader cannot be reached or refuses, if the net does not end in time, or if a fault or an abort ended
+/// it.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let begun = Instant::now();

@@ -1,5 +1,5 @@
-//! `check FILE...`: the language's verdict on nets, offline, with the loader's own library. Folders are searched for nets;
-//! one file is told in a line, many in a summary and what is wrong with them.
+//! `check FILE...`: compiles nets offline with the loader's own library. Folders are searched for nets; one file is
+//! reported in one line, several in a summary with their errors.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -25,30 +25,30 @@ use crate::simulate::settings::first_invalid_setting;
 use crate::supervisor::paths;
 use crate::table::grouped;
 
-/// What to check.
+/// Arguments of `check`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Nets, YAML or JSON, and folders of nets; - is the standard input.
+    /// Nets (YAML or JSON) and folders of nets; - reads standard input
     #[arg(required = true)]
     files: Vec<String>,
-    /// The cell's configuration whose devices the nets use (default: the demo cell's).
+    /// Cell configuration whose devices the nets use [default: the demo cell's]
     #[arg(long)]
     config: Option<PathBuf>,
-    /// One JSON object a file, as `--output json`.
+    /// Print one JSON object per file, like --output json
     #[arg(long)]
     json: bool,
-    /// What is refused beside errors.
+    /// Findings to reject besides errors
     #[arg(long, value_enum)]
     deny: Option<Deny>,
-    /// Runs nets that command an arm through virtual time, from where the cell's simulators begin, as LOAD does.
+    /// Rehearse nets that command an arm, as LOAD does, starting from the simulators' positions
     #[arg(long)]
     rehearse: bool,
 }
 
-/// What is refused beside errors.
+/// Findings to reject besides errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Deny {
-    /// A net with a warning is not valid.
+    /// Reject nets with warnings
     Warnings,
 }
 
@@ -63,23 +63,24 @@ struct NetVerdict {
     diagnostics: Vec<Finding>,
 }
 
-/// What is known of all files together.
+/// Totals over all files.
 #[derive(Debug, Default)]
 struct CheckSummary {
     valid: u64,
     invalid: u64,
     errors: u64,
     warnings: u64,
-    /// Files in folders that are no nets.
+    /// Number of files in folders that are not nets.
     others: u64,
-    /// The exit code of the first file that could not be read.
+    /// Exit code for the first file that could not be read.
     unreadable: Option<u8>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Exit code 3 when a net is not valid, that of the file when one cannot be read, 2 when folders hold no net.
+/// Fails with exit code 3 if a net is invalid, with the file's code if one cannot be read, and with 2 if folders hold
+/// no net.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let config = match &arguments.config {
@@ -127,7 +128,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         }
     }
     if is_many && context.format == Format::Human {
-        print_line(&summary.words(begun.elapsed().as_secs_f64()));
+        print_line(&summary.text(begun.elapsed().as_secs_f64()));
     }
     let folders_only = arguments.files.iter().all(|file| Path::new(file).is_dir());
     if folders_only && summary.valid + summary.invalid == 0 && summary.unreadable.is_none() {
@@ -172,7 +173,7 @@ fn verdict(
                 valid: !is_refused && (!deny_warnings || diagnostics.is_empty()),
                 net: compiled.net,
                 rehearsal,
-                // A net that compiled has a plan that checks.
+                // A net that compiled has a plan that passes the check.
                 primitives: checked.map_or(0, |checked| checked.primitives),
                 diagnostics,
             }
@@ -188,7 +189,7 @@ fn verdict(
     }
 }
 
-/// What the rehearsal of a net came to, or what it would break.
+/// Rehearses a net; returns the result, or the limit that it would break.
 fn rehearsed(
     config: &CellConfig,
     plan: PlanData,
@@ -241,7 +242,7 @@ impl CheckSummary {
         self.unreadable.get_or_insert(failure.exit);
     }
 
-    fn words(&self, seconds: f64) -> String {
+    fn text(&self, seconds: f64) -> String {
         let counted = |count: u64, one: &str, many: &str| match count {
             1 => format!("1 {one}"),
             count => format!("{} {many}", grouped(count)),
@@ -274,12 +275,12 @@ impl CheckSummary {
     }
 }
 
-/// Endings of files that can be nets.
+/// Extensions of files that can be nets.
 const ENDINGS: [&str; 5] = ["yaml", "yml", "json", "net", "dio"];
-/// Deepest folder that is searched, so that a link to a folder above ends.
+/// Greatest depth of the search, so that a link to a parent folder ends.
 const DEPTH_MAX: usize = 16;
 
-/// The files of a folder and those in it that can be nets, in the order of their names.
+/// Returns the files below a folder that can be nets, sorted by name.
 fn nets_in(folder: &Path) -> std::io::Result<Vec<String>> {
     let mut found = Vec::new();
     search(folder, 0, &mut found)?;
@@ -301,13 +302,13 @@ fn search(folder: &Path, depth: usize, found: &mut Vec<String>) -> std::io::Resu
     Ok(())
 }
 
-/// False for a file that is something else: a library of fragments, a configuration.
+/// Returns false for other files: libraries of fragments, configurations.
 fn is_net((name, text): &(String, String)) -> bool {
     let is_foreign = name.ends_with(".net") || name.ends_with(".dio");
     is_foreign || !name_of(text).is_empty()
 }
 
-/// The configuration as far as nets are concerned: the numbers of automatic ports do not matter.
+/// Loads a configuration for compiling nets; automatic ports get a dummy number.
 pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
     let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
     let ports = auto_ports(path).map_err(invalid)?;
@@ -315,7 +316,7 @@ pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
     CellConfig::load(path, &ports).map_err(invalid)
 }
 
-/// Nothing that a simulation takes of a cell is passed over.
+/// Fails if the configuration has settings that a simulation would have to ignore.
 pub(super) fn require_valid_settings(config: &CellConfig) -> Result<(), Failure> {
     let Some(wrong) = first_invalid_setting(config) else {
         return Ok(());
@@ -352,12 +353,12 @@ mod tests {
         };
         let mut summary = CheckSummary::default();
         summary.count(&verdict(true, &[]));
-        assert_eq!(summary.words(0.5), "1 net: all valid; 0.50 s");
+        assert_eq!(summary.text(0.5), "1 net: all valid; 0.50 s");
         summary.count(&verdict(true, &["warning"]));
         summary.count(&verdict(false, &["error", "error", "warning"]));
         summary.others = 1;
         assert_eq!(
-            summary.words(0.5),
+            summary.text(0.5),
             "3 nets: 2 valid, 1 not, 2 errors, 2 warnings; 1 file skipped (not a net); 0.50 s"
         );
     }

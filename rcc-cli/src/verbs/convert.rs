@@ -1,4 +1,4 @@
-//! `convert FILE`: a net in another form: the predecessor's DirectIONet as our YAML or JSON, and back. Needs no cell.
+//! `convert FILE`: converts a net between DirectIONet (the predecessor's format), YAML and JSON. Needs no cell.
 
 use std::path::PathBuf;
 
@@ -13,46 +13,46 @@ use crate::follow::read_text;
 use crate::output::{print_diagnostics, print_file};
 use crate::supervisor::paths;
 
-/// What to convert.
+/// Arguments of `convert`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A net: DirectIONet, YAML or JSON; - is the standard input.
+    /// Net in DirectIONet, YAML or JSON; - reads standard input
     file: String,
-    /// The form that comes out.
+    /// Output format
     #[arg(long, value_enum, default_value = "yaml")]
     to: NetFormat,
-    /// Write to this file instead of the standard output.
+    /// Write to this file instead of standard output
     #[arg(short = 'o', long, value_name = "FILE")]
     into: Option<PathBuf>,
-    /// The cell's configuration whose devices the net is for (default: the demo cell's).
+    /// Cell configuration whose devices the net uses [default: the demo cell's]
     #[arg(long)]
     config: Option<PathBuf>,
-    /// What a device of the text is called in the cell.
+    /// Map a device name in the text to one of the cell
     #[arg(long = "device", value_name = "THEIRS=OURS")]
     devices: Vec<String>,
-    /// What a channel of the text is called in the cell: io.InBool.8=door_closed.
+    /// Map a channel in the text to one of the cell: io.InBool.8=door_closed
     #[arg(long = "channel", value_name = "DEVICE.TYPE.PORT=NAME")]
     channels: Vec<String>,
-    /// A value to the application that ends the net when it is true.
+    /// Output to the application that ends the net when it becomes true
     #[arg(long, value_name = "KEY")]
     end: Vec<String>,
 }
 
-/// A form of nets.
+/// Formats of nets.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 enum NetFormat {
-    /// Ours, by hand.
+    /// RCC's format, for people
     Yaml,
-    /// Ours, by machine.
+    /// RCC's format, for programs
     Json,
-    /// The predecessor's.
+    /// The predecessor's format
     Directionet,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The net is not valid, or something of it cannot be said in the other form.
+/// Fails if the net is invalid or cannot be expressed in the other format.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let config = match &arguments.config {
         Some(path) => path.clone(),
@@ -70,7 +70,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         NetFormat::Json => Some(write::json(&net)),
         NetFormat::Directionet => directionet::write::text(&net, &compiled.names, &cell, &mut faults),
     });
-    // What compiles can be read, so only writing can have failed.
+    // A text that compiles can be read, so only writing can have failed.
     let Some(converted) = converted else {
         return Err(invalid(&Faults::new(name, text, faults)));
     };
@@ -89,7 +89,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The lines before a net that say the same as the flags.
+/// Returns the header lines that correspond to the command line's options.
 fn header(arguments: &Arguments) -> Result<String, Failure> {
     let mut header = String::new();
     for (key, values) in [

@@ -1,4 +1,4 @@
-//! `costs`: what one primitive of each kind costs on this machine; what nets are admitted by.
+//! `costs`: shows the measured execution time of each primitive on this machine, by which nets are admitted.
 
 use rcc_engine::costs::Costs;
 use rcc_engine::costs::cache::{self, CostsSource};
@@ -8,10 +8,10 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::table;
 
-/// Whether to measure.
+/// Arguments of `costs`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Measure again; an executor takes it in when it starts.
+    /// Measure again; executors use the new costs after their next start
     #[arg(long)]
     refresh: bool,
 }
@@ -29,10 +29,10 @@ struct CostRow {
     each_ns: f64,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// None.
+/// Never fails.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let (costs, origin) = cache::costs(arguments.refresh);
     let report = CostsReport {
@@ -54,7 +54,7 @@ fn rows(costs: &Costs) -> Vec<CostRow> {
     rows.map(|(ty, each_ns)| CostRow { ty, each_ns }).collect()
 }
 
-/// Where costs come from, as a sentence.
+/// Describes where the costs come from.
 pub(super) fn origin_text(origin: &CostsSource) -> String {
     match origin {
         CostsSource::Read(path) => format!("measured before, kept in {}", path.display()),

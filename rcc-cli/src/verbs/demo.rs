@@ -1,16 +1,16 @@
-//! `demo`: the paper's figures on a simulated robot, verified from data.
+//! `demo`: runs the paper's figures on a simulated robot and verifies the recorded data.
 
 use crate::context::Context;
 use crate::failure::Failure;
 
-/// Nothing more to say.
+/// Arguments of `demo`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {}
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The cell does not come up, or something that was measured is not as it must be.
+/// Fails if the cell does not start or a check does not hold.
 pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
     crate::demo::run(context)
 }

@@ -1,4 +1,4 @@
-//! `devices`: the devices of the cell, why one is not ready, and what their connections were like in the last minute.
+//! `devices`: lists the devices, why one is not ready, and the quality of their connections in the last minute.
 
 use std::collections::BTreeMap;
 
@@ -14,45 +14,45 @@ use crate::doctor::driver_status::{self, LinkHistory, DriverStatus};
 use crate::failure::Failure;
 use crate::table::{self, grouped};
 
-/// Nothing more to say.
+/// Arguments of `devices`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The channels of each device, too.
+    /// Also list the channels of each device
     #[arg(long)]
     channels: bool,
 }
 
-/// A device as the executor sees it, and its connection as its driver does.
+/// A device as seen by the executor, and its connection as seen by its driver.
 #[derive(Serialize)]
 struct DeviceRow {
     #[serde(flatten)]
     device: DeviceView,
-    /// None without a living driver.
+    /// `None` if no driver is alive.
     history: Option<LinkHistory>,
-    /// When the executor lost it last, as far as the event log goes back.
+    /// The executor's last loss of the device, as far as the event log goes back.
     last_lost: Option<LastLoss>,
 }
 
-/// A loss, as the executor saw it.
+/// A loss of a device, as recorded by the executor.
 #[derive(Clone, Debug, Serialize)]
 struct LastLoss {
     /// Executor cycle from which the device's ports were null.
     cycle: Option<u64>,
-    /// Wall clock.
+    /// Wall clock time.
     time: String,
-    /// CLOCK_MONOTONIC.
+    /// CLOCK_MONOTONIC, ns.
     monotonic_ns: u64,
-    /// Why, if anybody knew.
+    /// Reason; empty if unknown.
     reason: String,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable.
+/// Fails if the loader cannot be reached.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let devices: Vec<DeviceView> = context.client()?.get("/devices")?;
-    // A cell on another machine has no folder here, and no history.
+    // A cell on another machine has no folder here, and so no history.
     let cell = Cell::find(context.cell_name()).ok().flatten();
     let history = |name: &str| Some(DriverStatus::of(cell.as_ref()?, name)?.history());
     let losses = cell.as_ref().map(losses).unwrap_or_default();
@@ -68,10 +68,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The last loss of each device in the event log.
+/// Returns the last loss of each device in the event log.
 fn losses(cell: &Cell) -> BTreeMap<String, LastLoss> {
     let mut last = BTreeMap::new();
-    // A log that cannot be read is one without losses: this verb shows more than that.
+    // An unreadable log counts as empty: the device list is still useful without it.
     for event in EventReader::open(cell).poll().unwrap_or_default() {
         if let EventKind::DeviceLost { device, reason, .. } = event.what {
             let lost = LastLoss {
@@ -147,8 +147,8 @@ fn connections(rows: &[DeviceRow]) -> String {
     table::text(&table)
 }
 
-/// When, or since when not. The executor's word comes first: it names the cycle. `now` is wall clock in seconds and
-/// CLOCK_MONOTONIC in nanoseconds.
+/// Describes when the device was last lost, or for how long it was not. Prefers the executor's record, which names the
+/// cycle. `now` is the wall clock in seconds and CLOCK_MONOTONIC in nanoseconds.
 fn last_lost(history: &LinkHistory, lost: Option<&LastLoss>, now: [u64; 2]) -> String {
     let [now, now_ns] = now;
     if history.stale {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn the_history_says_how_long_nothing_was_lost_or_when() {
+    fn the_history_shows_the_last_loss_or_the_time_without_one() {
         let mut history = LinkHistory {
             sparkline: "█▇".to_owned(),
             since: 1000,

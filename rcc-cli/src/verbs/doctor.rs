@@ -1,4 +1,4 @@
-//! `doctor`: what this machine grants and how punctual it really is; or why a device is not connected.
+//! `doctor`: checks what this machine grants and how punctual it is; or diagnoses the connection of a device.
 
 use std::path::Path;
 use std::time::Duration;
@@ -19,29 +19,29 @@ use crate::doctor::requirements::{self, SelectedCell, MachineRequirements};
 use crate::failure::Failure;
 use crate::output::{print_note, print_line};
 
-/// DoctorCommand to collect_facts at. `--cell` is a cell's name or its file.
+/// Arguments of `doctor`. `--cell` takes a cell's name or its file.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// How long wake-ups are measured; 0 leaves it out.
+    /// Time for which wake-up latency is measured; 0 skips it
     #[arg(long, default_value = "5s", value_parser = length)]
     measure: Duration,
-    /// Remove what dead cells left, instead of looking.
+    /// Remove leftovers of dead cells instead of checking
     #[arg(long)]
     clean: bool,
-    /// With --clean: also shared memory that nobody uses, of cells in other folders (RCC_RUNTIME_DIR).
+    /// With --clean: also remove unused shared memory of cells in other folders (RCC_RUNTIME_DIR)
     #[arg(long, requires = "clean")]
     strays: bool,
     #[command(subcommand)]
     what: Option<DoctorCommand>,
 }
 
-/// One device instead of the machine.
+/// Diagnoses one device instead of the machine.
 #[derive(clap::Subcommand, Debug)]
 pub enum DoctorCommand {
-    /// Why a device is not connected, stage after stage.
+    /// Diagnose the connection of a device, stage by stage
     #[command(visible_aliases = ["fri", "modbus"])]
     Device {
-        /// Name of the device.
+        /// Name of the device
         name: String,
     },
 }
@@ -53,10 +53,10 @@ fn length(text: &str) -> Result<Duration, String> {
     super::duration(text)
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Exit code 1 when a finding prevents a cell from running; 3 for a configuration that is not valid.
+/// Fails with exit code 1 if a finding prevents cells from running, and with 3 for an invalid configuration.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if arguments.clean {
         return remove_leftovers(context, arguments.strays);
@@ -128,7 +128,7 @@ fn collect_facts(context: &Context, requirements: MachineRequirements, length: D
         .filter(|cell| cell.executor.is_some())
         .count();
     let requirements = &facts.requirements;
-    // A running executor comes first, also before this measurement.
+    // The measurement yields to a running executor.
     let priority = requirements.priority.saturating_sub(u8::from(executors > 0)).max(1);
     let plan = MeasurementPlan {
         priority: facts.trial.fifo.is_ok().then_some(priority),

@@ -1,5 +1,5 @@
-//! `events`: what happened in the cell: who died, what was lost, what ended and why. Reads a file, so it works while
-//! every process of the cell is dead.
+//! `events`: shows the cell's event log: process deaths, lost devices, ended nets and their causes. Reads a file, so it
+//! works while every process of the cell is dead.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -14,30 +14,30 @@ use crate::interrupt::Interrupts;
 use crate::output::{print_note, print_line};
 use crate::table::grouped;
 
-/// How often a followed log is looked at.
+/// Interval between two polls of a followed log.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Which events.
+/// Arguments of `events`.
 #[derive(clap::Args, Debug, Default)]
 pub struct Arguments {
-    /// Go on with what happens from now on; Ctrl-C ends it.
+    /// Keep printing new events until Ctrl-C
     #[arg(long, short)]
     follow: bool,
-    /// Only what is younger than this time (500ms, 10s, 10min), or happened from this cycle of the executor on.
+    /// Only events younger than this time (500ms, 10s, 10min) or from this executor cycle on
     #[arg(long, value_name = "TIME|CYCLE")]
     since: Option<String>,
-    /// Only what concerns this net: name, name#id or id.
+    /// Only events of this net: name, name#id or id
     #[arg(long, value_name = "NET")]
     net: Option<String>,
-    /// Only what concerns this device, its driver, or this process.
+    /// Only events of this device, its driver, or this process
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// There is no such cell, its log cannot be read, or Ctrl-C ended it.
+/// Fails if the cell does not exist, if its log cannot be read, or if Ctrl-C ended the verb.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = context.cell_name();
     let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
@@ -53,7 +53,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut reader = EventReader::open(&cell);
     let unreadable = |error| Failure::unreadable(&cell.events_file().display().to_string(), &error);
     let mut batch = reader.poll().map_err(unreadable)?;
-    // Of one life of the machine, this is the order in which it happened.
+    // Sorts the events of several processes by time.
     batch.sort_by(|a, b| a.time.cmp(&b.time));
     view.begin(&batch);
     loop {
@@ -80,7 +80,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// From which event on.
+/// Start of the shown events.
 #[derive(Debug, PartialEq)]
 enum Since {
     Always,
@@ -88,13 +88,13 @@ enum Since {
     Cycle(u64),
 }
 
-/// What is shown, and how.
+/// Filter and format of the shown events.
 struct EventView {
     format: Format,
     since: Since,
     net: Option<String>,
     device: Option<String>,
-    /// Names of commands by the executor's life and id.
+    /// Names of commands, by the executor's incarnation and id.
     names: HashMap<(String, u64), String>,
     headed: bool,
 }
@@ -111,13 +111,13 @@ impl EventView {
         })
     }
 
-    /// What must be known before the first line: names that are given late, and when a cycle was.
+    /// Prepares the filter: learns names that are reported late, and the time of the first requested cycle.
     fn begin(&mut self, events: &[Event]) {
         events.iter().for_each(|event| self.learn(event));
         let Since::Cycle(from) = self.since else {
             return;
         };
-        // Cycles count anew in each life of the executor: the newest one is meant.
+        // Cycles are counted from 1 in each incarnation of the executor: the newest is meant.
         let ours = |event: &&Event| event.source.role == EventOrigin::Executor && event.cycle.is_some();
         let newest = events
             .iter()
@@ -203,7 +203,7 @@ impl EventView {
                     EventSeverity::Error => "‼",
                 };
                 let time = event.time.get(11..23).unwrap_or(&event.time);
-                // The log is text of other processes: nothing of it may steer a terminal.
+                // Other processes wrote the log: control characters must not reach the terminal.
                 let clean = |text: &str| text.replace(char::is_control, " ");
                 print_line(&row(
                     &clean(time),
@@ -221,7 +221,7 @@ fn row(time: &str, cycle: &str, who: &str, mark: &str, what: &str) -> String {
     format!("{time:<12}  {cycle:>10}  {who:<12} {mark} {what}")
 }
 
-/// The line of the log, with its sentence and the net's name.
+/// Returns the line of the log as JSON, with its sentence and the net's name added.
 fn json(event: &Event, words: &str, view: &EventView) -> String {
     let mut value = serde_json::to_value(event).unwrap_or_default();
     if let Some(object) = value.as_object_mut() {

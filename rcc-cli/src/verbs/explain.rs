@@ -1,5 +1,5 @@
-//! `explain NET`: what a net needs of a cycle, in which order it runs, where its values lie, what can be null and why, and
-//! whether the cell has room for it. A file is compiled here, without a cell; a loaded net is asked for by name.
+//! `explain NET`: shows a net's time budget, order of evaluation, memory layout, which values can be null and why, and
+//! whether the cell has capacity for it. A file is compiled locally, without a cell; a loaded net is fetched by name.
 
 mod report;
 mod text;
@@ -16,39 +16,39 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow;
 
-/// What to explain.
+/// Arguments of `explain`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A file (YAML or JSON; - is the standard input), or a loaded net by name or id.
+    /// File (YAML or JSON; - reads standard input), or loaded net by name or id
     net: String,
-    /// The cell's configuration whose devices the net uses (default: the running cell's, else the demo cell's).
+    /// Cell configuration whose devices the net uses [default: the running cell's, else the demo cell's]
     #[arg(long)]
     config: Option<PathBuf>,
     #[command(flatten)]
     shown: TableSelection,
 }
 
-/// Which tables are printed; without any of it as many as a small net needs.
+/// Selects the printed tables; without any option, as many as suit the size of the net.
 #[derive(clap::Args, Clone, Copy, Debug, Default)]
 pub struct TableSelection {
-    /// Every primitive in the order of evaluation: run, time, outputs, what can be null.
+    /// Show every primitive in order of evaluation: run, time, outputs, null
     #[arg(long)]
     order: bool,
-    /// Every value that can be null, and why.
+    /// Show every value that can be null, and why
     #[arg(long)]
     nulls: bool,
-    /// The longest way from a source to a result, in time.
+    /// Show the critical path: the longest chain of primitives in time
     #[arg(long)]
     path: bool,
-    /// Everything.
+    /// Show all tables
     #[arg(long)]
     all: bool,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The file is not there or not valid, or there is no such net.
+/// Fails if the file does not exist or is invalid, or if the net does not exist.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let found = source::find(context, &arguments.net, arguments.config)?;
     let room = found.client.as_ref().and_then(|client| room(client).ok());
@@ -60,7 +60,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the running cell has left.
+/// Returns the free capacity of the running cell.
 fn room(client: &Client) -> Result<CellCapacity, Failure> {
     let status: StatusView = client.get("/status")?;
     let commands: Vec<CommandView> = client.get("/commands")?;

@@ -1,5 +1,5 @@
-//! `fault TARGET EFFECT`: breaks something on purpose, in cells with simulators only: a simulated device (by its
-//! simulator's control port) or a process of the cell (by a signal).
+//! `fault TARGET EFFECT`: injects a fault into a simulated device (through its simulator's control port) or into a
+//! process of the cell (by a signal); only in cells whose devices are simulated.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -22,25 +22,25 @@ use effect::{FaultAction, FaultEffect, action};
 
 mod effect;
 
-/// How often a SIGSEGV is repeated until it is obeyed.
+/// Number of SIGSEGV signals sent until the process dies.
 const SEGV_TRIES: u32 = 50;
-/// How long `clear` waits for an arm that still moves.
+/// Longest time that `clear` waits for a moving arm.
 const REST_LIMIT: Duration = Duration::from_secs(5);
 
-/// What to break, and how.
+/// Arguments of `fault`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A simulated device (lwr), or a process: driver/lwr, executor, loader.
+    /// Simulated device (lwr) or process (driver/lwr, executor, loader)
     target: Option<String>,
-    /// What happens to it.
+    /// Fault to inject
     #[command(subcommand)]
     effect: FaultEffect,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The cell has no simulators, the target is not there, or the simulator refuses.
+/// Fails if the cell has no simulators, the target does not exist, or the simulator refuses.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let (target, effect) = in_order(arguments)?;
     let name = context.cell_name();
@@ -60,7 +60,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// `fault clear lwr` means `fault lwr clear`.
+/// Treats `fault clear lwr` like `fault lwr clear`.
 fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, FaultEffect), Failure> {
     let after = match &effect {
         FaultEffect::Clear { device } => device.clone(),
@@ -76,7 +76,7 @@ fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, FaultEff
     }
 }
 
-/// The control port of the simulator that plays a device.
+/// Returns the control port of the simulator of a device.
 fn control_of(cell: &Cell, config: &CellConfig, device: &str) -> Option<PathBuf> {
     let mut simulators = config.simulators.iter();
     let simulator = simulators.find(|one| one.device.as_deref() == Some(device))?;
@@ -128,7 +128,7 @@ fn command_simulator(
     loop {
         match simulator.ask(command) {
             Ok(_) => return Ok(()),
-            // `clear` and `ack` acknowledge, which an arm that moves refuses.
+            // `clear` and `ack` acknowledge, which the simulator refuses while the arm moves.
             Err(error)
                 if error.to_string().contains("still moves") && begun.elapsed() < REST_LIMIT =>
             {
@@ -165,7 +165,7 @@ fn send(
         None if target == "loader" => (Role::Loader, "loader"),
         _ => return Err(unknown(config, target)),
     };
-    // A driver moves its device only; the others are everybody's.
+    // A driver affects only its own device; executor and loader affect all.
     let mut concerned = config.devices.iter().map(|device| device.name.as_str());
     let real = concerned
         .find(|device| (role != Role::Driver || *device == label) && !is_simulated(config, device));
@@ -198,13 +198,13 @@ fn send(
             "run as the cell's user",
         )
     })?;
-    // The first one only takes away the handler with which Rust tells of a full stack.
+    // The first SIGSEGV only removes the handler by which Rust reports stack overflows.
     for _ in 0..SEGV_TRIES {
         if signal != Signal::SIGSEGV || announced.liveness().is_dead() {
             break;
         }
         std::thread::sleep(Duration::from_millis(10));
-        // Dead in between: that is what was wanted.
+        // If it died in between, the goal is reached.
         let _ = kill(Pid::from_raw(pid), signal);
     }
     if signal == Signal::SIGSEGV && announced.liveness().is_alive() {
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_part_of_all_is_refused() {
+    fn invalid_percentages_are_refused() {
         for part in ["", "x", "101%", "nan"] {
             assert!(
                 FaultCommandLine::try_parse_from(["fault", "lwr", "loss", part]).is_err(),

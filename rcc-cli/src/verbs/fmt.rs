@@ -1,4 +1,4 @@
-//! `fmt FILE...`: nets and libraries in their one layout, comments kept. Needs no cell.
+//! `fmt FILE...`: formats nets and libraries, keeping comments. Needs no cell.
 
 use rcc_language::format::{FormatError, format};
 use rcc_loader::server::codes::{self, exit};
@@ -9,33 +9,33 @@ use crate::failure::Failure;
 use crate::follow::read_text;
 use crate::output::{print_line, print_file};
 
-/// What to lay out.
+/// Arguments of `fmt`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Nets and libraries, YAML; - is the standard input, which goes to the standard output.
+    /// Nets and libraries in YAML; - formats standard input to standard output
     #[arg(required = true)]
     files: Vec<String>,
-    /// Change nothing; exit code 1 and their names if files are laid out otherwise.
+    /// Change nothing; list unformatted files and exit with code 1 if there are any
     #[arg(long)]
     check: bool,
-    /// Change nothing; print the result.
+    /// Change nothing; print the result
     #[arg(long, conflicts_with = "check")]
     stdout: bool,
 }
 
-/// What became of one file.
+/// Result for one file.
 #[derive(Serialize)]
 struct FormatOutcome {
     file: String,
-    /// It is laid out otherwise, or was.
+    /// True if the file is, or was, not formatted.
     changed: bool,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Exit code 3 when a file is no net, with its faults; then it is left as it is, and the others are still laid out.
-/// Exit code 1 with `--check` when a file is laid out otherwise.
+/// Fails with exit code 3 if a file is invalid, and reports its faults; that file stays unchanged, and the others are
+/// still formatted. Fails with exit code 1 with `--check` if a file is not formatted.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut worst = 0;
     for file in &arguments.files {
@@ -55,7 +55,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-/// True if `--check` found something.
+/// Formats one file; returns true if `--check` found it unformatted.
 fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Failure> {
     let (name, text) = read_text(file)?;
     let written = format(&text, &name).map_err(|error| refused(&name, error))?;

@@ -1,4 +1,4 @@
-//! `graph NET|FILE`: a picture of a net, with the values of a running one on demand.
+//! `graph NET|FILE`: draws a net, optionally with the values of a running one.
 
 use std::path::PathBuf;
 
@@ -16,40 +16,41 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::print_file;
 
-/// Of what, and as what.
+/// Arguments of `graph`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A file (YAML or JSON; - is the standard input), or a loaded net by name or id.
+    /// File (YAML or JSON; - reads standard input), or loaded net by name or id
     net: String,
-    /// As what.
+    /// Output format
     #[arg(long, value_enum, default_value = "svg")]
     format: GraphFormat,
-    /// Write to this file instead of the standard output.
+    /// Write to this file instead of standard output
     #[arg(short = 'o', long, value_name = "FILE")]
     file: Option<PathBuf>,
-    /// Show the values of a running net, all of one cycle, instead of types.
+    /// Show the values of a running net, all of one cycle, instead of types
     #[arg(long)]
     values: bool,
-    /// The cell's configuration whose devices the net uses (default: the running cell's, else the demo cell's).
+    /// Cell configuration whose devices the net uses [default: the running cell's, else the demo cell's]
     #[arg(long)]
     config: Option<PathBuf>,
 }
 
-/// Forms of pictures.
+/// Output formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum GraphFormat {
-    /// A picture for browsers and documents.
+    /// Image for browsers and documents
     Svg,
-    /// For Graphviz.
+    /// Graphviz source
     Dot,
-    /// For Markdown.
+    /// Mermaid source for Markdown
     Mermaid,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The file is not there or not valid, there is no such net, it is too large for a picture, or nothing can be written.
+/// Fails if the file does not exist or is invalid, the net does not exist or is too large for SVG, or the output cannot
+/// be written.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let ResolvedNet { structure, .. } = source::find(context, &arguments.net, arguments.config)?;
     let values = match arguments.values {
@@ -82,17 +83,17 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The values of a loaded net by port, as words.
+/// Returns the values of a loaded net by port, as text.
 fn values(context: &Context, net: &str) -> Result<Values, Failure> {
     let answer = context.client()?.values(net, &[])?;
     let rows = answer.values.iter();
     Ok(rows.map(|row| (row.port.clone(), words(row))).collect())
 }
 
-/// Elements of an array that are shown.
+/// Elements shown of an array.
 const ELEMENTS_MAX: usize = 3;
 
-/// "0.25 m/s", "[0.1, 0.2, 0.3, …] rad", "null".
+/// Formats a value: "0.25 m/s", "[0.1, 0.2, 0.3, …] rad", "null".
 fn words(row: &ValueView) -> String {
     let words = match &row.value {
         Value::Array(values) => {

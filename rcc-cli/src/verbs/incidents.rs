@@ -1,5 +1,5 @@
-//! `incidents`: what the flight recorder wrote; `incidents record`: has it write now. The list reads files, so it works
-//! while every process of the cell is dead.
+//! `incidents`: lists the files of the flight recorder; `incidents record`: records one now. The list is read from
+//! files, so it works while every process of the cell is dead.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -16,15 +16,15 @@ use crate::incident::IncidentNet;
 use crate::output::print_note;
 use crate::table;
 
-/// How often the folder is looked at for the file that was asked for.
+/// Interval between two checks for the requested file.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// The recording goes on for a fifth of a second, and a disk may be slow.
+/// Time limit for the requested file: recording continues for a fifth of a second, and the disk may be slow.
 const WRITTEN_WITHIN: Duration = Duration::from_secs(20);
 
-/// Which incidents.
+/// Arguments of `incidents`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Look into this folder instead of the cell's.
+    /// List this folder instead of the cell's
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
     #[command(subcommand)]
@@ -33,7 +33,7 @@ pub struct Arguments {
 
 #[derive(clap::Subcommand, Debug)]
 enum IncidentsCommand {
-    /// Write the last seconds to a file now, although nothing failed.
+    /// Record the last seconds to a file now
     Record,
 }
 
@@ -41,17 +41,17 @@ enum IncidentsCommand {
 #[derive(Clone, Debug, Serialize)]
 struct IncidentRow {
     file: PathBuf,
-    /// The net that is the reason, `line#3`; its id is in the head.
+    /// Title of the net that caused it, such as `line#3`; its id is in the head.
     name: Option<String>,
     span_s: f64,
     #[serde(flatten)]
     head: IncidentHead,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// There is no such cell or folder, or nothing can be recorded.
+/// Fails if the cell or folder does not exist, or if nothing can be recorded.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
         None => {
@@ -67,7 +67,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-/// The cell's folder of incidents.
+/// Returns the cell's folder of incidents.
 fn of(context: &Context) -> Result<PathBuf, Failure> {
     let name = context.cell_name();
     let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
@@ -83,7 +83,7 @@ fn of(context: &Context) -> Result<PathBuf, Failure> {
     Ok(cell.incidents_dir())
 }
 
-/// The incidents of a folder, the oldest first. IncidentsCommand is none is left out, what cannot be read is told.
+/// Returns the incidents of a folder, oldest first. Skips other files; reports files that cannot be read.
 fn rows(folder: &Path) -> Result<Vec<IncidentRow>, Failure> {
     let entries = match std::fs::read_dir(folder) {
         Ok(entries) => entries,
@@ -97,7 +97,7 @@ fn rows(folder: &Path) -> Result<Vec<IncidentRow>, Failure> {
         }
         match read_head(&path) {
             Ok((head, command)) => rows.push(row(path, head, command.as_deref())),
-            // One of the oldest that has just been removed.
+            // The recorder has just removed one of the oldest files.
             Err(IncidentError::Read(error)) if error.kind() == std::io::ErrorKind::NotFound => {}
             Err(error) => print_note(&format!("{}: {error}", path.display())),
         }
@@ -132,7 +132,7 @@ fn list(rows: &[IncidentRow]) -> String {
     ];
     let mut lines = table::table(&heads);
     for row in rows {
-        // The files may come from anywhere: nothing of them may steer a terminal.
+        // The files may come from anywhere: control characters must not reach the terminal.
         let clean = |text: &str| text.replace(char::is_control, " ");
         lines.add_row([
             clean(row.head.time.get(..19).unwrap_or(&row.head.time)),
@@ -147,7 +147,7 @@ fn list(rows: &[IncidentRow]) -> String {
     table::text(&lines)
 }
 
-/// Why a recording was frozen, in words.
+/// Describes why a recording was frozen.
 pub(super) fn reason(head: &IncidentHead) -> String {
     let mut words = head.reason.clone();
     if let Some(fault) = &head.fault {

@@ -1,5 +1,5 @@
-//! `install-units FILE`: writes the systemd units of a cell from its configuration, or removes them.
-//! The main thread does it all; nothing is started.
+//! `install-units FILE`: writes the systemd units of a cell from its configuration, or removes them. Runs on the main
+//! thread; starts nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -15,37 +15,37 @@ use crate::units::cores::Cores;
 use crate::units::disk::{self, FileChange};
 use crate::units::{self, CellUnits};
 
-/// What to write, and where.
+/// Arguments of `install-units`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The cell's configuration; where the services can read it, for example below /etc/rcc.
+    /// Cell configuration, in a place that services can read, for example below /etc/rcc
     file: PathBuf,
-    /// Write below this folder instead of /.
+    /// Write below this folder instead of /
     #[arg(long, value_name = "DIR", default_value = "/")]
     root: PathBuf,
-    /// Only say what would be written.
+    /// Only print what would be written
     #[arg(long)]
     dry_run: bool,
-    /// Cores for everything but the cycle, like 0-2,5 (default: all but the executor's, if it has one).
+    /// Cores for everything but the cycle, such as 0-2,5 [default: all but the executor's core]
     #[arg(long, value_name = "CORES")]
     cpus: Option<Cores>,
-    /// Where the programs are installed (default: where this one is).
+    /// Folder of the installed programs [default: this program's folder]
     #[arg(long, value_name = "DIR")]
     programs: Option<PathBuf>,
-    /// A number for a port that the configuration leaves open.
+    /// Number of a port that the configuration assigns automatically
     #[arg(long = "port", value_name = "NAME=NUMBER")]
     ports: Vec<PortArgument>,
-    /// Give the simulators of the configuration units too.
+    /// Install units for the simulators as well
     #[arg(long)]
     simulators: bool,
-    /// Remove what was written for this cell; with the last cell, everything.
+    /// Remove the units of this cell; with the last cell, everything
     #[arg(long)]
     uninstall: bool,
 }
 
-/// Folders that the services cannot see (`ProtectHome`, `PrivateTmp`).
+/// Folders hidden from the services (`ProtectHome`, `PrivateTmp`).
 const HIDDEN: [&str; 5] = ["/home", "/root", "/run/user", "/tmp", "/var/tmp"];
-/// The programs that the units start.
+/// Programs that the units start.
 const PROGRAMS: [&str; 5] = [
     "rcc-exec",
     "rcc-loader",
@@ -54,17 +54,18 @@ const PROGRAMS: [&str; 5] = [
     "rcc-cli",
 ];
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The configuration is not valid or not for production, a file is not ours, or the system refuses.
+/// Fails if the configuration is invalid or not for production, if a file was not written by RCC, or if the system
+/// refuses.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = arguments.file.display().to_string();
     let path = arguments.file.canonicalize();
     let path = path.map_err(|error| Failure::unreadable(&name, &error))?;
     let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
     if arguments.uninstall {
-        // What is removed needs no ports.
+        // Removing needs no ports.
         let config = CellConfig::load_offline(&path).map_err(invalid)?;
         let cell = context.cell.as_deref().unwrap_or(&config.name);
         let removed = disk::remove(&arguments.root, cell, arguments.dry_run)?;
@@ -103,7 +104,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The numbers of the automatic ports: all of them must be given.
+/// Returns the numbers of the automatic ports; all of them must be given.
 fn chosen(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, Failure> {
     let given: BTreeMap<String, u16> = arguments
         .ports
@@ -136,7 +137,7 @@ fn chosen(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, F
     ))
 }
 
-/// Simulators have no place in production, unless they are asked for.
+/// Fails if the configuration has simulators that were not requested.
 fn real(config: &CellConfig, arguments: &Arguments) -> Result<(), Failure> {
     if arguments.simulators || config.simulators.is_empty() {
         return Ok(());
@@ -192,7 +193,7 @@ fn visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failure> {
     }
 }
 
-/// Everything but the executor's core, unless the cores are given.
+/// Returns all cores but the executor's, unless cores are given.
 fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Failure> {
     let Some(core) = config.executor.core else {
         return Ok(given);

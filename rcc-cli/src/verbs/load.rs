@@ -1,4 +1,4 @@
-//! `load FILE`: gives a net to the core and waits until it is ready.
+//! `load FILE`: loads a net and waits until it is ready.
 
 use rcc_loader::server::api::CommandView;
 
@@ -8,17 +8,17 @@ use crate::follow::{self, OnRejection};
 use crate::output::print_diagnostics;
 use crate::table::time;
 
-/// What to load.
+/// Arguments of `load`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A net, YAML or JSON; - is the standard input.
+    /// Net (YAML or JSON); - reads standard input
     file: String,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, or rejected, with the diagnostics.
+/// Fails if the loader cannot be reached or rejects the net; prints the diagnostics.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
@@ -31,7 +31,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// One line about a loaded command.
+/// Describes a loaded command in one line.
 pub(super) fn line(command: &CommandView) -> String {
     let uses = if command.uses.is_empty() {
         "nothing".to_owned()

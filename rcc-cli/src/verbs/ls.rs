@@ -1,4 +1,4 @@
-//! `ls`: the loaded nets.
+//! `ls`: lists the loaded nets.
 
 use rcc_loader::server::api::CommandView;
 
@@ -7,21 +7,21 @@ use crate::failure::Failure;
 use crate::follow;
 use crate::table;
 
-/// Nothing more to say.
+/// Arguments of `ls`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {}
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable.
+/// Fails if the loader cannot be reached.
 pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
     let commands: Vec<CommandView> = context.client()?.get("/commands")?;
     context.print(&commands, |commands| list(commands));
     Ok(())
 }
 
-/// The table.
+/// Formats the list as a table.
 pub(super) fn list(commands: &[CommandView]) -> String {
     if commands.is_empty() {
         return "no nets are loaded".to_owned();

@@ -1,5 +1,5 @@
-//! `plot NET`: what the arms of a net would do in virtual time, as a picture: the path of the flange, and positions,
-//! velocities, accelerations and jerks of the joints in parts of their limits.
+//! `plot NET`: plots what the arms of a net would do in virtual time: the path of the flange, and positions,
+//! velocities, accelerations and jerks of the joints relative to their limits.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ use crate::plot::{Plot, PlotError};
 use crate::simulate::tracks::ArmTracks;
 use crate::simulate::{self, SimulationOptions};
 
-/// What to plot.
+/// Arguments of `plot`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     scenario: SimulationScenario,
-    /// Where the picture goes; .svg or .png (default: the net's name with .svg).
+    /// Output file, .svg or .png [default: the net's name with .svg]
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -32,15 +32,15 @@ struct PlotReport {
     net: String,
     file: String,
     time_s: f64,
-    /// A limit that the net would break, in words.
+    /// Description of the limit that the net would break.
     breaks: Option<String>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The net is not valid or refused, commands no arm, or the picture cannot be written; one that breaks a limit or ends with
-/// a fault is drawn, and is an error.
+/// Fails if the net is invalid or refused, commands no arm, or if the plot cannot be written. A net that breaks a limit
+/// or ends with a fault is plotted, and then fails.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let PreparedScenario {
         config,
@@ -97,7 +97,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Writes a picture; what it is is said by the file's name.
+/// Writes a plot in the format given by the file's extension.
 pub(super) fn write(path: &Path, picture: &Plot) -> Result<(), Failure> {
     let name = path.extension().and_then(|extension| extension.to_str());
     let failed = |error: PlotError| {

@@ -1,4 +1,4 @@
-//! `primitives [NAME|WORD]`: the manual: the catalogue by groups, everything about one type, or types that a word occurs in.
+//! `primitives [NAME|WORD]`: the manual: all primitives by group, one type in detail, or the types that mention a word.
 //! Needs no cell.
 
 use rcc_loader::server::api::{ExampleView, ParameterView, PortView, PrimitiveView};
@@ -11,23 +11,23 @@ use crate::failure::Failure;
 use crate::output::print_line;
 use crate::table;
 
-/// Which.
+/// Arguments of `primitives`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Name of a type, or a word to look for in names, summaries and ports; all types without.
+    /// Name of a type, or a word to search for in names, summaries and ports; without it all types are listed
     name: Option<String>,
-    /// Only this group: a word of its title.
+    /// Only list this group (a word of its title)
     #[arg(long, conflicts_with = "name")]
     group: Option<String>,
-    /// As Markdown: one type, or the whole manual.
+    /// Print Markdown: one type, or the whole manual
     #[arg(long, conflicts_with = "group")]
     markdown: bool,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// There is no such primitive or group.
+/// Fails if the primitive or group does not exist.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let all = catalogue::primitives();
     let found = match (&arguments.name, &arguments.group) {
@@ -171,7 +171,7 @@ fn parameter_row(parameter: &ParameterView) -> [String; 5] {
     ]
 }
 
-/// Worked values, one row a cycle.
+/// Formats worked values, one row per cycle.
 fn worked(example: &ExampleView) -> String {
     let names: Vec<String> = example
         .names

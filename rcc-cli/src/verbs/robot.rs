@@ -1,4 +1,4 @@
-//! `robot import FILE.urdf`: a robot file from a URDF, if its chain is an arm that the core knows. Needs no cell.
+//! `robot import FILE.urdf`: creates a robot file from a URDF if its chain is a supported arm. Needs no cell.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::print_file;
 
-/// RobotCommand to do with robots.
+/// Arguments of `robot`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -17,29 +17,29 @@ pub struct Arguments {
 
 #[derive(clap::Subcommand, Debug)]
 enum RobotCommand {
-    /// Make a robot file from a URDF: finds out which kind of arm it is, and proves it, before anything is written.
+    /// Create a robot file from a URDF; recognises the kind of arm and verifies it first
     Import(ImportArguments),
 }
 
 #[derive(clap::Args, Debug)]
 struct ImportArguments {
-    /// The URDF (without xacro: run `xacro` first).
+    /// URDF file; expand xacro files with `xacro` first
     file: PathBuf,
-    /// The link that stands (default: the root).
+    /// Base link [default: the root]
     #[arg(long)]
     base: Option<String>,
-    /// The link that is the flange (default: the only leaf, or tool0, flange, ee_link, ee).
+    /// Flange link [default: the only leaf, or tool0, flange, ee_link, ee]
     #[arg(long)]
     tip: Option<String>,
-    /// Write to this file instead of the standard output.
+    /// Write to this file instead of standard output
     #[arg(short = 'o', long, value_name = "FILE")]
     into: Option<PathBuf>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The file is no URDF, or its chain is no arm that the core knows; which joint does not fit is said.
+/// Fails if the file is not a URDF, or if its chain is not a supported arm; names the joint that does not fit.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let RobotCommand::Import(import) = arguments.what;
     let shown = import.file.display().to_string();

@@ -1,5 +1,6 @@
-//! `rt-setup`: what only root can set for real time: governor, interrupts, sleep states. Says what it did and what not.
-//! The main thread does it all, and with `--hold` waits, because the last of them holds only while a file is open.
+//! `rt-setup`: applies the real-time settings that need root: frequency governor, interrupt affinity, sleep states;
+//! reports what was set. Runs on the main thread; with `--hold` it waits, because sleep states stay disabled only while
+//! a file is open.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
@@ -14,24 +15,25 @@ use crate::failure::Failure;
 use crate::output::print_line;
 use crate::units::cores::Cores;
 
-/// What to set.
+/// Arguments of `rt-setup`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The cores of the cycles, like 3 or 2-3; interrupts are moved away from them. Also taken from RCC_RT_CORES….
+    /// Cores of the cycles, such as 3 or 2-3; interrupts are moved away from them. Also read from RCC_RT_CORES…
     #[arg(long, value_name = "CORES")]
     cores: Option<Cores>,
-    /// Keep the processors out of sleep states until SIGTERM or Ctrl-C.
+    /// Keep the processors out of sleep states until SIGTERM or Ctrl-C
     #[arg(long)]
     hold: bool,
-    /// The files of the system are below this folder.
+    /// Root folder of the system's files
     #[arg(long, value_name = "DIR", default_value = "/", hide = true)]
     root: PathBuf,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Signals cannot be awaited, or the supervisor cannot be outcome. What the machine does not have or refuses is only outcome.
+/// Fails if signals cannot be handled or the supervisor cannot be notified. Settings that the machine lacks or refuses
+/// are only reported.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let failed =
         |error: &dyn std::error::Error| Failure::new(codes::PROCESS_FAILED, error.to_string(), "");
@@ -63,7 +65,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The cores that were given here, and those of every cell (`RCC_RT_CORES_<CELL>`, by install-units).
+/// Returns the cores given here and those of every cell (`RCC_RT_CORES_<CELL>`, written by install-units).
 fn wanted(given: Option<Cores>) -> BTreeSet<usize> {
     let named = std::env::vars().filter(|(name, _)| name.starts_with("RCC_RT_CORES"));
     let named = named.filter_map(|(_, value)| value.parse::<Cores>().ok());
@@ -71,7 +73,7 @@ fn wanted(given: Option<Cores>) -> BTreeSet<usize> {
     all.flat_map(|cores| cores.numbers().clone()).collect()
 }
 
-/// Files of this name, one a numbered folder.
+/// Returns the files `file` in all folders named `prefix` plus a number.
 fn numbered(folder: &Path, prefix: &str, file: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let is_numbered = |name: &str| {
@@ -86,7 +88,7 @@ fn numbered(folder: &Path, prefix: &str, file: &str) -> Vec<PathBuf> {
     files
 }
 
-/// Writes the same into all; how many took it, and the first refusal.
+/// Writes the same text into all files; returns how many accepted it, and the first refusal.
 fn write_all(files: &[PathBuf], text: &str) -> (usize, Option<(PathBuf, io::Error)>) {
     let mut refusal = None;
     let mut taken = 0;
@@ -142,7 +144,7 @@ fn interrupts(root: &Path, cores: &BTreeSet<usize>) -> String {
         return format!("{what}: not moved, there is no other core");
     };
     let files = numbered(&root.join("proc/irq"), "", "smp_affinity_list");
-    // Those of a single core cannot be moved: they refuse.
+    // Per-core interrupts cannot be moved: they refuse.
     let done = format!("moved to cores {rest}");
     outcome(
         what,
@@ -152,7 +154,7 @@ fn interrupts(root: &Path, cores: &BTreeSet<usize>) -> String {
     )
 }
 
-/// The kernel keeps the processors awake as long as this file is open with 0 µs in it.
+/// The kernel keeps the processors out of sleep states while this file is open with 0 µs written to it.
 fn latency(root: &Path) -> (Option<File>, String) {
     let path = root.join("dev/cpu_dma_latency");
     let opened = OpenOptions::new().write(true).open(&path);
@@ -169,7 +171,7 @@ fn latency(root: &Path) -> (Option<File>, String) {
 mod tests {
     use super::*;
 
-    /// A system in a folder, removed at the end.
+    /// A system root in a temporary folder, removed at the end.
     struct RootFixture(PathBuf);
 
     impl RootFixture {
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_set_and_told() {
+    fn everything_is_set_and_reported() {
         let system = RootFixture::new("all");
         assert_eq!(
             governor(&system.0),
@@ -216,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_machine_lacks_is_told() {
+    fn settings_that_the_machine_lacks_are_reported() {
         let nowhere = Path::new("/nowhere");
         assert_eq!(
             governor(nowhere),

@@ -1,5 +1,5 @@
-//! `run FILE`: load, start, follow, unload. The first Ctrl-C cancels (aborts a net that cannot be cancelled), the
-//! second one aborts. What it prints is never a reason to leave the net alone.
+//! `run FILE`: loads, starts, follows and unloads a net. The first Ctrl-C cancels it (or aborts a net that cannot be
+//! cancelled), the second one aborts it. A failure to print never ends the supervision of the net.
 
 use std::time::{Duration, Instant};
 
@@ -13,23 +13,23 @@ use crate::follow::{self, OnRejection};
 use crate::interrupt::Interrupts;
 use crate::output::{Printer, print_diagnostics};
 
-/// How long a loader that died is waited for.
+/// Longest time to wait for a loader that died.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// What to run.
+/// Arguments of `run`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A net, YAML or JSON; - is the standard input.
+    /// Net (YAML or JSON); - reads standard input
     file: String,
-    /// Leave it loaded at the end.
+    /// Keep the net loaded at the end
     #[arg(long)]
     keep: bool,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, refused, or ended otherwise than `finished`, by whomever.
+/// Fails if the loader cannot be reached or refuses, or if the net ends otherwise than `finished`, for whatever reason.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
@@ -44,7 +44,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     let outcome = start_and_follow(&show, &client, &interrupts, &loaded);
     if !arguments.keep {
-        // What is said about the run counts more than a row that could not be freed.
+        // The result of the run counts more than a command that could not be unloaded.
         let _ = follow::unload(&client, loaded.id);
     }
     printer.finish();
@@ -52,7 +52,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if context.format == Format::Json {
         context.print(&command, |_| String::new());
     }
-    // Canceled, aborted or just finished: whoever asked for it has taken that back.
+    // Whoever requested the run has withdrawn it, whether the net was cancelled, aborted or had just finished.
     if interrupts.asked() && command.fault.is_none() {
         return Err(Failure::interrupted());
     }
@@ -74,7 +74,7 @@ fn start_and_follow(
     let mut answered = Instant::now();
     loop {
         let command = match follow::brief(client, &id) {
-            // A loader that died is started again; the net runs on meanwhile.
+            // A loader that died is restarted; the net runs on meanwhile.
             Err(failure) if failure.exit == exit::UNREACHABLE && answered.elapsed() < PATIENCE => {
                 std::thread::sleep(follow::POLL);
                 continue;
@@ -83,7 +83,7 @@ fn start_and_follow(
         };
         answered = Instant::now();
         let words = follow::state_words(&command);
-        // A snapshot may be a few cycles older than the START that was just answered.
+        // The snapshot may be a few cycles older than the START that was just answered.
         let old = command.state == "ready";
         if words != shown && !old {
             show(&format!("{}  {words}", follow::title(&command)));
@@ -98,7 +98,7 @@ fn start_and_follow(
             obeyed = asked;
             let what = if gently { "cancel" } else { "abort" };
             match follow::operate(client, &id, what) {
-                // It ended in between: the next look tells how.
+                // It ended in between: the next poll shows how.
                 Err(failure) if failure.exit == exit::CONFLICT => {}
                 done => drop(done?),
             }

@@ -1,4 +1,4 @@
-//! `schema`: the JSON Schema of nets, from the running cell with its devices, else from this program.
+//! `schema`: prints the JSON Schema of nets, from the running cell with its devices, or else from this program.
 
 use std::path::PathBuf;
 
@@ -11,18 +11,18 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::print_line;
 
-/// Whose devices it names.
+/// Arguments of `schema`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A cell's configuration whose devices and channels are named (default: the running cell's, else none are).
+    /// Cell configuration whose devices and channels are named [default: the running cell's, else none]
     #[arg(long)]
     config: Option<PathBuf>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The configuration is not valid.
+/// Fails if the configuration is invalid.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let schema = match arguments.config {
         Some(path) => schema(Some(&DeviceTable::from(&load_config(&path)?))),
@@ -33,7 +33,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// That of the running cell, if one runs.
+/// Returns the schema of the running cell, if one runs.
 fn running(context: &Context) -> Option<Value> {
     context.client().ok()?.get("/schema").ok()
 }

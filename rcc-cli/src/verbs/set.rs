@@ -1,4 +1,4 @@
-//! `set NET NAME=VALUE…`: inputs get these values, all from the same cycle on, or none does.
+//! `set NET NAME=VALUE…`: sets inputs of a net, all from the same cycle on, or none of them.
 
 use rcc_language::names::{InputNames, Names};
 use rcc_loader::server::api::{InputsSet, ValuesView};
@@ -11,24 +11,25 @@ use crate::follow;
 use crate::table::{self, grouped};
 use crate::value::Style;
 
-/// What is set.
+/// Arguments of `set`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Id, name of the net (then the newest of that name), or name#id.
+    /// Net: id, name (the newest with that name), or name#id
     net: String,
-    /// As `speed="0.2 m/s"` or `goal="{xyz: [0.5, 0, 0.3], rpy: [0, 0, 0]}"`; `null` unsets. Without any, all inputs are
-    /// listed.
+    /// Values such as speed="0.2 m/s" or goal="{xyz: [0.5, 0, 0.3], rpy: [0, 0, 0]}"; null unsets. Without values, all
+    /// inputs are listed
     #[arg(value_name = "NAME=VALUE")]
     values: Vec<String>,
-    /// These become null.
+    /// Inputs to set to null
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     unset: Vec<String>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, no such input, a value that is none of it, or a net that is neither ready nor running.
+/// Fails if the loader cannot be reached, the input does not exist, the value does not fit, or the net is neither ready
+/// nor running.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let net = &arguments.net;
@@ -66,7 +67,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// `NAME=VALUE` as a line of the text that is sent.
+/// Converts `NAME=VALUE` to a line of the request's body.
 fn line(pair: &str) -> Result<String, Failure> {
     let usage = |message: String| {
         Failure::new(
@@ -145,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pair_is_refused_as_usage() {
+    fn invalid_assignments_are_refused_as_usage() {
         for pair in ["speed", "=1", "speed=", "a b=1", "x=1\ny: 2", "{x=1"] {
             let refused = line(pair).map_err(|failure| failure.exit);
             assert_eq!(refused, Err(codes::exit::USAGE), "{pair}");

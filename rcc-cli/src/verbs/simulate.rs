@@ -1,4 +1,5 @@
-//! `simulate NET`: the net in virtual time against simple device models, without a cell; results as table, CSV and SVG.
+//! `simulate NET`: runs a net in virtual time against simple device models, without a cell; results as table, CSV and
+//! SVG.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -28,49 +29,49 @@ use crate::simulate::{self, SimulationOptions, SimulateError, SimulationResult};
 use crate::supervisor::paths;
 use crate::table;
 
-/// Longest logical time, unless another one is given.
+/// Default limit of logical time.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// What happens in a net's virtual time.
+/// Net, devices and events of a simulation.
 #[derive(clap::Args, Debug)]
 pub struct SimulationScenario {
-    /// A net, YAML or JSON; - is the standard input.
+    /// Net (YAML or JSON); - reads standard input
     pub file: String,
-    /// The cell's configuration whose devices are imitated (default: the demo cell's).
+    /// Cell configuration whose devices are simulated [default: the demo cell's]
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// End after this logical time; without it a net that is not over after 60s is an error.
+    /// End after this logical time; without it, a net that still runs after 60s is an error
     #[arg(long = "for", value_name = "TIME", value_parser = super::duration)]
     pub limit: Option<Duration>,
-    /// CANCEL after this time; a net without Cancel is aborted.
+    /// Cancel after this time; a net without Cancel is aborted
     #[arg(long, value_name = "TIME", value_parser = super::duration)]
     pub cancel_at: Option<Duration>,
-    /// An input of a device: io.door_closed=true@2s, io.temperature=300K; without a time from the beginning.
+    /// Set a device input: io.door_closed=true@2s, io.temperature=300K; without a time, from the start
     #[arg(long, value_name = "DEVICE.CHANNEL=VALUE[@TIME]")]
     pub input: Vec<String>,
 }
 
-/// A scenario with its files read.
+/// A scenario whose files have been read.
 pub struct PreparedScenario {
-    /// The cell.
+    /// Configuration of the cell.
     pub config: CellConfig,
-    /// The plan and its names.
+    /// Plan of the net.
     pub plan: PlanData,
     /// Names of its ports.
     pub names: Names,
-    /// What happens.
+    /// Events and limits.
     pub options: SimulationOptions,
 }
 
-/// What to simulate.
+/// Arguments of `simulate`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     scenario: SimulationScenario,
-    /// Writes what monitors show, a line for each cycle in which one is due.
+    /// Write monitored values to this file, one line per cycle in which one is due
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Draws what monitors show.
+    /// Plot monitored values to this file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 }
@@ -94,10 +95,10 @@ struct LastValue {
     last: Option<f64>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The net or an argument is not valid, it is refused, or it ends with a fault or an abort.
+/// Fails if the net or an argument is invalid, if the net is refused, or if it ends with a fault or an abort.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let PreparedScenario {
         config,
@@ -127,10 +128,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 impl SimulationScenario {
-    /// Whether it went as it was asked for, with the exit codes of `run`.
+    /// Judges the result by what was requested, with the exit codes of `run`.
     ///
     /// # Errors
-    /// It ended otherwise than `finished`, unless a CANCEL was asked for; or it did not end, unless a time was.
+    /// Fails if the net ended otherwise than `finished` without a requested CANCEL, or did not end and no time was
+    /// given.
     pub(super) fn judge(&self, reason: EndReason) -> Result<(), Failure> {
         let asked = match self.cancel_at {
             Some(_) => RequestedEnd::Cancel,
@@ -152,10 +154,10 @@ impl SimulationScenario {
         }
     }
 
-    /// Reads the cell and the net and compiles it; what is worth a warning is told.
+    /// Reads the cell and the net and compiles it; prints warnings.
     ///
     /// # Errors
-    /// A file cannot be read or is not valid, or an input is not understood.
+    /// Fails if a file cannot be read or is invalid, or if an input cannot be parsed.
     pub fn prepare(&self) -> Result<PreparedScenario, Failure> {
         let path = match &self.config {
             Some(path) => path.clone(),
@@ -252,7 +254,7 @@ fn report(net: &Names, simulated: &SimulationResult, config: &CellConfig) -> Sim
         fault: with_names(net, config, |names| names.fault(&command.fault)),
         cycles: command.cycles,
         rehearsal: simulated.rehearsed.map(|rehearsed| RehearsalView {
-            // Another one each time.
+            // Cleared because it differs in each run.
             took_ns: 0,
             ..with_names(net, config, |names| names.rehearsal(&rehearsed))
         }),
@@ -288,7 +290,7 @@ fn human(report: &SimulateReport) -> String {
     format!("{head}\n\n{}", table::text(&rows))
 }
 
-/// On stderr: the only thing that is another one each time.
+/// Describes the speed of the simulation. Printed on stderr because it differs in each run.
 fn speed(simulated: &SimulationResult, took: Duration) -> String {
     let seconds = took.as_secs_f64().max(1e-9);
     let rate = simulated.cycles as f64 / seconds;

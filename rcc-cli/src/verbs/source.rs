@@ -1,5 +1,5 @@
-//! The net that `explain` and `graph` are asked about: a file, compiled here without a cell, or a loaded net by name. Used
-//! by the main thread; no verb itself.
+//! Finds the net for `explain` and `graph`: a file, compiled locally without a cell, or a loaded net by name. Used by
+//! the main thread.
 
 use std::path::{Path, PathBuf};
 
@@ -19,25 +19,25 @@ use crate::follow;
 use crate::output::print_diagnostics;
 use crate::supervisor::paths;
 
-/// A net that compiled.
+/// A compiled net.
 pub struct ResolvedNet {
-    /// It and its plan.
+    /// Compiled net with its plan.
     pub compiled: Compiled,
-    /// What it consists of.
+    /// Its primitives, links and frames.
     pub structure: NetStructure,
-    /// The configuration that it was compiled for.
+    /// Configuration that it was compiled for.
     pub config: CellConfig,
-    /// The running cell, if there is one.
+    /// Client of the running cell, if one runs.
     pub client: Option<Client>,
 }
 
 /// Finds and compiles a net.
 ///
 /// # Errors
-/// The file is not there or not valid, or there is no such net.
+/// Fails if the file does not exist or is invalid, or if the net does not exist.
 pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<ResolvedNet, Failure> {
     let is_file = net == "-" || Path::new(net).is_file();
-    // Without a cell a file can be looked at all the same.
+    // A file can be compiled without a cell.
     let client = context.client();
     let source = if is_file {
         follow::read_text(net)?
@@ -59,7 +59,7 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
         }
     };
     let config = load_config(&config)?;
-    // A loaded net came as a text; its libraries are not here.
+    // A loaded net is one text; its libraries are not available here.
     let libraries: &dyn LibrarySource = if is_file { &FileLibraries } else { &NoLibraries };
     let (compiled, structure) =
         compile_with_structure(&source.1, &source.0, &config, libraries).map_err(|faults| {
@@ -74,7 +74,7 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
     })
 }
 
-/// A name that is no file, and no cell to ask.
+/// Failure for a name that is not a file, with no cell to ask.
 fn no_such(net: &str, failure: &Failure) -> Failure {
     let mut failure = failure.clone();
     failure.body.message = format!("file `{net}` not found, and {}", failure.body.message);

@@ -1,4 +1,4 @@
-//! `start NAME…`: evaluated from the next cycle on; with `--after-stopping` others end between the same two cycles.
+//! `start NAME…`: starts nets at the next cycle; with `--after-stopping`, ends others between the same two cycles.
 
 use rcc_loader::server::api::{Done, Switched};
 
@@ -7,21 +7,22 @@ use crate::failure::Failure;
 use crate::follow;
 use crate::table::grouped;
 
-/// Which nets.
+/// Arguments of `start`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Id, name of the net (then the newest of that name), or name#id; several start in the same cycle, all or none.
+    /// Nets: id, name (the newest with that name), or name#id; several start in the same cycle, all or none
     #[arg(required = true, value_name = "NAME")]
     names: Vec<String>,
-    /// End these between the same two cycles; an arm goes on without a gap. If that cannot be, nothing changes.
+    /// End these nets between the same two cycles, so that an arm continues without a gap; if that fails, nothing
+    /// changes
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     after_stopping: Vec<String>,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, or refused.
+/// Fails if the loader cannot be reached or refuses.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     if let ([name], []) = (&arguments.names[..], &arguments.after_stopping[..]) {

@@ -1,4 +1,4 @@
-//! `state [NAME]`: everything about one net, or the states of all.
+//! `state [NAME]`: shows everything about one net, or the states of all.
 
 use rcc_loader::server::api::{CommandDetail, CommandView, ValuesView};
 
@@ -9,26 +9,26 @@ use crate::follow;
 use crate::table::{grouped, time};
 use crate::value::{self, Style};
 
-/// Which net.
+/// Arguments of `state`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Id, name of the net, or name#id; all nets without.
+    /// Net: id, name, or name#id; without it all nets are listed
     name: Option<String>,
-    /// The values of its outputs, all of one cycle.
+    /// Show the values of its outputs, all of one cycle
     #[arg(long, requires = "name")]
     values: bool,
-    /// The values of these ports, with commas between them: move.pose,ik.*,a.out[2].
+    /// Show the values of these ports, separated by commas: move.pose,ik.*,a.out[2]
     #[arg(long, requires = "name", value_name = "PATTERN", value_delimiter = ',')]
     ports: Vec<String>,
-    /// Angles in degrees.
+    /// Show angles in degrees
     #[arg(long, requires = "name")]
     deg: bool,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, or no such net.
+/// Fails if the loader cannot be reached or the net does not exist.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     match arguments.name {
@@ -51,7 +51,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Values as a table, with the cycle that they are of.
+/// Formats values as a table, with their cycle.
 #[must_use]
 pub fn shown(values: &ValuesView, style: Style) -> String {
     let of = match values.net_cycle {

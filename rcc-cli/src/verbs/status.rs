@@ -1,5 +1,5 @@
-//! `status`: the executor's health, its late cycles until they are acknowledged, the RT grade it really obtained, and
-//! the processes of the cell.
+//! `status`: shows the executor's health, its late cycles until they are acknowledged, the real-time grade that it
+//! obtained, and the processes of the cell.
 
 use rcc_loader::server::api::{
     Acknowledged, ClockView, ExecutorView, HelperView, LateView, StatusView,
@@ -11,18 +11,18 @@ use crate::doctor::record::GradeRecord;
 use crate::failure::Failure;
 use crate::table::{self, grouped, time};
 
-/// What to do besides looking.
+/// Arguments of `status`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Acknowledge late cycles: what is latched, worst values and histograms begin anew.
+    /// Acknowledge late cycles; resets latched values, worst values and histograms
     #[arg(long)]
     acknowledge: bool,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable.
+/// Fails if the loader cannot be reached.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     if arguments.acknowledge {
@@ -46,7 +46,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The cell's own word, and how punctual the machine was when it was last measured.
+/// Status of the cell, and the machine's last measured grade.
 #[derive(Serialize)]
 struct Status {
     #[serde(flatten)]
@@ -94,7 +94,7 @@ fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
     )
 }
 
-/// The helper threads of executor and loader: when each made its last turn, and how long one may take.
+/// Formats the helper threads of executor and loader: age and limit of each one's last turn.
 fn helpers(helpers: &[HelperView]) -> String {
     let mut rows = table::table(&["HELPER", "STATE", "TURNS", "LAST", "LIMIT"]);
     for helper in helpers {
@@ -109,7 +109,7 @@ fn helpers(helpers: &[HelperView]) -> String {
     table::text(&rows)
 }
 
-/// What is wrong with the configuration, a line each.
+/// Lists problems of the configuration, one per line.
 fn configuration(words: &[String]) -> String {
     let lines = words.iter();
     lines
@@ -117,7 +117,7 @@ fn configuration(words: &[String]) -> String {
         .collect()
 }
 
-/// How many were late, and of them how many nobody has acknowledged.
+/// Describes the number of late cycles, and how many are not acknowledged.
 fn late(executor: &ExecutorView) -> String {
     let new = executor.late.saturating_sub(executor.late_acknowledged);
     match (executor.late, new) {
@@ -139,7 +139,7 @@ fn late(executor: &ExecutorView) -> String {
     }
 }
 
-/// The first and the last late cycle, a line each.
+/// Describes the first and the last late cycle, one per line.
 fn latched(executor: &ExecutorView) -> String {
     let line = |(which, late): (&str, &LateView)| {
         format!("          {which} late: {}\n", late_words(late))
@@ -156,7 +156,7 @@ fn latched(executor: &ExecutorView) -> String {
         .collect()
 }
 
-/// A late cycle in words.
+/// Describes a late cycle.
 pub(super) fn late_words(late: &LateView) -> String {
     let net = late.net.as_ref().map_or_else(String::new, |net| {
         format!(", most of it {net} ({})", time(late.net_ns))
@@ -175,7 +175,7 @@ pub(super) fn late_words(late: &LateView) -> String {
     )
 }
 
-/// What nets need of what they may need.
+/// Describes the time committed to nets, and the budget.
 fn budget(executor: &ExecutorView) -> String {
     if executor.budget_ns == 0 {
         return String::new();
@@ -187,7 +187,7 @@ fn budget(executor: &ExecutorView) -> String {
     )
 }
 
-/// A line about a clock that follows a device; nothing about the executor's own.
+/// Describes the clock if it follows a device; empty for the executor's own clock.
 fn clock(clock: &ClockView) -> String {
     let Some(device) = &clock.device else {
         return String::new();

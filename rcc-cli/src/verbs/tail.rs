@@ -1,4 +1,4 @@
-//! `tail [PATTERN...]`: hands over to `rcc-monitor`, which lies beside this program.
+//! `tail [PATTERN...]`: replaces this process by `rcc-monitor`, which is installed beside it.
 
 use std::os::unix::process::CommandExt;
 use std::process::Command;
@@ -9,23 +9,23 @@ use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::supervisor::paths;
 
-/// What to show.
+/// Arguments of `tail`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Ports like line/move.pose; * and ? stand for any characters. All without.
+    /// Ports such as line/move.pose, with * and ? as wildcards [default: all]
     patterns: Vec<String>,
-    /// End after this many records.
+    /// End after this many records
     #[arg(long)]
     count: Option<u64>,
-    /// End after this time.
+    /// End after this time
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<String>,
 }
 
-/// Does it; returns only when it cannot.
+/// Runs the verb; returns only if it fails.
 ///
 /// # Errors
-/// The monitor is not there.
+/// Fails if the monitor cannot be started.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let program = paths::program("rcc-monitor")?;
     let mut command = Command::new(&program);

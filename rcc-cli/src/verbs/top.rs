@@ -1,5 +1,5 @@
-//! `top`: where the time of the cycles goes, live in a terminal or once as text: nets, histograms, primitives, late cycles.
-//! Reads what the loader tells and acknowledges on demand; never reaches the real-time thread otherwise.
+//! `top`: shows where the time of the cycles goes: nets, histograms, primitives, late cycles; live in a terminal, or
+//! once as text. Reads from the loader, and acknowledges on request; it has no other effect on the real-time thread.
 
 use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
@@ -21,21 +21,21 @@ use crate::interrupt::Interrupts;
 mod screen;
 mod text;
 
-/// Keys are looked at so often.
+/// Interval between two checks for keys.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// How to show it.
+/// Arguments of `top`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Print once as text and end; so it is without a terminal and with --output json, too.
+    /// Print once as text; implied without a terminal and by --output json
     #[arg(long)]
     once: bool,
-    /// How often it is read anew.
+    /// Refresh interval
     #[arg(long, value_name = "DURATION", default_value = "500ms")]
     every: String,
 }
 
-/// Everything that is shown.
+/// The displayed data.
 #[derive(Clone, Debug, Default, Serialize)]
 struct TopSnapshot {
     status: StatusView,
@@ -53,10 +53,10 @@ impl TopSnapshot {
     }
 }
 
-/// Does it; q, Escape or Ctrl-C end the live one.
+/// Runs the verb; q, Escape or Ctrl-C end the live view.
 ///
 /// # Errors
-/// Not reachable at the start, or the terminal does not do it.
+/// Fails if the loader cannot be reached at the start, or if the terminal cannot be used.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let every = duration(&arguments.every)
         .map_err(|message| Failure::new(codes::BAD_REQUEST, message, ""))?;
@@ -68,10 +68,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Ok(());
     }
     let interrupts = Interrupts::listen()?;
-    // It also restores the terminal when the program panics.
+    // This also restores the terminal if the program panics.
     let terminal = ratatui::try_init();
     let shown = terminal.and_then(|terminal| live(terminal, &client, snapshot, every, &interrupts));
-    // However it ended; a terminal that is gone needs nothing any more.
+    // Runs however the view ended; a failure means that the terminal is gone.
     let _ = ratatui::try_restore();
     shown.map_err(|error| {
         let help = "use `rcc-cli top --once` for plain text";
@@ -83,7 +83,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     })
 }
 
-/// Shows it until it is asked to end. A cell that does not answer for a while is told below the last picture.
+/// Shows the live view until it is closed. If the cell stops answering, the error appears below the last data.
 fn live(
     mut terminal: DefaultTerminal,
     client: &Client,
@@ -124,7 +124,7 @@ fn live(
     }
 }
 
-/// Replaces what would reorder or hide the rest of the picture; controls are not drawn anyway.
+/// Replaces characters that would reorder or hide text; control characters are not drawn anyway.
 fn make_printable(picture: &mut Buffer) {
     for cell in &mut picture.content {
         if first_unprintable(cell.symbol()).is_some() {
@@ -144,7 +144,7 @@ fn acknowledge(client: &Client) -> String {
     }
 }
 
-/// What a key or a change of the terminal asks for.
+/// Action requested by a key or a resize of the terminal.
 #[derive(Debug, PartialEq, Eq)]
 enum KeyAction {
     End,

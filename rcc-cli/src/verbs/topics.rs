@@ -1,4 +1,4 @@
-//! `topics`: values that go from net to net, with who publishes them and who subscribes to them.
+//! `topics`: lists the topics that connect nets, with their publishers and subscribers.
 
 use rcc_loader::server::api::{TopicEnd, TopicView};
 
@@ -6,14 +6,14 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::table;
 
-/// Nothing more to say.
+/// Arguments of `topics`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {}
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable.
+/// Fails if the loader cannot be reached.
 pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
     let topics: Vec<TopicView> = context.client()?.get("/topics")?;
     context.print(&topics, |topics| list(topics));
@@ -37,7 +37,7 @@ fn list(topics: &[TopicView]) -> String {
     table::text(&rows)
 }
 
-/// `guard#3 force (running)`, one a line.
+/// Formats publishers or subscribers as `guard#3 force (running)`, one per line.
 fn ends(ends: &[TopicEnd]) -> String {
     if ends.is_empty() {
         return "nobody".to_owned();

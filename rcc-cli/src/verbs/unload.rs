@@ -1,4 +1,4 @@
-//! `unload NAME`: forgets a net that is not active.
+//! `unload NAME`: unloads a net that is not active.
 
 use rcc_loader::server::api::Done;
 
@@ -7,17 +7,17 @@ use crate::client::segment;
 use crate::context::Context;
 use crate::failure::Failure;
 
-/// Which net.
+/// Arguments of `unload`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     named: NetName,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// Not reachable, or refused.
+/// Fails if the loader cannot be reached or refuses.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let path = format!("/commands/{}", segment(&arguments.named.name));
     let done: Done = context.client()?.delete(&path)?;

@@ -1,5 +1,5 @@
-//! `up FILE`: starts a cell from one configuration file and supervises it until Ctrl-C, whether anybody reads what it
-//! prints or not.
+//! `up FILE`: starts a cell from a configuration file and supervises it until Ctrl-C, whether or not anybody reads its
+//! output.
 
 use std::path::PathBuf;
 
@@ -11,17 +11,17 @@ use crate::interrupt::Interrupts;
 use crate::output::Printer;
 use crate::supervisor::{POLL_INTERVAL, SupervisorEvent, Supervisor, processes};
 
-/// What to start.
+/// Arguments of `up`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The cell's configuration.
+    /// Cell configuration
     file: PathBuf,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The configuration is not valid, the cell lives already, or a process failed.
+/// Fails if the configuration is invalid, the cell is already running, or a process failed.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let interrupts = Interrupts::listen()?;
     let prepared = processes::prepare(&arguments.file)?;

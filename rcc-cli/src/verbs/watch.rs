@@ -1,5 +1,5 @@
-//! `watch NET PORT…`: values of any ports of a net, again and again, without touching the net or its text.
-//! Each sample is of one cycle; nothing is registered anywhere, so that a watcher that dies leaves nothing behind.
+//! `watch NET PORT…`: shows values of a net's ports periodically, without changing the net or its text. Each sample is
+//! of one cycle. Nothing is registered in the cell, so a watcher that dies leaves nothing behind.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -16,34 +16,36 @@ use crate::interrupt::Interrupts;
 use crate::output::{print_line, reprint};
 use crate::value::Style;
 
-/// More samples a second are not taken: for every cycle there is `Monitor`.
+/// Highest sampling rate, Hz; a `Monitor` in the net records every cycle.
 const RATE_MAX: f64 = 100.0;
 
-/// What is watched.
+/// Arguments of `watch`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Id, name of the net (then the newest of that name), or name#id.
+    /// Net: id, name (the newest with that name), or name#id
     net: String,
-    /// Ports like move.pose, ik.joints[2] or 'a/filter.*', inputs too; * and ? stand for any characters. All outputs without.
+    /// Ports, including inputs, such as move.pose, ik.joints[2] or 'a/filter.*', with * and ? as wildcards [default:
+    /// all outputs]
     ports: Vec<String>,
-    /// Samples a second, at most 100.
+    /// Samples per second, at most 100
     #[arg(long, default_value_t = 10.0, value_name = "HZ")]
     rate: f64,
-    /// End after this many samples.
+    /// End after this many samples
     #[arg(long)]
     count: Option<u64>,
-    /// Angles in degrees.
+    /// Show angles in degrees
     #[arg(long)]
     deg: bool,
-    /// A line of JSON a sample, as with `--output json`.
+    /// Print one line of JSON per sample, like --output json
     #[arg(long)]
     json: bool,
 }
 
-/// Does it, until the net is over.
+/// Runs the verb until the net ends.
 ///
 /// # Errors
-/// Not reachable, no such net or port, Ctrl-C, or a net that ended otherwise than `finished`.
+/// Fails if the loader cannot be reached, the net or port does not exist, Ctrl-C was pressed, or the net ended
+/// otherwise than `finished`.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if !(arguments.rate > 0.0 && arguments.rate <= RATE_MAX) {
         let message = format!("invalid rate: {} samples per second", arguments.rate);
@@ -64,7 +66,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         lines: 0,
     };
     let mut values = client.values(&arguments.net, &arguments.ports)?;
-    // From now on it is that command, whatever is loaded under its name.
+    // From now on this command is watched, whatever is loaded under its name.
     let id = values.id.to_string();
     let every = Duration::from_secs_f64(1.0 / arguments.rate);
     let mut next = Instant::now();
@@ -98,7 +100,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 struct Screen {
     format: Format,
     style: Style,
-    /// Lines of the sample before, which the next one replaces on a terminal.
+    /// Lines of the previous sample, which the next one overwrites on a terminal.
     lines: usize,
 }
 
@@ -122,14 +124,13 @@ impl Screen {
                     view.value = value;
                     view.unit = view.unit.as_ref().map(|_| unit);
                 }
-                // Values of ours have string keys and finite numbers.
+                // Our values have string keys and finite numbers, so serialisation cannot fail.
                 print_line(&serde_json::to_string(&values).unwrap_or_default());
             }
         }
     }
 
-    /// The net is over: how it ended, in words and as the exit code. In JSON the last line says that its state is
-    /// `terminated`.
+    /// Reports how the net ended, as text and as the exit code. In JSON, the last line has the state `terminated`.
     fn over(&self, client: &Client, id: &str) -> Result<(), Failure> {
         let command = follow::brief(client, id)?;
         if matches!(self.format, Format::Human) {

@@ -1,5 +1,5 @@
-//! `wrench identify`: what hangs on a wrist sensor, from readings in several orientations, as parameters to paste.
-//! The main thread.
+//! `wrench identify`: identifies the load of a wrist sensor from readings in several orientations; prints parameters to
+//! paste. Runs on the main thread.
 
 use std::fmt::Write;
 
@@ -15,7 +15,7 @@ use crate::identify::{GRAVITY, Identified, identify};
 /// Longest file of readings, bytes.
 const READINGS_MAX: u64 = 64 << 20;
 
-/// WrenchCommand to do with wrenches.
+/// Arguments of `wrench`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -24,23 +24,24 @@ pub struct Arguments {
 
 #[derive(clap::Subcommand, Debug)]
 enum WrenchCommand {
-    /// Mass, centre and offsets for WrenchCompensation, from readings at rest in at least six orientations.
+    /// Identify mass, centre of mass and offsets for WrenchCompensation, from readings at rest in at least six
+    /// orientations
     Identify(IdentifyArguments),
 }
 
-/// Where the readings are.
+/// Arguments of `wrench identify`.
 #[derive(clap::Args, Debug)]
 struct IdentifyArguments {
-    /// A table of `simulate --csv`, or lines of `tail --output json`, with a wrench and a pose or rotation of the sensor in
-    /// the base; - is the standard input.
+    /// Table of `simulate --csv` or lines of `tail --output json`, with a wrench and the sensor's pose or rotation in
+    /// the base frame; - reads standard input
     file: String,
-    /// The wrench, by the end of its name; without it the only value of six numbers.
+    /// Suffix of the wrench's name [default: the only value of six numbers]
     #[arg(long, value_name = "NAME")]
     wrench: Option<String>,
-    /// The pose or rotation, by the end of its name; without it the only value of seven or four numbers.
+    /// Suffix of the pose's or rotation's name [default: the only value of seven or four numbers]
     #[arg(long, value_name = "NAME")]
     pose: Option<String>,
-    /// Acceleration of what falls, m/s², axes of the base.
+    /// Acceleration of a falling body in the base frame, m/s² [default: 0,0,-9.80665]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three)]
     gravity: Option<[f64; 3]>,
 }
@@ -61,10 +62,10 @@ fn three(text: &str) -> Result<[f64; 3], String> {
         .map_err(|_| format!("expected three numbers, found {count} in `{text}`: write 0,0,-9.81"))
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// The file cannot be read, has no readings, or too few or too similar ones.
+/// Fails if the file cannot be read, or has no readings, too few, or too similar ones.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let WrenchCommand::Identify(asked) = arguments.what;
     let text = content(&asked.file)?;
@@ -96,7 +97,7 @@ fn content(file: &str) -> Result<String, Failure> {
     given(file, READINGS_MAX).map_err(|error| Failure::unreadable(file, &error))
 }
 
-/// A primitive to paste; what it is worth stands in comments.
+/// Formats a primitive to paste; comments state the quality of the fit.
 fn human(report: &WrenchReport) -> String {
     let WrenchReport { found, gravity } = report;
     let list = |values: &[f64; 3]| format!("[{}]", values.map(rounded).join(", "));
@@ -104,7 +105,7 @@ fn human(report: &WrenchReport) -> String {
     let [force_max, torque_max] = found.residual_max;
     let [mass, centre] = found.deviation;
     let mut text = String::from("compensated:\n  type: WrenchCompensation\n  parameters:\n");
-    // A String takes everything.
+    // Writing to a String cannot fail.
     let mut line = |words: String| _ = writeln!(text, "{words}");
     line(format!("    mass: {} kg", rounded(found.mass)));
     line(format!("    centre: {}  # m", list(&found.centre)));
@@ -132,9 +133,9 @@ fn human(report: &WrenchReport) -> String {
     text.trim_end().to_owned()
 }
 
-/// To a billionth: more is never known.
+/// Rounds to 1e-9, which is finer than any measurement.
 fn rounded(value: f64) -> String {
     let rounded = (value * 1e9).round() / 1e9;
-    // Without a minus before zero.
+    // Adding 0.0 turns -0.0 into 0.0.
     format!("{:?}", rounded + 0.0)
 }

@@ -1,4 +1,4 @@
-//! The verifier against synthetic motions: right ones hold, and each wrong one is found out.
+//! The checks on synthetic motions: correct motions pass, and each kind of error is detected.
 
 use super::*;
 use rcc_core::path::SpeedOverride;
@@ -16,7 +16,7 @@ const LINE: LineSegment = LineSegment {
     end: [0.5, 0.2, 0.4],
 };
 
-/// Distances of a motion that is told to stop in the step of that number.
+/// Returns the distances of a motion that is stopped at this step.
 fn motion(stop: Option<usize>) -> Vec<f64> {
     let bounds = PathBounds::of_limits(&LIMITS, DT_S).expect("sound limits");
     let mut clock = PathClock::new();
@@ -100,7 +100,7 @@ fn a_motion_with_a_step_breaks_the_limits() {
 #[test]
 fn a_stop_at_once_and_in_time_holds() {
     let distances = motion(Some(1500));
-    // Asked for in the same cycle, and in the one before (a measurement that is a cycle old).
+    // Requested in the same cycle, and in the one before (a measurement that is one cycle old).
     for asked in [2500, 2499] {
         let checks = soft_stop("contact", &track(&distances), Some(asked));
         assert_eq!(holds(&checks), [true; 3], "{checks:?}");

@@ -1,5 +1,4 @@
-//! Cells that run, and how they are.
-//! Pure.
+//! Running cells and their health. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
@@ -73,7 +72,7 @@ mod tests {
     use rcc_loader::server::api::ExecutorView;
 
     #[test]
-    fn a_running_cell_is_told_with_its_health() {
+    fn a_running_cell_is_reported_with_its_health() {
         let cell = CellFacts {
             name: "demo".to_owned(),
             living: vec!["executor/exec (pid 7)".to_owned()],
@@ -99,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_cell_is_the_business_of_the_leftovers() {
+    fn a_dead_cell_is_left_to_the_leftovers_check() {
         let cell = CellFacts {
             name: "demo".to_owned(),
             files: 3,

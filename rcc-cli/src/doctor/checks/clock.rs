@@ -1,10 +1,9 @@
-//! The clock that CLOCK_MONOTONIC is read from; steps of the wall clock do not matter here.
-//! Pure.
+//! The clock source behind CLOCK_MONOTONIC; steps of the wall clock do not matter. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// Read within some ten nanoseconds, without asking a device or the host.
+/// Clock sources that are read in some ten nanoseconds, without a device access or a hypercall.
 const QUICK: [&str; 5] = [
     "tsc",
     "arch_sys_counter",

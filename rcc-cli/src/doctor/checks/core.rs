@@ -1,5 +1,4 @@
-//! The configured core: is it there, and may we use it?
-//! Pure.
+//! The configured core: whether it exists and may be used. Pure.
 
 use super::cores;
 use crate::doctor::HealthFinding;

@@ -1,5 +1,4 @@
-//! SCHED_FIFO at the configured priority: was it granted to a thread, and if not, what stood in the way?
-//! Pure.
+//! SCHED_FIFO at the configured priority: whether it was granted to a thread, and otherwise the reason. Pure.
 
 use nix::errno::Errno;
 
@@ -45,7 +44,7 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
         );
     }
     if facts.user.may_nice || facts.limits.rtprio.allows(priority) {
-        return in_spite_of_the_right(facts, errno);
+        return despite_the_right(facts, errno);
     }
     if let Some(container) = &facts.user.container {
         return (
@@ -77,12 +76,12 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
     at_login(facts, priority)
 }
 
-/// What the files of pam_limits say decides about the remedy.
+/// Derives cause and remedy from the pam_limits files.
 fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
     let lines = || facts.granted.iter().filter(|line| line.item == "rtprio");
     let enough = |line: &&LimitGrant| line.value.is_none_or(|value| value >= priority);
     let name = &facts.user.name;
-    // Of several lines for us the last counts.
+    // The last matching line of pam_limits applies.
     let ours = lines().rfind(|line| facts.user.is_meant_by(&line.whom));
     if let Some(line) = ours.filter(enough) {
         return (
@@ -132,8 +131,8 @@ fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
     )
 }
 
-/// The right is there, and yet it was refused.
-fn in_spite_of_the_right(facts: &MachineFacts, errno: Errno) -> (String, String) {
+/// Cause and remedy if the right exists and SCHED_FIFO was still refused.
+fn despite_the_right(facts: &MachineFacts, errno: Errno) -> (String, String) {
     let kernel = &facts.kernel;
     let group = &facts.user.cgroup;
     if kernel.rt_runtime_us == Some(0) {
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_obtained_says_by_which_right() {
+    fn the_granting_right_is_named() {
         let mut facts = MachineFacts::default();
         facts.user.may_nice = true;
         assert_eq!(
@@ -234,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn without_any_grant_the_file_to_write_is_told() {
+    fn without_any_grant_the_file_to_write_is_named() {
         let (cause, fix) = only(&refused());
         assert!(cause.contains("no pam_limits file"), "{cause}");
         assert!(
@@ -296,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_in_spite_of_the_right_names_real_time_groups_or_throttling() {
+    fn a_refusal_despite_the_right_names_real_time_groups_or_throttling() {
         let mut facts = refused();
         facts.user.may_nice = true;
         facts.kernel.rt_group_sched = Some(true);

@@ -1,10 +1,9 @@
-//! Interrupts of devices that came to the configured core while we measured.
-//! Pure.
+//! Device interrupts on the configured core during the measurement. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// How many are named.
+/// Number of interrupts that are named.
 const NAMED: usize = 3;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {

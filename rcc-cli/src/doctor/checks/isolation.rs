@@ -1,5 +1,4 @@
-//! The configured core for itself: isolcpus, nohz_full, and the sibling that shares its hardware.
-//! Pure.
+//! Isolation of the configured core: isolcpus, nohz_full, and its SMT sibling. Pure.
 
 use super::cores;
 use crate::doctor::HealthFinding;

@@ -1,5 +1,4 @@
-//! The kind of kernel; the measured wake-ups count more, because names of kernels have deceived before.
-//! Pure.
+//! Preemption model of the kernel; the measured latency counts more than the kernel's name. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;

@@ -1,11 +1,10 @@
-//! What dead cells have left: folders, announcements, shared memory.
-//! Pure.
+//! Leftovers of dead cells: folders, announcements, shared memory. Pure.
 
 use super::bytes;
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// The command that removes all of it.
+/// Remedy: the command that removes all leftovers.
 const FIX: &str = "rcc-cli doctor --clean   (or start the cell again: `up` cleans up its own cell)";
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
@@ -56,7 +55,7 @@ mod tests {
     use crate::doctor::facts::cells::{CellFacts, StrayMemory};
 
     #[test]
-    fn what_the_dead_left_is_told_with_the_command_that_removes_it() {
+    fn leftovers_are_reported_with_the_command_that_removes_them() {
         let mut facts = MachineFacts::default();
         assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
         facts.cells = vec![CellFacts {
@@ -80,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_in_use_or_of_others_is_only_told() {
+    fn memory_in_use_or_of_other_users_is_only_noted() {
         let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
         let stray = StrayMemory {

@@ -1,5 +1,4 @@
-//! Locked memory: a page that was swapped out or never touched costs a cycle milliseconds.
-//! Pure.
+//! Memory locking: a page fault in a cycle can cost milliseconds. Pure.
 
 use super::bytes;
 use crate::doctor::HealthFinding;
@@ -7,7 +6,7 @@ use crate::doctor::facts::MachineFacts;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let limit = facts.limits.memlock.soft;
-    // As the executor: under a finite limit only root tries.
+    // Like the executor: under a finite limit only root locks memory.
     let privileged = facts.user.uid == 0;
     match (facts.trial.lock, limit) {
         (Ok(()), _) if privileged => vec![HealthFinding::ok("memory can be locked (root)")],

@@ -1,10 +1,9 @@
-//! Open files: shared memory, sockets and clients take descriptors.
-//! Pure.
+//! Limit of open files: shared memory, sockets and clients take file descriptors. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// A cell with 16 devices, 16 monitors and 64 connections to the loader has room here.
+/// Sufficient for a cell with 16 devices, 16 monitors and 64 connections to the loader.
 const NEEDED: u64 = 1024;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {

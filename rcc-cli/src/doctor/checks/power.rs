@@ -1,5 +1,4 @@
-//! Power saving: a core that sleeps deeply or runs slowly wakes late.
-//! Pure.
+//! Power saving: a core in deep sleep or at a low frequency wakes up late. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;

@@ -1,10 +1,9 @@
-//! RLIMIT_RTTIME: the system kills a process whose real-time thread computes longer than this without sleeping.
-//! Pure.
+//! RLIMIT_RTTIME: the kernel kills a process whose real-time thread computes longer than this without sleeping. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// A second is what a healthy cell never needs, even when it loads a plan under a debugger.
+/// One second; a healthy cell needs less, even when loading a plan under a debugger.
 const ENOUGH_US: u64 = 1_000_000;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {

@@ -1,10 +1,9 @@
-//! The runtime folder: ours, usable, and closed to others.
-//! Pure.
+//! The runtime folder: owned by this user, usable, and not writable by others. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// Others may not write; a group may read, where the cell's file gives it access.
+/// Group and others may not write; a group may read if the cell's file grants it access.
 const OTHERS_WRITE: u32 = 0o022;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {

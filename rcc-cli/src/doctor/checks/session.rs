@@ -1,5 +1,4 @@
-//! logind's RemoveIPC: shared memory of a person is deleted when his last session ends, under a running cell too.
-//! Pure.
+//! logind's RemoveIPC: deletes a person's shared memory when the last session ends, even under a running cell. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;

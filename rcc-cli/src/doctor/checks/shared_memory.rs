@@ -1,11 +1,10 @@
-//! `/dev/shm`: in memory, large enough, writable.
-//! Pure.
+//! `/dev/shm`: in memory, large enough, writable. Pure.
 
 use super::bytes;
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// A small cell needs about this; every client of the executor's requests needs 5 MB more.
+/// Approximate need of a small cell, bytes; every client of the executor's requests adds 5 MB.
 const NEEDED: u64 = 64 << 20;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {

@@ -1,5 +1,5 @@
-//! `stale_after` of the cell's file against what was measured: too short loses devices by mere lateness.
-//! Pure.
+//! The cell's `stale_after` compared with the measured latency: if it is too short, mere lateness counts as a lost
+//! device. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;

@@ -1,11 +1,10 @@
-//! MemoryFacts and swap: what is swapped out comes back in milliseconds.
-//! Pure.
+//! Memory and swap: a swapped-out page takes milliseconds to return. Pure.
 
 use super::bytes;
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// Less than this, and the system begins to take memory away.
+/// Below this, the kernel starts to reclaim memory.
 const LITTLE: u64 = 256 << 20;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {

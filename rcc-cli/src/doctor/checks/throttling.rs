@@ -1,10 +1,9 @@
-//! Throttling of real-time threads: the system's own brake for a thread that never sleeps.
-//! Pure.
+//! Real-time throttling: the kernel's protection against real-time threads that never sleep. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
-/// The share that Linux leaves to real-time threads by default, percent.
+/// Linux's default share for real-time threads, percent.
 const USUAL_PERCENT: i64 = 95;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {

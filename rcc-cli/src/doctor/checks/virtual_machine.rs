@@ -1,5 +1,4 @@
-//! What takes the processor away without the system's knowledge: a hypervisor, the firmware.
-//! Pure.
+//! Processor time lost to a hypervisor or the firmware. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;

@@ -1,5 +1,4 @@
-//! The grade: what was measured, and what it allows.
-//! Pure.
+//! The grade: measured wake-up latency and what it allows. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
@@ -35,7 +34,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     }]
 }
 
-/// One line about a measurement.
+/// Describes a measurement in one line.
 fn words(measured: &WakeUpMeasurement) -> String {
     let how = match measured.priority {
         Some(priority) => format!("SCHED_FIFO {priority}"),
@@ -89,7 +88,7 @@ mod tests {
     use crate::doctor::grade::tests::measured;
 
     #[test]
-    fn a_good_machine_is_graded_with_what_it_is_good_for() {
+    fn a_good_machine_is_graded_for_its_period() {
         let facts = MachineFacts {
             measured: Some(measured(21, 38)),
             ..MachineFacts::default()
@@ -103,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_one_is_told_what_would_help() {
+    fn a_bad_machine_gets_remedies() {
         let mut facts = MachineFacts::default();
         facts.kernel.virtual_machine = Some("QEMU".to_owned());
         facts.measured = Some(WakeUpMeasurement {
@@ -129,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_measurement_that_is_impossible_prevents() {
+    fn an_impossible_measurement_is_a_failure() {
         let mut facts = MachineFacts::default();
         assert_eq!(check(&facts)[0].level, FindingLevel::Note);
         facts.not_measured = Some("Invalid argument".to_owned());

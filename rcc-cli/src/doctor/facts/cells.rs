@@ -1,5 +1,5 @@
-//! The cells of this user: who lives in them, how they are, and what the dead have left.
-//! Run by the main thread; asks loaders with a short time-out, and changes nothing.
+//! The cells of this user: living processes, health, and leftovers. Run by the main thread; asks loaders with a short
+//! time-out, and changes nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -15,50 +15,50 @@ use rcc_os::wall;
 use crate::client::Client;
 use crate::doctor::processes;
 
-/// A loader that does not answer within this is said not to answer.
+/// Longest time to wait for a loader's answer.
 const ANSWER: Duration = Duration::from_millis(500);
-/// Names in `/dev/shm` begin with `rcc_`, 10 hexadecimal digits and `_`.
+/// Length of the prefix of names in `/dev/shm`: `rcc_`, 10 hexadecimal digits and `_`.
 const PREFIX_LENGTH: usize = 15;
-/// Younger files may belong to a process that has not mapped them yet.
+/// Files younger than this may belong to a process that has not mapped them yet.
 const STRAY_AFTER: Duration = Duration::from_secs(60);
 
 /// One cell.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellFacts {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its folder.
+    /// Folder.
     pub folder: PathBuf,
-    /// Processes that live, as `role/label (pid)`.
+    /// Living processes, as `role/label (pid)`.
     pub living: Vec<String>,
-    /// Processes that died and are still announced.
+    /// Dead processes that are still announced.
     pub dead: Vec<String>,
-    /// Files in shared memory.
+    /// Number of files in shared memory.
     pub files: usize,
-    /// Their bytes.
+    /// Their size, bytes.
     pub bytes: u64,
-    /// The folder cannot be looked at.
+    /// Reason why the folder cannot be inspected.
     pub refused: Option<String>,
-    /// The executor, if the loader answers.
+    /// Executor's status, if the loader answers.
     pub executor: Option<ExecutorView>,
 }
 
 /// Shared memory under a prefix that belongs to no cell in the usual base folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StrayMemory {
-    /// What the names begin with.
+    /// Prefix of the names.
     pub prefix: String,
-    /// The files and folders.
+    /// Files and folders.
     pub paths: Vec<PathBuf>,
-    /// Their bytes.
+    /// Size, bytes.
     pub bytes: u64,
-    /// Their owner.
+    /// Owner's user id.
     pub owner: u32,
-    /// A process has one of them open or mapped, or they are so young that one may be about to.
+    /// True if a process has one of them open or mapped, or if they are too young to exclude that.
     pub used: bool,
 }
 
-/// The cells below `base`.
+/// Returns the cells below `base`.
 #[must_use]
 pub fn read(base: &Path) -> Vec<CellFacts> {
     let entries = fs::read_dir(base).into_iter().flatten().flatten();
@@ -73,7 +73,7 @@ pub fn read(base: &Path) -> Vec<CellFacts> {
         .collect()
 }
 
-/// Nothing if the name cannot be a cell's.
+/// Reads one cell; `None` if the name cannot be a cell's.
 fn cell(base: &Path, name: String) -> Option<CellFacts> {
     let folder = base.join(&name);
     let cell = match Cell::find(&name) {
@@ -89,7 +89,7 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
         }
     };
     let announced = cell.announced_all().unwrap_or_default();
-    // Whoever may live is not counted among the dead: what they left is offered for removal.
+    // Processes that may be alive do not count as dead, because the dead ones' files are offered for removal.
     let (dead, living): (Vec<_>, Vec<_>) =
         announced.iter().partition(|one| one.liveness().is_dead());
     let words = |all: Vec<&rcc_ipc::Announcement>| -> Vec<String> {
@@ -115,7 +115,7 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
     })
 }
 
-/// Shared memory in `shm` that belongs to no cell below `base`.
+/// Returns the shared memory in `shm` that belongs to no cell below `base`.
 #[must_use]
 pub fn strays(shm: &Path, base: &Path) -> Vec<StrayMemory> {
     let known: BTreeSet<String> = known_prefixes(base);
@@ -161,7 +161,7 @@ fn known_prefixes(base: &Path) -> BTreeSet<String> {
     cells.map(|cell| cell.prefix().to_owned()).collect()
 }
 
-/// `rcc_0123456789_…`
+/// Returns the prefix of a name such as `rcc_0123456789_…`.
 fn prefix_of(name: &str) -> Option<&str> {
     let prefix = name.get(..PREFIX_LENGTH)?;
     let digits = prefix.strip_prefix("rcc_")?.strip_suffix('_')?;
@@ -172,7 +172,7 @@ fn prefix_of(name: &str) -> Option<&str> {
 }
 
 fn is_young(found: &fs::Metadata) -> bool {
-    // One of the future: the clock was set, and tells nothing about its age. It is not removed.
+    // A modification time in the future says nothing about the age: counts as young, so it is not removed.
     found
         .modified()
         .ok()
@@ -180,7 +180,7 @@ fn is_young(found: &fs::Metadata) -> bool {
         .is_none_or(|age| age < STRAY_AFTER)
 }
 
-/// Prefixes that occur in the maps, open files or folders of processes that we may look into.
+/// Returns the prefixes that occur in the maps and open files of all processes that may be inspected.
 fn prefixes_in_use() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for process in processes::all() {
@@ -197,7 +197,7 @@ fn prefix_in(text: &str) -> Option<String> {
     prefix_of(after).map(str::to_owned)
 }
 
-/// Bytes of a file, or of everything below a folder.
+/// Returns the size of a file, or of everything below a folder, bytes.
 fn size(path: &Path) -> u64 {
     let Ok(found) = fs::symlink_metadata(path) else {
         return 0;

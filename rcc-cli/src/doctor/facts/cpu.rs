@@ -1,46 +1,46 @@
-//! The core on which the cycle runs: power saving, isolation, siblings, interrupts; and what it did while we measured.
-//! Run by the main thread, before and after the measurement.
+//! The core of the cycle: power saving, isolation, siblings, interrupts; and its activity during the measurement. Run
+//! by the main thread, before and after the measurement.
 
 use super::system::{SystemRoot, list};
 
-/// An idle state that takes longer than this to leave shows in the wake-ups, µs.
+/// Idle states with a longer exit latency show in the wake-ups, µs.
 const LATENCY_SEEN_US: i64 = 10;
-/// One tick of `/proc/stat`, ms (USER_HZ is 100 on every Linux of today).
+/// Tick of `/proc/stat`, ms (USER_HZ is 100 on all current Linux systems).
 const TICK_MS: u64 = 10;
 
-/// What is known about the core, or about all cores if none is configured.
+/// Facts about the configured core, or about all cores if none is configured.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CpuFacts {
-    /// All that work.
+    /// Online cores.
     pub online: Vec<usize>,
-    /// Those that this process may use.
+    /// Cores that this process may use.
     pub allowed: Vec<usize>,
-    /// Kept free of ordinary threads (isolcpus).
+    /// Cores isolated from ordinary threads (isolcpus).
     pub isolated: Vec<usize>,
-    /// Without clock tick while one thread runs.
+    /// Cores without a clock tick while a single thread runs (nohz_full).
     pub nohz_full: Vec<usize>,
-    /// Cores that share the hardware of the configured one.
+    /// SMT siblings of the configured core.
     pub siblings: Vec<usize>,
-    /// Governors of frequency, each once.
+    /// Frequency governors, without duplicates.
     pub governors: Vec<String>,
-    /// Idle states in use that take long to leave: name and µs.
+    /// Enabled idle states with a long exit latency: name and latency, µs.
     pub deep_idle: Vec<(String, i64)>,
-    /// Longest time to leave idle that somebody asked for, µs; where it can be read.
+    /// Longest exit latency requested through /dev/cpu_dma_latency, µs; `None` if unreadable.
     pub dma_latency_us: Option<i64>,
 }
 
-/// What the machine did while we measured.
+/// Activity of the machine during the measurement.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MachineActivity {
-    /// Time that the host took from us, ms.
+    /// Processor time taken by the host, ms.
     pub steal_ms: u64,
-    /// Interrupts of devices on the core, most frequent first.
+    /// Device interrupts on the core, most frequent first.
     pub interrupts: Vec<(String, u64)>,
-    /// Interrupts of the firmware that the system cannot see (MSR 0x34), where it can be read.
+    /// System management interrupts (MSR 0x34); `None` if unreadable.
     pub smi: Option<u64>,
 }
 
-/// CpuCounters at one moment; two of them make a [`MachineActivity`].
+/// Counters at one moment; two of them give a [`MachineActivity`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CpuCounters {
     steal_ticks: u64,
@@ -48,7 +48,7 @@ pub struct CpuCounters {
     smi: Option<u64>,
 }
 
-/// Reads what does not change.
+/// Reads the static facts.
 #[must_use]
 pub fn read(system: &SystemRoot, core: Option<usize>) -> CpuFacts {
     let folder = "sys/devices/system/cpu";
@@ -105,14 +105,14 @@ fn deep_idle(system: &SystemRoot, core: usize) -> Vec<(String, i64)> {
         .collect()
 }
 
-/// The file holds one number of 32 bits as the machine writes it.
+/// The file contains a 32-bit number in native byte order.
 fn dma_latency(system: &SystemRoot) -> Option<i64> {
     let bytes = std::fs::read(system.path("dev/cpu_dma_latency")).ok()?;
     let bytes: [u8; 4] = bytes.get(..4)?.try_into().ok()?;
     Some(i64::from(i32::from_ne_bytes(bytes)))
 }
 
-/// Reads what counts up.
+/// Reads the counters.
 #[must_use]
 pub fn counters(system: &SystemRoot, core: Option<usize>) -> CpuCounters {
     CpuCounters {
@@ -122,7 +122,7 @@ pub fn counters(system: &SystemRoot, core: Option<usize>) -> CpuCounters {
     }
 }
 
-/// What happened between two moments.
+/// Returns the difference of two sets of counters.
 #[must_use]
 pub fn between(before: &CpuCounters, after: &CpuCounters) -> MachineActivity {
     let mut interrupts: Vec<(String, u64)> = after
@@ -148,7 +148,7 @@ pub fn between(before: &CpuCounters, after: &CpuCounters) -> MachineActivity {
     }
 }
 
-/// proc(5): `cpuN user nice system idle iowait irq softirq steal …`
+/// Reads the steal time, in ticks; proc(5): `cpuN user nice system idle iowait irq softirq steal …`.
 fn steal(text: &str, core: Option<usize>) -> u64 {
     let name = core.map_or_else(|| "cpu".to_owned(), |core| format!("cpu{core}"));
     let line = text
@@ -158,7 +158,7 @@ fn steal(text: &str, core: Option<usize>) -> u64 {
     ticks.unwrap_or(0)
 }
 
-/// Those with a number are devices'; the others (clock, other cores) belong to every core.
+/// Reads the interrupts with a number, which belong to devices; named ones (clock, other cores) exist on every core.
 fn interrupts(text: &str, core: Option<usize>) -> Vec<(String, u64)> {
     let mut lines = text.lines();
     let heads: Vec<&str> = lines
@@ -181,7 +181,7 @@ fn interrupts(text: &str, core: Option<usize>) -> Vec<(String, u64)> {
         .collect()
 }
 
-/// MSR_SMI_COUNT of Intel processors.
+/// Reads MSR_SMI_COUNT of Intel processors.
 fn smi(system: &SystemRoot, core: usize) -> Option<u64> {
     use std::os::unix::fs::FileExt;
     let file = std::fs::File::open(system.path(&format!("dev/cpu/{core}/msr"))).ok()?;

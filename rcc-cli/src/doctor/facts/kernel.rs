@@ -1,45 +1,44 @@
-//! The kernel: preemption, throttling of real-time threads, groups, clock; memory and swap.
-//! Run by the main thread.
+//! The kernel: preemption, real-time throttling and groups, clock source; memory and swap. Run by the main thread.
 
 use super::system::{SystemRoot, value_in};
 
-/// The kernel as it runs.
+/// The running kernel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct KernelFacts {
-    /// `6.1.0-13-rt-amd64`.
+    /// Release, such as `6.1.0-13-rt-amd64`.
     pub release: String,
-    /// The whole kernel can be preempted.
+    /// True for PREEMPT_RT.
     pub preempt_rt: bool,
-    /// How else it is preempted: `PREEMPT_DYNAMIC`, `PREEMPT`, or nothing.
+    /// Other preemption model: `PREEMPT_DYNAMIC`, `PREEMPT`, or empty.
     pub preemption: String,
-    /// Microseconds that real-time threads may run in [`KernelFacts::rt_period_us`]; -1 = no limit.
+    /// Time that real-time threads may run in each [`KernelFacts::rt_period_us`], µs; -1 is unlimited.
     pub rt_runtime_us: Option<i64>,
-    /// Microseconds.
+    /// Period of real-time throttling, µs.
     pub rt_period_us: Option<i64>,
-    /// CONFIG_RT_GROUP_SCHED, where the kernel's configuration can be read.
+    /// CONFIG_RT_GROUP_SCHED; `None` if the kernel's configuration is unreadable.
     pub rt_group_sched: Option<bool>,
-    /// What our control group may use of it (version 1).
+    /// Real-time share of our control group (version 1), µs.
     pub group_rt_runtime_us: Option<i64>,
-    /// `tsc`, `hpet`, …
+    /// Clock source: `tsc`, `hpet`, …
     pub clock_source: Option<String>,
-    /// The kernel's own name for the machine that simulates this one.
+    /// Vendor of the virtual machine; `None` on physical machines.
     pub virtual_machine: Option<String>,
 }
 
-/// MemoryFacts and swap.
+/// Memory and swap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryFacts {
-    /// Bytes that programs can still get.
+    /// Memory available to programs, bytes.
     pub available: Option<u64>,
-    /// Bytes of swap, used or not.
+    /// Total swap, bytes.
     pub swap: u64,
-    /// Bytes of swap in use.
+    /// Swap in use, bytes.
     pub swap_used: u64,
-    /// vm.overcommit_memory: 0 guess, 1 always, 2 never.
+    /// vm.overcommit_memory: 0 heuristic, 1 always, 2 never.
     pub overcommit: Option<i64>,
 }
 
-/// Reads the kernel's facts; `cgroup` is ours.
+/// Reads the facts about the kernel; `cgroup` is the path of our control group.
 #[must_use]
 pub fn read(system: &SystemRoot, cgroup: &str) -> KernelFacts {
     let version = system.text("proc/version").unwrap_or_default();
@@ -92,7 +91,7 @@ fn group_runtime(system: &SystemRoot, cgroup: &str) -> Option<i64> {
         .find_map(|folder| system.number(&format!("{folder}{cgroup}/cpu.rt_runtime_us")))
 }
 
-/// The processor says that there is a hypervisor; the machine's name says which, where it has one.
+/// Detects a hypervisor by the processor flag; names it by the machine's vendor, if given.
 fn virtual_machine(system: &SystemRoot) -> Option<String> {
     let processor = system.text("proc/cpuinfo")?;
     let flags = value_in(&processor, "flags")?;

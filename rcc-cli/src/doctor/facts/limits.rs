@@ -1,25 +1,24 @@
-//! The limits of this process, and what the files of pam_limits grant to users at login.
-//! Run by the main thread.
+//! Resource limits of this process, and limits that pam_limits grants to users at login. Run by the main thread.
 
 use super::system::SystemRoot;
 
-/// One limit; `None` is unlimited.
+/// A resource limit; `None` is unlimited.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResourceLimit {
-    /// In force.
+    /// Soft limit, in force.
     pub soft: Option<u64>,
-    /// To which the process may raise it.
+    /// Hard limit, up to which the process may raise the soft limit.
     pub hard: Option<u64>,
 }
 
-/// The limits that matter here.
+/// The relevant resource limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResourceLimits {
     /// Highest SCHED_FIFO priority.
     pub rtprio: ResourceLimit,
-    /// Bytes that may be locked.
+    /// Locked memory, bytes.
     pub memlock: ResourceLimit,
-    /// Microseconds that a real-time thread may run without sleeping.
+    /// Time that a real-time thread may run without sleeping, µs.
     pub rttime: ResourceLimit,
     /// Open files.
     pub nofile: ResourceLimit,
@@ -30,15 +29,15 @@ pub struct ResourceLimits {
 pub struct LimitGrant {
     /// File and line.
     pub place: String,
-    /// A user, `@group`, or `*`.
+    /// User, `@group`, or `*`.
     pub whom: String,
     /// `rtprio` or `memlock`.
     pub item: String,
-    /// `None` is unlimited.
+    /// Granted value; `None` is unlimited.
     pub value: Option<u64>,
 }
 
-/// The limits in `/proc/self/limits`.
+/// Reads `/proc/self/limits`.
 #[must_use]
 pub fn read(system: &SystemRoot) -> ResourceLimits {
     let text = system.text("proc/self/limits").unwrap_or_default();
@@ -61,7 +60,7 @@ pub fn read(system: &SystemRoot) -> ResourceLimits {
     }
 }
 
-/// Every line that grants `rtprio` or `memlock`, in the order in which pam_limits reads them.
+/// Returns every line that grants `rtprio` or `memlock`, in the order in which pam_limits reads them.
 #[must_use]
 pub fn granted(system: &SystemRoot) -> Vec<LimitGrant> {
     let folder = "etc/security/limits.d";
@@ -87,7 +86,7 @@ fn line_of(path: &str, number: usize, line: &str) -> Option<LimitGrant> {
     if !["rtprio", "memlock"].contains(&item) {
         return None;
     }
-    // memlock is in kB.
+    // memlock is given in kB.
     let unit = if item == "memlock" { 1024 } else { 1 };
     let unlimited = ["unlimited", "infinity", "-1"].contains(&value);
     let value = if unlimited {
@@ -104,13 +103,13 @@ fn line_of(path: &str, number: usize, line: &str) -> Option<LimitGrant> {
 }
 
 impl ResourceLimit {
-    /// True if this much is allowed now.
+    /// Returns true if the soft limit allows this amount.
     #[must_use]
     pub fn allows(&self, amount: u64) -> bool {
         self.soft.is_none_or(|soft| soft >= amount)
     }
 
-    /// True if the process could allow itself this much.
+    /// Returns true if the hard limit allows this amount.
     #[must_use]
     pub fn could(&self, amount: u64) -> bool {
         self.hard.is_none_or(|hard| hard >= amount)

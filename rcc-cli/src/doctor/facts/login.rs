@@ -1,44 +1,44 @@
-//! Who we are: user, groups, capabilities, control group, and what logind does when we leave.
-//! Run by the main thread.
+//! The user: groups, capabilities, control group, and logind's handling of the user's shared memory at logout. Run by
+//! the main thread.
 
 use super::system::{SystemRoot, value_in};
 
-/// linux/capability.h.
+/// From linux/capability.h.
 const CAP_SYS_NICE: u32 = 23;
 
-/// Who we are.
+/// The user of this process.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct UserFacts {
-    /// UserFacts id.
+    /// User id.
     pub uid: u32,
-    /// Name, or the number.
+    /// Name, or the id if it has none.
     pub name: String,
     /// Names of its groups.
     pub groups: Vec<String>,
-    /// It may give any priority to its threads.
+    /// True with CAP_SYS_NICE: any thread priority is allowed.
     pub may_nice: bool,
-    /// No person: logind leaves it alone.
+    /// True for a system user, whose shared memory logind leaves alone.
     pub is_system: bool,
     /// Path of the control group.
     pub cgroup: String,
-    /// Kind of the container we are in.
+    /// Kind of container, if this is one.
     pub container: Option<String>,
 }
 
 impl UserFacts {
-    /// The systemd service that we are in, if it is one of the system's and not a session's.
+    /// Returns the system service that this process belongs to; `None` in a user session.
     #[must_use]
     pub fn service(&self) -> Option<&str> {
         let last = self.cgroup.rsplit('/').next()?;
         (last.ends_with(".service") && !last.starts_with("user@")).then_some(last)
     }
 
-    /// True if a line of pam_limits for `whom` is about this user.
+    /// Returns true if a pam_limits line for `whom` applies to this user.
     #[must_use]
     pub fn is_meant_by(&self, whom: &str) -> bool {
         match whom.strip_prefix('@') {
             Some(group) => self.groups.iter().any(|own| own == group),
-            // The wildcard is not for root (limits.conf(5)).
+            // The wildcard does not apply to root (limits.conf(5)).
             None => whom == self.name || (whom == "*" && self.uid != 0),
         }
     }
@@ -54,7 +54,7 @@ pub fn read(system: &SystemRoot) -> UserFacts {
             .nth(1)
             .and_then(|word| word.parse::<u32>().ok())
     };
-    // Real, effective, saved, file system.
+    // Fields: real, effective, saved, file system.
     let uid = second(&field("Uid")).unwrap_or(u32::MAX);
     let mut gids: Vec<u32> = field("Groups")
         .split_whitespace()
@@ -75,14 +75,14 @@ pub fn read(system: &SystemRoot) -> UserFacts {
             .map(|gid| name_of(system, "etc/group", *gid).unwrap_or_else(|| gid.to_string()))
             .collect(),
         may_nice: capabilities >> CAP_SYS_NICE & 1 == 1,
-        // nobody counts as one, too (systemd's uid_is_system, uid_is_dynamic and 65534).
+        // `nobody` counts as well (systemd's uid_is_system, uid_is_dynamic and 65534).
         is_system: uid <= system_max || uid == 65_534,
         cgroup: cgroup(system),
         container: container(system),
     }
 }
 
-/// What logind does with shared memory of a user whose last session ends; none without systemd.
+/// Returns whether logind deletes a user's shared memory when the last session ends; `None` without systemd.
 #[must_use]
 pub fn remove_ipc(system: &SystemRoot) -> Option<bool> {
     // Where sd_booted(3) looks.
@@ -95,7 +95,7 @@ pub fn remove_ipc(system: &SystemRoot) -> Option<bool> {
         let names = system.names(&folder).into_iter();
         paths.extend(names.map(|name| format!("{folder}/{name}")));
     }
-    // The default, logind.conf(5); the last word counts.
+    // The default of logind.conf(5); the last setting applies.
     let mut found = true;
     for path in paths {
         match system.value(&path, "RemoveIPC").as_deref() {
@@ -114,7 +114,7 @@ fn word_after(text: &str, key: &str) -> Option<u32> {
     })
 }
 
-/// Name of a number in a table such as `/etc/passwd`.
+/// Returns the name of an id in a table such as `/etc/passwd`.
 fn name_of(system: &SystemRoot, path: &str, id: u32) -> Option<String> {
     let text = system.text(path)?;
     text.lines().find_map(|line| {
@@ -124,7 +124,7 @@ fn name_of(system: &SystemRoot, path: &str, id: u32) -> Option<String> {
     })
 }
 
-/// Version 2, else the group of version 1 that schedules.
+/// Returns the control group: of the version 1 cpu controller, or else of version 2.
 fn cgroup(system: &SystemRoot) -> String {
     let text = system.text("proc/self/cgroup").unwrap_or_default();
     let of = |wanted: &dyn Fn(&str) -> bool| {
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_word_about_shared_memory_counts_and_the_default_is_yes() {
+    fn the_last_remove_ipc_setting_applies_and_the_default_is_yes() {
         let without = FixtureRoot::new("logind-0", &[("etc/systemd/logind.conf", "")]);
         assert_eq!(remove_ipc(&without.system()), None);
         let default = [

@@ -1,24 +1,23 @@
-//! A folder: whether it is there, whose it is, who else may use it.
-//! Run by the main thread.
+//! A folder: existence, owner, permissions. Run by the main thread.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// A folder that need not be there.
+/// A folder that may not exist.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Folder {
-    /// Its path.
+    /// Path.
     pub path: PathBuf,
-    /// Its owner, if it is there.
+    /// Owner's user id, if it exists.
     pub owner: Option<u32>,
-    /// Its permissions, if it is there.
+    /// Permission bits; 0 if it does not exist.
     pub mode: u32,
-    /// We may make files in it, or make it.
+    /// True if this user can create files in it, or create it.
     pub usable: bool,
 }
 
-/// Looks; makes nothing.
+/// Inspects a folder; creates nothing.
 #[must_use]
 pub fn read(path: &Path) -> Folder {
     let found = fs::metadata(path).ok().filter(fs::Metadata::is_dir);
@@ -39,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_that_is_not_there_is_judged_by_the_one_above() {
+    fn a_missing_folder_is_judged_by_its_nearest_ancestor() {
         let path = std::env::temp_dir().join(format!("rcc-none-{}/a/b", std::process::id()));
         let folder = read(&path);
         assert!(folder.usable && folder.owner.is_none());

@@ -1,24 +1,23 @@
-//! `/dev/shm`: what it is, how large, how it is mounted.
-//! Run by the main thread.
+//! `/dev/shm`: file system type, size, mount options. Run by the main thread.
 
 use super::system::SystemRoot;
 
-/// Where the processes of a cell share memory.
+/// The file system of the cells' shared memory.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Shared {
-    /// Type of its file system; none: nothing is mounted there.
+    /// Type of the file system; `None` if nothing is mounted there.
     pub kind: Option<String>,
-    /// Its mount options.
+    /// Mount options.
     pub options: Vec<String>,
-    /// Bytes.
+    /// Size, bytes.
     pub size: u64,
-    /// Bytes that are free.
+    /// Free space, bytes.
     pub free: u64,
-    /// We may make files there.
+    /// True if this user can create files there.
     pub writable: bool,
 }
 
-/// Reads the table of mounts and asks the file system.
+/// Reads the mount table and queries the file system.
 #[must_use]
 pub fn read(system: &SystemRoot) -> Shared {
     let path = system.path("dev/shm");
@@ -38,7 +37,8 @@ pub fn read(system: &SystemRoot) -> Shared {
     }
 }
 
-/// proc_pid_mountinfo(5): the fifth field is the place, the sixth the options; after a dash the type. The last one counts.
+/// Returns type and options of the last mount at `place`. proc_pid_mountinfo(5): the fifth field is the mount point,
+/// the sixth the options; the type follows a dash.
 fn mount(text: &str, place: &str) -> Option<(String, Vec<String>)> {
     text.lines().rev().find_map(|line| {
         let mut fields = line.split_whitespace().skip(4);

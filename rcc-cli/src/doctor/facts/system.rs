@@ -1,17 +1,17 @@
-//! Files of the system below a root folder, so that facts can be read from a folder that was written down.
-//! Run by the main thread; a file that is not there or not readable is no fact.
+//! Files of the system below a root folder, so that tests can read facts from a fixture. Run by the main thread; a
+//! missing or unreadable file yields no fact.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A file system; usually `/`.
+/// A root file system; usually `/`.
 #[derive(Clone, Debug)]
 pub struct SystemRoot {
     root: PathBuf,
 }
 
 impl SystemRoot {
-    /// With this folder as `/`.
+    /// Uses this folder as `/`.
     #[must_use]
     pub fn at(root: &Path) -> SystemRoot {
         SystemRoot {
@@ -19,32 +19,32 @@ impl SystemRoot {
         }
     }
 
-    /// The path of `path`, which has no leading slash.
+    /// Returns the full path of `path`, which has no leading slash.
     #[must_use]
     pub fn path(&self, path: &str) -> PathBuf {
         self.root.join(path.trim_start_matches('/'))
     }
 
-    /// Text of a file without blanks around it.
+    /// Reads a file as text, without surrounding white space.
     #[must_use]
     pub fn text(&self, path: &str) -> Option<String> {
         let bytes = fs::read(self.path(path)).ok()?;
         Some(String::from_utf8_lossy(&bytes).trim().to_owned())
     }
 
-    /// A number in a file of its own.
+    /// Reads a file that contains a single number.
     #[must_use]
     pub fn number(&self, path: &str) -> Option<i64> {
         self.text(path)?.parse().ok()
     }
 
-    /// True if something is there.
+    /// Returns true if the path exists.
     #[must_use]
     pub fn has(&self, path: &str) -> bool {
         self.path(path).exists()
     }
 
-    /// Names in a folder, sorted.
+    /// Returns the names in a folder, sorted.
     #[must_use]
     pub fn names(&self, path: &str) -> Vec<String> {
         let entries = fs::read_dir(self.path(path))
@@ -58,7 +58,7 @@ impl SystemRoot {
         names
     }
 
-    /// Value of `key` in `path`, a file of lines `key: value` or `key = value`; the first one.
+    /// Returns the first value of `key` in a file with lines `key: value` or `key = value`.
     #[must_use]
     pub fn value(&self, path: &str, key: &str) -> Option<String> {
         let text = self.text(path)?;
@@ -66,7 +66,7 @@ impl SystemRoot {
     }
 }
 
-/// Value of `key` among lines `key: value` or `key = value`.
+/// Returns the first value of `key` among lines `key: value` or `key = value`.
 #[must_use]
 pub fn value_in<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     text.lines().find_map(|line| {
@@ -75,7 +75,7 @@ pub fn value_in<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     })
 }
 
-/// `0-2,5` as a list.
+/// Parses a list of cores such as `0-2,5`.
 #[must_use]
 pub fn list(text: &str) -> Vec<usize> {
     let mut all = Vec::new();
@@ -119,7 +119,7 @@ pub(crate) mod tests {
 
     impl Drop for FixtureRoot {
         fn drop(&mut self) {
-            // Nothing else is there.
+            // Nothing else uses the folder.
             let _ = fs::remove_dir_all(&self.0);
         }
     }

@@ -1,7 +1,7 @@
-//! The stages of a KUKA LWR over FRI 1.0: card, port, datagrams, sender, version, drives, control, quality, session.
+//! Stages for a KUKA LWR over FRI 1.0: interface, port, datagrams, sender, version, drives, control, quality, session.
 //! Pure functions of the facts.
 //!
-//! FRI 1.0 has no word for the operating mode or the E-stop; both show as drives without power, and the words say so.
+//! FRI 1.0 reports neither operating mode nor E-stop; both appear as drives without power, and the finding says so.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
@@ -11,16 +11,16 @@ use super::{LinkFacts, LinkStage, configuration, driver, percent, plain};
 use crate::doctor::{HealthFinding, FindingLevel};
 use crate::table::time;
 
-/// EADDRINUSE and EADDRNOTAVAIL.
+/// Error numbers EADDRINUSE and EADDRNOTAVAIL.
 const IN_USE: i64 = nix::libc::EADDRINUSE as i64;
 const NOT_OURS: i64 = nix::libc::EADDRNOTAVAIL as i64;
-/// The two identities of FRI 1.0.
+/// Identities of the two datagrams of FRI 1.0.
 const MEASUREMENT: u64 = 0x2006;
 const COMMAND: u64 = 0x1005;
-/// Field 1 of a Sunrise message: its identifier 0x00245142 as protobuf writes it.
+/// Field 1 of a Sunrise message: its identifier 0x00245142 in protobuf encoding.
 const SUNRISE: [u8; 5] = [0x08, 0xc2, 0xa2, 0x91, 0x01];
 
-/// In order; the first that fails ends the report.
+/// Stages in order; the first failed one ends the report.
 pub const STAGES: &[LinkStage] = &[
     ("configuration", configuration),
     ("interface", interface),
@@ -214,7 +214,7 @@ fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
 
 fn version(facts: &LinkFacts) -> Option<HealthFinding> {
     let fails = |what: String, fix: &str| {
-        // Garbage beside a good controller is no failure.
+        // Invalid datagrams beside valid ones are no failure.
         let level = if facts.grown("accepted") > 0 {
             FindingLevel::Warn
         } else {
@@ -269,7 +269,7 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
     Some(HealthFinding::ok("the datagrams are FRI 1.0: 916 bytes, identity 0x2006"))
 }
 
-/// SDK 1.x and 2.5 send the bare message, 2.7 its length before.
+/// Detects Sunrise messages: SDK 1.x to 2.5 send the bare message, SDK 2.7 prefixes its length.
 fn sunrise(head: &[u8]) -> Option<&'static str> {
     let starts = |from: usize| {
         let (tag, rest) = (head.get(from)?, head.get(from + 2..)?);
@@ -369,7 +369,7 @@ fn drives(facts: &LinkFacts) -> Option<HealthFinding> {
     Some(HealthFinding::ok("the drives have power, without error"))
 }
 
-/// `joint 1, joint 3`
+/// Formats the set bits as `joint 1, joint 3`.
 fn joints(bits: u64) -> String {
     let set = (0..16).filter(|bit| bits >> bit & 1 == 1);
     let words: Vec<String> = set.map(|bit| format!("joint {}", bit + 1)).collect();
@@ -427,7 +427,7 @@ fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
     Some(HealthFinding::ok(what))
 }
 
-/// Whether our answers are late or get lost on the way.
+/// Decides whether our answers are late or are lost on the way; returns cause and remedy.
 fn culprit(facts: &LinkFacts, late: u64) -> (String, String) {
     let period_ns = facts.period_ns;
     let slow = facts.total("answer_max_ns") > period_ns / 2;

@@ -1,5 +1,5 @@
-//! Collects what is known about a device: from its driver if one lives, else by listening in its place.
-//! Run by the main thread; takes about two seconds.
+//! Collects the facts about a device: from its driver if it is alive, or else by listening in its place. Run by the
+//! main thread; takes about two seconds.
 
 use std::net::{SocketAddr, TcpStream};
 use std::process::Command;
@@ -14,15 +14,15 @@ use crate::doctor::driver_status::DriverStatus;
 use crate::doctor::requirements::SelectedCell;
 use crate::supervisor::paths;
 
-/// How long is listened where no driver runs.
+/// Time of listening if no driver runs.
 const LISTEN: Duration = Duration::from_secs(2);
-/// A driver tells once a second; after this we no longer wait for news.
+/// Longest time to wait for the driver's next status; drivers write once a second.
 const NEWS: Duration = Duration::from_secs(3);
 const STEP: Duration = Duration::from_millis(50);
-/// How long a server may take to accept a connection.
+/// Longest time for a server to accept a connection.
 const CONNECT: Duration = Duration::from_secs(1);
 
-/// Everything about `device`.
+/// Collects all facts about `device`.
 #[must_use]
 pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     let config = &chosen.config;
@@ -63,7 +63,7 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
             .and_then(|text| text.parse::<SocketAddr>().ok())
     };
     facts.holder = address("listen").and_then(sockets::holder);
-    // Some servers take one client only: where a driver exchanges, nothing is tried.
+    // Some servers accept a single client only: none is tried while a driver exchanges data.
     let exchanges = |told: &Option<DriverStatus>| told.as_ref().map_or(0, |told| told.exchanges);
     let works = exchanges(&facts.driver_status) > exchanges(&facts.before);
     facts.connects = address("server").filter(|_| !works).map(|server| {
@@ -74,7 +74,7 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     facts
 }
 
-/// Waits for the driver's next word; without one the last counts.
+/// Waits for the driver's next status; returns the last one if none arrives.
 fn newer(read: impl Fn() -> Option<DriverStatus>, before: Option<&DriverStatus>) -> Option<DriverStatus> {
     let begun = Instant::now();
     loop {

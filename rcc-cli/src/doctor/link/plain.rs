@@ -1,10 +1,10 @@
-//! The stages of a device whose driver counts nothing of its own: driver, server, exchange, quality.
-//! Pure functions of the facts.
+//! Stages for a device whose driver has no diagnosis of its own: driver, server, exchange, quality. Pure functions of
+//! the facts.
 
 use super::{LinkFacts, LinkStage, configuration, driver, percent};
 use crate::doctor::HealthFinding;
 
-/// In order; the first that fails ends the report.
+/// Stages in order; the first failed one ends the report.
 pub const STAGES: &[LinkStage] = &[
     ("configuration", configuration),
     ("driver", driver),
@@ -14,7 +14,7 @@ pub const STAGES: &[LinkStage] = &[
     ("quality", quality),
 ];
 
-/// Without a driver: its configuration is accepted.
+/// Stage: without a driver, its configuration is accepted.
 pub(super) fn settings(facts: &LinkFacts) -> Option<HealthFinding> {
     if let Some(words) = &facts.no_probe {
         let fix = "correct the device's entry in the cell's file";
@@ -25,7 +25,7 @@ pub(super) fn settings(facts: &LinkFacts) -> Option<HealthFinding> {
     }
     let probe = facts.probe.as_ref()?;
     match probe["error"].as_str() {
-        // Its words name the key and what to give.
+        // The driver's message names the setting and the remedy.
         Some(words) => Some(HealthFinding::fail(
             words,
             "correct the device's entry in the cell's file",
@@ -56,7 +56,7 @@ fn server(facts: &LinkFacts) -> Option<HealthFinding> {
     }
 }
 
-/// Number, words and whether anything was exchanged.
+/// Stage: data is exchanged, and the device can be commanded.
 fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     let (reason, words, exchanges) = match (&facts.driver_status, &facts.probe) {
         (Some(told), _) => {
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn exceptions_are_told_in_the_drivers_words() {
+    fn exceptions_are_reported_in_the_drivers_words() {
         let words = "the Modbus server refuses an address or a value".to_owned();
         let facts = running(DriverStatus {
             reason: 102,

@@ -1,5 +1,4 @@
-//! Addresses of this machine, and which process holds a port.
-//! Run by the main thread.
+//! Network interfaces of this machine, and which process holds a port. Run by the main thread.
 
 use std::fs;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -9,28 +8,28 @@ use nix::net::if_::InterfaceFlags;
 
 use crate::doctor::processes;
 
-/// An address of this machine.
+/// An IPv4 address of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkInterface {
-    /// Name of the card.
+    /// Name of the interface.
     pub name: String,
-    /// Its address.
+    /// Address.
     pub address: Ipv4Addr,
-    /// Its mask.
+    /// Network mask.
     pub mask: Ipv4Addr,
-    /// Switched on, with a cable or whatever else it needs.
+    /// True if the interface is up and running.
     pub up: bool,
 }
 
 impl NetworkInterface {
-    /// True if `other` is reached without a router.
+    /// Returns true if `other` is in the same subnet.
     #[must_use]
     pub fn is_near(&self, other: Ipv4Addr) -> bool {
         let mask = self.mask.to_bits();
         self.address.to_bits() & mask == other.to_bits() & mask
     }
 
-    /// `192.168.0.1/24`
+    /// Formats name, address and prefix length: `eth0 192.168.0.1/24`.
     #[must_use]
     pub fn words(&self) -> String {
         format!(
@@ -42,7 +41,7 @@ impl NetworkInterface {
     }
 }
 
-/// All IPv4 addresses of this machine.
+/// Returns all IPv4 addresses of this machine.
 #[must_use]
 pub fn interfaces() -> Vec<NetworkInterface> {
     let both = InterfaceFlags::IFF_UP | InterfaceFlags::IFF_RUNNING;
@@ -62,7 +61,7 @@ pub fn interfaces() -> Vec<NetworkInterface> {
         .collect()
 }
 
-/// Name and number of the process that has this UDP address, as far as we may look.
+/// Returns name and id of the process that holds this UDP address, as far as `/proc` is readable.
 #[must_use]
 pub fn holder(address: SocketAddr) -> Option<String> {
     let table = fs::read_to_string("/proc/net/udp").ok()?;
@@ -78,8 +77,8 @@ pub fn holder(address: SocketAddr) -> Option<String> {
     Some("a process of another user".to_owned())
 }
 
-/// `/proc/net/udp`: `sl local_address rem_address st tx rx tr tm retrnsmt uid timeout inode …`, addresses as the
-/// machine stores them.
+/// Finds the inode in `/proc/net/udp`: `sl local_address rem_address st tx rx tr tm retrnsmt uid timeout inode …`, with
+/// addresses in native byte order.
 fn inode_of(table: &str, address: SocketAddr) -> Option<&str> {
     let IpAddr::V4(ip) = address.ip() else {
         return None;

@@ -1,4 +1,4 @@
-//! What is known of a net, as a value: the keys of `--output json` are its fields. Pure.
+//! Explanation of a net as a value; its fields are the keys of `--output json`. Pure.
 
 use rcc_core::primitives;
 use rcc_engine::costs::Costs;
@@ -7,67 +7,67 @@ use serde::Serialize;
 
 use crate::verbs::source::ResolvedNet;
 
-/// What a net is and needs.
+/// Properties and requirements of a net.
 #[derive(Clone, Debug, Serialize)]
 pub struct Explanation {
-    /// Its name.
+    /// Name of the net.
     pub net: String,
-    /// Primitives that are evaluated.
+    /// Number of evaluated primitives.
     pub primitives: u32,
-    /// What one evaluation is expected to take.
+    /// Expected time of one evaluation, ns.
     pub expected_ns: u64,
-    /// The cell's period.
+    /// Period of the cell, ns.
     pub period_ns: u64,
-    /// Evaluated every so many cycles.
+    /// Cycles from one evaluation to the next.
     pub every: u32,
-    /// Where the costs come from.
+    /// Origin of the costs.
     pub costs: String,
-    /// By type, the dearest first.
+    /// Cost by type, most expensive first.
     pub types: Vec<TypeShare>,
-    /// Runs of equal kernels.
+    /// Number of runs of equal kernels.
     pub runs: usize,
-    /// What is evaluated only while a condition is true, outer ones first.
+    /// Regions evaluated only while a condition is true, outer ones first.
     pub regions: Vec<ConditionalRegion>,
-    /// What it needs of memory.
+    /// Memory requirements.
     pub memory: NetMemory,
-    /// Primitives in the order of evaluation.
+    /// Primitives in order of evaluation.
     pub order: Vec<EvaluationStep>,
-    /// The longest way from a source to a result, in time.
+    /// Critical path: the longest chain of primitives in time.
     pub path: CriticalPath,
     /// Values that can be null, in the order of the file.
     pub nulls: Vec<NullSource>,
-    /// Commands, ends and motions whose inputs can be null, and what follows.
+    /// Commands, terminations and motions with inputs that can be null, and the effect.
     pub consequences: Vec<Consequence>,
-    /// What the running cell has left.
+    /// Free capacity of the running cell.
     pub cell: Option<CellCapacity>,
 }
 
-/// All primitives of a type.
+/// Total cost of all primitives of a type.
 #[derive(Clone, Debug, Serialize)]
 pub struct TypeShare {
-    /// The type.
+    /// Type.
     #[serde(rename = "type")]
     pub ty: &'static str,
-    /// How many.
+    /// Number of primitives.
     pub count: u64,
-    /// All of them together.
+    /// Their total time, ns.
     pub all_ns: f64,
 }
 
-/// What is evaluated only while a condition is true.
+/// A region that is evaluated only while a condition is true.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ConditionalRegion {
-    /// The instance or primitive that has the condition.
+    /// Instance or primitive that has the condition.
     pub id: String,
-    /// The condition.
+    /// Condition.
     pub condition: String,
-    /// Primitives in it, those of inner regions too.
+    /// Number of primitives in the region, including inner regions.
     pub primitives: u64,
-    /// What these are expected to take while it is active.
+    /// Their expected time while the region is active, ns.
     pub ns: f64,
 }
 
-/// What a net needs of memory: elements, and bytes.
+/// Memory requirements of a net, in elements and bytes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NetMemory {
     /// `Real` slots, 8 bytes each.
@@ -76,108 +76,108 @@ pub struct NetMemory {
     pub bools: usize,
     /// `Int` slots, 8 bytes each.
     pub ints: usize,
-    /// All arenas.
+    /// Bytes of all arenas.
     pub arena_bytes: usize,
     /// Bytes of outputs.
     pub output_bytes: usize,
-    /// Bytes of what delayed links carry.
+    /// Bytes of delayed values.
     pub delayed_bytes: usize,
-    /// The rest: constants, one for all that are equal, and what primitives remember.
+    /// Remaining bytes: constants (equal ones are shared) and states of primitives.
     pub other_bytes: usize,
     /// Operands, 4 bytes each.
     pub operands: usize,
-    /// Inputs that are constants.
+    /// Number of constant inputs.
     pub constant_inputs: usize,
-    /// Places where these constants lie.
+    /// Number of slots that hold these constants.
     pub constants: usize,
 }
 
-/// A primitive in its turn.
+/// A primitive in the order of evaluation.
 #[derive(Clone, Debug, Serialize)]
 pub struct EvaluationStep {
-    /// Its place in the order, from 0.
+    /// Position in the order, from 0.
     pub order: usize,
-    /// Which run it is in, from 0.
+    /// Index of its run, from 0.
     pub run: usize,
-    /// Its id.
+    /// Id.
     pub id: String,
-    /// Its type.
+    /// Type.
     #[serde(rename = "type")]
     pub ty: &'static str,
-    /// The arena of its kernel, where it has several.
+    /// Arena of its kernel, if the type has several kernels.
     pub kernel: Option<String>,
-    /// What it is expected to take.
+    /// Expected time, ns.
     pub ns: f64,
-    /// Its outputs.
+    /// Outputs.
     pub outputs: Vec<StepOutput>,
-    /// Why these can be null; `None`: they never are.
+    /// Why the outputs can be null; `None` if they never are.
     pub null: Option<String>,
 }
 
-/// An output.
+/// An output of a primitive.
 #[derive(Clone, Debug, Serialize)]
 pub struct StepOutput {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Its type.
+    /// Type.
     #[serde(rename = "type")]
     pub ty: String,
-    /// Its unit.
+    /// Unit.
     pub unit: Option<String>,
-    /// Its first element, in the arena of its type.
+    /// Slot of its first element, in the arena of its type.
     pub slot: u32,
 }
 
-/// A way through a net.
+/// A chain of primitives.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CriticalPath {
-    /// All on it together.
+    /// Total time, ns.
     pub ns: f64,
-    /// Ids, the source first.
+    /// Ids, starting at the source.
     pub ids: Vec<String>,
 }
 
-/// What can be null.
+/// A primitive whose outputs can be null.
 #[derive(Clone, Debug, Serialize)]
 pub struct NullSource {
-    /// The primitive.
+    /// Id of the primitive.
     pub id: String,
-    /// All its outputs.
+    /// Names of all its outputs.
     pub outputs: Vec<&'static str>,
-    /// Why, and the way to it.
+    /// Why they can be null, and by which path.
     pub why: String,
 }
 
-/// What follows from null.
+/// Effect of a null input.
 #[derive(Clone, Debug, Serialize)]
 pub struct Consequence {
     /// `primitive.input`.
     pub input: String,
     /// Why it can be null.
     pub why: String,
-    /// What its primitive then does.
+    /// What its primitive does then.
     pub then: String,
 }
 
-/// What the running cell has left.
+/// Free capacity of the running cell.
 #[derive(Clone, Debug, Serialize)]
 pub struct CellCapacity {
-    /// Its name.
+    /// Name of the cell.
     pub cell: String,
-    /// What nets may need of a cycle together.
+    /// Time per cycle available to all nets together, ns.
     pub budget_ns: u64,
-    /// What those that run do.
+    /// Time committed to running nets, ns.
     pub committed_ns: u64,
-    /// The rest.
+    /// Free time, ns.
     pub left_ns: u64,
-    /// The dearest net that runs.
+    /// Most expensive running net.
     pub dearest: Option<String>,
-    /// What it needs.
+    /// Its expected time, ns.
     pub dearest_ns: u64,
 }
 
 impl Explanation {
-    /// All that is known of a net.
+    /// Collects the explanation of a net.
     pub fn of(found: &ResolvedNet, costs: &Costs, origin: String, cell: Option<CellCapacity>) -> Explanation {
         let (structure, plan) = (&found.structure, found.compiled.plan.plan());
         let types = costs.shares(&plan).into_iter().map(|share| TypeShare {
@@ -316,7 +316,7 @@ fn memory(found: &ResolvedNet) -> NetMemory {
     }
 }
 
-/// The longest way in time; what is delayed begins anew.
+/// Finds the longest chain in time; delayed links do not count.
 fn longest(structure: &NetStructure, order: &[EvaluationStep]) -> CriticalPath {
     let mut best = vec![(0.0_f64, None::<usize>); structure.primitives.len()];
     for (step, part) in order.iter().zip(&structure.order) {
@@ -342,7 +342,7 @@ fn longest(structure: &NetStructure, order: &[EvaluationStep]) -> CriticalPath {
     let mut at = last.filter(|_| path.ns > 0.0);
     while let Some(part) = at {
         path.ids.push(structure.primitives[part].id.clone());
-        // What is read comes earlier in the order, so the way has an end.
+        // Sources come earlier in the order, so the chain is finite.
         at = best[part].1;
     }
     path.ids.reverse();

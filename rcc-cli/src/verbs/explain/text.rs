@@ -1,17 +1,17 @@
-//! An explanation for people: a small net whole, a large one by its sums, and every table on demand. Pure.
+//! Explanation as text: small nets in full, large nets as totals, further tables on request. Pure.
 
 use super::TableSelection;
 use super::report::{Explanation, NetMemory, StepOutput, CellCapacity};
 use crate::table::{self, grouped, time};
 
-/// Nets up to this size are told whole.
+/// Nets up to this size are shown in full.
 const SMALL: usize = 40;
-/// Consequences that are told of a large net.
+/// Consequences shown for a large net.
 const CONSEQUENCES_MAX: usize = 12;
-/// Ids of a long way that are told at each of its ends.
+/// Ids shown at each end of a long path.
 const ENDS: usize = 8;
 
-/// As people read it.
+/// Formats an explanation for people.
 pub fn human(it: &Explanation, shown: TableSelection) -> String {
     let is_small = it.order.len() <= SMALL && !(shown.order || shown.nulls || shown.path);
     let mut parts = vec![head(it), types(it), regions(it)];
@@ -32,7 +32,7 @@ pub fn human(it: &Explanation, shown: TableSelection) -> String {
     parts.join("\n\n")
 }
 
-/// What is not always evaluated, and what it depends on.
+/// Lists the conditional regions and their conditions.
 fn regions(it: &Explanation) -> String {
     let lines = it.regions.iter().map(|region| {
         format!(
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_always_active_is_told_with_its_condition() {
+    fn conditional_regions_are_listed_with_their_condition() {
         let mut explanation = explanation(3);
         explanation.regions.push(super::super::report::ConditionalRegion {
             id: "a".into(),
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_net_is_told_whole() {
+    fn a_small_net_is_shown_in_full() {
         let text = human(&explanation(3), TableSelection::default());
         for part in [
             "line: 3 primitives, expected to need 2.0 µs every cycle, 0.2 % of the period of 1.0 ms",
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_net_is_told_by_its_sums_and_its_tables_on_demand() {
+    fn a_large_net_is_shown_as_totals_and_tables_on_request() {
         let large = explanation(1_000);
         let text = human(&large, TableSelection::default());
         assert!(text.lines().count() < 20, "{text}");

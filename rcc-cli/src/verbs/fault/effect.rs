@@ -1,150 +1,149 @@
-//! The faults that there are, as arguments and as what they do: a command for a simulator, or a signal.
-//! Pure.
+//! The injectable faults: their arguments, and the simulator command or signal that each stands for. Pure.
 
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use serde_json::{Value, json};
 
-/// What happens.
+/// Fault to inject.
 #[derive(clap::Subcommand, Clone, Debug, PartialEq)]
 pub enum FaultEffect {
-    /// Puts an obstacle in the arm's way: a plane with a point on it and its outward normal.
+    /// Place an obstacle in the arm's way: a plane given by a point and its outward normal
     Wall {
-        /// A point of the plane, base frame, m.
+        /// Point of the plane, base frame, m
         #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required = true)]
         point: Vec<f64>,
-        /// Its normal, away from the obstacle.
+        /// Normal that points away from the obstacle
         #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required = true)]
         normal: Vec<f64>,
-        /// N/m.
+        /// Stiffness, N/m
         #[arg(long, default_value_t = 5000.0)]
         stiffness: f64,
-        /// N s/m.
+        /// Damping, N s/m
         #[arg(long, default_value_t = 20.0)]
         damping: f64,
     },
-    /// Pushes the flange: force and torque in base axes.
+    /// Push the flange with a force and torque in base axes
     Force {
-        /// N.
+        /// Force, N
         #[arg(num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required = true)]
         force: Vec<f64>,
-        /// N m.
+        /// Torque, N m
         #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
         torque: Option<Vec<f64>>,
     },
-    /// Loses a part of the datagrams.
+    /// Drop a percentage of the datagrams
     Loss {
-        /// 10% or 10.
+        /// Percentage: 10% or 10
         #[arg(value_parser = percent)]
         part: f64,
-        /// Which datagrams.
+        /// Affected datagrams
         #[arg(long, value_enum, default_value = "both")]
         direction: DatagramDirection,
     },
-    /// Whatever a bad network does to datagrams; each a part of all, 10% or 10.
+    /// Disturb the network; each rate is a percentage of the datagrams, 10% or 10
     Network {
-        /// Do not arrive.
+        /// Lost
         #[arg(long, value_parser = percent, default_value = "0")]
         lost: f64,
-        /// Arrive up to 5 cycles later.
+        /// Late by up to 5 cycles
         #[arg(long, value_parser = percent, default_value = "0")]
         late: f64,
-        /// Arrive twice.
+        /// Duplicated
         #[arg(long, value_parser = percent, default_value = "0")]
         duplicated: f64,
-        /// Arrive behind the next one.
+        /// Reordered with the next one
         #[arg(long, value_parser = percent, default_value = "0")]
         reordered: f64,
-        /// Arrive without their end.
+        /// Truncated
         #[arg(long, value_parser = percent, default_value = "0")]
         truncated: f64,
-        /// Arrive with other bits.
+        /// Corrupted
         #[arg(long, value_parser = percent, default_value = "0")]
         corrupted: f64,
-        /// Which datagrams.
+        /// Affected datagrams
         #[arg(long, value_enum, default_value = "both")]
         direction: DatagramDirection,
     },
-    /// Lets the device be silent for this time.
+    /// Silence the device for some time
     Freeze {
-        /// 200ms, 2s.
+        /// Duration: 200ms, 2s
         #[arg(value_parser = crate::verbs::duration)]
         time: Duration,
     },
-    /// Presses the emergency stop.
+    /// Press the emergency stop
     Estop,
-    /// Releases the emergency stop and acknowledges.
+    /// Release the emergency stop and acknowledge
     Ack,
-    /// Switches the arm's drives.
+    /// Switch the arm's drives
     Drives {
-        /// On or off.
+        /// on or off
         #[arg(value_enum)]
         to: OnOff,
     },
-    /// Lets an I/O station answer every request with this Modbus exception; 0 ends it.
+    /// Answer every I/O request with this Modbus exception; 0 ends it
     Exception {
-        /// 1 to 11.
+        /// Exception code, 1 to 11
         number: u8,
     },
-    /// Lets an I/O station answer this much later.
+    /// Delay the answers of an I/O station
     Delay {
-        /// 30ms.
+        /// Delay: 30ms
         #[arg(value_parser = crate::verbs::duration)]
         time: Duration,
     },
-    /// Lets an I/O station leave so many requests without an answer.
+    /// Ignore some requests to an I/O station
     Drop {
-        /// How many.
+        /// Number of requests
         count: u64,
     },
-    /// Ends every fault of the device that was asked for; `fault clear lwr` means the same.
+    /// Clear all injected faults of the device; also written `fault clear lwr`
     Clear {
-        /// The device.
+        /// Device
         device: Option<String>,
     },
-    /// SIGKILL: the process is gone at once.
+    /// Kill the process (SIGKILL)
     Kill,
-    /// SIGSEGV: the process crashes.
+    /// Crash the process (SIGSEGV)
     Segv,
-    /// SIGSTOP: the process stands still until `continue`.
+    /// Suspend the process until `continue` (SIGSTOP)
     Stop,
-    /// SIGCONT.
+    /// Continue the process (SIGCONT)
     Continue,
-    /// SIGTERM: the process ends in its own way.
+    /// Ask the process to end (SIGTERM)
     Exit,
 }
 
-/// Whose datagrams.
+/// Affected datagrams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum DatagramDirection {
-    /// Measurements and answers.
+    /// Measurements and answers
     Both,
-    /// Measurements.
+    /// Measurements
     ToPc,
-    /// Answers.
+    /// Answers
     FromPc,
 }
 
-/// A switch.
+/// State of a switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum OnOff {
-    /// On.
+    /// On
     On,
-    /// Off.
+    /// Off
     Off,
 }
 
-/// What is done to a target.
+/// Action on a target.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FaultAction {
-    /// A signal for a process.
+    /// Signal to send to a process.
     Signal(Signal),
-    /// A command for a simulator.
+    /// Command to send to a simulator.
     Command(Value),
 }
 
-/// What an effect does, and its words for the event log.
+/// Returns the action of an effect, and its description for the event log.
 pub fn action(effect: &FaultEffect) -> (FaultAction, String) {
     let signal = |signal: Signal| (FaultAction::Signal(signal), format!("gets {signal}"));
     match effect {
@@ -160,7 +159,7 @@ pub fn action(effect: &FaultEffect) -> (FaultAction, String) {
     }
 }
 
-/// What a simulator is told.
+/// Returns the simulator command of an effect, and its description.
 fn command(effect: &FaultEffect) -> (Value, String) {
     match effect {
         FaultEffect::Wall {
@@ -202,7 +201,7 @@ fn command(effect: &FaultEffect) -> (Value, String) {
     }
 }
 
-/// As [`command`], for the effects that need few words.
+/// Like [`command`], for the simpler effects.
 fn short_command(effect: &FaultEffect) -> (Value, String) {
     match effect {
         FaultEffect::Freeze { time } => (
@@ -232,7 +231,7 @@ fn short_command(effect: &FaultEffect) -> (Value, String) {
             format!("leaves {count} requests without an answer"),
         ),
         FaultEffect::Clear { .. } => (json!("clear"), "is freed of all faults".to_owned()),
-        // Signals never come here.
+        // Signals are handled by [`action`].
         _ => (Value::Null, String::new()),
     }
 }

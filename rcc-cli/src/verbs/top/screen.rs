@@ -1,5 +1,4 @@
-//! The picture of `top` in a terminal of any size.
-//! Pure but for the frame that is drawn into.
+//! The live view of `top`, for terminals of any size. Pure apart from drawing into the frame.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -9,7 +8,7 @@ use ratatui::widgets::{Block, Paragraph, Row, Table};
 
 use super::{TopSnapshot, text};
 
-/// Draws everything; `told` is the last line.
+/// Draws everything; `told` is the message in the last line.
 pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, told: &str) {
     let head = text::head(snapshot);
     let nets = text::nets(snapshot);
@@ -153,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_has_nets_histograms_primitives_and_late_cycles() {
+    fn the_view_has_nets_histograms_primitives_and_late_cycles() {
         let picture = drawn(120, 40, "as told");
         for part in [
             "cell demo  cycle 12 345  period 1.0 ms  load 10.2 % (99 %: 20.0 %)",

@@ -1,5 +1,4 @@
-//! The parts of `top` as rows of words: for the picture and for the text.
-//! Pure.
+//! The contents of `top` as rows of text, for the live view and for `--once`. Pure.
 
 use rcc_loader::server::api::{CommandView, HistogramView};
 
@@ -9,17 +8,17 @@ use crate::follow;
 use crate::table::{self, grouped, time};
 use crate::verbs::status::late_words;
 
-/// Heads of the nets.
+/// Headings of the table of nets.
 pub(super) const NET_HEADS: [&str; 6] = ["NET", "STATE", "LOAD", "MEAN", "LAST/MAX", "EXPECTED"];
-/// Heads of the primitives.
+/// Headings of the table of primitives.
 pub(super) const TYPE_HEADS: [&str; 4] = ["PRIMITIVE", "EACH", "SHARE", "LONGEST RUN"];
 
-/// A part of the whole in percent.
+/// Formats a part of a whole in percent.
 fn percent(part: u64, whole: u64) -> String {
     format!("{:.1} %", part as f64 * 100.0 / (whole.max(1) as f64))
 }
 
-/// Which cell, how loaded its cycles are, and its late cycles.
+/// Describes the cell, the load of its cycles, and its late cycles.
 pub(super) fn head(snapshot: &TopSnapshot) -> Vec<String> {
     let (executor, timing) = (&snapshot.status.executor, &snapshot.timing);
     let period_ns = executor.period_ns;
@@ -59,7 +58,7 @@ pub(super) fn head(snapshot: &TopSnapshot) -> Vec<String> {
     lines
 }
 
-/// The nets that are not over: those that run first, the dearest before the others.
+/// Lists the nets that have not ended: active ones first, the most expensive first.
 pub(super) fn nets(snapshot: &TopSnapshot) -> Vec<[String; 6]> {
     let period_ns = snapshot.status.executor.period_ns;
     let mut nets: Vec<&CommandView> = snapshot
@@ -83,7 +82,7 @@ pub(super) fn nets(snapshot: &TopSnapshot) -> Vec<[String; 6]> {
         .collect()
 }
 
-/// The types of primitives, the dearest first.
+/// Lists the types of primitives, the most expensive first.
 pub(super) fn types(snapshot: &TopSnapshot) -> Vec<[String; 4]> {
     let rows = &snapshot.timing.primitives;
     let sum: u64 = rows
@@ -103,7 +102,7 @@ pub(super) fn types(snapshot: &TopSnapshot) -> Vec<[String; 4]> {
         .collect()
 }
 
-/// The histograms with their names.
+/// Returns the histograms with their titles.
 pub(super) fn histograms(snapshot: &TopSnapshot) -> [(String, String); 3] {
     let timing = &snapshot.timing;
     let of = |name: &str, histogram: &HistogramView| {
@@ -123,7 +122,7 @@ pub(super) fn histograms(snapshot: &TopSnapshot) -> [(String, String); 3] {
     ]
 }
 
-/// Everything as text.
+/// Formats everything as text.
 pub(super) fn text(snapshot: &TopSnapshot) -> String {
     let mut nets_table = table::table(&NET_HEADS);
     nets(snapshot).into_iter().for_each(|row| {

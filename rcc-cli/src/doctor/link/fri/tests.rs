@@ -1,5 +1,5 @@
-//! Each stage on facts that were written down: good ones, and every way in which users' connections have failed.
-//! Run by the test harness.
+//! Each stage on fixed facts: good ones, and every way in which users' connections have failed. Run by the test
+//! harness.
 
 use serde_json::{Value, json};
 
@@ -39,7 +39,7 @@ fn card() -> NetworkInterface {
     }
 }
 
-/// A driver that runs, with a link that differs from a good one like this.
+/// Facts with a running driver; `change` modifies its good diagnosis.
 fn running(change: Value) -> LinkFacts {
     let second = SecondStats {
         quality_min: 1000,
@@ -68,7 +68,7 @@ fn running(change: Value) -> LinkFacts {
     }
 }
 
-/// No driver; this was heard in its place.
+/// Facts without a driver; `change` modifies what was heard in its place.
 fn heard(change: Value) -> LinkFacts {
     LinkFacts {
         pid: None,
@@ -78,7 +78,7 @@ fn heard(change: Value) -> LinkFacts {
     }
 }
 
-/// The stage that fails, and its words.
+/// Returns the failed stage and the text of its finding.
 fn failure(facts: &LinkFacts) -> (&'static str, String) {
     let report = LinkReport::of(facts);
     let last = report.findings.last().expect("a finding");
@@ -160,7 +160,7 @@ fn silence_names_what_to_look_at_on_the_controller() {
 }
 
 #[test]
-fn datagrams_of_somebody_else_name_both() {
+fn datagrams_of_another_sender_name_both_addresses() {
     let mut facts = running(
         json!({"accepted": 0, "foreign": 2000, "foreign_last": "127.0.0.2:40000", "wire": null}),
     );
@@ -185,7 +185,7 @@ fn datagrams_of_somebody_else_name_both() {
 }
 
 #[test]
-fn garbage_other_versions_and_sunrise_are_told_apart() {
+fn garbage_other_versions_and_sunrise_are_distinguished() {
     let none = |key: &str, more: Value| {
         let mut change = json!({"accepted": 0, "wire": null, key: 100});
         for (key, value) in more.as_object().into_iter().flatten() {
@@ -241,7 +241,7 @@ fn garbage_beside_a_good_controller_warns_only() {
 }
 
 #[test]
-fn drives_tell_their_errors_and_their_want_of_power() {
+fn drive_errors_and_missing_power_are_reported() {
     assert_fails(
         &running(json!({"error": 5})),
         "drives",
@@ -271,7 +271,7 @@ fn another_control_strategy_names_the_variable() {
 }
 
 #[test]
-fn bad_quality_names_the_culprit() {
+fn bad_quality_names_the_cause() {
     let late = |change: Value| {
         let mut facts = running(change);
         if let Some(told) = &mut facts.driver_status {
@@ -310,7 +310,7 @@ fn bad_quality_names_the_culprit() {
 }
 
 #[test]
-fn without_driver_quality_means_nothing_and_the_report_ends_well() {
+fn without_a_driver_quality_is_not_judged() {
     let report = LinkReport::of(&heard(
         json!({"quality": "unacceptable", "session": "monitor"}),
     ));
@@ -332,7 +332,7 @@ fn a_controller_that_monitors_names_the_call_that_is_missing() {
 }
 
 #[test]
-fn pauses_and_another_period_are_told() {
+fn gaps_and_another_period_are_reported() {
     let pauses = LinkReport::of(&running(json!({"interval_max_ns": 9_000_000}))).human();
     assert!(
         pauses.contains("longest gap 9.0 ms during the check"),
