@@ -1,4 +1,4 @@
-//! Admission in virtual time: what nets are expected to need is told to the engine, nothing is measured.
+//! Admission in virtual time: the expected durations of nets are given to the engine, nothing is measured.
 
 mod common;
 
@@ -16,7 +16,7 @@ fn fixture() -> EngineFixture {
     fixture
 }
 
-/// A net that is expected to need so much, at a rate.
+/// Loads a net with this expected duration (ns) and rate.
 fn load(fixture: &mut EngineFixture, channel: u32, expected_ns: u64, rate: Rate) -> u64 {
     let mut plan = endless_net(channel);
     plan.rate = rate;

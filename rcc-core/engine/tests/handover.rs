@@ -23,7 +23,7 @@ fn refused_for(answer: Answer) -> (u64, Refusal) {
     }
 }
 
-/// A bench in which such a net runs, and the net.
+/// A fixture in which this plan runs, and the id of the command.
 fn running(plan: PlanData) -> (EngineFixture, u64) {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(plan);
@@ -31,7 +31,7 @@ fn running(plan: PlanData) -> (EngineFixture, u64) {
     (fixture, id)
 }
 
-/// What counts of a command image: not when it was written.
+/// The bytes of a command image, without the times at which it was written.
 fn bits(image: &CommandImage) -> Vec<u8> {
     bytemuck::bytes_of(image).to_vec()
 }
@@ -166,7 +166,7 @@ fn a_hand_over_that_was_refused_can_succeed_later() {
         assert_eq!(id, ahead);
         refusals += 1;
     }
-    // The old one comes there after a second.
+    // The old net reaches that position after a second.
     assert!((990..1000).contains(&refusals), "{refusals}");
     assert_eq!(fixture.state(ahead), CommandState::Running);
 }
@@ -280,7 +280,7 @@ fn nobody_takes_an_arm_to_let_it_go() {
 
 #[test]
 fn a_motion_that_has_ended_hands_its_arm_over_while_the_driver_still_plays_it() {
-    // The driver plays ten cycles later; in each of them the next net may begin, and it goes on to its own end.
+    // The driver plays ten cycles later; in each of them the next net may begin, and it continues to its own end.
     for wait in 0..12 {
         let (mut fixture, old) = running(line_net());
         while fixture.entry(old).ended_cycle == 0 {
@@ -297,7 +297,7 @@ fn a_motion_that_has_ended_hands_its_arm_over_while_the_driver_still_plays_it() 
             plan.add("Termination", &[requested]);
             let net = fixture.build(plan.data).unwrap();
             let ticket = 77;
-            // In one cycle with the hand-over: the row is reserved, made ready and taken.
+            // In the same cycle as the hand-over: the row is reserved and the net installed.
             fixture.steps(wait);
             let id = old + 1;
             fixture
@@ -320,7 +320,7 @@ fn a_motion_that_has_ended_hands_its_arm_over_while_the_driver_still_plays_it() 
         assert_eq!(fixture.reason(old), EndReason::Finished);
         assert_eq!(fixture.entry(old).ended_cycle, ended);
         assert_eq!(fixture.entry(new).started_cycle, cycle);
-        // At once it is one stream; later the driver saw a gap at rest, and it is another one.
+        // Without delay it is one stream of set-points; later the driver saw a gap at rest, so it is another one.
         assert_eq!(
             fixture.told().owner == last.owner,
             wait == 0,
@@ -333,14 +333,14 @@ fn a_motion_that_has_ended_hands_its_arm_over_while_the_driver_still_plays_it() 
     }
 }
 
-/// A net that drifts and is over after `cycles`.
+/// A net that drifts and terminates after `cycles`.
 fn drift_and_end(cycles: u32, velocity: f64) -> PlanData {
     let mut plan = TestPlan {
         data: drift_net(HOLD[0], velocity),
     };
     let end = plan.reals(&[f64::from(cycles) * 1e-3]);
     let over = plan.bool(2);
-    // The time is the third slot of the net; the termination reads the first Bool.
+    // The time is the third slot of the net; `Termination` reads the first Bool.
     plan.data.runs.pop();
     plan.data.operands.pop();
     plan.add("Greater", &[2, end, over]);
@@ -428,7 +428,7 @@ fn hundreds_of_hand_overs_in_consecutive_cycles_keep_one_stream() {
     }
 }
 
-/// Commands an output in every `every`-th cycle.
+/// A net that commands an output in every `every`-th cycle.
 fn slow(channel: u32, every: u32, phase: u32) -> PlanData {
     PlanData {
         rate: Rate { every, phase },
@@ -436,7 +436,7 @@ fn slow(channel: u32, every: u32, phase: u32) -> PlanData {
     }
 }
 
-/// Asks for a hand-over and runs cycles until it is answered.
+/// Requests a hand-over and runs cycles until it is answered.
 fn switch_in_time(fixture: &mut EngineFixture, stop: &[u64], start: &[u64]) -> Answer {
     let (stop, start) = (named(stop), named(start));
     let ticket = fixture.request(|ticket| EngineRequest::Handover {
@@ -521,7 +521,7 @@ impl Random {
     }
 }
 
-/// One net of several kinds; some fit where the arm is, some do not.
+/// A random net of one of several types; some begin where the arm is, some do not.
 fn any_net(fixture: &EngineFixture, random: &mut Random) -> PlanData {
     let here = match fixture.told().has_position {
         1 => fixture.told().position[0],
@@ -605,7 +605,7 @@ fn whatever_is_handed_over_the_arms_set_points_keep_its_limits() {
             ids.retain(|id| rows.iter().any(|row| row.id == *id));
         }
         all += switched;
-        // Three set-points of one engagement, in consecutive cycles, give two velocities and an acceleration.
+        // Three set-points of one engagement in consecutive cycles give two velocities and an acceleration.
         for three in history.windows(3) {
             let one = |point: &rcc_core::message::SetPoint| {
                 point.has_position == 1 && point.owner == three[0].owner

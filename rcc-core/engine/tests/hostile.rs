@@ -1,5 +1,5 @@
-//! A driver that writes anything into its board: what it can do to its own device's net, and that it can do no more.
-//! In virtual time; the engine gets the values as it gets them from a board.
+//! A driver that writes arbitrary data to its board can end the nets of its own device, and do nothing else. In virtual
+//! time; the engine receives the values as it would from a board.
 
 mod common;
 
@@ -10,11 +10,11 @@ use rcc_core::message::{
 };
 use rcc_core::types::Store;
 
-/// Changes a good measurement.
-type Spoil = fn(&mut Measurement);
+/// Corrupts a valid measurement.
+type Corruption = fn(&mut Measurement);
 
-/// What no driver in its senses writes.
-const SENSELESS: [(&str, Spoil); 12] = [
+/// Values that no correct driver writes.
+const INVALID: [(&str, Corruption); 12] = [
     ("another layout", |m| m.magic ^= 1),
     ("never written", |m| *m = Measurement::zeroed()),
     ("all bits set", |m| bytemuck::bytes_of_mut(m).fill(0xff)),
@@ -34,7 +34,7 @@ fn newest(fixture: &EngineFixture, device: usize) -> SetPoint {
     *image.at(image.head.sequence).expect("the newest")
 }
 
-/// One cycle in which the arm's board holds `measurement`.
+/// Runs one cycle in which the arm's board holds `measurement`.
 fn cycle_with(fixture: &mut EngineFixture, measurement: Measurement) {
     fixture.now_ns += PERIOD_NS;
     fixture
@@ -59,14 +59,14 @@ fn fresh(fixture: &EngineFixture) -> Measurement {
 }
 
 #[test]
-fn a_board_that_makes_no_sense_loses_its_device_and_nothing_else() {
-    for (words, spoil) in SENSELESS {
+fn an_implausible_board_loses_its_device_and_nothing_else() {
+    for (words, corrupt) in INVALID {
         let mut io = model();
         (io.joints, io.arm) = (0, None);
         let mut fixture = EngineFixture::of_cell(vec![model(), io], 5, HOLD);
         let arm = fixture.load(line_net());
         let mut other = output_net(1);
-        // The same net, on the second device.
+        // The same net on the second device.
         other.operands[2] = 1;
         let other = fixture.load(other);
         fixture.start(other);
@@ -74,7 +74,7 @@ fn a_board_that_makes_no_sense_loses_its_device_and_nothing_else() {
         fixture.steps(30);
         assert_eq!(fixture.state(arm), CommandState::Running, "{words}");
         let mut measurement = fresh(&fixture);
-        spoil(&mut measurement);
+        corrupt(&mut measurement);
         cycle_with(&mut fixture, measurement);
         assert_eq!(
             fixture.engine.tables().devices[0].state,
@@ -94,7 +94,7 @@ fn a_board_that_makes_no_sense_loses_its_device_and_nothing_else() {
 }
 
 #[test]
-fn exchanges_counted_backwards_stay_lost_until_the_driver_lives_anew() {
+fn a_sequence_that_goes_backwards_loses_the_device_until_the_driver_restarts() {
     let mut fixture = EngineFixture::new();
     fixture.steps(10);
     let mut measurement = fresh(&fixture);
@@ -140,10 +140,10 @@ fn a_measured_value_that_is_not_finite_is_null() {
     }
 }
 
-/// Knuth's MMIX constants; the same bytes in each run of one seed.
-struct Chance(u64);
+/// A linear congruential generator with Knuth's MMIX constants; reproducible from a seed.
+struct RandomBytes(u64);
 
-impl Chance {
+impl RandomBytes {
     fn next(&mut self) -> u64 {
         self.0 = self
             .0
@@ -153,27 +153,27 @@ impl Chance {
     }
 }
 
-/// Random bytes, made credible in some of their fields.
-fn random_measurement(chance: &mut Chance, honest: &Measurement) -> Measurement {
+/// Random bytes, with valid values in some fields.
+fn random_measurement(random: &mut RandomBytes, honest: &Measurement) -> Measurement {
     let mut measurement = Measurement::zeroed();
     for byte in bytemuck::bytes_of_mut(&mut measurement) {
-        *byte = chance.next() as u8;
+        *byte = random.next() as u8;
     }
-    let credible = chance.next();
-    if credible & 63 != 0 {
+    let valid = random.next();
+    if valid & 63 != 0 {
         (measurement.magic, measurement.stamp_ns) = (MAGIC, honest.stamp_ns);
         (measurement.joints, measurement.sequence) = (honest.joints, honest.sequence);
     }
     measurement.state = honest.state;
-    if credible & 0xf00 == 0 {
-        measurement.state = (chance.next() % 6) as u32;
+    if valid & 0xf00 == 0 {
+        measurement.state = (random.next() % 6) as u32;
     }
-    if credible & 0x1f_0000 != 0 {
+    if valid & 0x1f_0000 != 0 {
         measurement.strategy = honest.strategy;
     }
-    if credible & 0x7000 != 0 {
+    if valid & 0x7000 != 0 {
         measurement.hold = honest.hold;
-    } else if credible & 0x8000 != 0 {
+    } else if valid & 0x8000 != 0 {
         measurement.hold = measurement
             .hold
             .map(|value| (value.to_bits() % 6283) as f64 * 1e-3 - std::f64::consts::PI);
@@ -182,20 +182,20 @@ fn random_measurement(chance: &mut Chance, honest: &Measurement) -> Measurement 
 }
 
 #[test]
-fn whatever_a_board_holds_no_set_point_leaves_the_limits_and_the_engine_goes_on() {
+fn with_any_board_content_set_points_keep_the_limits_and_the_engine_continues() {
     let limits = model().limits;
-    let (mut moved, mut chance) = (0_u32, Chance(20_261_121));
+    let (mut moved, mut random) = (0_u32, RandomBytes(20_261_121));
     for _ in 0..300 {
         let mut fixture = EngineFixture::new();
         let id = fixture.load(line_net());
         fixture.start(id);
-        fixture.steps(1 + (chance.next() % 40) as usize);
+        fixture.steps(1 + (random.next() % 40) as usize);
         let mut before = newest(&fixture, 0);
         for _ in 0..100 {
             let mut honest = fresh(&fixture);
-            // As if it followed, so that the net goes on while the rest of the board is nonsense.
+            // The arm seems to follow, so that the net continues while the rest of the board is random.
             honest.hold = before.position;
-            let measurement = random_measurement(&mut chance, &honest);
+            let measurement = random_measurement(&mut random, &honest);
             fixture.driver.measurement.sequence = honest.sequence;
             cycle_with(&mut fixture, measurement);
             let now = newest(&fixture, 0);

@@ -1,4 +1,5 @@
-//! Impedance set-points in virtual time: what leaves for the device, and what the guard refuses, when, and with which words.
+//! Impedance set-points in virtual time: which ones reach the device, and which ones the guard refuses, with which
+//! fault.
 
 mod common;
 
@@ -35,7 +36,8 @@ fn fixture() -> EngineFixture {
     fixture
 }
 
-/// Holds the arm; along z it is `from` (N/m) soft, and that changes by `rate` (N/m/s). Its wrench is `fz` along z.
+/// A net that holds the arm with a stiffness of `from` (N/m) along z that changes by `rate` (N/m/s), and a wrench of
+/// `fz` (N) along z.
 fn soft_net(from: f64, rate: f64, fz: f64) -> PlanData {
     let mut plan = TestPlan::new();
     let no = plan.bool(0);
@@ -103,7 +105,7 @@ fn a_net_for_another_strategy_is_refused_and_nothing_leaves() {
     let (_, value, limit, kind) = refused(stiff.start(id));
     assert_eq!((value, limit, kind), (1.0, 0.0, ViolationKind::Strategy));
     assert_eq!(stiff.told().has_position, 0);
-    // Switched by hand, the same net starts.
+    // After the strategy is switched manually, the same net starts.
     stiff.driver.measurement.strategy = CARTESIAN;
     assert!(matches!(stiff.start(id), Answer::Done { .. }));
 }
@@ -140,7 +142,7 @@ fn what_is_out_of_range_is_refused_with_its_axis() {
 
 #[test]
 fn a_stiffness_that_changes_faster_than_its_rate_ends_the_net() {
-    // Twice a second all of 5000 N/m.
+    // The limit is twice the whole range of 5000 N/m per second.
     for (rate, ends) in [(9_990.0, false), (10_010.0, true), (-10_010.0, true)] {
         let mut fixture = fixture();
         let id = fixture.load(soft_net(1000.0, rate, 0.0));
@@ -192,7 +194,7 @@ fn a_null_wrench_lets_the_arm_go() {
     assert_eq!((told.has_position, told.impedance), (0, Impedance::NONE));
 }
 
-/// What a rehearsal tells of a net: which rule of impedance it breaks, of which axis, by which value, and when.
+/// The violation that a rehearsal predicts for a net: kind, axis, value and time (s).
 fn foreseen(plan: PlanData) -> Option<(ViolationKind, &'static str, f64, f64)> {
     let models = [DeviceModel {
         impedance: Some(LIMITS),
@@ -233,14 +235,14 @@ fn a_rehearsal_foresees_what_the_guard_would_refuse() {
         (kind, axis, value, time_s),
         (ViolationKind::Stiffness, "z", 9000.0, 0.0)
     );
-    // Twice the greatest stiffness a second is allowed, 10,000 N/m/s.
+    // The limit is twice the greatest stiffness per second, 10,000 N/m/s.
     let (kind, axis, value, time_s) = foreseen(soft_net(500.0, 20_000.0, 0.0)).expect("a refusal");
     assert_eq!(
         (kind, axis, time_s),
         (ViolationKind::StiffnessRate, "z", 1e-3)
     );
     assert!((value - 20_000.0).abs() < 1e-3, "{value}");
-    // 5000 N/m is the greatest.
+    // 5000 N/m is the greatest stiffness.
     let (kind, axis, value, time_s) = foreseen(soft_net(4500.0, 5000.0, 0.0)).expect("a refusal");
     assert_eq!((kind, axis), (ViolationKind::Stiffness, "z"));
     assert!(

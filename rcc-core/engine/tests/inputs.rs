@@ -1,4 +1,4 @@
-//! Values that are set from outside while a net is ready or runs, and values that are read, in virtual time.
+//! Values that are set while a net is ready or running, and values that are read, in virtual time.
 
 mod common;
 
@@ -43,7 +43,7 @@ fn running(plan: PlanData) -> (EngineFixture, u64) {
 }
 
 #[test]
-fn it_begins_as_its_initial_value_and_has_no_age() {
+fn an_input_begins_with_its_initial_value_and_without_age() {
     let (mut fixture, _) = running(input_net(0.5, 0));
     sees(&mut fixture, 0.5, NULL);
     let (mut fixture, _) = running(input_net(NULL, 0));
@@ -107,7 +107,7 @@ fn two_requests_of_one_cycle_leave_the_later_value() {
 }
 
 #[test]
-fn it_expires_to_null_and_lives_on_when_it_is_set_again() {
+fn an_input_expires_to_null_and_is_valid_again_when_it_is_set() {
     let (mut fixture, id) = running(input_net(0.5, 3));
     fixture.steps(10);
     sees(&mut fixture, 0.5, NULL);
@@ -228,7 +228,7 @@ fn a_slower_net_sees_the_last_value_and_counts_its_own_time() {
 }
 
 #[test]
-fn a_flood_takes_at_most_so_many_orders_a_cycle_and_loses_none() {
+fn a_flood_of_requests_is_taken_in_bounded_portions_and_none_is_lost() {
     let (mut fixture, id) = running(input_net(0.5, 0));
     let flood = 200;
     for number in 0..flood {
@@ -274,7 +274,7 @@ fn a_plan_whose_inputs_lie_outside_is_refused() {
 }
 
 #[test]
-fn a_reading_is_of_one_cycle_and_says_of_which() {
+fn all_values_of_a_reading_are_from_one_cycle_and_it_is_named() {
     let (mut fixture, id) = running(common::time_net(Rate::EVERY_CYCLE));
     fixture.steps(41);
     let cycle = fixture.engine.status().cycle;

@@ -1,4 +1,4 @@
-//! The life cycle of the paper's figure 2 with every refusal, in virtual time.
+//! The life cycle of commands (figure 2 of the paper) with every refusal, in virtual time.
 
 mod common;
 
@@ -153,7 +153,7 @@ fn a_busy_resource_names_its_holder_and_others_run_beside_it() {
 }
 
 #[test]
-fn the_table_is_full_at_its_size_and_says_so() {
+fn reserving_a_row_of_a_full_table_is_refused() {
     let mut fixture = EngineFixture::new();
     for _ in 0..rcc_core::message::COMMANDS_MAX {
         assert!(matches!(
@@ -407,7 +407,7 @@ fn a_set_point_beyond_a_limit_ends_the_net_with_joint_value_and_limit() {
     let mut slow = common::model();
     slow.limits.velocity_max = [0.05; 8];
     let mut fixture = EngineFixture::with(slow);
-    // Planned for a faster arm: the guard does not rely on it.
+    // Planned for a faster arm: the guard does not rely on the plan.
     fixture.models[0] = common::model();
     let id = fixture.load(line_net());
     fixture.start(id);
@@ -436,7 +436,7 @@ fn a_motion_that_begins_elsewhere_by_its_parameter_is_refused() {
 }
 
 #[test]
-fn who_commands_an_arm_is_told_while_it_does() {
+fn the_holder_of_an_arm_is_shown_while_it_commands_it() {
     let mut fixture = EngineFixture::new();
     let holder = |fixture: &EngineFixture| fixture.engine.tables().devices[0].holder;
     let id = fixture.load(line_net());
@@ -507,8 +507,8 @@ fn a_stop_cancels_what_can_be_cancelled_aborts_the_rest_and_starts_nothing() {
 }
 
 #[test]
-fn every_plan_that_is_cut_or_bent_is_refused_or_harmless() {
-    // Whatever arrives, the check or the cycle copes: no panic, no access outside.
+fn every_truncated_or_altered_plan_is_refused_or_harmless() {
+    // The check or the cycle copes with any plan: no panic, no access out of bounds.
     let fixture = EngineFixture::new();
     let good = line_net();
     for index in 0..good.operands.len() {

@@ -1,4 +1,4 @@
-//! No heap operation in any cycle of the engine: nets that start, run, end, fault and are refused.
+//! No heap operation in any cycle of the engine: nets start, run, end, fault and are refused.
 
 mod common;
 
@@ -19,7 +19,7 @@ use rcc_engine::queue::{EngineRequest, ValueReading};
 use rcc_engine::record::{Recorder, RecorderConfig};
 use rcc_ipc::control::{Answer, InputValue, PlanData};
 
-/// Counts the heap operations of a thread.
+/// An allocator that counts the heap operations of each thread.
 struct Counting;
 
 thread_local! {
@@ -27,26 +27,26 @@ thread_local! {
 }
 
 fn count() {
-    // At the end of a thread there is nothing left to count.
+    // At the end of a thread the counter is gone.
     let _ = OPERATIONS.try_with(|operations| operations.set(operations.get() + 1));
 }
 
 #[allow(unsafe_code)]
-// SAFETY: everything is passed on to the system's allocator; counting allocates nothing.
+// SAFETY: everything is passed on to the system's allocator; counting does not allocate.
 unsafe impl GlobalAlloc for Counting {
-    // SAFETY: the caller's promises are passed on.
+    // SAFETY: the caller's guarantees are passed on.
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
         // SAFETY: as above.
         unsafe { System.alloc(layout) }
     }
-    // SAFETY: the caller's promises are passed on.
+    // SAFETY: the caller's guarantees are passed on.
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
         count();
         // SAFETY: as above.
         unsafe { System.dealloc(memory, layout) }
     }
-    // SAFETY: the caller's promises are passed on.
+    // SAFETY: the caller's guarantees are passed on.
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count();
         // SAFETY: as above.
@@ -57,15 +57,15 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Runs `work` and returns how many heap operations it made in this thread.
+/// Runs `work` and returns the number of heap operations it made in this thread.
 fn operations(work: impl FnOnce()) -> u64 {
     let before = OPERATIONS.with(Cell::get);
     work();
     OPERATIONS.with(Cell::get) - before
 }
 
-/// Gives an order and runs cycles without a heap operation; answers are taken back outside of the count.
-fn obey(fixture: &mut EngineFixture, order: impl FnOnce(u64) -> EngineRequest, cycles: usize) {
+/// Sends a request and runs cycles without a heap operation; replies are taken outside of the count.
+fn execute(fixture: &mut EngineFixture, order: impl FnOnce(u64) -> EngineRequest, cycles: usize) {
     fixture.ends.requests.push(order(0)).unwrap();
     let count = operations(|| fixture.steps(cycles));
     assert_eq!(count, 0, "heap operations in {cycles} cycles");
@@ -75,12 +75,12 @@ fn obey(fixture: &mut EngineFixture, order: impl FnOnce(u64) -> EngineRequest, c
 }
 
 #[test]
-fn the_count_counts() {
+fn the_allocator_counts_heap_operations() {
     assert!(operations(|| drop(std::hint::black_box(vec![1, 2, 3]))) >= 2);
 }
 
 #[test]
-fn values_from_net_to_net_make_none() {
+fn values_between_nets_make_no_heap_operation() {
     let topic = Topic::new("tool/force", "Real", "N");
     let mut fixture = EngineFixture::new();
     let gives = fixture.load(publishing_net(topic, Rate::EVERY_CYCLE));
@@ -88,14 +88,14 @@ fn values_from_net_to_net_make_none() {
     let takes = fixture.load(subscribing_net(topic, Rate::EVERY_CYCLE, 3));
     let ticket = 0;
     for id in [takes, gives, again] {
-        obey(&mut fixture, |_| EngineRequest::Start { ticket, id }, 20);
+        execute(&mut fixture, |_| EngineRequest::Start { ticket, id }, 20);
     }
-    obey(
+    execute(
         &mut fixture,
         |_| EngineRequest::Abort { ticket, id: gives },
         20,
     );
-    obey(
+    execute(
         &mut fixture,
         |_| EngineRequest::Start { ticket, id: again },
         20,
@@ -105,22 +105,22 @@ fn values_from_net_to_net_make_none() {
 }
 
 #[test]
-fn a_whole_life_makes_no_heap_operation() {
+fn a_whole_life_cycle_makes_no_heap_operation() {
     let mut fixture = EngineFixture::new();
     for _ in 0..2 {
         let id = fixture.load(line_net());
-        obey(
+        execute(
             &mut fixture,
             |ticket| EngineRequest::Start { ticket, id },
             300,
         );
-        obey(
+        execute(
             &mut fixture,
             |ticket| EngineRequest::Cancel { ticket, id },
             1000,
         );
         assert_eq!(fixture.reason(id), EndReason::Canceled);
-        obey(
+        execute(
             &mut fixture,
             |ticket| EngineRequest::Unload { ticket, id },
             10,
@@ -130,7 +130,7 @@ fn a_whole_life_makes_no_heap_operation() {
 }
 
 #[test]
-fn the_flight_recorder_makes_none() {
+fn the_flight_recorder_makes_no_heap_operation() {
     let config = RecorderConfig {
         span_ns: 2_000_000_000,
         memory: 2 << 20,
@@ -141,14 +141,14 @@ fn the_flight_recorder_makes_none() {
     let mut incidents = 0;
     for round in 0..6 {
         let id = fixture.load(line_net());
-        obey(
+        execute(
             &mut fixture,
             |ticket| EngineRequest::Start { ticket, id },
             300,
         );
-        obey(&mut fixture, |ticket| EngineRequest::Record { ticket }, 300);
+        execute(&mut fixture, |ticket| EngineRequest::Record { ticket }, 300);
         fixture.driver.alive = round % 2 == 0;
-        obey(
+        execute(
             &mut fixture,
             |ticket| EngineRequest::Cancel { ticket, id },
             6000,
@@ -156,7 +156,7 @@ fn the_flight_recorder_makes_none() {
         fixture.driver.alive = true;
         fixture.driver.measurement.state = DeviceState::Ready as u32;
         fixture.driver.measurement.hold = HOLD;
-        obey(
+        execute(
             &mut fixture,
             |ticket| EngineRequest::Unload { ticket, id },
             10,
@@ -172,10 +172,10 @@ fn the_flight_recorder_makes_none() {
 }
 
 #[test]
-fn loading_while_another_net_runs_makes_none_either() {
+fn loading_while_another_net_runs_makes_no_heap_operation() {
     let mut fixture = EngineFixture::new();
     let first = fixture.load(output_net(0));
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Start { ticket, id: first },
         10,
@@ -184,7 +184,7 @@ fn loading_while_another_net_runs_makes_none_either() {
         panic!()
     };
     let net = fixture.build(line_net()).unwrap();
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Install { ticket, id, net },
         10,
@@ -192,7 +192,7 @@ fn loading_while_another_net_runs_makes_none_either() {
 }
 
 #[test]
-fn refusals_and_faults_make_none() {
+fn refusals_and_faults_make_no_heap_operation() {
     let mut fixture = EngineFixture::new();
     let (line, holder, rival) = (
         fixture.load(line_net()),
@@ -200,44 +200,44 @@ fn refusals_and_faults_make_none() {
         fixture.load(endless_net(1)),
     );
     fixture.driver.measurement.hold[0] += 0.1;
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Start { ticket, id: line },
         3,
     );
     fixture.driver.measurement.hold = HOLD;
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Start { ticket, id: holder },
         3,
     );
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Start { ticket, id: rival },
         3,
     );
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Cancel { ticket, id: holder },
         3,
     );
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Start { ticket, id: 12345 },
         3,
     );
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Start { ticket, id: line },
         100,
     );
     fixture.driver.alive = false;
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Cancel { ticket, id: 999 },
         100,
     );
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Acknowledge { ticket },
         100,
@@ -249,7 +249,7 @@ fn refusals_and_faults_make_none() {
 }
 
 #[test]
-fn setting_and_reading_values_makes_none() {
+fn setting_and_reading_values_makes_no_heap_operation() {
     let config = RecorderConfig {
         span_ns: 2_000_000_000,
         memory: 2 << 20,
@@ -265,7 +265,7 @@ fn setting_and_reading_values_makes_none() {
             1 => vec![value(0, vec![2.0f64.to_bits()])],
             _ => vec![value(7, vec![])],
         };
-        obey(
+        execute(
             &mut fixture,
             |ticket| EngineRequest::Set { ticket, id, values },
             10,
@@ -281,9 +281,9 @@ fn setting_and_reading_values_makes_none() {
             id,
             reading,
         };
-        obey(&mut fixture, read, 2);
+        execute(&mut fixture, read, 2);
         if round == 3 {
-            obey(
+            execute(
                 &mut fixture,
                 |ticket| EngineRequest::Start { ticket, id },
                 3,
@@ -293,7 +293,7 @@ fn setting_and_reading_values_makes_none() {
 }
 
 #[test]
-fn an_unreachable_pose_and_null_inputs_make_none() {
+fn an_unreachable_pose_and_null_inputs_make_no_heap_operation() {
     let mut plan = TestPlan::new();
     let (no, nothing) = (plan.bool(0), plan.bool(2));
     let pose = plan.reals(&[9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0]);
@@ -306,20 +306,20 @@ fn an_unreachable_pose_and_null_inputs_make_none() {
     plan.add("Termination", &[no]);
     let mut fixture = EngineFixture::new();
     let id = fixture.load(plan.data);
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Start { ticket, id },
         100,
     );
     fixture.driver.measurement.state = DeviceState::Online as u32;
-    obey(
+    execute(
         &mut fixture,
         |ticket| EngineRequest::Abort { ticket, id },
         3,
     );
 }
 
-/// A net that commands the arm to stay, watched in every cycle.
+/// A net that holds the arm, with a monitor in every cycle.
 fn stay() -> PlanData {
     let mut plan = TestPlan {
         data: drift_net(HOLD[0], 0.0),
@@ -334,17 +334,17 @@ fn live(fixture: &mut EngineFixture) {
     let outputs = [output_net(1), output_net(1), endless_net(2)].map(|plan| fixture.load(plan));
     let [line, stay, again, elsewhere] = ids;
     let [lamp, other, endless] = outputs;
-    obey(
+    execute(
         fixture,
         |ticket| EngineRequest::Start { ticket, id: lamp },
         10,
     );
-    obey(
+    execute(
         fixture,
         |ticket| EngineRequest::Start { ticket, id: line },
         150,
     );
-    obey(
+    execute(
         fixture,
         |ticket| EngineRequest::Cancel { ticket, id: line },
         600,
@@ -359,22 +359,22 @@ fn live(fixture: &mut EngineFixture) {
             start,
         }
     };
-    obey(fixture, switch(&[lamp], &[other, stay, endless]), 50);
+    execute(fixture, switch(&[lamp], &[other, stay, endless]), 50);
     assert_eq!(fixture.reason(lamp), EndReason::Aborted);
-    obey(fixture, switch(&[stay], &[elsewhere]), 20);
-    obey(fixture, switch(&[lamp], &[again]), 20);
+    execute(fixture, switch(&[stay], &[elsewhere]), 20);
+    execute(fixture, switch(&[lamp], &[again]), 20);
     assert_eq!(fixture.state(stay), CommandState::Running);
-    obey(fixture, switch(&[stay], &[again]), 50);
+    execute(fixture, switch(&[stay], &[again]), 50);
     assert_eq!(fixture.state(again), CommandState::Running);
-    obey(
+    execute(
         fixture,
         |ticket| EngineRequest::Start { ticket, id: 12345 },
         5,
     );
-    obey(fixture, |ticket| EngineRequest::Record { ticket }, 5);
-    // Each of the others ends by a fault: the device is lost.
+    execute(fixture, |ticket| EngineRequest::Record { ticket }, 5);
+    // The other nets end with a fault: the device is lost.
     fixture.driver.alive = false;
-    obey(
+    execute(
         fixture,
         |ticket| EngineRequest::Cancel { ticket, id: 999 },
         100,
@@ -385,12 +385,12 @@ fn live(fixture: &mut EngineFixture) {
     let late = operations(|| (0..10).for_each(|_| fixture.engine.account(5_000_000, 1, 5)));
     assert_eq!(late, 0);
     for id in ids.into_iter().chain(outputs) {
-        obey(fixture, |ticket| EngineRequest::Unload { ticket, id }, 3);
+        execute(fixture, |ticket| EngineRequest::Unload { ticket, id }, 3);
     }
 }
 
 #[test]
-fn a_hundred_thousand_cycles_of_everything_with_the_flight_recorder_make_none() {
+fn a_hundred_thousand_cycles_with_the_flight_recorder_make_no_heap_operation() {
     let mut fixture = EngineFixture::new();
     let config = RecorderConfig {
         span_ns: 1_000_000_000,
@@ -400,10 +400,10 @@ fn a_hundred_thousand_cycles_of_everything_with_the_flight_recorder_make_none() 
     let (recorder, mut helper) = Recorder::new(config, 1);
     fixture.engine = fixture.engine.recorded_by(recorder);
     let mut incidents = 0;
-    // One cycle in a hundred is one in which something is loaded, which is not counted.
+    // One cycle in a hundred loads a net; it is not counted.
     while fixture.engine.status().cycle < 102_000 {
         live(&mut fixture);
-        // The helper's work: a ring that was handed over goes back.
+        // The helper thread's work: a ring that was handed over is returned.
         while let Ok(recording) = helper.recordings.pop() {
             incidents += 1;
             helper.spare.push(recording.ring).unwrap();
@@ -412,13 +412,13 @@ fn a_hundred_thousand_cycles_of_everything_with_the_flight_recorder_make_none() 
     assert!(incidents > 1, "{incidents} incidents");
 }
 
-/// The start of the demo's arm (`configs/cells/demo.yaml`).
+/// Start position of the demo's arm (`configs/cells/demo.yaml`).
 const DEMO_START: [f64; 8] = {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
     [0.0, -FRAC_PI_6, 0.0, FRAC_PI_2, 0.0, -FRAC_PI_3, 0.0, 0.0]
 };
 
-/// Loads every net of `configs/nets` into a cell of its own, and gives it to `live`.
+/// Loads every net of `configs/nets` into a cell of its own and passes it to `live`.
 fn with_example_nets(live: impl Fn(&str, &mut EngineFixture, u64)) {
     let configs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs"));
     let config = CellConfig::load_offline(&configs.join("cells/demo.yaml")).unwrap();
@@ -438,11 +438,11 @@ fn with_example_nets(live: impl Fn(&str, &mut EngineFixture, u64)) {
 }
 
 #[test]
-fn no_example_net_makes_any_from_start_to_cancel_or_abort() {
+fn no_example_net_makes_a_heap_operation_from_start_to_cancel_or_abort() {
     with_example_nets(|name, fixture, id| {
-        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 300);
+        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 300);
         assert_ne!(fixture.state(id), CommandState::Ready, "{name} runs");
-        // Whatever happens while a net runs: forces, inputs that change and that are not known.
+        // Changing conditions while a net runs: forces, inputs that change, and unknown ones.
         for force in [20.0, -20.0, f64::NAN, 0.0] {
             fixture.driver.measurement.wrench = [force; 6];
             for other in &mut fixture.others {
@@ -450,38 +450,38 @@ fn no_example_net_makes_any_from_start_to_cancel_or_abort() {
                 other.digital_known = !other.digital_known;
                 other.analog = [force; 16];
             }
-            obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 50);
+            execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 50);
         }
-        obey(fixture, |ticket| EngineRequest::Cancel { ticket, id }, 3000);
-        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
+        execute(fixture, |ticket| EngineRequest::Cancel { ticket, id }, 3000);
+        execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
         assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
-        obey(fixture, |ticket| EngineRequest::Unload { ticket, id }, 3);
+        execute(fixture, |ticket| EngineRequest::Unload { ticket, id }, 3);
     });
 }
 
 #[test]
-fn no_example_net_makes_any_to_its_end_or_through_a_fault() {
+fn no_example_net_makes_a_heap_operation_to_its_end_or_through_a_fault() {
     with_example_nets(|_, fixture, id| {
-        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 5000);
-        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
+        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 5000);
+        execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
     });
     with_example_nets(|name, fixture, id| {
-        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
         fixture.driver.alive = false;
-        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
         fixture.driver.alive = true;
-        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
+        execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
         assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
     });
     with_example_nets(|name, fixture, id| {
-        // Refused: the arm is elsewhere, then too many late cycles.
+        // Refused because the arm is elsewhere; then too many late cycles.
         fixture.driver.measurement.hold[0] += 0.1;
-        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 3);
+        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 3);
         fixture.driver.measurement.hold = DEMO_START;
-        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        execute(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
         let late = operations(|| (0..10).for_each(|_| fixture.engine.account(1, 5_000_000, 5)));
         assert_eq!(late, 0, "{name}");
-        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
+        execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
         assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
     });
 }

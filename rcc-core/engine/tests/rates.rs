@@ -1,4 +1,4 @@
-//! Nets that are evaluated every so many cycles, and base periods from 125 µs to 20 ms, in virtual time.
+//! Nets that are not evaluated in every cycle, and base periods from 125 µs to 20 ms, in virtual time.
 
 mod common;
 
@@ -19,14 +19,14 @@ fn newest(fixture: &EngineFixture) -> SetPoint {
     *image.at(image.head.sequence).unwrap()
 }
 
-/// Steps until the next cycle is one in which `FIFTH` is not due, and the one after it neither.
+/// Steps until `FIFTH` is due neither in the next cycle nor in the one after it.
 fn between(fixture: &mut EngineFixture) {
     while (cycle(fixture) + 1) % 5 != 3 {
         fixture.step();
     }
 }
 
-/// Starts a net of the rate `FIFTH` and returns it with the cycle of its first evaluation.
+/// Starts a net with the rate `FIFTH`; returns it with the cycle of its first evaluation.
 fn started(fixture: &mut EngineFixture) -> (u64, u64) {
     let id = fixture.load(time_net(FIFTH));
     let ticket = fixture.order(|ticket| EngineRequest::Start { ticket, id });
@@ -130,7 +130,7 @@ fn cancel_is_seen_by_the_next_evaluation_and_abort_takes_effect_at_once() {
 }
 
 #[test]
-fn abort_before_the_first_cycle_means_that_there_is_none() {
+fn abort_before_the_first_cycle_prevents_it() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     between(&mut fixture);
@@ -213,7 +213,7 @@ fn nets_of_several_rates_run_beside_each_other() {
 }
 
 #[test]
-fn a_plan_with_a_rate_that_is_none_is_refused() {
+fn a_plan_with_an_invalid_rate_is_refused() {
     let fixture = EngineFixture::new();
     for (every, phase) in [(0, 0), (5, 5), (10_001, 0)] {
         let refused = fixture.build(time_net(Rate { every, phase })).err();

@@ -1,4 +1,5 @@
-//! Nets are run through virtual time before they command an arm, and are made anew from where the arm rests at START.
+//! Rehearsal: nets are run in virtual time before they command an arm, and prepared again for where the arm rests at
+//! START.
 
 mod common;
 
@@ -18,7 +19,7 @@ use rcc_ipc::control::{Answer, PlanData, Refusal};
 use rcc_ipc::rehearsal::{PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule};
 
 const DT_S: f64 = 1e-3;
-/// Where `line_net` has y of its goal, and the limits of its speed, acceleration and jerk.
+/// Slots of `line_net`: y of its goal, and the limits of velocity, acceleration and jerk.
 const GOAL_Y: usize = 11;
 const LIMITS: usize = 24;
 
@@ -44,7 +45,7 @@ fn rehearsed(
     })
 }
 
-/// A line of `metres` along y from where the arm is held.
+/// A line of `metres` along y from the hold set-point.
 fn line(metres: f64, limits: [f64; 3]) -> PlanData {
     let mut plan = line_net();
     plan.reals[GOAL_Y] += metres - 0.1;
@@ -54,8 +55,8 @@ fn line(metres: f64, limits: [f64; 3]) -> PlanData {
 
 const SLOW: [f64; 3] = [0.2, 1.0, 10.0];
 
-/// What the motion is built for: an arm that is a hundred times as fast. Whatever a net does to joints behind a motion, only
-/// the rehearsal knows.
+/// Device model for building the motion: an arm a hundred times as fast. A violation by what a net does to joints after
+/// a motion is then found only by the rehearsal.
 fn faster() -> DeviceModel {
     let mut faster = model();
     let limits = &mut faster.limits;
@@ -70,14 +71,14 @@ fn faster() -> DeviceModel {
 }
 
 #[test]
-fn a_line_that_keeps_its_limits_is_told_with_what_it_needs_of_them() {
+fn a_line_within_its_limits_is_reported_with_its_use_of_them() {
     let models = [model()];
     let mut net = build(line(0.1, SLOW), &models);
     let told = rehearsed(&mut net, &models)
         .unwrap()
         .expect("it commands an arm");
     assert_eq!(told.end, RehearsalEnd::Finished);
-    // 0.1 m at 0.2 m/s, 1 m/s², 10 m/s³: 0.5 s and the time of acceleration and jerk.
+    // 0.1 m at 0.2 m/s, 1 m/s², 10 m/s³: 0.5 s, and the time of acceleration and jerk.
     assert!((told.time_s - 0.8).abs() < 0.01, "{told:?}");
     for peak in told.peaks {
         assert!(peak.share > 0.01 && peak.share < 1.0, "{told:?}");
@@ -86,7 +87,7 @@ fn a_line_that_keeps_its_limits_is_told_with_what_it_needs_of_them() {
 }
 
 #[test]
-fn a_rehearsed_net_is_as_it_was() {
+fn a_rehearsal_restores_the_state_of_the_net() {
     let models = [model()];
     let (mut net, mut other) = (build(line_net(), &models), build(line_net(), &models));
     rehearsed(&mut net, &models).unwrap();
@@ -105,7 +106,7 @@ fn a_rehearsed_net_is_as_it_was() {
 }
 
 #[test]
-fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not() {
+fn a_joint_that_would_be_too_fast_is_reported_with_position_and_possible_speed() {
     let models = [model()];
     let fast = [3.0, 20.0, 400.0];
     let foreseen = rehearsed(&mut build(line(0.3, fast), &[faster()]), &models).unwrap_err();
@@ -134,7 +135,7 @@ fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not
     assert_eq!(told.unwrap().unwrap().end, RehearsalEnd::Finished);
 }
 
-/// Joint 1 follows a goal that goes away from where it is held by 0.1 rad/s, and is another one in each cycle.
+/// Joint 1 follows a goal that moves away from its hold position at 0.1 rad/s and changes in each cycle.
 fn moving_goal_net() -> PlanData {
     let mut plan = TestPlan::new();
     let [no, done] = [0, 2].map(|value| plan.bool(value));
@@ -176,7 +177,7 @@ fn a_goal_that_moves_is_rehearsed_as_it_is_run() {
 }
 
 #[test]
-fn a_joint_beyond_its_range_is_told_with_the_limit() {
+fn a_joint_beyond_its_range_is_reported_with_the_limit() {
     let mut narrow = model();
     narrow.limits.upper[0] = HOLD[0] + 1e-5;
     let models = [narrow];
@@ -193,7 +194,7 @@ fn a_joint_beyond_its_range_is_told_with_the_limit() {
 }
 
 #[test]
-fn a_flange_that_leaves_the_workspace_is_told_with_the_axis_and_the_bound() {
+fn a_flange_that_leaves_the_workspace_is_reported_with_axis_and_bound() {
     let mut bounded = model();
     let y = bounded.arm.unwrap().forward(&HOLD).position[1];
     let mut space = Workspace::ANYWHERE;
@@ -219,7 +220,7 @@ fn a_flange_that_leaves_the_workspace_is_told_with_the_axis_and_the_bound() {
 }
 
 #[test]
-fn an_arm_that_comes_too_near_to_a_singular_position_is_told_with_its_kind() {
+fn an_arm_too_near_to_a_singular_position_is_reported_with_its_kind() {
     let mut bounded = model();
     let arm = bounded.arm.unwrap();
     let at = |space: Workspace| DeviceModel {
@@ -253,7 +254,7 @@ fn an_arm_that_comes_too_near_to_a_singular_position_is_told_with_its_kind() {
 }
 
 #[test]
-fn a_net_that_lets_go_of_its_arm_on_the_way_is_told_where() {
+fn a_net_that_releases_its_arm_in_motion_is_reported_with_the_position() {
     let mut narrow = model();
     narrow.limits.lower[0] = HOLD[0] - 0.05;
     narrow.limits.upper[0] = HOLD[0] + 0.05;
@@ -289,7 +290,7 @@ fn a_line_that_the_joints_cannot_follow_is_refused_with_joint_and_place() {
 }
 
 #[test]
-fn what_does_not_begin_where_the_arm_rests_is_left_to_start() {
+fn a_net_that_does_not_begin_where_the_arm_rests_is_left_to_start() {
     let models = [model()];
     let mut from = model().arm.unwrap().forward(&HOLD);
     from.position[2] += 0.05;
@@ -309,7 +310,7 @@ fn what_does_not_begin_where_the_arm_rests_is_left_to_start() {
 }
 
 #[test]
-fn a_rehearsal_has_an_end_even_if_its_net_has_none() {
+fn the_rehearsal_of_an_endless_net_ends() {
     let models = [model()];
     let mut drift = build(drift_net(HOLD[0], 0.0), &models);
     let told = rehearsed(&mut drift, &models).unwrap().unwrap();
@@ -329,7 +330,7 @@ fn a_net_that_commands_no_arm_is_not_rehearsed() {
     );
 }
 
-/// Made anew from where the arm rests now, as START has it made.
+/// Prepares the net again for where the arm rests now, as START requests it.
 fn renew(fixture: &mut EngineFixture, id: u64, plan: PlanData) {
     let loaded = Net::build(plan, &fixture.models, 5, &[Some(HOLD)], DT_S).expect("a good plan");
     let holds = [Some(fixture.driver.measurement.hold)];
@@ -363,7 +364,7 @@ fn nets_that_were_loaded_in_advance_start_one_after_the_other_where_the_arm_rest
 }
 
 #[test]
-fn what_was_set_waits_in_the_net_that_takes_the_place() {
+fn staged_values_move_to_the_net_that_replaces_another() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(input_net(1.0, 0));
     fixture.set(id, &[(0, &[4.5])]);

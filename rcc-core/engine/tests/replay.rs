@@ -1,4 +1,4 @@
-//! Recording and replaying in virtual time: 1,000 random nets, what a full ring keeps, and that a difference is found.
+//! Recording and replay in virtual time: 1,000 random nets, the content of a full ring, and that differences are found.
 
 mod common;
 #[path = "common/random.rs"]
@@ -25,15 +25,15 @@ use rcc_ipc::control::{Answer, PlanData};
 const CONFIGURATION: u64 = 5;
 const ROOM: usize = 64 << 20;
 
-/// A bench whose engine is recorded, and the origins of its nets.
+/// A fixture whose engine is recorded, and the origins of its nets.
 struct Recorded {
     fixture: EngineFixture,
     helper: RecorderHelper,
     nets: BTreeMap<u64, NetOrigin>,
 }
 
-/// What a helper thread would write to a file.
-struct Tape {
+/// The data that a helper thread would write to a file.
+struct RecordedTape {
     words: Vec<u64>,
     recording: FrozenRecording,
 }
@@ -63,7 +63,7 @@ impl Recorded {
         }
     }
 
-    /// Makes a net ready; `None`: its start values do not exist.
+    /// Makes a net ready; `None` if its start values do not exist.
     fn load(&mut self, plan: PlanData) -> Option<u64> {
         let net = self.fixture.build(plan).ok()?;
         let origin = net.origin();
@@ -83,21 +83,21 @@ impl Recorded {
     }
 
     /// Freezes the recording and takes it.
-    fn freeze(&mut self) -> Tape {
+    fn freeze(&mut self) -> RecordedTape {
         self.fixture
             .order(|ticket| EngineRequest::Record { ticket });
         self.fixture.steps(202);
         self.tape().expect("a recording")
     }
 
-    fn tape(&mut self) -> Option<Tape> {
+    fn tape(&mut self) -> Option<RecordedTape> {
         let recording = self.helper.recordings.pop().ok()?;
         let words = recording.ring.newest().concat();
-        Some(Tape { words, recording })
+        Some(RecordedTape { words, recording })
     }
 
-    /// The ring of a tape goes back.
-    fn give_back(&mut self, tape: Tape) {
+    /// Returns the ring of a tape.
+    fn give_back(&mut self, tape: RecordedTape) {
         let mut ring = tape.recording.ring;
         ring.clear();
         self.helper.spare.push(ring).expect("room for both rings");
@@ -114,7 +114,7 @@ impl Recorded {
     }
 }
 
-/// Of one recording: nets, compared cycles, and that all are the same.
+/// Asserts that all replays of a recording are identical; returns the number of compared cycles.
 fn identical(results: &[NetReplayResult], seed: u64) -> u64 {
     for result in results {
         assert_eq!(result.mismatch, None, "seed {seed}: {result:?}");
@@ -169,7 +169,7 @@ fn a_thousand_random_nets_are_replayed_to_the_bit() {
     );
 }
 
-/// Some cycles with random inputs, losses and orders.
+/// Some cycles with random inputs, device losses and requests.
 fn live(random: &mut Random, stage: &mut Recorded, ids: &[u64]) {
     for _ in 0..100 + random.below(100) {
         let fixture = &mut stage.fixture;
@@ -265,7 +265,7 @@ fn a_full_ring_keeps_the_newest_cycles() {
 }
 
 #[test]
-fn a_fault_freezes_the_recording_and_a_storm_of_them_makes_one_more() {
+fn a_fault_freezes_the_recording_and_a_burst_of_them_makes_one_more() {
     let mut stage = Recorded::new(ROOM);
     let line = stage.load(line_net()).expect("a line");
     stage.start(line);
@@ -312,7 +312,7 @@ fn while_no_ring_is_free_a_trigger_waits_for_one() {
     assert!(stage.tape().is_some());
 }
 
-/// Where the words of the n-th record of a kind begin, by the low byte of its head.
+/// Indices of the records of a type, by the low byte of their head.
 fn records(words: &[u64], tag: u8) -> Vec<usize> {
     let (mut at, mut found) = (0, Vec::new());
     while at < words.len() {
@@ -324,7 +324,7 @@ fn records(words: &[u64], tag: u8) -> Vec<usize> {
     found
 }
 
-/// A net that shows an analog input through a delay and an addition.
+/// A net that passes an analog input through a delay and an addition.
 fn analog_net() -> PlanData {
     let mut plan = common::TestPlan::new();
     let (no, value) = (plan.bool(0), plan.reals(&[f64::NAN]));
@@ -341,8 +341,8 @@ fn analog_net() -> PlanData {
     plan.data
 }
 
-/// A recording of `analog_net` in which the input changes every cycle.
-fn analog_tape() -> (Recorded, Tape) {
+/// A recording of `analog_net` in which the input changes in every cycle.
+fn analog_tape() -> (Recorded, RecordedTape) {
     let mut stage = Recorded::new(ROOM);
     let id = stage.load(analog_net()).expect("a net");
     stage.start(id);
@@ -358,7 +358,7 @@ fn analog_tape() -> (Recorded, Tape) {
 fn a_changed_input_is_found_at_its_cycle_and_a_snapshot_names_the_slot() {
     let (stage, mut tape) = analog_tape();
     assert_eq!(stage.replay(&tape.words)[0].mismatch, None);
-    // The input of device 1 in the middle, one bit of the value.
+    // Change one bit of the value of device 1, in the middle of the recording.
     let inputs = records(&tape.words, 2);
     let of_io: Vec<usize> = inputs
         .into_iter()
@@ -392,7 +392,7 @@ fn a_changed_hash_is_found_at_its_cycle() {
 }
 
 /// The words of the incident file of a tape.
-fn file(stage: &Recorded, tape: &Tape) -> Vec<u64> {
+fn file(stage: &Recorded, tape: &RecordedTape) -> Vec<u64> {
     let nets: Vec<_> = stage
         .nets
         .iter()
@@ -472,7 +472,7 @@ fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
         assert!(Incident::parse(&bad).is_err(), "word {at}");
         assert!(Incident::parse(&words[..random.below(words.len())]).is_err());
     }
-    // With a checksum that fits, whatever it says: mostly in the part before the records.
+    // With a valid checksum over any content; mostly in the part before the records.
     let early = 200;
     for round in 0..2000 {
         let mut bad = words.clone();
@@ -490,7 +490,7 @@ fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
         let (last, body) = bad.split_last_mut().expect("a file");
         body.iter().for_each(|word| sum.take(*word));
         *last = sum.end();
-        // Words, a difference or nothing: that it comes back is the test.
+        // An error, a difference or no effect are all right: the test is that it returns.
         let _ = replay_file(&bad);
     }
 }
@@ -517,16 +517,16 @@ fn a_damaged_recording_is_an_error_or_a_difference_and_never_a_panic() {
             nets: &stage.nets,
             words: &words,
         };
-        // Either is right: that it comes back is the test.
+        // Any result is right: the test is that it returns.
         let _ = replay(&source, None, |_| ());
     }
 }
 
 #[test]
-fn what_ran_before_a_net_was_made_anew_is_not_compared_with_it() {
+fn evaluations_before_a_net_was_prepared_again_are_not_compared() {
     let mut stage = Recorded::new(4 << 20);
     let id = stage.load(line_net()).expect("a good plan");
-    // The arm rests elsewhere by now: refused, after the first evaluation.
+    // The arm rests elsewhere by now: refused after the first evaluation.
     let hold = &mut stage.fixture.driver.measurement.hold;
     hold[0] += 0.1;
     let holds = [Some(*hold), None];

@@ -1,4 +1,4 @@
-//! Time in the engine, in virtual time: the engine is told what a cycle took, and its clock goes on with each look.
+//! Timing in virtual time: the engine is told the duration of a cycle, and its clock advances at each read.
 
 mod common;
 
@@ -13,12 +13,12 @@ use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineEvent, EngineRequest};
 use rcc_ipc::control::Answer;
 
-/// The clock goes on by so much at a look, if nothing else is said.
+/// Advance of the clock per read, unless `STEPS_NS` says otherwise.
 const LOOK_NS: u64 = 10;
 
 thread_local! {
     static NOW_NS: Cell<u64> = const { Cell::new(1) };
-    /// By how much it goes on at the next looks.
+    /// Advances of the clock at the next reads, ns.
     static STEPS_NS: RefCell<VecDeque<u64>> = const { RefCell::new(VecDeque::new()) };
 }
 
@@ -45,12 +45,12 @@ fn acknowledge(fixture: &mut EngineFixture) {
 }
 
 #[test]
-fn first_and_last_late_cycle_are_latched_with_cause_and_dearest_net() {
+fn first_and_last_late_cycle_are_latched_with_cause_and_most_expensive_net() {
     let mut fixture = fixture();
     let (cheap, dear) = (fixture.load(endless_net(0)), fixture.load(endless_net(1)));
     start(&mut fixture, cheap);
     start(&mut fixture, dear);
-    // Two nets look at most six times; the last look ends the second one.
+    // Two nets read the clock at most six times; the last read ends the second one.
     STEPS_NS.with_borrow_mut(|steps| steps.extend([LOOK_NS; 5]));
     fixture.steps(1);
     let first_cycle = fixture.engine.status().cycle;
@@ -72,12 +72,12 @@ fn first_and_last_late_cycle_are_latched_with_cause_and_dearest_net() {
 }
 
 #[test]
-fn the_dearest_net_of_a_late_cycle_is_that_which_computed_longest_in_it() {
+fn the_most_expensive_net_of_a_late_cycle_computed_longest_in_it() {
     let mut fixture = fixture();
     let (first, second) = (fixture.load(endless_net(0)), fixture.load(endless_net(1)));
     start(&mut fixture, first);
     start(&mut fixture, second);
-    // Whichever of the two is timed in detail, the looks of the first net are at most four.
+    // Whichever of the two is timed in detail, the first net reads the clock at most four times.
     for (looks, dear) in [
         ([9_000, 9_000, 9_000, 1, 1, 1], first),
         ([1, 1, 1, 1, 9_000, 9_000], second),
@@ -91,7 +91,7 @@ fn the_dearest_net_of_a_late_cycle_is_that_which_computed_longest_in_it() {
 }
 
 #[test]
-fn an_acknowledgement_begins_anew_and_is_told() {
+fn an_acknowledgement_resets_the_counts_and_is_logged() {
     let mut fixture = fixture();
     fixture.engine.account(5_000, 2_000_000, 1);
     fixture.engine.account(5_000, 2_000_000, 1);
@@ -118,7 +118,7 @@ fn nets_are_not_ended_for_cycles_that_were_woken_late() {
     start(&mut fixture, id);
     (0..100).for_each(|_| fixture.engine.account(3_000_000, 2_000, 3));
     assert_eq!(fixture.state(id), CommandState::Running);
-    // Between those that computed long they neither count nor end the row.
+    // Between cycles with long computation they neither count nor reset the count.
     for _ in 0..2 {
         fixture.engine.account(0, 2_000_000, 1);
         fixture.engine.account(3_000_000, 2_000, 3);
@@ -137,7 +137,7 @@ fn without_a_net_too_many_late_cycles_end_nothing() {
     assert_eq!(fixture.state(id), CommandState::Ready);
 }
 
-/// Runs timed so far, by type.
+/// Number of runs timed so far, by type.
 fn timed(fixture: &EngineFixture) -> BTreeMap<&'static str, u64> {
     let rows = CATALOGUE.iter().zip(&fixture.engine.timing().primitives);
     rows.filter(|(_, row)| row.runs > 0)
@@ -207,7 +207,7 @@ fn histograms_have_every_cycle() {
     fixture.steps(49);
     fixture.engine.account(700, 40_000, 0);
     let timing = fixture.engine.timing();
-    // The cycle of the acknowledgement is the first of the new count; one is told twice here.
+    // The cycle of the acknowledgement is the first of the new count; one cycle is accounted twice here.
     assert_eq!((timing.exec.count(), timing.wake.count()), (51, 51));
     assert_eq!((timing.exec.max(), timing.wake.max()), (40_000, 700));
     assert_eq!(timing.length.count(), 49);

@@ -1,4 +1,4 @@
-//! Values from net to net in virtual time: when they come, that the order of nets does not show, who may publish what.
+//! Values between nets in virtual time: when they arrive, that the order of nets has no effect, and who may publish.
 
 mod common;
 
@@ -80,7 +80,7 @@ fn a_net_that_starts_later_begins_with_what_is_published_then() {
 }
 
 #[test]
-fn when_its_net_ends_there_is_null_and_another_net_may_go_on() {
+fn a_topic_is_null_when_its_publisher_ends_until_another_one_publishes() {
     for abort in [true, false] {
         let mut fixture = EngineFixture::new();
         started(&mut fixture, subscribing_net(topic(), EACH, 0));
@@ -95,7 +95,7 @@ fn when_its_net_ends_there_is_null_and_another_net_may_go_on() {
         fixture.step();
         assert_eq!(fixture.state(gives), CommandState::Terminated);
         fixture.step();
-        // It came with the end.
+        // Null arrived when the publisher ended.
         let age = if abort { 0.002 } else { 0.001 };
         sees(&mut fixture, NULL, age);
         fixture.steps(100);
@@ -126,7 +126,7 @@ fn a_slow_net_is_seen_with_its_age_and_expires() {
 }
 
 #[test]
-fn who_begins_late_sees_how_old_the_value_is() {
+fn a_net_that_starts_late_sees_the_age_of_the_value() {
     let slow = Rate {
         every: 100,
         phase: 0,
@@ -151,7 +151,7 @@ fn who_begins_late_sees_how_old_the_value_is() {
     fixture.step();
     let now = age(&fixture);
     sees(&mut fixture, 0.0, now);
-    // And one for which it is too old already.
+    // A subscriber for which the value is too old already.
     fixture.ask(|ticket| rcc_engine::queue::EngineRequest::Abort { ticket, id: fresh });
     assert!(matches!(fixture.start(old), Answer::Done { .. }));
     let now = age(&fixture);
@@ -159,7 +159,7 @@ fn who_begins_late_sees_how_old_the_value_is() {
 }
 
 #[test]
-fn what_was_published_before_a_net_ran_is_nothing_to_it() {
+fn values_published_before_a_net_ran_have_no_effect_on_it() {
     let mut fixture = EngineFixture::new();
     let gives = started(&mut fixture, publishing_net(topic(), EACH));
     let mut plan = subscribing_net(topic(), EACH, 0);
@@ -184,7 +184,7 @@ fn a_slow_net_sees_the_newest_value() {
         while !fixture.engine.status().cycle.is_multiple_of(5) {
             fixture.step();
         }
-        // What was published in the cycle before, the first of which is 0.
+        // The value published in the previous cycle; the first one is 0.
         let last = fixture.engine.status().cycle - 1 - fixture.entry(gives).started_cycle;
         sees(&mut fixture, last as f64 * 1e-3, 0.0);
     }
@@ -216,7 +216,7 @@ fn one_net_at_a_time_publishes_a_topic() {
 }
 
 #[test]
-fn nets_that_mean_different_types_do_not_run_together() {
+fn nets_with_different_types_for_a_topic_do_not_run_together() {
     let other = Topic::new("tool/force", "Real", "m");
     let key = other.key;
     for publisher_first in [true, false] {
@@ -238,7 +238,7 @@ fn nets_that_mean_different_types_do_not_run_together() {
 }
 
 #[test]
-fn nobody_sets_what_another_net_publishes() {
+fn an_input_that_subscribes_to_a_topic_cannot_be_set() {
     let mut fixture = EngineFixture::new();
     let takes = started(&mut fixture, subscribing_net(topic(), EACH, 0));
     let (input, fault) = (0, InputFault::Subscribed);

@@ -1,4 +1,4 @@
-//! How much work a plan may ask for in one cycle. In virtual time, on the test's thread.
+//! Limits on the work that a plan may request per cycle. In virtual time, on the test's thread.
 
 mod common;
 
@@ -10,7 +10,7 @@ use rcc_ipc::control::Refusal;
 const WIDTH: u32 = 1 << 19;
 
 #[test]
-fn a_plan_whose_primitives_would_take_for_ever_is_refused() {
+fn a_plan_whose_primitives_are_too_much_work_is_refused() {
     let fixture = EngineFixture::new();
     let mut plan = TestPlan::new();
     plan.data = endless_net(0);
@@ -28,7 +28,7 @@ fn a_plan_whose_primitives_would_take_for_ever_is_refused() {
 }
 
 #[test]
-fn a_plan_whose_delayed_links_would_take_for_ever_is_refused() {
+fn a_plan_whose_delayed_links_are_too_much_work_is_refused() {
     let fixture = EngineFixture::new();
     let mut plan = TestPlan::new();
     plan.data = endless_net(0);

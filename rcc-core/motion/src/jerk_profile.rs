@@ -51,8 +51,8 @@ pub(crate) fn coasting_velocity(velocity: f64, acceleration: f64, jerk_max: f64)
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct VelocityChange {
     /// Durations of the three phases, s.
+    durations_s: [f64; 3],
     /// Jerk of the first phase; the third phase has the opposite jerk.
-    /// Jerk of the first phase; the third has the opposite one.
     jerk: f64,
 }
 

@@ -1,4 +1,4 @@
-//! An engine in virtual time with one arm whose driver is imitated, and plans written by hand.
+//! An engine in virtual time with one arm and its simulated driver, and plans written by hand.
 #![allow(dead_code)] // Each test binary uses its own part.
 
 use bytemuck::Zeroable;
@@ -50,7 +50,7 @@ pub fn model() -> DeviceModel {
     }
 }
 
-/// A driver that plays set-points after a delay of some cycles, as the host does.
+/// A driver that plays set-points after a delay of some cycles, like the driver host.
 pub struct SimulatedDriver {
     pub measurement: Measurement,
     pub delay: u64,
@@ -91,7 +91,7 @@ impl SimulatedDriver {
     }
 }
 
-/// The engine, the helpers' ends of its rings, and virtual time.
+/// The engine, the helper threads' ends of its rings, and virtual time.
 pub struct EngineFixture {
     pub engine: Engine,
     pub ends: HelperRingEnds,
@@ -99,7 +99,7 @@ pub struct EngineFixture {
     pub now_ns: u64,
     pub period_ns: u64,
     pub models: Vec<DeviceModel>,
-    /// What the devices after the arm measure; they are plain I/O.
+    /// Measurements of the devices after the arm, which are plain I/O.
     pub others: Vec<Measurement>,
     configuration: u64,
     next_ticket: u64,
@@ -114,12 +114,12 @@ impl EngineFixture {
         EngineFixture::of_cell(vec![model], 5, HOLD)
     }
 
-    /// As `new`, with another period.
+    /// As `new`, with another base period.
     pub fn at_period(period_ns: u64) -> EngineFixture {
         EngineFixture::of_cell_at(vec![model()], 5, HOLD, period_ns)
     }
 
-    /// The devices of a cell, the arm first; it is held at `hold`.
+    /// An engine for the devices of a cell, the arm first; the arm is held at `hold`.
     pub fn of_cell(models: Vec<DeviceModel>, configuration: u64, hold: Joints) -> EngineFixture {
         EngineFixture::of_cell_at(models, configuration, hold, PERIOD_NS)
     }
@@ -167,13 +167,13 @@ impl EngineFixture {
         fixture
     }
 
-    /// With a flight recorder in its engine.
+    /// Adds a flight recorder to the engine.
     pub fn recorded_by(self, recorder: Recorder) -> EngineFixture {
         let engine = self.engine.recorded_by(recorder);
         EngineFixture { engine, ..self }
     }
 
-    /// One cycle: the driver exchanges, then the executor.
+    /// One cycle: the driver exchanges data, then the executor runs.
     pub fn step(&mut self) {
         self.now_ns += self.period_ns;
         if self.engine.status().cycle > 0 {
@@ -200,7 +200,7 @@ impl EngineFixture {
         (0..count).for_each(|_| self.step());
     }
 
-    /// Gives an order without waiting for its answer; returns its ticket.
+    /// Sends a request without waiting for the reply; returns its ticket.
     pub fn order(&mut self, order: impl FnOnce(u64) -> EngineRequest) -> u64 {
         let ticket = self.next_ticket;
         self.next_ticket += 1;
@@ -208,7 +208,7 @@ impl EngineFixture {
         ticket
     }
 
-    /// Gives an order, runs one cycle and returns the answer.
+    /// Sends a request, runs one cycle and returns the answer.
     pub fn ask(&mut self, order: impl FnOnce(u64) -> EngineRequest) -> Answer {
         let ticket = self.order(order);
         self.step();
@@ -233,7 +233,7 @@ impl EngineFixture {
         Net::build(plan, &self.models, self.configuration, &holds, dt_s)
     }
 
-    /// Reserves a row and makes the plan ready in it.
+    /// Reserves a row and installs the plan in it.
     pub fn load(&mut self, plan: PlanData) -> u64 {
         let net = self.build(plan).expect("a good plan");
         let Answer::Reserved { id } = self.ask(|ticket| EngineRequest::Reserve { ticket }) else {
@@ -248,7 +248,7 @@ impl EngineFixture {
         self.ask(|ticket| EngineRequest::Start { ticket, id })
     }
 
-    /// Asks for a hand-over and runs one cycle.
+    /// Requests a hand-over and runs one cycle.
     pub fn switch(&mut self, stop: &[u64], start: &[u64]) -> Answer {
         let (stop, start) = (named(stop), named(start));
         self.ask(|ticket| EngineRequest::Handover {
@@ -268,7 +268,7 @@ impl EngineFixture {
         self.ask(|ticket| EngineRequest::Set { ticket, id, values })
     }
 
-    /// Reads values as the cycle before left them, and runs one cycle.
+    /// Reads values as the previous cycle left them, and runs one cycle.
     pub fn read(&mut self, id: u64, points: &[ValuePoint]) -> Result<NetValues, Refusal> {
         let reading = ValueReading::of(points.to_vec());
         self.order(|ticket| EngineRequest::Read {
@@ -288,7 +288,7 @@ impl EngineFixture {
         panic!("nothing was read")
     }
 
-    /// What device 0 was told in the newest cycle.
+    /// The newest set-point of device 0.
     pub fn told(&self) -> SetPoint {
         let image = self.engine.image(0).expect("device 0");
         *image.at(image.head.sequence).expect("the newest set-point")
@@ -335,7 +335,7 @@ pub fn named(ids: &[u64]) -> [u64; SWITCH_MAX] {
     list
 }
 
-/// Collects primitives into a plan; slots are given by hand.
+/// Collects primitives into a plan; slots are assigned by hand.
 #[derive(Default)]
 pub struct TestPlan {
     pub data: PlanData,
@@ -361,12 +361,12 @@ impl TestPlan {
         (self.data.bools.len() - 1) as u32
     }
 
-    /// Adds one primitive; kernel 0.
+    /// Adds primitives of one type.
     pub fn add(&mut self, name: &str, operands: &[u32]) {
         let (entry, row) = primitives::find(name).expect("a primitive");
         let first = self.data.operands.len() as u32;
         self.data.operands.extend(operands);
-        // The first kernel whose groups these are; one for wide values has a width more.
+        // The first kernel whose operand groups fit; one for wide values has one operand more, the width.
         let fits = |kernel| {
             operands
                 .len()
@@ -381,7 +381,7 @@ impl TestPlan {
         });
     }
 
-    /// An input of reals that begins with these values; its slots.
+    /// Adds an input of reals with these initial values.
     pub fn input(&mut self, values: &[f64], expires: u32) -> InputPoint {
         let slot = self.reals(values);
         let age = self.reals(&[f64::NAN]);
@@ -411,7 +411,7 @@ impl TestPlan {
     }
 }
 
-/// Writes a digital output until CANCEL.
+/// A net that writes a digital output until CANCEL.
 pub fn output_net(channel: u32) -> PlanData {
     let mut plan = TestPlan::new();
     let (requested, on) = (plan.bool(2), plan.bool(1));
@@ -422,7 +422,7 @@ pub fn output_net(channel: u32) -> PlanData {
     plan.data
 }
 
-/// Shows its logical time in each evaluation and writes it to analog output 0, until CANCEL.
+/// A net that shows its logical time in each evaluation and writes it to analog output 0, until CANCEL.
 pub fn time_net(rate: Rate) -> PlanData {
     let mut plan = TestPlan::new();
     let requested = plan.bool(2);
@@ -436,8 +436,8 @@ pub fn time_net(rate: Rate) -> PlanData {
     plan.data
 }
 
-/// Two inputs, of one element and of three, shown in each evaluation with the first one's age; the first one is written
-/// to analog output 0. Until CANCEL.
+/// A net with two inputs, of one element and of three, shown in each evaluation with the age of the first; the first is
+/// written to analog output 0. Runs until CANCEL.
 pub fn input_net(initial: f64, expires: u32) -> PlanData {
     let mut plan = TestPlan::new();
     let requested = plan.bool(2);
@@ -452,7 +452,7 @@ pub fn input_net(initial: f64, expires: u32) -> PlanData {
     plan.data
 }
 
-/// Publishes its logical time in each evaluation. Until CANCEL.
+/// A net that publishes its logical time in each evaluation, until CANCEL.
 pub fn publishing_net(topic: Topic, rate: Rate) -> PlanData {
     let mut plan = TestPlan::new();
     let requested = plan.bool(2);
@@ -472,7 +472,7 @@ pub fn publishing_net(topic: Topic, rate: Rate) -> PlanData {
     plan.data
 }
 
-/// Shows what is published under a topic, and its age, in each evaluation. Until CANCEL.
+/// A net that shows the value of a topic, and its age, in each evaluation, until CANCEL.
 pub fn subscribing_net(topic: Topic, rate: Rate, expires: u32) -> PlanData {
     let mut plan = TestPlan::new();
     let requested = plan.bool(2);
@@ -531,7 +531,7 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
         2,
     ];
     let six: [u32; 6] = std::array::from_fn(|place| limits + place as u32);
-    // Evenly, and the elbow stays: no arm angle, and the first word.
+    // Even speed profile and constant arm angle: no arm angle is given, and the first keyword of each list.
     let elbow = [given, 3];
     let parameters = [&[0, to, from][..], &six, &[all, pause], &elbow].concat();
     plan.add(
@@ -546,7 +546,7 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
     plan.data
 }
 
-/// Commands joint 1 to `from` + `velocity`·t (rad, rad/s) and the others to where the arm is held; never ends.
+/// A net that commands joint 1 to `from` + `velocity`·t (rad, rad/s) and holds the others; never ends.
 pub fn drift_net(from: f64, velocity: f64) -> PlanData {
     let mut plan = TestPlan::new();
     let no = plan.bool(0);

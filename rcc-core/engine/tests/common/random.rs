@@ -1,4 +1,4 @@
-//! Random nets over the whole catalogue, and random inputs: whatever a seed gives is the same everywhere.
+//! Random nets over the whole catalogue, and random inputs: reproducible from a seed.
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, MAGIC, Measurement};
@@ -30,7 +30,7 @@ impl Random {
         (self.next() >> 33) as usize % count.max(1)
     }
 
-    /// True once in so many times.
+    /// Returns true once in `times` calls on average.
     pub fn once_in(&mut self, times: usize) -> bool {
         self.below(times) == 0
     }
@@ -39,7 +39,7 @@ impl Random {
         lower + (upper - lower) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Mostly a usual number, now and then one that is not.
+    /// Mostly an ordinary number, sometimes NaN or an extreme one.
     pub fn any_real(&mut self) -> f64 {
         match self.below(12) {
             0 => f64::NAN,
@@ -70,13 +70,13 @@ struct RandomPlanBuilder<'a> {
     models: &'a [DeviceModel],
     data: PlanData,
     blocks: Vec<Block>,
-    /// Copies of delayed links whose source is chosen at the end.
+    /// Targets of delayed links whose source is chosen at the end.
     copies: Vec<Block>,
     claimed: Vec<(usize, usize, u32)>,
     arm_taken: bool,
 }
 
-/// A net of 3 to 40 random primitives that keeps every rule of `TestPlan::check`; its start values may not exist.
+/// A net of 3 to 40 random primitives that keeps every rule of `Plan::check`; its start values may not exist.
 pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> PlanData {
     let data = PlanData {
         catalogue: primitives::fingerprint(),
@@ -110,7 +110,7 @@ impl RandomPlanBuilder<'_> {
         let unwanted = match entry.spec.role {
             Role::Termination => true,
             Role::CommandsArm => self.arm_taken || !self.random.once_in(4),
-            // Random numbers are a line, but seldom a path of another kind that the arm can follow.
+            // Random numbers define a valid line, but rarely another path that the arm can follow.
             Role::Motion => {
                 entry.spec.name != "LinearMotion" || !self.random.once_in(2) || self.data.clocks > 3
             }
@@ -142,7 +142,7 @@ impl RandomPlanBuilder<'_> {
         });
     }
 
-    /// Gives a block to other nets, or shows one of theirs: as many topics as there are kinds of blocks.
+    /// Publishes a block or subscribes to a topic; there are as many topics as kinds of blocks.
     fn add_topics(&mut self) {
         let topic = |block: &Block| {
             let kind = 1 + block.store as u64 * 100 + u64::from(block.width);
@@ -151,7 +151,7 @@ impl RandomPlanBuilder<'_> {
         let block = self.blocks[self.random.below(self.blocks.len())];
         let own = topic(&block);
         if block.width < 10 && self.random.once_in(2) {
-            // One at most: they are sorted.
+            // One at most: the list must be sorted.
             self.data.publishes.push(PublishPoint {
                 topic: own,
                 store: block.store,
@@ -204,7 +204,7 @@ impl RandomPlanBuilder<'_> {
                 }
                 Operand::Channel(kind) => match self.channel(entry.spec.role, kind, device) {
                     Some(channel) => channel,
-                    // Nothing was written but slots that nobody computes.
+                    // Only slots that no primitive computes were written.
                     None => return,
                 },
                 Operand::Clock => {
@@ -242,7 +242,7 @@ impl RandomPlanBuilder<'_> {
         (channel < count).then_some(channel)
     }
 
-    /// New slots that something writes.
+    /// New slots that a primitive writes.
     fn fresh(&mut self, store: Store, width: u32) -> u32 {
         let slot = match store {
             Store::Real => grow(&mut self.data.reals, width, || f64::NAN),
@@ -263,7 +263,7 @@ impl RandomPlanBuilder<'_> {
         Block { store, slot, width }
     }
 
-    /// What an input reads: something computed before, a delayed link, or a constant.
+    /// The source of an input: a computed value, a delayed link, or a constant.
     fn source(&mut self, store: Store, width: u32) -> u32 {
         let fits = |block: &&Block| block.store == store && block.width >= width;
         let computed: Vec<Block> = self.blocks.iter().filter(fits).copied().collect();
@@ -327,7 +327,7 @@ impl RandomPlanBuilder<'_> {
     }
 }
 
-/// A value for any input of the net, if it has one.
+/// A value for a random input of the net, if it has one.
 pub fn value(random: &mut Random, inputs: &[InputPoint]) -> Option<InputValue> {
     let input = random.below(inputs.len());
     let point = inputs.get(input)?;
@@ -348,7 +348,7 @@ fn grow<T>(arena: &mut Vec<T>, width: u32, mut value: impl FnMut() -> T) -> u32 
     slot
 }
 
-/// Changes what a device measures, as real ones do and a little more.
+/// Changes measurements as real devices do, and slightly more.
 pub fn measure(random: &mut Random, measurement: &mut Measurement) {
     measurement.magic = MAGIC;
     for group in [
