@@ -1,5 +1,5 @@
-//! Makes a method of `NetBuilder` for every primitive of the catalogue: required parameters and inputs are its arguments,
-//! optional ones are set on what it returns, outputs are fields of that.
+//! Generates a method of `NetBuilder` for every primitive of the catalogue: required parameters and inputs are
+//! arguments, optional ones are methods of the returned type, outputs are its fields.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -14,16 +14,17 @@ fn main() {
         primitive(&mut code, &entry.spec);
     }
     let folder = std::env::var("OUT_DIR").expect("cargo sets it");
-    std::fs::write(Path::new(&folder).join("primitives.rs"), code).expect("cargo made the folder");
+    std::fs::write(Path::new(&folder).join("primitives.rs"), code)
+        .expect("cargo created the folder");
 }
 
-/// What stands for a type in Rust.
+/// Rust type of a port.
 enum RustType {
     /// A type of the language, as a path.
     Is(String),
-    /// The open type of the primitive.
+    /// The generic type of the primitive.
     Open,
-    /// Known when the net is loaded.
+    /// Only known when the net is loaded.
     Untyped,
 }
 
@@ -48,7 +49,7 @@ fn kind(ty: PortType) -> RustType {
     }
 }
 
-/// The trait that the open type must have.
+/// Returns the trait bound of the generic type.
 fn bound(spec: &Spec) -> Option<&'static str> {
     let ports = spec.inputs.iter().chain(spec.outputs).map(|port| port.ty);
     let values = spec
@@ -123,7 +124,7 @@ fn snake(name: &str) -> String {
     word(&snake)
 }
 
-/// A name that is no word of Rust.
+/// Escapes a name that is a Rust keyword.
 fn word(name: &str) -> String {
     const WORDS: &[&str] = &[
         "in", "type", "match", "loop", "move", "where", "while", "if", "else", "for", "as", "mod",
@@ -143,7 +144,7 @@ fn doc(text: &str) -> String {
 
 /// Writing to a String cannot fail.
 macro_rules! put {
-    ($code:expr, $($more:tt)*) => { writeln!($code, $($more)*).expect("a String takes everything") };
+    ($code:expr, $($more:tt)*) => { writeln!($code, $($more)*).expect("writing to a String cannot fail") };
 }
 
 fn primitive(code: &mut String, spec: &Spec) {
@@ -221,7 +222,7 @@ fn primitive(code: &mut String, spec: &Spec) {
     if !taken {
         put!(
             code,
-            "    /// While this is false or null it is not evaluated, and its outputs are null."
+            "    /// Evaluates the primitive only while `source` is true; otherwise its outputs are null."
         );
         put!(
             code,

@@ -1,5 +1,5 @@
-//! A net of a thousand primitives, on the standard output: `cargo run -p rcc-net --example thousand | rcc-cli load -`.
-//! A chain of filters, each of which goes a part of the way to the one before.
+//! Prints a net of a thousand primitives: `cargo run -p rcc-net --example thousand | rcc-cli load -`. It is a chain of
+//! low-pass filters, each of which moves half-way towards the one before.
 
 use rcc_net::{BuildError, NetBuilder, Real};
 

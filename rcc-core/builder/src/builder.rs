@@ -1,5 +1,5 @@
-//! The builder itself: primitives with their sources, delayed links, and the way to the model of the language.
-//! Used by applications, never on a real-time thread.
+//! The builder: primitives with their sources, delayed links, and the conversion to the model of the language. Used by
+//! applications, never on a real-time thread.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -14,23 +14,24 @@ use thiserror::Error;
 
 use crate::value::{AnyValue, Real, Type, Untyped, Value};
 
-/// Why there is no net.
+/// Error while building a net.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum BuildError {
-    /// A delayed link was used and never fed.
-    #[error("the delayed link of `{primitive}.{input}` is never fed: call `feed` on it")]
+    /// A delayed link was used but never connected to a source.
+    #[error("the delayed link of `{primitive}.{input}` has no source: call `feed` on it")]
     NeverFed {
-        /// Whose input it feeds.
+        /// Id of the primitive whose input the link feeds.
         primitive: String,
-        /// Which input.
+        /// Name of the input.
         input: String,
     },
-    /// A name or a constant is not one of the language; two ids are the same. The places are in the text.
+    /// A name or a constant is not valid in the language, or an id is used twice. The diagnostics refer to the
+    /// generated text.
     #[error("{0}")]
     Faulty(Faults),
 }
 
-/// Makes one net.
+/// Builds one net.
 #[derive(Debug)]
 pub struct NetBuilder {
     pub(crate) state: RefCell<NetState>,
@@ -39,7 +40,7 @@ pub struct NetBuilder {
 #[derive(Debug, Default)]
 pub(crate) struct NetState {
     name: String,
-    /// Keys of the net before its primitives.
+    /// Top-level keys of the net that precede its primitives.
     keys: Vec<(String, Tree)>,
     pub(crate) fragments: Vec<(String, Tree)>,
     pub(crate) nodes: Vec<NodeState>,
@@ -47,7 +48,7 @@ pub(crate) struct NetState {
     discard: Vec<String>,
     /// Outputs that must be read or discarded.
     outputs: Vec<String>,
-    /// How many ids have been made up.
+    /// Number of generated ids.
     generated_ids: usize,
 }
 
@@ -67,7 +68,7 @@ struct DelayedState {
     from: Option<String>,
 }
 
-/// What feeds an input.
+/// Source of an input.
 #[derive(Clone, Debug)]
 pub(crate) enum LinkSource {
     Output(String),
@@ -75,7 +76,7 @@ pub(crate) enum LinkSource {
     Delayed(usize),
 }
 
-/// A primitive of a builder.
+/// A primitive in the net that is being built.
 #[derive(Clone, Copy, Debug)]
 pub struct Node<'n> {
     net: &'n NetBuilder,
@@ -90,30 +91,31 @@ pub struct Out<'n, T> {
     ty: PhantomData<T>,
 }
 
-/// Where an output is.
+/// Location of an output.
 #[derive(Clone, Copy, Debug)]
 enum OutputLocation {
-    /// Of a primitive, and perhaps an element of it.
+    /// Port of a primitive by index and name, and optionally an element of it.
     Port(usize, &'static str, Option<usize>),
-    /// In the table of names that are no `&'static str`.
+    /// Index into the table of names that are not `&'static str`, and optionally an element.
     Named(usize, Option<usize>),
 }
 
-/// What feeds an input: an output, a delayed link, or a constant.
+/// Source of an input: an output, a delayed link, or a constant.
 #[derive(Clone, Debug)]
 pub struct In<'n, T> {
     source: LinkSource,
     ty: PhantomData<(&'n (), T)>,
 }
 
-/// What feeds an input whose type is known when the net is loaded.
+/// Source of an input whose type is only known when the net is loaded.
 #[derive(Clone, Debug)]
 pub struct AnyIn<'n> {
     source: LinkSource,
     net: PhantomData<&'n ()>,
 }
 
-/// A link that carries the value of the cycle before; fed later, so that loops can be built.
+/// A link that carries the value of the previous cycle. Its source is set later with [`Delayed::feed`], so that loops
+/// can be built.
 #[derive(Clone, Copy, Debug)]
 pub struct Delayed<'n, T> {
     net: &'n NetBuilder,
@@ -122,7 +124,7 @@ pub struct Delayed<'n, T> {
 }
 
 impl NetBuilder {
-    /// A net without primitives. Names are small letters, digits and `-`.
+    /// Creates a net without primitives. Names consist of lower-case letters, digits and `-`.
     #[must_use]
     pub fn new(name: &str) -> NetBuilder {
         NetBuilder {
@@ -133,17 +135,17 @@ impl NetBuilder {
         }
     }
 
-    /// What people should know about it.
+    /// Sets the description for people.
     pub fn describe(&self, description: &str) {
         self.key("description", Tree::Text(description.to_string()));
     }
 
-    /// It is evaluated once in this time, a multiple of the cell's period: `5e-3` or `"5 ms"`.
+    /// Sets the evaluation period, a multiple of the cell's period: `5e-3` or `"5 ms"`.
     pub fn every(&self, period: impl Into<Value<Real>>) {
         self.key("period", period.into().tree());
     }
 
-    /// It goes on with null when a device that it commands is lost.
+    /// Lets the net continue with null when a device that it commands is lost.
     pub fn survive_device_loss(&self) {
         self.key("on_device_loss", Tree::Plain("null".to_string()));
     }
@@ -154,12 +156,12 @@ impl NetBuilder {
         keys.push((key.to_string(), value));
     }
 
-    /// A link with the value of the cycle before, and this one in the first cycle.
+    /// Creates a delayed link with this value in the first cycle.
     pub fn delayed<T: Type>(&self, initial: impl Into<Value<T>>) -> Delayed<'_, T> {
         self.delayed_link(Some(initial.into().tree()))
     }
 
-    /// The same without a value in the first cycle; only for links that close no loop.
+    /// Creates a delayed link that is null in the first cycle; only for links that close no loop.
     pub fn delayed_from_null<T: Type>(&self) -> Delayed<'_, T> {
         self.delayed_link(None)
     }
@@ -177,13 +179,13 @@ impl NetBuilder {
         }
     }
 
-    /// Says that nobody reads an output.
+    /// Declares that an output is deliberately not read.
     pub fn discard<T: Type>(&self, output: Out<'_, T>) {
         let name = output.name();
         self.state.borrow_mut().discard.push(name);
     }
 
-    /// Says that nobody reads the outputs that nobody has read until now.
+    /// Declares that all outputs that are not read so far are deliberately not read.
     pub fn discard_rest(&self) {
         let mut state = self.state.borrow_mut();
         let read = state.read();
@@ -217,7 +219,7 @@ impl NetBuilder {
         }
     }
 
-    /// An id that no primitive has.
+    /// Generates an id that no primitive has.
     pub(crate) fn id(&self, word: &str) -> String {
         let mut state = self.state.borrow_mut();
         loop {
@@ -229,10 +231,11 @@ impl NetBuilder {
         }
     }
 
-    /// The net as the model of the language.
+    /// Returns the net as the model of the language.
     ///
     /// # Errors
-    /// What is no net, with the places in the text that it would be. Types, units and loops are looked at when it is loaded.
+    /// Returns the faults, with positions in the generated text, if the net is not valid. Types, units and loops are
+    /// checked when it is loaded.
     pub fn build(&self) -> Result<Net, BuildError> {
         let state = self.state.borrow();
         let text = render(&state.tree()?);
@@ -247,7 +250,7 @@ impl NetBuilder {
         }
     }
 
-    /// The net as text, in the layout of `rcc-cli fmt`; `rcc-cli load -` takes it.
+    /// Returns the net as text in the layout of `rcc-cli fmt`, for example for `rcc-cli load -`.
     ///
     /// # Errors
     /// As [`NetBuilder::build`].
@@ -257,7 +260,7 @@ impl NetBuilder {
 }
 
 impl NetState {
-    /// Outputs that something reads, or that are discarded.
+    /// Returns the outputs that are read or discarded.
     fn read(&self) -> HashSet<String> {
         let sources = self.nodes.iter().flat_map(|node| {
             let inputs = node.inputs.iter().map(|(_, source)| source);
@@ -285,7 +288,7 @@ impl NetState {
         Ok(Tree::map(entries))
     }
 
-    /// `primitives` and `discard`, of a net or a fragment.
+    /// Returns `primitives` and `discard` of a net or a fragment.
     pub(crate) fn body(&self) -> Result<Vec<(String, Tree)>, BuildError> {
         let mut entries = Vec::new();
         for node in &self.nodes {
@@ -361,7 +364,7 @@ impl NetState {
     }
 }
 
-/// Puts a value under a key, in place of the one that is there.
+/// Sets the value of a key, replacing an earlier one.
 fn put<V>(entries: &mut Vec<(String, V)>, key: &str, value: V) {
     entries.retain(|(name, _)| name != key);
     entries.push((key.to_string(), value));
@@ -399,7 +402,7 @@ impl<'n> Node<'n> {
         out
     }
 
-    /// An output by a name of the application.
+    /// Returns an output by a name that is not from the catalogue.
     pub(crate) fn named<T>(self, port: &str) -> Out<'n, T> {
         let mut state = self.net.state.borrow_mut();
         let id = state
@@ -455,7 +458,7 @@ impl<'n, T> Out<'n, T> {
 }
 
 impl<'n> Out<'n, Untyped> {
-    /// Says of which type it is; if that is wrong, the net is refused when it is loaded.
+    /// Asserts the type; if it is wrong, the net is refused when it is loaded.
     #[must_use]
     pub fn assume<T: Type>(self) -> Out<'n, T> {
         Out {
@@ -467,7 +470,7 @@ impl<'n> Out<'n, Untyped> {
 }
 
 impl<'n> Out<'n, crate::Joints> {
-    /// One joint, counted from 0.
+    /// Returns one joint, counted from 0.
     #[must_use]
     pub fn joint(self, index: usize) -> Out<'n, Real> {
         self.at(index)
@@ -475,7 +478,7 @@ impl<'n> Out<'n, crate::Joints> {
 }
 
 impl<'n, const N: usize> Out<'n, crate::Reals<N>> {
-    /// One element, counted from 0.
+    /// Returns one element, counted from 0.
     #[must_use]
     pub fn element(self, index: usize) -> Out<'n, Real> {
         self.at(index)
@@ -483,7 +486,7 @@ impl<'n, const N: usize> Out<'n, crate::Reals<N>> {
 }
 
 impl<'n, const R: usize, const C: usize> Out<'n, crate::Matrix<R, C>> {
-    /// One element; row and column are counted from 0.
+    /// Returns one element; row and column are counted from 0.
     #[must_use]
     pub fn element(self, row: usize, column: usize) -> Out<'n, Real> {
         self.at(row * C + column)
@@ -565,7 +568,7 @@ impl<T> From<Value<T>> for AnyIn<'_> {
 }
 
 impl<'n, T: Type> Delayed<'n, T> {
-    /// Says whose value it carries.
+    /// Sets the source of the link.
     pub fn feed(self, output: Out<'n, T>) {
         let name = output.name();
         if let Some(delayed) = self.net.state.borrow_mut().delayed.get_mut(self.index) {

@@ -1,5 +1,5 @@
-//! Fragments of a net that is built: a sub-net with inputs, outputs and parameters, and its instances.
-//! Used by applications, never on a real-time thread.
+//! Fragments: sub-nets with inputs, outputs and parameters, and their instances. Used by applications, never on a
+//! real-time thread.
 
 use std::cell::RefCell;
 use std::ops::Deref;
@@ -9,7 +9,7 @@ use rcc_config::yaml::layout::{Tree, TreeBlock, TreeEntry};
 use crate::builder::{AnyIn, BuildError, In, LinkSource, NetBuilder, Node, Out};
 use crate::value::{AnyValue, Bool, Type, Value};
 
-/// Makes a fragment: everything that a net has, and ports.
+/// Builds a fragment: everything that a net has, and ports.
 #[derive(Debug)]
 pub struct FragmentBuilder {
     body: NetBuilder,
@@ -27,7 +27,7 @@ impl Deref for FragmentBuilder {
 }
 
 impl FragmentBuilder {
-    /// An input that its instances feed.
+    /// Declares an input, which each instance connects.
     pub fn declare_input<T: Type>(&self, name: &str) -> In<'_, T> {
         let mut inputs = self.inputs.borrow_mut();
         if !inputs.iter().any(|known| known == name) {
@@ -36,7 +36,7 @@ impl FragmentBuilder {
         In::constant(Tree::Text(name.to_string()))
     }
 
-    /// A parameter that its instances set.
+    /// Declares a parameter, which each instance sets.
     pub fn declare_parameter<T: Type>(&self, name: &str) -> Value<T> {
         let mut parameters = self.parameters.borrow_mut();
         if !parameters.iter().any(|known| known == name) {
@@ -45,7 +45,7 @@ impl FragmentBuilder {
         Value::new(Tree::Text(format!("${name}")))
     }
 
-    /// An output that its instances offer.
+    /// Declares an output that each instance provides.
     pub fn declare_output<T: Type>(&self, name: &str, output: Out<'_, T>) {
         let name = name.to_string();
         self.outputs.borrow_mut().push((name, output.name()));
@@ -76,10 +76,10 @@ impl FragmentBuilder {
 }
 
 impl NetBuilder {
-    /// Adds a fragment; [`NetBuilder::instance`] uses it.
+    /// Adds a fragment, to be instantiated with [`NetBuilder::instance`].
     ///
     /// # Errors
-    /// As [`NetBuilder::build`].
+    /// Returns an error as [`NetBuilder::build`].
     pub fn fragment(
         &self,
         name: &str,
@@ -100,7 +100,7 @@ impl NetBuilder {
         Ok(())
     }
 
-    /// Adds an instance of a fragment. Its ports are looked at when the net is loaded.
+    /// Adds an instance of a fragment. Its ports are checked when the net is loaded.
     pub fn instance(&self, id: &str, fragment: &str) -> Instance<'_> {
         Instance {
             node: self.add_node("fragment", fragment, id),
@@ -121,20 +121,20 @@ impl<'n> Instance<'n> {
         self
     }
 
-    /// Feeds an input.
+    /// Connects an input.
     pub fn input(self, name: &str, source: impl Into<AnyIn<'n>>) -> Instance<'n> {
         self.node.input(name, source.into().source());
         self
     }
 
-    /// While this is false or null it is not evaluated, and its outputs are null.
+    /// Evaluates the instance only while `source` is true; otherwise its outputs are null.
     pub fn active(self, source: impl Into<In<'n, Bool>>) -> Instance<'n> {
         let source: LinkSource = source.into().source();
         self.node.active(source);
         self
     }
 
-    /// An output.
+    /// Returns an output.
     #[must_use]
     pub fn output<T: Type>(self, name: &str) -> Out<'n, T> {
         self.node.named(name)

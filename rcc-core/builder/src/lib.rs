@@ -1,5 +1,5 @@
-//! Nets made by Rust programs: every primitive of the catalogue is a method of [`NetBuilder`], its ports are typed, and what
-//! comes out is the same model and text as from a file. Used by applications, never on a real-time thread.
+//! Nets built by Rust programs: every primitive of the catalogue is a method of [`NetBuilder`] with typed ports, and
+//! the result is the same model and text as from a file. Used by applications, never on a real-time thread.
 //!
 //! ```
 //! use rcc_net::NetBuilder;
@@ -12,20 +12,20 @@
 //! # Ok::<(), rcc_net::BuildError>(())
 //! ```
 //!
-//! What is of the wrong type does not compile:
+//! Type errors do not compile:
 //!
 //! ```compile_fail
 //! # use rcc_net::NetBuilder;
 //! let net = NetBuilder::new("example");
 //! let time = net.time("time");
-//! net.not("not", time.out); // a Real is no Bool
+//! net.not("not", time.out); // a Real is not a Bool
 //! ```
 //!
 //! ```compile_fail
 //! # use rcc_net::NetBuilder;
 //! let net = NetBuilder::new("example");
 //! let time = net.time("time");
-//! net.add("sum", time.out, true); // two types in one sum
+//! net.add("sum", time.out, true); // operands of two types
 //! ```
 //!
 //! ```compile_fail
@@ -34,9 +34,9 @@
 //! net.and("and", true); // an input is missing
 //! ```
 //!
-//! Units are checked when the net is loaded (or by `rcc-cli check`), where the units of channels are known, too.
+//! Units are checked when the net is loaded (or by `rcc-cli check`), where the units of channels are also known.
 
-/// The examples of the document are run, too.
+/// Runs the examples of the document as doctests.
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/builder.md")]
 pub struct Document;
@@ -47,8 +47,8 @@ mod operators;
 mod value;
 
 pub mod primitives {
-    //! One type for each primitive: its outputs are its fields, what is optional is set by its methods. Made from the
-    //! catalogue; the methods of [`NetBuilder`](crate::NetBuilder) return them.
+    //! One type per primitive: its outputs are fields, its optional inputs and parameters are methods. Generated from
+    //! the catalogue; the methods of [`NetBuilder`](crate::NetBuilder) return these types.
     #![allow(
         clippy::too_many_arguments,
         clippy::doc_markdown,

@@ -1,4 +1,4 @@
-//! `+ - * /` and `-` of numbers, `& | !` of conditions: each adds a primitive with an id that is made up.
+//! Operators: `+ - * /` and unary `-` for numbers, `& | !` for conditions. Each adds a primitive with a generated id.
 //! Used by applications, never on a real-time thread.
 
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};

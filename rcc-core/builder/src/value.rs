@@ -1,5 +1,5 @@
-//! The types of the language as types of Rust, and constants of them.
-//! Used by applications, never on a real-time thread.
+//! The types of the net language as Rust types, and constants of these types. Used by applications, never on a
+//! real-time thread.
 
 use std::marker::PhantomData;
 
@@ -13,7 +13,7 @@ pub trait Type: Copy + std::fmt::Debug {}
 pub trait Scalar: Type {}
 /// `Int` or `Real`.
 pub trait Number: Scalar {}
-/// What can be added: numbers, vectors, arrays of numbers, matrices.
+/// Types that can be added: numbers, vectors, arrays of numbers, matrices.
 pub trait Linear: Type {}
 
 macro_rules! types {
@@ -31,9 +31,9 @@ macro_rules! types {
 types! {
     /// True or false.
     Bool: Scalar;
-    /// A whole number of 64 bits.
+    /// A signed 64-bit integer.
     Int: Scalar Number Linear;
-    /// A number with a unit.
+    /// A real number with a unit.
     Real: Scalar Number Linear;
     /// A name.
     Text: ;
@@ -49,7 +49,7 @@ types! {
     Wrench: Linear;
     /// A `Real` for each joint of the device.
     Joints: Linear;
-    /// A type that is known when the net is loaded.
+    /// A type that is only known when the net is loaded.
     Untyped: ;
 }
 
@@ -65,7 +65,7 @@ pub enum Matrix<const R: usize, const C: usize> {}
 impl<const R: usize, const C: usize> Type for Matrix<R, C> {}
 impl<const R: usize, const C: usize> Linear for Matrix<R, C> {}
 
-/// A constant of a type.
+/// A constant of type `T`.
 #[derive(Clone, Debug)]
 pub struct Value<T> {
     tree: Tree,
@@ -85,7 +85,7 @@ impl<T> Value<T> {
     }
 }
 
-/// A constant whose type is looked at when the net is loaded.
+/// A constant whose type is checked when the net is loaded.
 #[derive(Clone, Debug)]
 pub struct AnyValue(Tree);
 
@@ -101,14 +101,14 @@ impl<T> From<Value<T>> for AnyValue {
     }
 }
 
-/// Null of any type.
+/// Returns null of any type.
 #[must_use]
 pub fn null<T>() -> Value<T> {
     Value::new(Tree::Plain("null".to_string()))
 }
 
-/// A constant as the language writes it: `literal::<Real>("12 N")`, `literal::<Reals<2>>("[deg(3), 0]")`. A mistake in it is
-/// found by [`NetBuilder::build`](crate::NetBuilder::build).
+/// Returns a constant in the syntax of the language: `literal::<Real>("12 N")`, `literal::<Reals<2>>("[deg(3), 0]")`.
+/// [`NetBuilder::build`](crate::NetBuilder::build) reports a mistake in it.
 #[must_use]
 pub fn literal<T>(text: &str) -> Value<T> {
     Value::new(match yaml::parse(text) {
@@ -117,7 +117,7 @@ pub fn literal<T>(text: &str) -> Value<T> {
     })
 }
 
-/// A pose: position in m, then roll, pitch and yaw about the fixed axes x, y and z in rad.
+/// Returns a pose from a position in m and roll, pitch and yaw about the fixed axes x, y and z in rad.
 #[must_use]
 pub fn pose(xyz: [f64; 3], rpy: [f64; 3]) -> Value<Pose> {
     Value::new(Tree::map([
@@ -126,14 +126,14 @@ pub fn pose(xyz: [f64; 3], rpy: [f64; 3]) -> Value<Pose> {
     ]))
 }
 
-/// A rotation: roll, pitch and yaw about the fixed axes x, y and z in rad.
+/// Returns a rotation from roll, pitch and yaw about the fixed axes x, y and z in rad.
 #[must_use]
 pub fn rotation(rpy: [f64; 3]) -> Value<Rotation> {
     Value::new(Tree::map([("rpy".to_string(), reals(&rpy))]))
 }
 
 fn number(value: f64) -> Tree {
-    // What is not finite is null in the language.
+    // The language has no infinite numbers: they become null, like NaN.
     Tree::Plain(if value.is_finite() {
         scalar::real(value)
     } else {
@@ -145,7 +145,7 @@ fn reals(values: &[f64]) -> Tree {
     Tree::list(values.iter().map(|value| number(*value)))
 }
 
-/// Ways to write a constant of one type.
+/// Conversions from Rust values to constants of one type.
 macro_rules! constants {
     ($(<$($n:ident)*> $from:ty => $to:ty, $value:ident: $tree:expr;)*) => {
         $(
@@ -183,7 +183,7 @@ impl From<&str> for Value<Text> {
     }
 }
 
-/// The same for what is looked at when the net is loaded.
+/// Conversions for values whose type is checked when the net is loaded.
 macro_rules! any {
     ($($from:ty, $value:ident: $tree:expr;)*) => {
         $(

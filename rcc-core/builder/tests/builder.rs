@@ -1,5 +1,5 @@
-//! Nets that are built are nets: they compile for the demo cell, and they are those of the files.
-//! Whatever does not fit is refused with words.
+//! Built nets are valid: they compile for the demo cell and equal those of the files. Mistakes are refused with an
+//! error.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ fn is_valid(net: &NetBuilder) -> u32 {
 }
 
 #[test]
-fn a_net_of_a_file_can_be_built() {
+fn a_net_from_a_file_can_be_built() {
     let net = NetBuilder::new("toggle");
     net.describe("Toggles an output with each rising edge of an input.");
     let door = net.digital_input("door", "io", "door_closed");
@@ -71,7 +71,7 @@ fn constants_of_every_type_are_written() {
 }
 
 #[test]
-fn outputs_that_nobody_reads_are_named() {
+fn unread_outputs_are_discarded_by_name() {
     let net = NetBuilder::new("discard");
     let ft = net.force_torque("ft", "lwr");
     net.discard(ft.fx);
@@ -99,7 +99,7 @@ fn a_delayed_link_must_be_fed() {
 }
 
 #[test]
-fn what_is_no_name_or_no_constant_is_refused() {
+fn invalid_names_and_constants_are_refused() {
     for make in [
         |net: &NetBuilder| {
             net.time("Bad Id");

@@ -1,4 +1,4 @@
-//! Boards between threads and processes. Run by the test program's threads and by second processes of it.
+//! Boards between threads and processes. Run by the test program's threads and by child processes of it.
 
 mod common;
 
@@ -31,7 +31,7 @@ fn measured(sequence: u64) -> Measured {
     }
 }
 
-/// The second process: a driver that writes until it is killed.
+/// The child process: a driver that writes until it is killed.
 #[test]
 fn peer() {
     let Some((_, cell, label)) = part() else {
@@ -88,7 +88,7 @@ fn reading_and_writing_allocate_nothing() {
 }
 
 #[test]
-fn no_reader_ever_sees_half_a_value() {
+fn no_reader_ever_sees_a_torn_value() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Executor, "exec").unwrap();
     let mut writer = session.create_board::<Large>("status").unwrap();
@@ -146,7 +146,7 @@ fn another_layout_is_refused() {
 }
 
 #[test]
-fn a_board_that_is_not_there_is_refused() {
+fn a_missing_board_is_refused() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Driver, "lwr").unwrap();
     let error = refused(session.open_board::<Measured>("driver-lwr/0/meas"));
@@ -202,7 +202,7 @@ fn a_killed_writer_is_replaced_fifty_times_and_leaves_nothing() {
         assert_ne!(
             last,
             Some(announcement.incarnation),
-            "each life has its own number"
+            "each incarnation has its own number"
         );
         last = Some(announcement.incarnation);
         let reader = session
@@ -215,9 +215,9 @@ fn a_killed_writer_is_replaced_fifty_times_and_leaves_nothing() {
         assert_eq!(
             value,
             measured(value.sequence),
-            "round {round}: a whole value"
+            "round {round}: a torn value"
         );
-        // Every other time the reader is still open while the janitor cleans.
+        // In every second round the reader is still open while the janitor cleans.
         if round % 2 == 0 {
             drop(reader);
             run_janitor(&cell).unwrap();
@@ -227,6 +227,6 @@ fn a_killed_writer_is_replaced_fifty_times_and_leaves_nothing() {
         }
     }
     run_janitor(&cell).unwrap();
-    assert_eq!(cell.files(), before, "nothing but what lives");
+    assert_eq!(cell.files(), before, "only files of live processes remain");
     drop(own);
 }

@@ -1,5 +1,5 @@
-//! Cells: announcements, cleaning, wiping, and that two of them never meet. Run by the test program's threads and by
-//! second processes of it.
+//! Cells: announcements, cleaning, wiping, and the isolation of two cells. Run by the test program's threads and by
+//! child processes of it.
 
 mod common;
 
@@ -18,7 +18,7 @@ use rcc_ipc::{
     RequestError, Role, Session, SessionError,
 };
 
-/// The second process: in the cell, announced or not, until it is killed.
+/// The child process: stays in the cell, announced or not, until it is killed.
 #[test]
 fn peer() {
     let Some((part, cell, label)) = part() else {
@@ -60,7 +60,7 @@ fn of_this_process(label: &str) -> Announcement {
 }
 
 #[test]
-fn what_is_announced_is_found_until_it_is_dropped() {
+fn an_announcement_is_found_until_it_is_dropped() {
     let cell = TestCell::new();
     let announcement = of_this_process("lwr");
     assert_eq!(cell.announced(Role::Driver, "lwr").unwrap(), None);
@@ -76,7 +76,7 @@ fn what_is_announced_is_found_until_it_is_dropped() {
     assert_eq!(
         fs::read_dir(cell.processes_dir()).unwrap().count(),
         0,
-        "no file stays"
+        "no file remains"
     );
 }
 
@@ -126,7 +126,7 @@ fn a_dead_process_is_replaced() {
 }
 
 #[test]
-fn of_many_that_announce_the_same_at_once_one_wins() {
+fn of_concurrent_equal_announcements_one_wins() {
     let cell = TestCell::new();
     let barrier = std::sync::Barrier::new(8);
     for _ in 0..50 {
@@ -206,7 +206,7 @@ fn a_living_cell_is_not_wiped_and_its_process_is_named() {
 }
 
 #[test]
-fn a_cell_with_a_process_that_has_no_name_is_not_wiped() {
+fn a_cell_with_an_unannounced_process_is_not_wiped() {
     let cell = TestCell::new();
     let peer = Peer::start(&cell, "unannounced", "lwr");
     wait_until_started(&cell);
@@ -235,7 +235,7 @@ fn a_cell_whose_first_process_died_while_it_made_the_common_segment_can_be_joine
     drop(Session::join(&cell, Role::Loader, "loader").unwrap());
     let common = cell.files();
     assert!(common.len() == 1 && common[0].to_string_lossy().ends_with("global_mgmt"));
-    // Sized, but not filled in: its version is zero.
+    // Sized but not initialised: its version is zero.
     fs::write(&common[0], [0; 16]).unwrap();
     Session::join(&cell, Role::Loader, "loader")
         .unwrap()
@@ -339,19 +339,19 @@ fn plant_empty_file(cell: &Cell, like: &Path, made: SystemTime) -> PathBuf {
 }
 
 #[test]
-fn half_created_files_are_removed_whatever_their_date_says() {
+fn half_created_files_are_removed_whatever_their_date() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Driver, "lwr").unwrap();
     let _board = session.create_board::<u64>("board").unwrap();
     let before = cell.files();
     let (now, hour) = (SystemTime::now(), Duration::from_secs(3600));
-    // Before the clock was set: an hour ahead, or behind.
+    // The clock may have been set since: an hour ahead or back.
     for made in [now - hour, now, now + hour] {
         let half = plant_empty_file(&cell, &before[0], made);
         let report = run_janitor(&cell).unwrap();
         assert_eq!(report.half_created, 1, "{made:?}");
         assert!(!half.exists());
-        assert_eq!(cell.files(), before, "files that hold something stay");
+        assert_eq!(cell.files(), before, "non-empty files stay");
     }
 }
 
@@ -363,7 +363,7 @@ fn the_janitor_repairs_a_cell_whose_dead_process_left_an_empty_file() {
     let before = cell.files();
     let (peer, _) = Peer::announced(&cell, "announced", "lwr");
     peer.kill();
-    // As if it had been killed between making and sizing its files: all it left are empty now.
+    // As if it had been killed between creating and sizing its files: all that it left are empty now.
     let left: Vec<PathBuf> = cell
         .files()
         .into_iter()
@@ -384,13 +384,13 @@ fn the_janitor_repairs_a_cell_whose_dead_process_left_an_empty_file() {
 #[test]
 fn a_janitor_that_hangs_is_killed() {
     let cell = TestCell::new();
-    // Only a janitor that has no time at all is sure to be too slow.
+    // Only a time limit of zero is certain to be too short.
     let error = refused(clean::run_janitor(&cell, Duration::ZERO));
     assert!(matches!(error, CleanError::TimedOut { .. }), "{error}");
 }
 
 #[test]
-fn the_janitor_program_says_what_it_did_by_its_exit_code() {
+fn the_janitor_program_reports_by_its_exit_code() {
     let cell = TestCell::new();
     let janitor = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rcc-janitor"));
@@ -431,11 +431,11 @@ fn labels_that_cannot_be_file_names_are_refused() {
     }
 }
 
-/// Only root can lay down files of another user.
+/// Only root can create files of another user.
 #[test]
 fn a_file_of_another_user_under_the_prefix_does_not_block_the_cell() {
     if !nix::unistd::getuid().is_root() {
-        println!("skipped: files of another user need root");
+        println!("skipped: creating files of another user needs root");
         return;
     }
     let first = TestCell::new();
@@ -444,11 +444,11 @@ fn a_file_of_another_user_under_the_prefix_does_not_block_the_cell() {
     fs::remove_file(&common).unwrap();
     fs::write(&common, [0; 16]).unwrap();
     std::os::unix::fs::chown(&common, Some(65534), None).unwrap();
-    // Who looked the cell up before is told, and who looks it up now gets by.
+    // A handle from before the change is refused; a new look-up finds a usable prefix.
     let error = refused(Session::join(&first, Role::Loader, "loader")).to_string();
     let again = Cell::at("test", first.runtime_dir()).unwrap();
     let joined = Session::join(&again, Role::Loader, "loader");
-    // While the cell lives, a file of another user keeps nobody out.
+    // While the cell lives, a foreign file does not keep processes out.
     let beside = PathBuf::from("/dev/shm").join(format!("{}beside.global_mgmt", again.prefix()));
     fs::write(&beside, "").unwrap();
     std::os::unix::fs::chown(&beside, Some(65534), None).unwrap();
@@ -470,13 +470,13 @@ fn a_file_of_another_user_under_the_prefix_does_not_block_the_cell() {
     second.unwrap();
     board.unwrap();
     wiped.unwrap();
-    assert!(stays, "it is not ours");
+    assert!(stays, "the file of another user stays");
     assert!(
         error.contains("(uid 65534)") && error.contains("--cell"),
         "{error}"
     );
     assert_ne!(again.prefix(), first.prefix());
-    assert!(late.contains("made anew"), "{late}");
+    assert!(late.contains("recreated"), "{late}");
     assert!(again.leftovers().unwrap().is_empty());
 }
 
@@ -491,12 +491,12 @@ fn keep(cell: &Cell, who: usize) -> [PathBuf; 2] {
 }
 
 #[test]
-fn of_many_that_take_a_cell_at_once_one_has_it_and_keeps_what_is_his() {
+fn of_concurrent_acquirers_one_gets_the_cell_and_keeps_its_files() {
     let cell = TestCell::new();
     let barrier = std::sync::Barrier::new(8);
     for round in 0..100 {
         if round % 2 == 1 {
-            // Left by a life that died.
+            // Left by a run that died.
             keep(&Cell::at("test", cell.runtime_dir()).unwrap(), 99);
         }
         let taken: Vec<_> = std::thread::scope(|scope| {
@@ -518,14 +518,14 @@ fn of_many_that_take_a_cell_at_once_one_has_it_and_keeps_what_is_his() {
         let mut has = None;
         for result in taken {
             match result {
-                Ok(taken) => assert!(has.replace(taken).is_none(), "two have the cell"),
+                Ok(taken) => assert!(has.replace(taken).is_none(), "two processes own the cell"),
                 Err(error) => assert!(
                     matches!(error, WipeError::Living { role: Role::Cli, pid, .. } if pid == std::process::id()),
                     "{error}"
                 ),
             }
         }
-        let (announced, who, kept) = has.expect("one has it");
+        let (announced, who, kept) = has.expect("one owns it");
         for path in kept {
             assert_eq!(
                 fs::read_to_string(path).unwrap(),
@@ -541,7 +541,7 @@ fn of_many_that_take_a_cell_at_once_one_has_it_and_keeps_what_is_his() {
 }
 
 #[test]
-fn a_cell_that_is_given_back_while_others_want_it_is_never_half_somebody_elses() {
+fn a_cell_released_under_contention_never_mixes_two_owners() {
     let cell = TestCell::new();
     let having = std::sync::atomic::AtomicUsize::new(0);
     let lives = std::sync::atomic::AtomicUsize::new(0);
@@ -550,7 +550,7 @@ fn a_cell_that_is_given_back_while_others_want_it_is_never_half_somebody_elses()
             let (cell, having, lives) = (&cell, &having, &lives);
             scope.spawn(move || {
                 while lives.load(std::sync::atomic::Ordering::SeqCst) < 200 {
-                    // As a process that starts: it finds or makes the folder of the cell.
+                    // Like a starting process: finds or creates the folder of the cell.
                     let own = Cell::at("test", cell.runtime_dir()).unwrap();
                     let announced = match acquire(&own, &Announcement::supervisor().unwrap()) {
                         Ok(announced) => announced,

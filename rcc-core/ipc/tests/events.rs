@@ -1,5 +1,5 @@
-//! The event log with several processes: no line is torn, whoever writes, and a killed one loses its last word at most.
-//! Run by the test program's threads and by second processes of it.
+//! The event log with several processes: no line is torn, and a killed writer loses at most its last event. Run by the
+//! test program's threads and by child processes of it.
 
 mod common;
 
@@ -11,7 +11,7 @@ use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader, tell};
 const LINES: u64 = 1000;
 const WRITERS: [&str; 4] = ["a", "b", "c", "d"];
 
-/// The second process: writes its lines, or goes on until it is killed.
+/// The child process: writes its lines, or continues until it is killed.
 #[test]
 fn peer() {
     let Some((part, cell, label)) = part() else {
@@ -19,7 +19,7 @@ fn peer() {
     };
     let lines = if part == "endless" { u64::MAX } else { LINES };
     for count in 0..lines {
-        // Of different lengths, so that a write that is not whole would show.
+        // Lines of different lengths, so that an incomplete write would show.
         let why = "x".repeat((count % 400) as usize);
         tell(
             &cell,
@@ -54,7 +54,7 @@ fn a_thousand_lines_of_each_of_four_processes_come_whole_and_in_order() {
     let mut reader = EventReader::open(&place);
     let peers = WRITERS.map(|label| Peer::start(&place, "lines", label));
     let mut events = Vec::new();
-    // The log is moved aside meanwhile; who follows it misses nothing.
+    // The log is rotated meanwhile; a follower misses nothing.
     wait_for(|| {
         events.extend(reader.poll().unwrap());
         (counts(&events).values().map(Vec::len).sum::<usize>() == WRITERS.len() * LINES as usize)

@@ -1,5 +1,5 @@
-//! The janitor where shared memory is full. Run by the test program's threads, in a mount namespace with a small
-//! `/dev/shm` of its own, and by second processes of it.
+//! The janitor with a full shared memory. Run by the test program's threads, in a mount namespace with a small
+//! `/dev/shm` of its own, and by child processes of it.
 
 mod common;
 
@@ -10,7 +10,7 @@ use std::process::Command;
 use common::{Peer, TestCell, part, refused, run_janitor};
 use rcc_ipc::{Announcement, Role, Session};
 
-/// The second process: announced, with more shared memory than the janitor needs in order to enter, until it is killed.
+/// The child process: announced, with more shared memory than the janitor needs to join, until it is killed.
 #[test]
 fn peer() {
     let Some((_, cell, label)) = part() else {
@@ -78,7 +78,7 @@ fn the_janitor_cleans_a_full_shared_memory() {
     let report = run_janitor(&cell).unwrap();
     assert_eq!(cell.files(), before, "{report:?}");
     assert!(report.reaped > 0 && report.dead_nodes > 0, "{report:?}");
-    // And the cell goes on.
+    // The cell continues to work.
     session.create_board::<u64>("another").unwrap();
 }
 

@@ -1,5 +1,5 @@
-//! Processes killed at any moment: nothing is left, and nothing of the living is used up. Run by the test program's
-//! threads and by second processes of it.
+//! Processes killed at any moment leave nothing behind and use up no resources of live processes. Run by the test
+//! program's threads and by child processes of it.
 
 mod common;
 
@@ -12,14 +12,14 @@ use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for, wait_u
 use rcc_ipc::{Announcement, Cell, Role, Session};
 use rcc_ipc::{board, request, stream};
 
-/// The second process: at work until it is killed.
+/// The child process: works until it is killed.
 #[test]
 fn peer() {
     let Some((part, cell, label)) = part() else {
         return;
     };
     if part == "busy" {
-        // Every kind of service, again and again, so that a kill strikes at any moment.
+        // Every kind of service, repeatedly, so that a kill can hit any moment.
         loop {
             let session = Session::join(&cell, Role::Driver, &label).unwrap();
             fs::write(cell.runtime_dir().join("started"), "").unwrap();
@@ -37,7 +37,7 @@ fn peer() {
         }
     }
     if part == "guest" {
-        // Takes part in all that a living process offers, again and again, so that a kill strikes at any moment.
+        // Uses everything that a live process offers, repeatedly, so that a kill can hit any moment.
         let host = cell.announced(Role::Executor, "exec").unwrap().unwrap();
         loop {
             let session = Session::join(&cell, Role::Cli, &label).unwrap();
@@ -57,7 +57,7 @@ fn peer() {
     unreachable!("no part {part}");
 }
 
-/// The same moments in each run, spread over all that a process does in its first 20 ms (a linear congruential
+/// The same moments in each run, spread over everything that a process does in its first 20 ms (a linear congruential
 /// generator, Knuth's MMIX constants).
 fn random_delays_us(count: usize) -> impl Iterator<Item = u64> {
     let mut state: u64 = std::env::var("RCC_IPC_TEST_SEED")
@@ -99,7 +99,7 @@ fn a_process_killed_at_any_moment_leaves_nothing_after_the_janitor() {
         fs::remove_file(wait_until_started(&cell)).unwrap();
         std::thread::sleep(Duration::from_micros(delay_us));
         peer.kill();
-        // What was made a moment before the kill, and is still empty, is left for a later run.
+        // Files created just before the kill that are still empty are left for a later run.
         wait_for(|| {
             run_janitor(&cell).unwrap();
             (cell.files() == before && files_below(&cell.iox_root()) == before_on_disk)
@@ -113,7 +113,7 @@ fn a_process_killed_at_any_moment_leaves_nothing_after_the_janitor() {
     }
 }
 
-/// Serves, publishes and writes until the end; others may die meanwhile.
+/// Serves, publishes and writes until the end; other processes may die meanwhile.
 fn host(session: &Session, cell: &Cell, end: &AtomicBool) {
     let mut board = session.create_board::<u64>("board").unwrap();
     let mut publisher = session.publisher::<[u64; 8]>("stream").unwrap();

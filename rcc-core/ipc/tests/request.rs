@@ -1,4 +1,4 @@
-//! Requests between threads and processes. Run by the test program's threads and by second processes of it.
+//! Requests between threads and processes. Run by the test program's threads and by child processes of it.
 
 mod common;
 
@@ -13,7 +13,7 @@ use rcc_ipc::{
 
 const SOON: Duration = Duration::from_millis(50);
 
-/// The second process.
+/// The child process.
 #[test]
 fn peer() {
     let Some((part, cell, label)) = part() else {
@@ -21,7 +21,7 @@ fn peer() {
     };
     let session = Session::join(&cell, Role::Driver, &label).unwrap();
     if let Some(service) = part.strip_prefix("call ") {
-        // A client that calls until it is killed, with requests of every size.
+        // A client that calls until it is killed, with requests of all sizes.
         let client = session.client(service).unwrap();
         let _announced = cell.announce(&Announcement::of(&session)).unwrap();
         for size in (0..).step_by(1000) {
@@ -46,14 +46,14 @@ trait CloneAnswer {
 }
 
 impl CloneAnswer for rcc_ipc::Request {
-    /// Answers with the bytes that came, as far as they fit.
+    /// Answers with the received bytes, truncated to the maximum length.
     fn clone_answer(self) {
         let bytes = self.bytes()[..self.bytes().len().min(RESPONSE_MAX)].to_vec();
         self.answer(&bytes).unwrap();
     }
 }
 
-/// Runs `ask` while another thread answers every request with its own bytes.
+/// Runs `ask` while another thread echoes every request.
 fn while_echoing(server: &Server, ask: impl FnOnce()) {
     let end = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -131,7 +131,7 @@ fn a_long_request_leaves_no_file_and_maps_no_more_than_a_short_one() {
 }
 
 #[test]
-fn a_file_of_a_killed_client_goes_with_the_janitor_and_a_request_given_up_leaves_none() {
+fn the_janitor_removes_spill_files_of_killed_clients_and_timed_out_requests_leave_none() {
     let cell = TestCell::new();
     let (_session, server, client) = in_one_process(&cell);
     let files = || -> Vec<_> {
@@ -146,7 +146,7 @@ fn a_file_of_a_killed_client_goes_with_the_janitor_and_a_request_given_up_leaves
     };
     refused(client.call(&vec![1; REQUEST_MAX], SOON));
     assert_eq!(files().len(), 0);
-    // As a killed process leaves it: no process has this start.
+    // As a killed process leaves it: no process has this start time.
     let orphan = cell
         .iox_root()
         .join(format!("request-{:016x}-0", u64::from(std::process::id())));
@@ -188,7 +188,7 @@ fn a_request_may_be_answered_later_and_by_another_thread() {
 }
 
 #[test]
-fn a_server_that_hangs_is_a_timeout_and_then_serves_on() {
+fn a_server_that_hangs_causes_a_timeout_and_can_serve_again() {
     let cell = TestCell::new();
     let (_session, server, client) = in_one_process(&cell);
     for _ in 0..10 {
@@ -217,7 +217,7 @@ fn an_answer_to_a_request_given_up_is_not_taken_for_the_next_one() {
     let (_session, server, client) = in_one_process(&cell);
     let taken = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        // Asks until the server has one of its requests and it gave that one up.
+        // Call until the server holds a request that its client has given up.
         let call = scope.spawn(|| {
             while !taken.load(Ordering::Relaxed) {
                 let error = refused(client.call(b"old", SOON));
@@ -321,6 +321,6 @@ fn killed_clients_change_nothing_for_the_server_and_leave_nothing() {
         }
         assert_eq!(client.call(b"and now", LIMIT).unwrap(), b"and now");
         run_janitor(&cell).unwrap();
-        assert_eq!(cell.files(), before, "nothing but what lives");
+        assert_eq!(cell.files(), before, "only files of live processes remain");
     });
 }

@@ -1,4 +1,4 @@
-//! Rings between one writer and its readers, and a device's commands on one. Run by the test program's threads.
+//! Rings between one writer and its readers, and the set-points of a device on one. Run by the test program's threads.
 
 mod common;
 
@@ -13,7 +13,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 const LENGTH: u32 = 8;
 
 #[test]
-fn a_reader_finds_the_last_values_and_each_with_what_was_written_into_it() {
+fn a_reader_finds_the_last_values_with_their_contents() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Executor, "exec").unwrap();
     let mut writer = session
@@ -58,13 +58,13 @@ fn point(position: f64) -> SetPoint {
 }
 
 #[test]
-fn a_driver_finds_what_it_slept_through_and_no_more_than_there_is() {
+fn a_driver_finds_the_set_points_it_missed_and_no_others() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Executor, "exec").unwrap();
     let mut writer = session.create_commands("command-lwr").unwrap();
     let mut reader = session.open_commands(writer.service()).unwrap();
     let mut image = CommandImage::new(7, 1_000_000);
-    // Nothing is there before the first cycle.
+    // Nothing is published before the first cycle.
     writer.write(&image);
     assert_eq!(reader.read().head.sequence, 0);
     let mut write = |numbers: std::ops::RangeInclusive<u64>| {
@@ -114,7 +114,7 @@ fn writing_and_reading_allocate_nothing() {
 }
 
 #[test]
-fn what_the_head_tells_of_is_there_while_somebody_writes() {
+fn values_up_to_the_head_are_present_during_writes() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Executor, "exec").unwrap();
     let mut writer = session.create_commands("command-lwr").unwrap();
@@ -138,7 +138,7 @@ fn what_the_head_tells_of_is_there_while_somebody_writes() {
             let image = reader.read();
             let newest = image.head.sequence;
             looks += 1;
-            // A reader that was put to sleep meanwhile may find that what it wanted is overwritten.
+            // A reader that was descheduled meanwhile may find its value overwritten.
             let calm = newest - before < 10;
             let first = newest.saturating_sub(20).max(1);
             for number in first..=newest {

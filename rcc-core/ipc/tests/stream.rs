@@ -1,4 +1,4 @@
-//! Streams between processes. Run by the test program's threads and by second processes of it.
+//! Streams between processes. Run by the test program's threads and by child processes of it.
 
 mod common;
 
@@ -25,7 +25,7 @@ fn records(from: u64, count: u64) -> Vec<Record> {
         .collect()
 }
 
-/// The second process: 20 records each millisecond, for ever; or a reader that only has the stream open.
+/// The child process: publishes 20 records per millisecond forever, or is a reader that only keeps the stream open.
 #[test]
 fn peer() {
     let Some((part, cell, label)) = part() else {
@@ -50,13 +50,13 @@ fn peer() {
 }
 
 #[test]
-fn a_reader_that_looks_every_10_ms_loses_nothing_of_20_records_a_millisecond() {
+fn a_reader_that_polls_every_10_ms_loses_nothing_of_20_records_a_millisecond() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Executor, "exec").unwrap();
     let mut publisher = session.publisher::<Record>("values").unwrap();
     let mut reader = session.subscribe::<Record>(publisher.service()).unwrap();
     let mut got = Vec::new();
-    // In cycles, not in time. Now and then the reader is held up for as long as there are places.
+    // Counted in cycles, not in time. Occasionally the reader pauses for as long as the buffer lasts.
     for cycle in 0..2000_u64 {
         publisher.publish(&records(cycle * 20, 20)).unwrap();
         if if cycle < 1000 {
@@ -71,7 +71,7 @@ fn a_reader_that_looks_every_10_ms_loses_nothing_of_20_records_a_millisecond() {
     assert_eq!(got, records(0, 2000 * 20));
 }
 
-/// What a wild write of a reader could reach: the kernel's own list.
+/// Memory that a stray write of a reader could reach, from the kernel's list of mappings.
 #[test]
 fn a_reader_has_no_board_mapped_and_the_records_only_to_read() {
     let cell = TestCell::new();
@@ -96,7 +96,7 @@ fn a_reader_has_no_board_mapped_and_the_records_only_to_read() {
     }
     writable.sort_unstable();
     writable.dedup();
-    // How iceoryx2 keeps who takes part, the queues between the two, and the counter of nodes. docs/security.md says
+    // iceoryx2's bookkeeping: participants, the queues between the two, and the counter of nodes. docs/security.md says
     // what garbage in them does.
     let known = ["connection", "dynamic", "global_mgmt"];
     assert!(
@@ -107,7 +107,7 @@ fn a_reader_has_no_board_mapped_and_the_records_only_to_read() {
 }
 
 #[test]
-fn what_another_process_sent_before_it_died_can_be_read() {
+fn records_of_a_process_that_died_can_still_be_read() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Monitor, "tail").unwrap();
     let (peer, announcement) = Peer::announced(&cell, "publish", "lwr");
@@ -120,7 +120,7 @@ fn what_another_process_sent_before_it_died_can_be_read() {
     assert!(reader.publisher_is_dead());
     run_janitor(&cell).unwrap();
     while reader.read_into(&mut all).unwrap() {}
-    // It may have been held up long enough to lose some, but what came is whole and in order.
+    // It may have been held up long enough to lose some records, but received ones are complete and in order.
     for batch in all.chunks(20) {
         assert_eq!(batch, records(batch[0].sequence, 20));
     }
@@ -146,7 +146,7 @@ fn long_lists_are_split_and_keep_their_order() {
 }
 
 #[test]
-fn a_reader_that_never_looks_keeps_the_newest_and_blocks_nobody() {
+fn a_reader_that_never_polls_keeps_the_newest_and_blocks_nobody() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Executor, "exec").unwrap();
     let mut publisher = session.publisher::<Record>("values").unwrap();
@@ -190,5 +190,5 @@ fn killed_publishers_leave_nothing() {
         run_janitor(&cell).unwrap();
     }
     run_janitor(&cell).unwrap();
-    assert_eq!(cell.files(), before, "nothing but what lives");
+    assert_eq!(cell.files(), before, "only files of live processes remain");
 }

@@ -1,5 +1,5 @@
-//! Bytes of any kind as messages: nothing panics, nothing takes more memory than the bytes that came allow, and what is
-//! accepted can be sent again. One thread, whose heap is measured.
+//! Arbitrary bytes as messages: nothing panics, memory stays proportional to the bytes received, and accepted messages
+//! can be encoded again. A single thread, whose heap is measured.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -14,12 +14,12 @@ use rcc_ipc::wire::{Message, decode, encode};
 struct Measuring;
 
 thread_local! {
-    /// Bytes in use now, and the most since the last look.
+    /// Bytes in use now, and the maximum since the last reset.
     static HEAP: Cell<(usize, usize)> = const { Cell::new((0, 0)) };
 }
 
 fn taken(size: usize) {
-    // At the end of a thread there is nothing left to measure.
+    // While the thread ends, nothing is measured.
     let _ = HEAP.try_with(|heap| {
         let (now, most) = heap.get();
         let now = now.saturating_add(size);
@@ -35,23 +35,23 @@ fn given_back(size: usize) {
 }
 
 #[allow(unsafe_code)]
-// SAFETY: everything is passed on to the system's allocator; measuring allocates nothing.
+// SAFETY: every call is passed on to the system allocator; measuring allocates nothing.
 unsafe impl GlobalAlloc for Measuring {
-    // SAFETY: the caller's promises are passed on.
+    // SAFETY: the caller's guarantees are passed on.
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         taken(layout.size());
         // SAFETY: as above.
         unsafe { System.alloc(layout) }
     }
-    // SAFETY: the caller's promises are passed on.
+    // SAFETY: the caller's guarantees are passed on.
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
         given_back(layout.size());
         // SAFETY: as above.
         unsafe { System.dealloc(memory, layout) }
     }
-    // SAFETY: the caller's promises are passed on.
+    // SAFETY: the caller's guarantees are passed on.
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Both may exist for a moment.
+        // Old and new block may both exist for a moment.
         taken(size);
         given_back(layout.size());
         // SAFETY: as above.
@@ -62,7 +62,7 @@ unsafe impl GlobalAlloc for Measuring {
 #[global_allocator]
 static ALLOCATOR: Measuring = Measuring;
 
-/// The most bytes that `work` had in use at a time.
+/// Returns the maximum number of bytes that `work` had in use at a time.
 fn most(work: impl FnOnce()) -> usize {
     let (before, _) = HEAP.with(Cell::get);
     HEAP.with(|heap| heap.set((before, before)));
@@ -70,12 +70,12 @@ fn most(work: impl FnOnce()) -> usize {
     HEAP.with(Cell::get).1 - before
 }
 
-/// serde takes room for this much of a list before its elements have come.
+/// serde reserves this much of a list before its elements arrive.
 const AHEAD: usize = 1 << 20;
-/// Lists within lists of a message.
+/// Nested lists in a message.
 const NESTED: usize = 2;
-/// Bytes of memory for each byte of a message: an empty list within a list takes one byte there and 32 here, and a list
-/// that grows exists twice, once with double the room.
+/// Bytes of memory per byte of a message: an empty list within a list takes one byte encoded and 32 decoded, and a
+/// growing list exists twice for a moment, once with double capacity.
 const GROWTH: usize = 32 * 3;
 
 fn try_it<T: Message + Debug>(bytes: &[u8]) -> bool {
@@ -180,7 +180,7 @@ fn answers() -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Numbers that begin something long: 251 to 254 announce two to sixteen bytes.
+/// Length prefixes: 251 to 254 are followed by an integer of two to sixteen bytes.
 const HUGE: [&[u8]; 5] = [
     &[251, 255, 255],
     &[252, 255, 255, 255, 15],
@@ -197,7 +197,7 @@ fn of_any_kind<T: Message + Debug>(samples: &[Vec<u8>], seed: u64) {
         for end in 0..sample.len() {
             assert!(!try_it::<T>(&sample[..end]), "cut after {end}");
             for huge in HUGE {
-                // In place of what is there, and between it.
+                // Replacing a byte, and inserted between two.
                 try_it::<T>(&[&sample[..end], huge].concat());
                 try_it::<T>(&[&sample[..end], huge, &sample[end..]].concat());
                 try_it::<T>(&[&sample[..end], huge, &sample[end + 1..]].concat());
@@ -221,7 +221,7 @@ fn of_any_kind<T: Message + Debug>(samples: &[Vec<u8>], seed: u64) {
         }
         try_it::<T>(&bytes);
     }
-    // As much as may come, all of one kind.
+    // Messages of maximum length filled with one byte.
     for byte in [0, 1, 250, 251, 252, 253, 255] {
         for first in 0..14 {
             let mut bytes = vec![byte; T::BYTES_MAX.min(1 << 18)];

@@ -1,5 +1,5 @@
-//! Reading files that may be anything: a pipe that nobody writes to, a device without end, a folder, ten gigabytes.
-//! Nothing here waits for another process, and nothing reads more than it was told to.
+//! Reads files that may be anything: a pipe without a writer, an endless device, a folder, ten gigabytes. Nothing here
+//! waits for another process, except [`read_given`] on a pipe, and nothing reads more than its limit.
 
 use std::fmt;
 use std::fs::{File, FileType, Metadata, OpenOptions};
@@ -7,17 +7,17 @@ use std::io::{self, Read};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-/// Why a file was not read although the system would let us; inside of the [`io::Error`].
+/// Reason to refuse a file that the system would let us read; wrapped in the [`io::Error`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FileRefused {
-    /// It is a folder, a pipe, a socket or a device.
+    /// The path is a folder, a pipe, a socket or a device.
     NotRegular {
-        /// What it is, with its article.
+        /// Kind of the file, with its article.
         kind: &'static str,
     },
-    /// It is longer than what is read of such a file.
+    /// The file is larger than the limit.
     TooLarge {
-        /// Most bytes.
+        /// The limit, bytes.
         max: u64,
     },
 }
@@ -26,9 +26,9 @@ impl fmt::Display for FileRefused {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             FileRefused::NotRegular { kind } => {
-                write!(formatter, "it is {kind}, only regular files are read here")
+                write!(formatter, "it is {kind}, not a regular file")
             }
-            FileRefused::TooLarge { max } => write!(formatter, "it has more than {max} bytes"),
+            FileRefused::TooLarge { max } => write!(formatter, "it is larger than {max} bytes"),
         }
     }
 }
@@ -45,11 +45,11 @@ impl From<FileRefused> for io::Error {
     }
 }
 
-/// Opens a regular file for reading. A pipe, a socket, a device or a folder is refused; none of them is waited for, and
-/// none is opened (opening a device may have an effect) unless it takes the place of a file in this very moment.
+/// Opens a regular file for reading. Refuses a pipe, a socket, a device or a folder without waiting for it and without
+/// opening it (opening a device may have side effects), unless it replaces a regular file at this very moment.
 ///
 /// # Errors
-/// What the system says, or [`FileRefused::NotRegular`].
+/// Returns [`FileRefused::NotRegular`], or the error from the system.
 pub fn open(path: &Path) -> io::Result<File> {
     regular(&std::fs::metadata(path)?)?;
     let file = OpenOptions::new()
@@ -60,13 +60,13 @@ pub fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// All bytes of a regular file, at most `max`.
+/// Reads a regular file of at most `max` bytes.
 ///
 /// # Errors
-/// As [`open`]; [`FileRefused::TooLarge`].
+/// Returns [`FileRefused::TooLarge`], or an error as [`open`].
 pub fn read(path: &Path, max: u64) -> io::Result<Vec<u8>> {
     let file = open(path)?;
-    // Its length may change while it is read: this is a hint, the limit is kept below.
+    // Only a hint, since the length may change meanwhile; `take` below enforces the limit.
     let length = file.metadata()?.len();
     if length > max {
         return Err(FileRefused::TooLarge { max }.into());
@@ -76,23 +76,24 @@ pub fn read(path: &Path, max: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// All of a regular file as text, at most `max` bytes.
+/// Reads a regular file of at most `max` bytes as text.
 ///
 /// # Errors
-/// As [`read`]; [`io::ErrorKind::InvalidData`] if it is not UTF-8.
+/// Returns [`io::ErrorKind::InvalidData`] if it is not UTF-8, or an error as [`read`].
 pub fn read_text(path: &Path, max: u64) -> io::Result<String> {
     text(read(path, max)?)
 }
 
-/// All of a text that a person names on the command line, at most `max` bytes. A pipe is waited for: `<(…)` is one.
+/// Reads a text of at most `max` bytes that a person names on the command line. Waits for a pipe, because `<(…)` is
+/// one.
 ///
 /// # Errors
-/// What the system says, [`FileRefused::TooLarge`], or [`io::ErrorKind::InvalidData`] if it is not UTF-8.
+/// Returns [`FileRefused::TooLarge`], [`io::ErrorKind::InvalidData`] if it is not UTF-8, or the error from the system.
 pub fn read_given(path: &Path, max: u64) -> io::Result<String> {
     read_stream(File::open(path)?, max)
 }
 
-/// All of a text that comes in, at most `max` bytes.
+/// Reads a text of at most `max` bytes from a stream.
 ///
 /// # Errors
 /// As [`read_given`].
@@ -115,7 +116,7 @@ fn text(bytes: Vec<u8>) -> io::Result<String> {
         let at = error.utf8_error().valid_up_to();
         io::Error::new(
             io::ErrorKind::InvalidData,
-            format!("it is not UTF-8 text from byte {at} on"),
+            format!("it is not UTF-8 text (invalid byte at offset {at})"),
         )
     })
 }
@@ -127,7 +128,7 @@ fn regular(found: &Metadata) -> io::Result<()> {
     }
 }
 
-/// What it is, unless it is a regular file.
+/// Returns the kind of the file, or `None` for a regular file.
 fn kind(found: FileType) -> Option<&'static str> {
     if found.is_file() {
         None
@@ -169,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_regular_file_is_refused_without_waiting() -> io::Result<()> {
+    fn special_files_are_refused_without_waiting() -> io::Result<()> {
         let folder = Folder::new("kinds")?;
         let pipe = folder.0.join("pipe");
         nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_to_a_file_is_a_file_and_a_link_to_a_pipe_is_none() -> io::Result<()> {
+    fn a_link_to_a_file_is_read_and_a_link_to_a_pipe_is_refused() -> io::Result<()> {
         let folder = Folder::new("links")?;
         let (file, pipe) = (folder.0.join("file"), folder.0.join("pipe"));
         std::fs::write(&file, "text")?;
@@ -207,24 +208,24 @@ mod tests {
     fn a_file_beyond_its_limit_is_refused_and_not_read() -> io::Result<()> {
         let folder = Folder::new("large")?;
         let path = folder.0.join("large");
-        // Ten gigabytes without a block on the disk.
+        // Ten gigabytes, sparse.
         File::create(&path)?.set_len(10 << 30)?;
-        assert_eq!(said(read(&path, 4)), "it has more than 4 bytes");
+        assert_eq!(said(read(&path, 4)), "it is larger than 4 bytes");
         std::fs::write(&path, "12345")?;
-        assert_eq!(said(read(&path, 4)), "it has more than 4 bytes");
+        assert_eq!(said(read(&path, 4)), "it is larger than 4 bytes");
         assert_eq!(read(&path, 5)?, b"12345");
         Ok(())
     }
 
     #[test]
-    fn a_file_that_lies_about_its_length_is_read_to_its_limit() {
-        // Its length is 0, as that of all files there.
+    fn a_file_that_misreports_its_length_is_read_to_its_limit() {
+        // All files in /proc report a length of 0.
         let said = said(read(Path::new("/proc/self/status"), 4));
-        assert_eq!(said, "it has more than 4 bytes");
+        assert_eq!(said, "it is larger than 4 bytes");
     }
 
     #[test]
-    fn a_pipe_that_a_person_names_is_read_and_a_device_without_end_is_not() -> io::Result<()> {
+    fn a_pipe_given_on_the_command_line_is_read_and_an_endless_device_is_not() -> io::Result<()> {
         let folder = Folder::new("given")?;
         let pipe = folder.0.join("pipe");
         nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
@@ -233,19 +234,19 @@ mod tests {
         assert_eq!(read_given(&pipe, 100)?, "net: x");
         assert!(thread.join().is_ok_and(|written| written.is_ok()));
         let endless = said(read_given(Path::new("/dev/zero"), 100));
-        assert_eq!(endless, "it has more than 100 bytes");
+        assert_eq!(endless, "it is larger than 100 bytes");
         assert!(said(read_given(&folder.0, 100)).contains("directory"));
         Ok(())
     }
 
     #[test]
-    fn bytes_that_are_no_text_are_told_with_their_place() -> io::Result<()> {
+    fn bytes_that_are_not_utf_8_are_reported_with_their_offset() -> io::Result<()> {
         let folder = Folder::new("text")?;
         let path = folder.0.join("file");
         std::fs::write(&path, b"ab\xff")?;
         assert_eq!(
             said(read_text(&path, 10)),
-            "it is not UTF-8 text from byte 2 on"
+            "it is not UTF-8 text (invalid byte at offset 2)"
         );
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! What programs ask of the operating system with care: files whose path or content comes from somebody else, the
-//! wall clock, which may show anything, and memory that is given back. Run by threads that are not real-time.
+//! Safe access to the operating system: files whose path or content comes from others, the wall clock, which may show
+//! any time, and memory that is returned to the system. Runs on threads that are not real-time.
 
 pub mod file;
 pub mod memory;

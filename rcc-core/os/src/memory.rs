@@ -1,29 +1,29 @@
-//! Memory that is free but still held, given back to the system. Called by threads that are not real-time: it locks the
+//! Returns freed memory that the allocator keeps to the system. Called by threads that are not real-time: it locks the
 //! allocator for some milliseconds.
-// One call of the C library, in this file alone.
+// One call of the C library, only in this file.
 #![allow(unsafe_code)]
 
 use std::fs;
 
-/// Resident memory may grow by this much before free memory is looked for, bytes.
+/// Growth of resident memory that triggers a trim, bytes.
 const STEP: usize = 8 << 20;
-/// Most looks that are left out while the memory is in use.
+/// Maximum number of calls that are skipped while the memory is in use.
 const PAUSE_MAX: u32 = 64;
 
-/// Gives memory back when this process has grown. An allocator keeps what was freed for the next allocation; after work
-/// that took very much memory for a short time that is more than the process will need again.
+/// Returns memory to the system when this process has grown. The allocator keeps freed memory for later allocations;
+/// after work that briefly needed very much memory, that is more than the process will need again.
 #[derive(Debug)]
 pub struct MemoryTrimmer {
-    /// What was resident at the beginning, bytes.
+    /// Resident memory at the start, bytes.
     rest: usize,
-    /// Looks that are left out, because memory that is in use cannot be given back.
+    /// Number of calls to skip after a trim, because memory in use cannot be returned.
     pause: u32,
-    /// How many of them are still to come.
+    /// Number of calls still to be skipped.
     left: u32,
 }
 
 impl Default for MemoryTrimmer {
-    /// From what the process has now.
+    /// Takes the current memory of the process as the baseline.
     fn default() -> Self {
         Self {
             rest: resident(),
@@ -34,7 +34,8 @@ impl Default for MemoryTrimmer {
 }
 
 impl MemoryTrimmer {
-    /// Gives back what is free if the process has grown by some megabytes. Called from time to time; costs the reading of
+    /// Returns free memory to the system if the process has grown by some megabytes. Called periodically; otherwise it
+    /// costs reading one small file.
     /// one small file otherwise.
     pub fn trim_if_grown(&mut self) {
         if self.left > 0 {
@@ -54,7 +55,7 @@ impl MemoryTrimmer {
     }
 }
 
-/// Resident memory of this process, bytes; 0 where the system does not tell.
+/// Returns the resident memory of this process, bytes; 0 if the system does not report it.
 fn resident() -> usize {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
@@ -65,11 +66,11 @@ fn resident() -> usize {
         << 10
 }
 
-/// Gives all whole pages that no allocation uses back to the system. Does nothing where the allocator is not glibc's.
+/// Returns all whole free pages of the allocator to the system. Does nothing unless the allocator is glibc's.
 fn give_back() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    // SAFETY: it takes a number and no pointer, may be called by several threads at once (MT-Safe by its manual page),
-    // and gives back only pages within chunks that are free: nothing that was allocated moves or changes.
+    // SAFETY: it takes a number and no pointer, may be called by several threads at once (MT-Safe according to its
+    // manual page), and releases only pages within free chunks: nothing that is allocated moves or changes.
     unsafe {
         libc::malloc_trim(0);
     }
@@ -80,14 +81,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_freed_below_a_piece_that_lives_on_is_given_back() {
+    fn memory_freed_below_a_live_allocation_is_returned() {
         const PIECE: usize = 1 << 10;
         const ALL: usize = 48 << 20;
         let mut returned = MemoryTrimmer::default();
         let mut pieces: Vec<Vec<u8>> = (0..ALL / PIECE).map(|_| vec![1; PIECE]).collect();
         let full = resident();
         assert!(full > ALL);
-        // The heap does not shrink by itself below this one.
+        // The heap cannot shrink below this live allocation.
         let last = pieces.pop();
         drop(pieces);
         returned.trim_if_grown();

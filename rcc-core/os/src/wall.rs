@@ -1,27 +1,27 @@
-//! The wall clock as numbers. It may jump, and may show a time before 1970: no number here is negative and nothing panics.
-//! Ages that decide something are measured with the monotonic clock, not with this one.
+//! The wall clock as numbers. It may jump and may show a time before 1970: no number here is negative and nothing
+//! panics. Ages that matter are measured with the monotonic clock, not with this one.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// Time since the epoch (1970-01-01 UTC) by the wall clock; 0 while the clock shows an earlier time.
+/// Returns the wall-clock time since the epoch (1970-01-01 UTC); 0 while the clock shows an earlier time.
 #[must_use]
 pub fn since_epoch() -> Duration {
     time_of(SystemTime::now())
 }
 
-/// Whole seconds since the epoch by the wall clock; 0 while the clock shows an earlier time.
+/// Returns the wall-clock time since the epoch in whole seconds; 0 while the clock shows an earlier time.
 #[must_use]
 pub fn seconds() -> u64 {
     since_epoch().as_secs()
 }
 
-/// True while the wall clock shows a time before the epoch: some libraries panic then.
+/// Returns true while the wall clock shows a time before the epoch, which makes some libraries panic.
 #[must_use]
 pub fn is_before_epoch() -> bool {
     SystemTime::now() < UNIX_EPOCH
 }
 
-/// How long ago the wall clock showed `time`; nothing if `time` is in its future, so that the clock was set meanwhile.
+/// Returns the wall-clock time since `time`; `None` if `time` is in the future, so that the clock was set meanwhile.
 #[must_use]
 pub fn age(time: SystemTime) -> Option<Duration> {
     SystemTime::now().duration_since(time).ok()

@@ -1,5 +1,4 @@
-//! The arguments that all programs of a cell take, by option or by environment.
-//! Read once, by the main thread.
+//! Arguments that all programs of a cell take, as options or environment variables. Read once, by the main thread.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,7 +8,7 @@ use rcc_config::ports::PortArgument;
 
 use crate::exit::ExitError;
 
-/// Which cell, which configuration. To be flattened into a program's own arguments.
+/// Cell and configuration, to be flattened into a program's own arguments.
 #[derive(Clone, Debug, clap::Args)]
 pub struct CellArguments {
     /// Name of the cell
@@ -32,16 +31,16 @@ pub struct CellArguments {
 }
 
 impl CellArguments {
-    /// Reads the configuration with the ports that were given.
+    /// Reads the configuration with the given ports.
     ///
     /// # Errors
-    /// Every fault of the configuration; the exit code is that of a configuration error.
+    /// Returns every fault of the configuration; the exit code is that of a configuration error.
     pub fn load(&self) -> Result<CellConfig, ExitError> {
         CellConfig::load(&self.config, &self.chosen_ports())
             .map_err(|faults| ExitError::configuration(&faults))
     }
 
-    /// The ports that were given.
+    /// Returns the ports given on the command line, by name.
     #[must_use]
     pub fn chosen_ports(&self) -> BTreeMap<String, u16> {
         let ports = self.ports.iter();
@@ -61,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn several_ports_are_given_one_by_one_or_with_commas() {
+    fn ports_are_given_one_by_one_or_separated_by_commas() {
         let given = [
             "program",
             "--cell=a",
@@ -79,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn a_configuration_that_is_not_there_ends_with_78() {
+    fn a_missing_configuration_exits_with_78() {
         let given = ["program", "--cell=a", "--config=/nowhere/cell.yaml"];
         let ending = Program::parse_from(given).cell.load().unwrap_err();
         assert_eq!(ending.code, crate::exit::CONFIGURATION);

@@ -1,24 +1,24 @@
-//! How a program of a cell ends: its last message and an exit code that tells a supervisor whether to start it again.
-//! Made and told by the main thread.
+//! How a program of a cell ends: its last message, and an exit code that tells a supervisor whether to restart it.
+//! Created and reported by the main thread.
 
 use std::fmt::Display;
 use std::process::ExitCode;
 
-/// Something went wrong; starting again may help.
+/// A failure; restarting may help.
 pub const FAILED: u8 = 1;
-/// Wrong arguments.
+/// Invalid arguments.
 pub const USAGE: u8 = 2;
 /// The system does not grant what the configuration requires (sysexits.h EX_NOPERM).
 pub const NOT_PERMITTED: u8 = 77;
 /// The configuration is not valid (sysexits.h EX_CONFIG).
 pub const CONFIGURATION: u8 = 78;
 
-/// Exit codes after which starting again cannot help, with what they mean and what to do.
+/// Exit codes for which a restart cannot help, with their meaning and remedy.
 pub const FINAL: [(u8, &str, &str); 3] = [
     (
         USAGE,
         "wrong arguments",
-        "all programs must be of one version: build or install them again",
+        "all programs must be of the same version: build or install them again",
     ),
     (
         NOT_PERMITTED,
@@ -32,17 +32,17 @@ pub const FINAL: [(u8, &str, &str); 3] = [
     ),
 ];
 
-/// The end of a program that did not succeed.
+/// An error that ends a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExitError {
     /// Exit code.
     pub code: u8,
-    /// For people: what, where, what to do.
+    /// Message for people: what, where, remedy.
     pub message: String,
 }
 
 impl ExitError {
-    /// The configuration cannot be used.
+    /// Error for a configuration that cannot be used.
     pub fn configuration(message: &impl Display) -> ExitError {
         ExitError {
             code: CONFIGURATION,
@@ -50,7 +50,7 @@ impl ExitError {
         }
     }
 
-    /// The system does not grant what is required.
+    /// Error for permissions that the system does not grant.
     pub fn not_permitted(message: &impl Display) -> ExitError {
         ExitError {
             code: NOT_PERMITTED,
@@ -59,7 +59,7 @@ impl ExitError {
     }
 }
 
-/// Everything else is a failure after which starting again may help.
+/// All other errors are failures after which a restart may help.
 impl<E: std::error::Error> From<E> for ExitError {
     fn from(error: E) -> ExitError {
         ExitError {
@@ -69,13 +69,13 @@ impl<E: std::error::Error> From<E> for ExitError {
     }
 }
 
-/// Tells the last message on stderr, where the log goes as well.
+/// Reports the error on stderr, like the log, and returns the exit code.
 pub fn conclude(result: Result<(), ExitError>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(ExitError { code, message }) => {
             if code == CONFIGURATION {
-                // Several lines with drawings: they speak for themselves.
+                // Diagnostics with excerpts on several lines need no log prefix.
                 crate::remark(&message);
             } else {
                 tracing::error!("{message}");

@@ -1,5 +1,6 @@
-//! The helper threads of a program: all of them are made before it says that it is ready, one that ends by itself ends the
-//! program, and one that hangs is noticed. Used by main threads; each helper counts its turns through [`Helper`].
+//! The helper threads of a program. All are created before the program reports that it is ready; a helper that ends by
+//! itself ends the program, and one that hangs is detected. Used by main threads; each helper reports its progress
+//! through [`Helper::turn`].
 
 use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -13,10 +14,10 @@ use crate::exit::{ExitError, FAILED};
 use crate::notify::HealthReport;
 use crate::signals::request_stop;
 
-/// What all helpers are to do.
+/// What the helpers are to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Wait until all are made.
+    /// Wait until all helpers are created.
     Preparing,
     /// Work.
     Working,
@@ -29,7 +30,7 @@ struct HelpersShared {
     /// Asks this program to stop.
     stop: fn(),
     state: Mutex<HelpersState>,
-    /// Somebody changed the state.
+    /// Signalled when the state changes.
     changed: Condvar,
 }
 
@@ -37,29 +38,29 @@ struct HelpersShared {
 struct HelpersState {
     phase: Phase,
     beats: Vec<Arc<HelperHeartbeat>>,
-    /// The first helper that ended by itself, and how.
+    /// Message about the first helper that ended by itself.
     failure: Option<String>,
 }
 
 impl HelpersState {
-    /// The first failure counts: the others follow from it.
+    /// Records a failure. Only the first one counts: others follow from it.
     fn fail(&mut self, name: &str, how: &str) {
         self.failure.get_or_insert_with(|| {
             format!(
-                "the helper thread `{name}` {how}: everything is brought to rest, and this process ends to be started again"
+                "the helper thread `{name}` {how}: the process brings everything to rest and exits, to be restarted"
             )
         });
     }
 }
 
 impl HelpersShared {
-    /// A panic leaves the state whole: each change is one assignment.
+    /// Locks the state. It stays valid after a panic, because each change is a single assignment.
     fn state(&self) -> MutexGuard<'_, HelpersState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The helper threads of this program; clones are the same ones.
+/// The helper threads of this program; clones refer to the same threads.
 #[derive(Clone, Debug)]
 pub struct Helpers {
     shared: Arc<HelpersShared>,
@@ -88,11 +89,11 @@ impl Helpers {
 }
 
 impl Helpers {
-    /// Makes a thread, which does `work` once [`Helpers::start`] is called. `limit` is the longest time that it may go without
-    /// [`Helper::turn`].
+    /// Creates a thread that runs `work` once [`Helpers::start`] is called. `limit` is the maximum time between two
+    /// calls of [`Helper::turn`].
     ///
     /// # Errors
-    /// The system gives no thread; which one, and what to do.
+    /// Returns an error with the name of the thread and a remedy if the system refuses a thread.
     pub fn spawn(
         &self,
         name: &'static str,
@@ -108,8 +109,8 @@ impl Helpers {
         self::thread(name, thread)
     }
 
-    /// A thread that somebody else makes: it gets the helper, keeps it as long as it works, and calls
-    /// [`Helper::turn`]. It need not wait for [`Helpers::start`].
+    /// Registers a thread that the caller creates. The thread keeps the returned helper as long as it works, calls
+    /// [`Helper::turn`] on it, and need not wait for [`Helpers::start`].
     #[must_use]
     pub fn helper(&self, name: &'static str, limit: Duration) -> Helper {
         let limit_ns = limit.as_nanos().try_into().unwrap_or(u64::MAX);
@@ -121,17 +122,17 @@ impl Helpers {
         }
     }
 
-    /// The signs of life of all helpers that were made so far.
+    /// Returns the heartbeats of all helpers registered so far.
     #[must_use]
     pub fn beats(&self) -> Box<[Arc<HelperHeartbeat>]> {
         self.shared.state().beats.clone().into()
     }
 
-    /// All are made: they begin to work.
+    /// Starts the work of all helpers, once all are created.
     pub fn start(&self) {
         self.enter(Phase::Working);
         let mut state = self.shared.state();
-        // Who need not wait may have ended already.
+        // A helper that does not wait may have ended already.
         let over = |beat: &&Arc<HelperHeartbeat>| {
             matches!(beat.state(), HelperState::Ended | HelperState::Panicked)
         };
@@ -143,7 +144,7 @@ impl Helpers {
         }
     }
 
-    /// They are asked to end: [`Helper::is_over`].
+    /// Asks all helpers to end; see [`Helper::is_over`].
     pub fn end(&self) {
         self.enter(Phase::Stopping);
     }
@@ -153,7 +154,8 @@ impl Helpers {
         self.shared.changed.notify_all();
     }
 
-    /// Waits, at most this long, until all have ended except those of these names; the names of those that have not.
+    /// Waits at most `patience` until all helpers except the named ones have ended; returns the names of those that
+    /// have not.
     #[must_use]
     pub fn join(&self, patience: Duration, except: &[&str]) -> Vec<&'static str> {
         let limit = Instant::now() + patience;
@@ -178,16 +180,16 @@ impl Helpers {
         }
     }
 
-    /// Which helper ended by itself, and how; the program was asked to stop then, as by SIGTERM.
+    /// Returns which helper ended by itself, and how; the program was then asked to stop, as by SIGTERM.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         self.shared.state().failure.clone()
     }
 
-    /// How a program ends whose helper ended by itself: so that its supervisor starts it again.
+    /// Ends the program with an error if a helper ended by itself, so that its supervisor restarts it.
     ///
     /// # Errors
-    /// A helper ended by itself.
+    /// Returns an error if a helper ended by itself.
     pub fn conclude(&self) -> Result<(), ExitError> {
         match self.failure() {
             None => Ok(()),
@@ -198,7 +200,7 @@ impl Helpers {
         }
     }
 
-    /// Looks for helpers that hang. `tell` hears of each once, until it goes on.
+    /// Creates a watch for helpers that hang. It calls `tell` once per hang.
     pub fn watch(&self, tell: impl FnMut(&Hang) + Send + 'static) -> HangWatch {
         HangWatch {
             helpers: self.clone(),
@@ -210,10 +212,10 @@ impl Helpers {
     }
 }
 
-/// Makes a thread that is no helper: nobody looks whether it lives.
+/// Creates a thread that is not a helper, so its liveness is not checked.
 ///
 /// # Errors
-/// The system gives no thread; which one, and what to do.
+/// Returns an error with the name of the thread and a remedy if the system refuses a thread.
 pub fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
     let made = thread::Builder::new().name(name.to_owned()).spawn(work);
     made.map(drop).map_err(|error| no_thread(name, &error))
@@ -221,12 +223,12 @@ pub fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()
 
 fn no_thread(name: &str, error: &io::Error) -> io::Error {
     let words = format!(
-        "the system gives no thread `{name}` ({error}): raise TasksMax= or pids.max of its group, or the limit nproc of its user"
+        "cannot create the thread `{name}` ({error}): raise TasksMax= or pids.max of its group, or the limit nproc of its user"
     );
     io::Error::new(error.kind(), words)
 }
 
-/// One helper, in its own thread. When it goes and nobody asked it to, the whole program is asked to stop.
+/// One helper, owned by its thread. If it is dropped without a request to end, the whole program is asked to stop.
 #[derive(Debug)]
 pub struct Helper {
     shared: Arc<HelpersShared>,
@@ -234,7 +236,7 @@ pub struct Helper {
 }
 
 impl Helper {
-    /// One turn is done: it lives.
+    /// Reports progress: one iteration is done.
     pub fn turn(&self) {
         #[cfg(debug_assertions)]
         self.panic_if_a_test_wants_it();
@@ -242,7 +244,7 @@ impl Helper {
         self.beat.turn(monotonic_ns());
     }
 
-    /// Sleeps at most this long, less if it is asked to end meanwhile; true if it is.
+    /// Sleeps at most `time`, less if the helper is asked to end meanwhile; returns true if it is.
     pub fn rest(&self, time: Duration) -> bool {
         self.turn();
         let state = self.shared.state();
@@ -252,13 +254,13 @@ impl Helper {
         state.phase == Phase::Stopping
     }
 
-    /// It is asked to end.
+    /// Returns true if the helper is asked to end.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.shared.state().phase == Phase::Stopping
     }
 
-    /// Waits until all helpers are made; false: there is nothing to do.
+    /// Waits until all helpers are created; returns false if the helper must end without work.
     fn wait_for_start(&self) -> bool {
         let state = self.shared.state();
         let waited = self
@@ -272,7 +274,7 @@ impl Helper {
         go
     }
 
-    /// `RCC_TEST_PANIC=NAME@FILE`: the helper of that name panics once the file exists. Not in optimised builds.
+    /// `RCC_TEST_PANIC=NAME@FILE`: the helper with that name panics once the file exists. Debug builds only.
     #[cfg(debug_assertions)]
     fn panic_if_a_test_wants_it(&self) {
         static WANTED: std::sync::OnceLock<Option<(String, std::path::PathBuf)>> =
@@ -316,14 +318,14 @@ impl Drop for Helper {
     }
 }
 
-/// A helper that makes no turn any more.
+/// A helper that makes no progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hang {
-    /// Which one.
+    /// Name of the helper.
     pub helper: &'static str,
-    /// For how long it has made no turn.
+    /// Time without progress.
     pub silent: Duration,
-    /// For how long it may make none.
+    /// Allowed time without progress.
     pub limit: Duration,
 }
 
@@ -337,12 +339,12 @@ impl std::fmt::Display for Hang {
         let (silent, limit) = (silent.as_secs_f64(), limit.as_secs_f64());
         write!(
             formatter,
-            "the helper thread `{helper}` hangs: no turn for {silent:.1} s, {limit:.1} s are the most"
+            "the helper thread `{helper}` hangs: no progress for {silent:.1} s, the limit is {limit:.1} s"
         )
     }
 }
 
-/// What was seen of one helper.
+/// Progress of one helper as seen by the watch.
 #[derive(Clone, Copy, Debug, Default)]
 struct HelperProgress {
     turns: u64,
@@ -350,7 +352,7 @@ struct HelperProgress {
     told: bool,
 }
 
-/// Looks for helpers that hang; see [`Helpers::watch`].
+/// Detects helpers that hang; see [`Helpers::watch`].
 pub struct HangWatch {
     helpers: Helpers,
     seen: Vec<HelperProgress>,
@@ -359,12 +361,13 @@ pub struct HangWatch {
     tell: Box<dyn FnMut(&Hang) + Send>,
 }
 
-/// The longest time between two looks that counts as a helper's silence: whoever did not look for longer (a process that
-/// was stopped, a machine that is starved) has not seen whether it made turns.
+/// Maximum time between two checks that counts as silence of a helper: if the watch itself did not run for longer (a
+/// stopped process, a starved machine), it cannot know whether the helper made progress.
 const LOOK_MAX: Duration = Duration::from_secs(1);
 
 impl HangWatch {
-    /// The report as it is to be told: one that makes no progress while a helper hangs, and says which.
+    /// Returns the report to send: while a helper hangs, without progress and with the name of the helper in its
+    /// status.
     pub fn check(&mut self, report: HealthReport) -> HealthReport {
         let since = self.looked.elapsed().min(LOOK_MAX);
         self.looked = Instant::now();
@@ -380,14 +383,14 @@ impl HangWatch {
         }
     }
 
-    /// The helper that hangs longest, after another look that came so long after the one before.
+    /// Returns the helper that has hung longest. `since` is the time since the previous check.
     fn hang(&mut self, since: Duration) -> Option<Hang> {
         let beats = self.helpers.beats();
         self.seen.resize(beats.len(), HelperProgress::default());
         let mut worst: Option<Hang> = None;
         for (beat, seen) in beats.iter().zip(&mut self.seen) {
             let turns = beat.turns();
-            // One that waits although all were told to begin hangs as well.
+            // A helper that still waits although all were started hangs as well.
             let over = matches!(beat.state(), HelperState::Ended | HelperState::Panicked);
             if turns != seen.turns || over {
                 *seen = HelperProgress {
@@ -417,7 +420,7 @@ impl HangWatch {
     }
 }
 
-/// CLOCK_MONOTONIC, ns; 0 where the system has none.
+/// CLOCK_MONOTONIC, ns; 0 if the system has none.
 fn monotonic_ns() -> u64 {
     clock_gettime(ClockId::CLOCK_MONOTONIC).map_or(0, |now| {
         (now.tv_sec() as u64).wrapping_mul(1_000_000_000) + now.tv_nsec() as u64
@@ -432,7 +435,7 @@ mod tests {
     const LIMIT: Duration = Duration::from_secs(60);
 
     #[test]
-    fn helpers_begin_when_all_are_made_and_end_when_they_are_asked() {
+    fn helpers_begin_when_all_are_created_and_end_on_request() {
         let helpers = Helpers::default();
         let (tell, told) = channel();
         let work = move |helper: &Helper| {
@@ -480,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn helpers_that_were_never_let_go_end_without_work() {
+    fn helpers_that_were_never_started_end_without_work() {
         let helpers = Helpers::default();
         helpers.spawn("one", LIMIT, |_| panic!("no work")).unwrap();
         helpers.end();
@@ -489,7 +492,7 @@ mod tests {
     }
 
     #[test]
-    fn who_does_not_end_is_named_and_not_waited_for() {
+    fn a_helper_that_does_not_end_is_named_and_not_waited_for() {
         let helpers = Helpers::default();
         let (_keep, never) = channel::<()>();
         let work = move |_: &Helper| {
@@ -506,7 +509,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_never_begins_hangs_as_well() {
+    fn a_helper_that_never_begins_counts_as_hung() {
         let helpers = Helpers::default();
         let _helper = helpers.helper("maker", Duration::from_secs(2));
         let mut watch = helpers.watch(|_| {});
@@ -515,7 +518,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hang_stops_the_pulse_and_says_who_and_goes_away_with_the_next_turn() {
+    fn a_hang_stops_the_heartbeat_names_the_helper_and_ends_with_its_next_turn() {
         let helpers = Helpers::default();
         let helper = helpers.helper("pump", Duration::from_secs(2));
         let (tell, told) = channel();
@@ -526,7 +529,7 @@ mod tests {
         let second = Duration::from_secs(1);
         assert_eq!(watch.hang(second), None);
         assert_eq!(watch.hang(second), None);
-        assert_eq!(watch.hang(second), None, "two seconds are the most");
+        assert_eq!(watch.hang(second), None, "the limit is two seconds");
         let hang = watch.hang(second).unwrap();
         assert_eq!((hang.helper, hang.silent), ("pump", 3 * second));
         let report = watch.check(HealthReport {
@@ -535,7 +538,7 @@ mod tests {
         });
         assert_eq!(report.progress, 0);
         assert!(report.status.contains("`pump` hangs"), "{}", report.status);
-        assert_eq!(told.try_iter().count(), 1, "told once");
+        assert_eq!(told.try_iter().count(), 1, "reported once");
         helper.turn();
         assert_eq!(watch.hang(second), None);
         helpers.end();

@@ -1,5 +1,5 @@
-//! What every program of a cell has in common: arguments, log, signals, exit codes, helper threads, and words to its supervisor.
-//! Used by main threads at start and end; [`notify`] has a thread of its own.
+//! Common parts of all programs of a cell: arguments, log, signals, exit codes, helper threads, and notifications to
+//! the supervisor. Used by main threads at start and end; [`notify`] has a thread of its own.
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
@@ -20,22 +20,22 @@ pub use helpers::{Helper, Helpers};
 pub use notify::{HealthReport, Notifier};
 pub use signals::Stop;
 
-/// Sends the log to stderr, at level info (`RUST_LOG` is not read); colours only where a person reads. A line that cannot
-/// be written (full disk, no reader) is lost, and nothing else. Call it once, first.
+/// Sends the log to stderr at level info (`RUST_LOG` is not read), coloured only on a terminal. A line that cannot be
+/// written (full disk, no reader) is lost, without further effect. Call it once, before anything else.
 pub fn log() {
     let colours = io::IsTerminal::is_terminal(&io::stderr());
     tracing_subscriber::fmt()
         .with_writer(move || LogWriter { colours })
         .with_ansi(colours)
         .with_target(false)
-        // It would tell so with `eprintln`, which panics when stderr fails.
+        // It would report errors with `eprintln`, which panics if stderr fails.
         .log_internal_errors(false)
         .init();
 }
 
-/// Where the log goes: to stderr, and nothing in it commands the terminal of whoever reads it. It is given whole events.
+/// Writer of the log to stderr that escapes terminal control sequences. It is given whole events.
 struct LogWriter {
-    /// Lets the log's own colours pass; what it is told has none, as it escapes them itself.
+    /// Keeps the colours of the log itself; messages contain none, because the log escapes them.
     colours: bool,
 }
 
@@ -56,7 +56,7 @@ impl Write for LogWriter {
     }
 }
 
-/// Prints a line on stdout, for whoever started this program. That nobody reads it is no reason to end.
+/// Prints a line on stdout for the program that started this one. A failed write is ignored.
 pub fn say(text: &str) {
     let mut out = io::stdout().lock();
     let _ = out
@@ -64,7 +64,7 @@ pub fn say(text: &str) {
         .and_then(|()| out.flush());
 }
 
-/// Prints a line on stderr that is no part of the log; as with the log, one that cannot be written is lost.
+/// Prints a line on stderr that is not part of the log; a line that cannot be written is lost.
 pub fn remark(text: &str) {
     let _ = io::stderr().write_all(format!("{}\n", Printable(text)).as_bytes());
 }
@@ -73,7 +73,7 @@ pub fn remark(text: &str) {
 mod tests {
     use rcc_core::printable::first_unprintable;
 
-    /// What the log of a program prints that is told hostile words, here in a process of its own.
+    /// Logs hostile text in a child process and checks what it prints.
     #[test]
     fn nothing_that_is_logged_commands_a_terminal() {
         const CHILD: &str = "RCC_TEST_LOGS";
@@ -91,7 +91,7 @@ mod tests {
             ])
             .env(CHILD, "1")
             .output()
-            .expect("it runs again");
+            .expect("the child runs");
         let text = String::from_utf8(output.stderr).expect("UTF-8");
         assert!(text.contains("WARN") && text.contains("[2J"), "{text:?}");
         assert_eq!(first_unprintable(&text), None, "{text:?}");

@@ -1,7 +1,8 @@
-//! What a program tells its supervisor, systemd or `rcc-cli up`: that it is ready, how it does, that it makes progress,
-//! that it stops. A thread of its own does it, because a supervisor that does not listen may make it wait.
+//! Notifications to the supervisor, systemd or `rcc-cli up`: ready, status, progress, stopping (sd_notify(3)). Sent by
+//! a thread of its own, because a supervisor that does not read may block it.
 //!
-//! The socket is connected once and kept: a program that has no free file descriptor any more still tells that it lives.
+//! The socket is connected once and kept, so that a program without a free file descriptor can still send its
+//! heartbeat.
 
 use std::io;
 use std::os::linux::net::SocketAddrExt;
@@ -13,42 +14,43 @@ use crate::helpers::{Helper, Helpers};
 
 /// Name of the thread.
 pub const HELPER: &str = "notify";
-/// How long it may take for a turn: it waits for a supervisor that does not read.
+/// Maximum time of one iteration, which may wait for a supervisor that does not read.
 const TURN_MAX: Duration = Duration::from_secs(10);
-/// How often it is looked, without a watchdog.
+/// Interval between reports without a watchdog.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// Within the time of the watchdog it is looked so often: two looks may be late, or may find nothing new.
+/// Number of reports within the time of the watchdog: two may be late or find no progress.
 const LOOKS: u32 = 4;
-/// At most one change of status in this time.
+/// Minimum time between two changes of the status.
 const STATUS_EVERY: Duration = Duration::from_secs(1);
-/// How long a supervisor may take to be told that we stop.
+/// Maximum time to tell the supervisor that the program stops.
 const FAREWELL: Duration = Duration::from_millis(100);
-/// How long a message may wait for a supervisor that does not read.
+/// Maximum time that a message waits for a supervisor that does not read.
 const SEND_WAIT: Duration = Duration::from_secs(1);
-/// At most one line about messages that were not delivered in this time.
+/// Minimum time between two log lines about undelivered messages.
 const COMPLAIN_EVERY: Duration = Duration::from_secs(10);
 
-/// How a program does, in one look.
+/// State of a program at one moment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HealthReport {
-    /// Changes while the program does its work: cycles, exchanges, turns of a loop. No change, no heartbeat.
+    /// Changes while the program does its work: cycles, exchanges, iterations of a loop. Without a change no heartbeat
+    /// is sent.
     pub progress: u64,
     /// One line for people.
     pub status: String,
 }
 
-/// The connection to the supervisor; without one (no `NOTIFY_SOCKET`) it looks and tells nobody.
+/// The connection to the supervisor; without one (no `NOTIFY_SOCKET`) it sends nothing.
 #[derive(Debug)]
 pub struct Notifier {
     farewell: SyncSender<SyncSender<()>>,
 }
 
 impl Notifier {
-    /// Makes socket and thread. When `helpers` begin to work it tells that the program is ready, and from then on what
-    /// `look` finds.
+    /// Creates socket and thread. When the `helpers` start, the thread reports that the program is ready, and then
+    /// sends what `look` returns.
     ///
     /// # Errors
-    /// The system refuses a socket or a thread.
+    /// Returns an error if the system refuses a socket or a thread.
     pub fn start(
         helpers: &Helpers,
         look: impl FnMut() -> HealthReport + Send + 'static,
@@ -68,24 +70,24 @@ impl Notifier {
         Ok(Notifier { farewell })
     }
 
-    /// Tells that the program stops: no more heartbeats are sent.
+    /// Reports that the program stops and sends no further heartbeats.
     pub fn stopping(&self) {
         let (done, told) = sync_channel(1);
-        // A supervisor that does not listen will find out.
+        // A supervisor that does not read will notice by itself.
         if self.farewell.try_send(done).is_ok() {
             let _ = told.recv_timeout(FAREWELL);
         }
     }
 }
 
-/// A heartbeat is owed to whoever made progress since the last one.
+/// Decides when a heartbeat is due: after progress since the last one.
 #[derive(Debug, Default)]
 pub struct HeartbeatGate {
     last: Option<u64>,
 }
 
 impl HeartbeatGate {
-    /// True if there is progress, which is always true for the first time.
+    /// Returns true if there is progress; always true on the first call.
     pub fn is_due(&mut self, progress: u64) -> bool {
         self.last.replace(progress) != Some(progress)
     }
@@ -97,13 +99,13 @@ struct SupervisorSocket {
     address: SocketAddr,
     socket: UnixDatagram,
     connected: bool,
-    /// Messages that were not delivered since the last line about it.
+    /// Messages not delivered since the last log line about it.
     lost: u64,
     complained_at: Option<Instant>,
 }
 
 impl SupervisorSocket {
-    /// The one that `NOTIFY_SOCKET` names: a path, or `@name` for a name outside of the file system.
+    /// Opens the socket of `NOTIFY_SOCKET`: a path, or `@name` for an abstract name.
     fn from_environment() -> io::Result<Option<SupervisorSocket>> {
         let Some(name) = std::env::var_os("NOTIFY_SOCKET").filter(|name| !name.is_empty()) else {
             return Ok(None);
@@ -130,7 +132,7 @@ impl SupervisorSocket {
         }))
     }
 
-    /// Sends a message. The same socket is connected anew where the supervisor has made its own anew.
+    /// Sends a message. Reconnects the same socket if the supervisor has recreated its own.
     fn send(&mut self, words: &str) {
         let sent = match self.connected {
             true => self.socket.send(words.as_bytes()),
@@ -156,7 +158,7 @@ impl SupervisorSocket {
         self.complained_at = Some(Instant::now());
         let lost = std::mem::take(&mut self.lost);
         tracing::warn!(
-            "{lost} messages to the supervisor were not delivered ({error}): it may take this process for hung"
+            "{lost} messages to the supervisor were not delivered ({error}): it may consider this process hung"
         );
     }
 }
@@ -184,17 +186,17 @@ impl NotifyThread {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        // Asked to end before it came to it, on a busy machine.
+        // On a busy machine the helpers may be asked to end before the farewell was received.
         if let Ok(done) = farewells.try_recv() {
             self.part(&done);
         }
-        // Nothing more is told, but the thread is one of the program's until all are asked to end.
+        // Nothing more is sent, but the thread must stay until all helpers are asked to end.
         while !helper.rest(LOOK_EVERY) {}
     }
 
     fn part(&mut self, done: &SyncSender<()>) {
         self.send("STOPPING=1\nSTATUS=stopping\n");
-        // Whoever waited may have given up.
+        // The caller may have stopped waiting.
         let _ = done.try_send(());
     }
 
@@ -228,7 +230,8 @@ impl NotifyThread {
     }
 }
 
-/// Within which time the supervisor wants a heartbeat, if it wants any from this process (sd_watchdog_enabled(3)).
+/// Returns the watchdog time within which the supervisor expects a heartbeat from this process, if any
+/// (sd_watchdog_enabled(3)).
 fn watchdog() -> Option<Duration> {
     let number = |name: &str| std::env::var(name).ok()?.parse::<u64>().ok();
     let for_us = match std::env::var_os("WATCHDOG_PID") {
@@ -244,14 +247,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_progress_no_heartbeat() {
+    fn without_progress_there_is_no_heartbeat() {
         let mut heart = HeartbeatGate::default();
         let beats: Vec<bool> = [0, 1, 1, 1, 7, 7, 8].map(|now| heart.is_due(now)).to_vec();
         assert_eq!(beats, [true, true, false, false, true, false, true]);
     }
 
     #[test]
-    fn a_supervisor_that_makes_its_socket_anew_is_told_over_the_same_descriptor() {
+    fn a_recreated_supervisor_socket_is_reached_over_the_same_descriptor() {
         let name = format!("rcc-notify-anew-{}", std::process::id());
         let path = std::env::temp_dir().join(name);
         let address = SocketAddr::from_pathname(&path).unwrap();

@@ -1,5 +1,5 @@
-//! Life and death of a program: it ends on SIGTERM and SIGINT, and with its parent if asked to.
-//! The main thread calls all of it; one thread waits for the end.
+//! Signals that end a program: SIGTERM, SIGINT, and the death of its parent if requested. Used by the main thread; one
+//! thread waits for the signal.
 
 use std::time::Duration;
 
@@ -9,40 +9,40 @@ use nix::sys::signal::{SigSet, Signal, kill};
 use nix::sys::signalfd::{SfdFlags, SignalFd};
 use nix::unistd::{Pid, getpid, getppid};
 
-/// The signals that end a program.
+/// Returns the signals that end a program.
 fn stop_signals() -> SigSet {
     [Signal::SIGTERM, Signal::SIGINT].into_iter().collect()
 }
 
-/// The signals that end a program, blocked in every thread, taken by [`Stop::wait`].
+/// The signals that end a program, blocked in every thread and taken by [`Stop::wait`].
 #[derive(Debug)]
 pub struct Stop {
-    /// Open from the start: to wait needs nothing that could be missing then.
+    /// Opened at the start, so that waiting needs no resource that could be missing then.
     signals: SignalFd,
 }
 
-/// Pause before signals that could not be read are read again.
+/// Pause before another attempt to read signals.
 const READ_AGAIN: Duration = Duration::from_millis(100);
 
-/// The program cannot be ended as it should.
+/// The signals cannot be set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SignalError {
-    /// The system refuses.
-    #[error("the system refuses signals: {0}")]
+    /// Error from the system.
+    #[error("cannot set up signals: {0}")]
     System(#[from] Errno),
-    /// Whoever started this program is dead already.
+    /// The parent process is already dead.
     #[error("the parent process is dead, and --parent-death was given")]
     Orphan,
 }
 
 impl Stop {
-    /// Blocks the signals; to be called before the first thread starts, so that all threads inherit it.
+    /// Blocks the signals. Call it before the first thread starts, so that all threads inherit the mask.
     ///
-    /// With `with_parent` the process also ends when the *thread* that started it ends (that is what
-    /// `PR_SET_PDEATHSIG` means): start it from a thread that lives as long as it should.
+    /// With `with_parent` the process also ends when the *thread* that started it ends (the meaning of
+    /// `PR_SET_PDEATHSIG`): start it from a thread that lives long enough.
     ///
     /// # Errors
-    /// The system refuses, or the parent is gone already.
+    /// Returns an error if the system refuses, or if the parent is already dead.
     pub fn prepare(with_parent: bool) -> Result<Self, SignalError> {
         let signals = stop_signals();
         signals.thread_block()?;
@@ -53,7 +53,8 @@ impl Stop {
         Ok(Self { signals })
     }
 
-    /// Sleeps until one of the signals comes. They stay pending while they cannot be read: that is told, and tried again.
+    /// Sleeps until one of the signals arrives. If signals cannot be read they stay pending; this logs a warning and
+    /// tries again.
     pub fn wait(&self) -> Signal {
         loop {
             match self.signals.read_signal() {
@@ -64,7 +65,7 @@ impl Stop {
                 }
                 Ok(None) | Err(Errno::EINTR) => {}
                 Err(error) => {
-                    tracing::warn!("signals cannot be read ({error}); tried again");
+                    tracing::warn!("cannot read signals ({error}); trying again");
                     std::thread::sleep(READ_AGAIN);
                 }
             }
@@ -72,23 +73,23 @@ impl Stop {
     }
 }
 
-/// For a program that handles these signals itself: lets them through in this thread and in those that it starts. A
-/// program inherits what its parent has blocked, and could not be asked to end.
+/// Unblocks these signals in this thread and in threads that it starts, for a program that handles them itself. A
+/// program inherits the mask of its parent; with blocked signals it could not be asked to end.
 ///
 /// # Errors
-/// The system refuses.
+/// Returns an error if the system refuses.
 pub fn unblock_stop_signals() -> Result<(), SignalError> {
     Ok(stop_signals().thread_unblock()?)
 }
 
-/// In the environment: the process id of whoever started this program, if it says so.
+/// Environment variable with the process id of the parent, if the parent sets it.
 pub const PARENT: &str = "RCC_PARENT_PID";
 
-/// Asks for SIGTERM at the parent's death, and looks whether it is dead already: also when it died before this program's
-/// first instruction, if it said who it is ([`PARENT`]).
+/// Requests SIGTERM at the death of the parent and checks that it is not already dead. With [`PARENT`] this also
+/// detects a parent that died before this program's first instruction.
 ///
 /// # Errors
-/// The system refuses, or the parent is gone already.
+/// Returns an error if the system refuses, or if the parent is already dead.
 pub fn end_with_parent() -> Result<(), SignalError> {
     let told = std::env::var(PARENT)
         .ok()
@@ -101,14 +102,15 @@ pub fn end_with_parent() -> Result<(), SignalError> {
     Ok(())
 }
 
-/// Ends this process in the same way as a SIGTERM from outside.
+/// Ends this process like a SIGTERM from outside.
 pub fn request_stop() {
     if let Err(error) = kill(getpid(), Signal::SIGTERM) {
         tracing::error!(%error, "the process cannot signal itself");
     }
 }
 
-/// Ends this process as SIGTERM does when the thread that holds it panics: without that thread it would only seem to work.
+/// Ends this process like SIGTERM if the thread that holds this value panics: without that thread the process would
+/// only appear to work.
 #[derive(Debug)]
 pub struct StopsAtPanic;
 
@@ -125,8 +127,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_parent_has_blocked_is_let_through() -> Result<(), SignalError> {
-        // The mask is the thread's, so no other test sees it.
+    fn signals_blocked_by_a_parent_are_unblocked() -> Result<(), SignalError> {
+        // The mask is per thread, so no other test sees it.
         stop_signals().thread_block()?;
         assert!(SigSet::thread_get_mask()?.contains(Signal::SIGTERM));
         unblock_stop_signals()?;

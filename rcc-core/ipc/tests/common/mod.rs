@@ -1,5 +1,5 @@
-//! What the cross-process tests share: a cell of their own that leaves nothing behind, and second processes.
-//! Run by the tests' threads; a second process is this test program again, started with a part to play.
+//! Common parts of the cross-process tests: a cell that leaves nothing behind, and child processes. Run by the tests'
+//! threads; a child process is this test program again, started with a role.
 #![allow(dead_code)] // Each test program uses a part of it.
 
 use std::fmt::Debug;
@@ -11,14 +11,14 @@ use std::time::{Duration, Instant};
 
 use rcc_ipc::{Announcement, Cell, Role, clean};
 
-/// Far longer than anything takes; only a broken test reaches it.
+/// Far longer than any operation takes; only a broken test reaches it.
 pub const LIMIT: Duration = Duration::from_secs(60);
 
 const PART: &str = "RCC_IPC_TEST_PART";
 const FOLDER: &str = "RCC_IPC_TEST_FOLDER";
 const LABEL: &str = "RCC_IPC_TEST_LABEL";
 
-/// A cell of one test; dropped, also by a panic, it leaves no file.
+/// The cell of one test; dropping it, also on a panic, leaves no file.
 pub struct TestCell {
     cell: Cell,
     folder: PathBuf,
@@ -33,7 +33,7 @@ impl TestCell {
         TestCell { cell, folder }
     }
 
-    /// Its shared-memory files now.
+    /// Its current shared-memory files.
     pub fn files(&self) -> Vec<PathBuf> {
         let root = self.cell.iox_root();
         let mut files = self.cell.leftovers().unwrap();
@@ -51,7 +51,7 @@ impl Deref for TestCell {
 
 impl Drop for TestCell {
     fn drop(&mut self) {
-        // By hand, not with what is tested: it must work after any failure.
+        // Without the code under test, so that it works after any failure.
         for path in self.cell.leftovers().unwrap_or_default() {
             let _ = std::fs::remove_file(path);
         }
@@ -60,7 +60,7 @@ impl Drop for TestCell {
     }
 }
 
-/// A second process; dropped, also by a panic, it is killed and waited for.
+/// A child process; dropping it, also on a panic, kills it and waits for it.
 pub struct Peer {
     child: Child,
     label: String,
@@ -84,7 +84,7 @@ impl Peer {
         }
     }
 
-    /// As `start`, and waits until it has announced itself as a driver.
+    /// Like `start`, and waits until the process has announced itself as a driver.
     pub fn announced(cell: &Cell, part: &str, label: &str) -> (Peer, Announcement) {
         let peer = Peer::start(cell, part, label);
         let found = wait_for(|| {
@@ -94,7 +94,7 @@ impl Peer {
         (peer, found)
     }
 
-    /// SIGKILL, and waits until the process is gone.
+    /// Sends SIGKILL and waits until the process is gone.
     pub fn kill(mut self) {
         self.end();
     }
@@ -115,7 +115,7 @@ impl Drop for Peer {
     }
 }
 
-/// Polls until something is there.
+/// Polls until `look` returns a value.
 pub fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> T {
     let limit = Instant::now() + LIMIT;
     loop {
@@ -127,16 +127,16 @@ pub fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// In a second process: its part, cell and label. Nothing in the test program itself.
+/// Returns role, cell and label in a child process; `None` in the test program itself.
 pub fn part() -> Option<(String, Cell, String)> {
     let part = std::env::var(PART).ok()?;
-    // Whatever happens to the test program, no second process stays.
+    // Whatever happens to the test program, no child process stays.
     nix::sys::prctl::set_pdeathsig(nix::sys::signal::Signal::SIGKILL).unwrap();
     let cell = Cell::at("test", &PathBuf::from(std::env::var_os(FOLDER).unwrap())).unwrap();
     Some((part, cell, std::env::var(LABEL).unwrap()))
 }
 
-/// Waits for the file that an unannounced second process writes once it is in the cell.
+/// Waits for the file that an unannounced child process writes once it is in the cell.
 pub fn wait_until_started(cell: &Cell) -> PathBuf {
     let path = cell.runtime_dir().join("started");
     wait_for(|| path.exists().then_some(()));
@@ -148,7 +148,7 @@ pub fn run_janitor(cell: &Cell) -> Result<clean::CleanReport, clean::CleanError>
     clean::run_janitor(cell, LIMIT)
 }
 
-/// The error of a call that must fail.
+/// Returns the error of a call that must fail.
 pub fn refused<T: Debug, E>(result: Result<T, E>) -> E {
     match result {
         Ok(value) => panic!("{value:?} should have been refused"),
