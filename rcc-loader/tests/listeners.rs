@@ -364,7 +364,10 @@ fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
         let (status, body) = exchange(connect_from(1, connection), &request);
         if status == 429 {
             assert!(
-                body["message"].as_str().unwrap().contains("requests per second"),
+                body["message"]
+                    .as_str()
+                    .unwrap()
+                    .contains("requests per second"),
                 "{body}"
             );
             break;

@@ -18,7 +18,7 @@ use rcc_core::plan::Resource;
 use rcc_core::topic::Topic;
 use rcc_ipc::control::{Call, Refusal};
 use rcc_language::names::{InputNames, Names, TopicNames};
-use rcc_loader::server::api::{Done, CommandRef, Switch};
+use rcc_loader::server::api::{CommandRef, Done, Switch};
 use rcc_loader::server::caller::Caller;
 use rcc_loader::server::codes;
 use rcc_loader::server::messages::NameResolver;

@@ -1,5 +1,5 @@
-//! Reads the record stream of a cell's executor and gives its values their names.
-//! Run by one thread of a process of its own: whatever happens here, no cycle notices.
+//! Reads the record stream of a cell's executor and resolves the names of its values. Runs in one thread of a process
+//! of its own, so that nothing here can affect a cycle.
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 

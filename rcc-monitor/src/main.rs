@@ -1,5 +1,4 @@
-//! `rcc-monitor`: shows what the nets of a cell make visible. It only reads, and can do no harm.
-//! One thread does it all.
+//! `rcc-monitor`: shows the values that the nets of a cell publish with `Monitor`. It only reads. Single-threaded.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -14,7 +13,7 @@ use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, Options, TailEnd, print_note, tail};
 
-/// Shows what the nets of a cell make visible.
+/// Shows the monitored values of a cell's nets.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -27,30 +26,31 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Print values as they come.
+    /// Print values as they arrive.
     Tail {
-        /// Ports like line/move.pose or line/ik.joints[2]; * and ? stand for any characters. All without.
+        /// Ports such as line/move.pose or line/ik.joints[2]; * and ? match any characters. Default: all.
         patterns: Vec<Pattern>,
-        /// How values are printed.
+        /// Output format.
         #[arg(long, value_enum, default_value = "human")]
         output: Format,
-        /// End after this many records.
+        /// Stop after this many records.
         #[arg(long)]
         count: Option<u64>,
-        /// End after this time: 500ms, 2s, 1min.
+        /// Stop after this time: 500ms, 2s, 1min.
         #[arg(long = "for", value_name = "DURATION", value_parser = duration)]
         duration: Option<Duration>,
     },
 }
 
-/// Exit code after Ctrl-C, as a shell has it.
+/// Exit code after Ctrl-C, as shells use it.
 const INTERRUPTED: u8 = 130;
-/// Exit code when nobody reads any more: what a shell shows for a program that SIGPIPE ended.
+/// Exit code when the reader of the output is gone: the code that a shell shows for a program ended by SIGPIPE.
 const READER_GONE: u8 = 141;
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    // When memory runs out the kernel ends those first that only look; the score can always be raised, see proc(5).
+    // If memory runs out, the kernel should first end processes that only observe; raising the score is always allowed,
+    // see proc(5).
     let _ = std::fs::write("/proc/self/oom_score_adj", "500");
     let Verb::Tail {
         patterns,
@@ -67,7 +67,7 @@ fn main() -> ExitCode {
     let mut signals = match Signals::catch() {
         Ok(signals) => signals,
         Err(error) => {
-            print_note(&format!("error: signals cannot be caught: {error}"));
+            print_note(&format!("error: cannot catch signals: {error}"));
             return ExitCode::FAILURE;
         }
     };
@@ -97,7 +97,11 @@ fn duration(text: &str) -> Result<Duration, String> {
         "ms" => 1e-3,
         "s" | "" => 1.0,
         "min" => 60.0,
-        _ => return Err(format!("invalid duration `{text}`: write 500ms, 2s or 1min")),
+        _ => {
+            return Err(format!(
+                "invalid duration `{text}`: write 500ms, 2s or 1min"
+            ));
+        }
     };
     let seconds = number.parse::<f64>().ok().map(|value| value * factor);
     seconds

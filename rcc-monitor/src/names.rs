@@ -1,5 +1,5 @@
-//! The names of monitored values, from the files that the loader writes beside each command.
-//! Read when a record of an unknown command comes; the loader wrote them before the executor had the plan.
+//! The names of monitored values, from the files that the loader writes for each command. A file is read when a record
+//! of an unknown command arrives; the loader wrote it before the executor had the plan.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -8,27 +8,27 @@ use rcc_ipc::Cell;
 use rcc_os::file;
 use serde::Deserialize;
 
-/// Longest file of a command that is read, bytes.
+/// Maximum size of a command file, bytes.
 const COMMAND_FILE_MAX: u64 = 64 << 20;
 
-/// One monitor of a net. What the loader writes besides is left alone.
+/// One monitor of a net. Other fields of the file are ignored.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct MonitorInfo {
     /// Id of the `Monitor` primitive.
     #[serde(default)]
     pub primitive: String,
-    /// The port it watches, `primitive.port`.
+    /// The observed port, `primitive.port`.
     #[serde(default)]
     pub source: String,
     /// The value's type.
     #[serde(default, rename = "type")]
     pub ty: String,
-    /// Its unit, if it has one that its type does not tell.
+    /// Its unit, if there is one that the type does not imply.
     #[serde(default)]
     pub unit: Option<String>,
 }
 
-/// What is known of a command.
+/// The names of a command.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CommandNames {
     /// The net's name.
@@ -50,7 +50,7 @@ struct NetNames {
     monitors: Vec<MonitorInfo>,
 }
 
-/// The names of the commands of one executor.
+/// Caches the names of the commands of one executor.
 #[derive(Debug)]
 pub struct CommandDirectory {
     folder: PathBuf,
@@ -58,7 +58,7 @@ pub struct CommandDirectory {
 }
 
 impl CommandDirectory {
-    /// The commands of that life of the executor.
+    /// Creates an empty cache for this incarnation of the executor.
     #[must_use]
     pub fn of(cell: &Cell, incarnation: u64) -> CommandDirectory {
         CommandDirectory {
@@ -67,7 +67,7 @@ impl CommandDirectory {
         }
     }
 
-    /// A command; one without a file is named by its id.
+    /// Returns the names of a command; one without a file is named by its id.
     pub fn command(&mut self, id: u64) -> &CommandNames {
         let folder = &self.folder;
         self.known.entry(id).or_insert_with(|| {

@@ -1,14 +1,14 @@
-//! Whether anybody still reads what is printed: without records there is nothing to write, and nothing that fails.
-//! Asked by the monitor's one thread.
+//! Detects that the reader of the output is gone: without records nothing is written, so no write fails. Called by the
+//! monitor's one thread.
 
 use std::os::fd::AsFd;
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
-/// True if the other end of this pipe or terminal is closed; never of a file.
+/// Returns true if the other end of this pipe or terminal is closed; always false for a file.
 #[must_use]
 pub fn is_gone(output: &impl AsFd) -> bool {
-    // Errors and hang-ups are told without being asked for.
+    // POLLERR and POLLHUP are always reported, without being requested.
     let mut looked = [PollFd::new(output.as_fd(), PollFlags::empty())];
     let found = poll(&mut looked, PollTimeout::ZERO);
     let ends = PollFlags::POLLERR | PollFlags::POLLHUP;

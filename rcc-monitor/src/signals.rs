@@ -1,21 +1,21 @@
-//! SIGTERM and SIGINT as something to look at, so that shared memory is given back before the end.
-//! Set up by the main thread before there is another one.
+//! Receives SIGTERM, SIGINT and SIGHUP by polling, so that shared memory is released before the end. Set up by the main
+//! thread before any other thread exists.
 
 use nix::errno::Errno;
 use nix::sys::signal::{SigSet, Signal};
 use nix::sys::signalfd::{SfdFlags, SignalFd};
 
-/// The signals that ask us to end.
+/// The termination signals of this process.
 #[derive(Debug)]
 pub struct Signals {
     descriptor: SignalFd,
 }
 
 impl Signals {
-    /// From now on they end nothing by themselves.
+    /// Blocks the signals, so that they no longer end the process by themselves.
     ///
     /// # Errors
-    /// What the system says.
+    /// Returns the system's error.
     pub fn catch() -> Result<Signals, Errno> {
         let set: SigSet = [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP]
             .into_iter()
@@ -26,7 +26,7 @@ impl Signals {
         Ok(Signals { descriptor })
     }
 
-    /// The signal that came, if one did.
+    /// Returns the number of a pending signal, if there is one.
     pub fn pending(&mut self) -> Option<i32> {
         let read = self.descriptor.read_signal();
         let found = read.ok().flatten()?;

@@ -1,5 +1,6 @@
-//! The record stream of whatever executor lives in a cell: found, followed over its restarts, let go at its death.
-//! Polled by the monitor's one thread. While no executor lives, this process is not in the cell, so it may be wiped.
+//! Follows the record stream of a cell's executor over restarts: finds it, reads it, and drops it at the executor's
+//! death. Polled by the monitor's one thread. While there is no executor this process is not in the cell, so the cell
+//! may be removed.
 
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT};
@@ -8,35 +9,37 @@ use rcc_ipc::{Announcement, Build, BuildMismatch, Cell, Role, Session, Subscribe
 
 use crate::names::CommandDirectory;
 
-/// Label under which the executor announces itself.
+/// Label of the executor in its announcement.
 const EXECUTOR_LABEL: &str = "exec";
 
-/// Why a living executor's stream cannot be read.
+/// The reason why the stream of a living executor cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// The cell cannot be entered.
+    /// The cell cannot be joined.
     #[error(transparent)]
     Session(#[from] rcc_ipc::SessionError),
     /// The stream cannot be opened or read.
     #[error(transparent)]
     Stream(#[from] rcc_ipc::StreamError),
-    /// Places of dead monitors cannot be freed.
-    #[error("all places of the stream are taken, and the janitor did not help: {0}")]
+    /// The slots of dead monitors cannot be freed.
+    #[error("all slots of the stream are taken, and cleaning up after dead monitors failed: {0}")]
     Janitor(#[from] clean::CleanError),
     /// The announcement cannot be read.
     #[error(transparent)]
     Announcement(#[from] rcc_ipc::AnnounceError),
-    /// Its records may mean something else than here.
-    #[error("no value is read: {0}")]
+    /// The executor is of another build, so its records may have another meaning.
+    #[error("cannot read values: {0}")]
     BuildMismatch(#[from] BuildMismatch),
-    /// It offers no stream.
-    #[error("the executor offers no `{RECORDS}`: are both programs of one build?")]
+    /// The executor announces no stream.
+    #[error(
+        "the executor announces no `{RECORDS}`: make sure that both programs are from the same build"
+    )]
     NotOffered,
 }
 
-/// One life of an executor.
+/// A connection to one incarnation of the executor.
 struct FollowedExecutor {
-    // Before the session: what was opened through it is closed first.
+    // Declared before the session, because what was opened through it must be closed first.
     records: Subscriber<MonitorRecord>,
     names: CommandDirectory,
     announcement: Announcement,
@@ -44,14 +47,14 @@ struct FollowedExecutor {
     _session: Session,
 }
 
-/// What a look at the stream gave.
+/// The result of one poll.
 #[derive(Debug, Default)]
 pub struct StreamUpdate {
-    /// Records, in order.
+    /// New records, in order.
     pub records: Vec<MonitorRecord>,
-    /// Records that were lost before or between them.
+    /// Number of records lost before or between them.
     pub lost: u64,
-    /// An executor was found (true) or lost (false).
+    /// `Some(true)` if an executor was found, `Some(false)` if it was lost.
     pub changed: Option<bool>,
 }
 
@@ -62,7 +65,7 @@ pub struct ExecutorFollower {
 }
 
 impl ExecutorFollower {
-    /// A follower that has found nothing yet.
+    /// Creates a follower that is not connected yet.
     #[must_use]
     pub fn new(cell_name: &str) -> ExecutorFollower {
         ExecutorFollower {
@@ -71,16 +74,16 @@ impl ExecutorFollower {
         }
     }
 
-    /// True while an executor is followed.
+    /// Returns true while an executor is followed.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         self.attached.is_some()
     }
 
-    /// Everything that came since the last look.
+    /// Returns everything that arrived since the last poll.
     ///
     /// # Errors
-    /// The cell's name is not one, or a living executor's stream cannot be read.
+    /// Returns an error if the cell's name is invalid, or if a living executor's stream cannot be read.
     pub fn poll(&mut self) -> Result<StreamUpdate, StreamError> {
         let mut update = StreamUpdate::default();
         match &mut self.attached {
@@ -89,7 +92,7 @@ impl ExecutorFollower {
                 update.changed = self.attached.is_some().then_some(true);
             }
             Some(attached) => {
-                // In this order: what it sent before its death is read.
+                // Checked before reading, so that records sent before its death are still read.
                 let dead = attached.announcement.liveness().is_dead();
                 while attached.records.read_into(&mut update.records)? {}
                 for record in &update.records {
@@ -106,7 +109,7 @@ impl ExecutorFollower {
         Ok(update)
     }
 
-    /// The names of the commands of the executor that is followed.
+    /// Returns the names of the followed executor's commands.
     pub fn names(&mut self) -> Option<&mut CommandDirectory> {
         self.attached.as_mut().map(|attached| &mut attached.names)
     }
@@ -119,7 +122,7 @@ fn find(cell_name: &str) -> Result<Option<FollowedExecutor>, StreamError> {
         Err(error) => return Err(rcc_ipc::SessionError::from(error).into()),
     };
     let announced = cell.announced(Role::Executor, EXECUTOR_LABEL);
-    // Not known yet whether it lives: the next look tries again.
+    // If its liveness is not known, the next poll tries again.
     let living = |announcement: &Announcement| announcement.liveness().is_alive();
     let Some(announcement) = announced?.filter(living) else {
         return Ok(None);
@@ -134,13 +137,13 @@ fn find(cell_name: &str) -> Result<Option<FollowedExecutor>, StreamError> {
     )?;
     let mut records = session.subscribe(service);
     if matches!(records, Err(rcc_ipc::StreamError::Full { .. })) {
-        // Monitors have no supervisor: one that was killed keeps its place until somebody cleans up after it.
+        // Monitors have no supervisor: a killed one keeps its slot until somebody cleans up after it.
         clean::run_janitor(&cell, JANITOR_TIMEOUT)?;
         records = session.subscribe(service);
     }
     let records = match records {
         Ok(records) => records,
-        // It died between its announcement and now.
+        // The executor died after its announcement was read.
         Err(_) if announcement.liveness().is_dead() => return Ok(None),
         Err(error) => return Err(error.into()),
     };

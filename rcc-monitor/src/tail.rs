@@ -1,5 +1,4 @@
-//! `tail`: prints values as they come, by name.
-//! Run by the monitor's one thread; a reader that is gone ends it.
+//! `tail`: prints values by name as they arrive. Run by the monitor's one thread; it ends when the reader is gone.
 
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
@@ -14,64 +13,64 @@ use crate::stream::{ExecutorFollower, StreamError};
 use crate::value::ElementType;
 use rcc_ipc::pattern::Pattern;
 
-/// How often the stream is looked at; its buffers hold more than 100 ms.
+/// Interval at which the stream is polled; its buffers hold more than 100 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
-/// How often an executor is looked for.
+/// Interval at which an executor is looked for.
 const FIND_EVERY: Duration = Duration::from_millis(50);
 
-/// How values are printed.
+/// Output format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// A line a value.
+    /// One line per value.
     Human,
-    /// A JSON object a line.
+    /// One JSON object per line.
     Json,
 }
 
-/// What is printed, and how long.
+/// What is printed, and for how long.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What is shown; everything when empty.
+    /// Patterns of the values to show; all if empty.
     pub patterns: Vec<Pattern>,
-    /// How.
+    /// Output format.
     pub format: Format,
-    /// Ends after so many records.
+    /// Maximum number of records.
     pub count: Option<u64>,
-    /// Ends after this time.
+    /// Maximum time.
     pub duration: Option<Duration>,
 }
 
-/// Why printing ended otherwise than asked for.
+/// The reason why printing failed.
 #[derive(Debug, thiserror::Error)]
 pub enum TailError {
-    /// The stream.
+    /// The stream cannot be read.
     #[error(transparent)]
     Stream(#[from] StreamError),
-    /// The output.
-    #[error("the output cannot be written: {0}")]
+    /// The output cannot be written.
+    #[error("cannot write the output: {0}")]
     Output(#[from] io::Error),
 }
 
-/// Why printing ended.
+/// The reason why printing ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TailEnd {
     /// The count or the time is reached.
     Done,
-    /// Somebody asked for it, by this signal.
+    /// A signal, with its number.
     Signal(i32),
-    /// Nobody reads any more.
+    /// The reader of the output is gone.
     ReaderGone,
 }
 
-/// A line on stderr; nothing changes when it cannot be written.
+/// Prints a line to stderr; a failure is ignored.
 pub fn print_note(words: &str) {
     let _ = writeln!(io::stderr(), "{}", Printable(words));
 }
 
-/// Prints until the count, the time, a signal or the end of the reader.
+/// Prints until the count or the time is reached, a signal arrives, or the reader is gone.
 ///
 /// # Errors
-/// A stream that cannot be read, an output that cannot be written.
+/// Returns an error if the stream cannot be read or the output cannot be written.
 pub fn tail(
     cell: &str,
     options: &Options,
@@ -96,11 +95,11 @@ pub fn tail(
         let update = follower.poll()?;
         match update.changed {
             Some(false) => print_note(&format!(
-                "the executor of cell '{cell}' is gone: waiting for the next"
+                "the executor of cell '{cell}' is gone; waiting for a new one"
             )),
             None if !follower.is_attached() && !waiting_told => {
                 waiting_told = true;
-                print_note(&format!("cell '{cell}' has no executor: waiting for one"));
+                print_note(&format!("cell '{cell}' has no executor; waiting for one"));
             }
             _ => {}
         }
@@ -158,7 +157,7 @@ fn print(
     }
 }
 
-/// Turns records into lines.
+/// Formats records as lines.
 struct Printer<'a> {
     options: &'a Options,
     printed: u64,
@@ -219,7 +218,7 @@ impl<'a> Printer<'a> {
         }
     }
 
-    /// `Some(element)` if a pattern means this monitor, by the port it watches or by its own id.
+    /// Returns `Some(element)` if a pattern matches this monitor, by the observed port or by its own id.
     fn matching_element(&self, net: &str, monitor: &MonitorInfo) -> Option<Option<usize>> {
         if self.options.patterns.is_empty() {
             return Some(None);

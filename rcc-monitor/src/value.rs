@@ -1,22 +1,21 @@
-//! Monitored values as people and programs read them; null is null.
-//! Pure.
+//! Formats monitored values for people and programs; null remains null. Pure.
 
 use rcc_core::types::NULL_INT;
 use serde_json::{Number, Value};
 
-/// What the elements of a record are.
+/// The type of a record's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ElementType {
-    /// Reals; NaN is null.
+    /// Real; NaN is null.
     Real,
-    /// 0, 1, NaN is null.
+    /// Bool as 0 or 1; NaN is null.
     Bool,
-    /// The bits of a 64-bit integer; the smallest one is null.
+    /// The bits of a 64-bit integer; the smallest integer is null.
     Int,
 }
 
 impl ElementType {
-    /// From the name of a type: `Bool`, `Int[3]`, `Pose`, …
+    /// Returns the element type of a named type: `Bool`, `Int[3]`, `Pose`, …
     #[must_use]
     pub fn of(ty: &str) -> ElementType {
         match ty.split('[').next() {
@@ -26,7 +25,7 @@ impl ElementType {
         }
     }
 
-    /// An element as JSON.
+    /// Formats an element as JSON.
     #[must_use]
     pub fn json(self, element: f64) -> Value {
         match self {
@@ -40,7 +39,7 @@ impl ElementType {
         }
     }
 
-    /// An element for people, null as `–`.
+    /// Formats an element for people, null as `–`.
     #[must_use]
     pub fn human(self, element: f64) -> String {
         match (self, self.json(element)) {

@@ -1,5 +1,5 @@
-//! What travels over HTTP: the same structures for the server and for the command line.
-//! Plain data, used by threads that are not real-time. All values SI, all times in nanoseconds.
+//! Bodies of requests and answers, shared by the server and the command line. Plain data for threads that are not
+//! real-time. Values are in SI units, times in nanoseconds unless their name says otherwise.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -11,15 +11,15 @@ pub struct ErrorBody {
     pub code: String,
     /// What is wrong, and where.
     pub message: String,
-    /// What to do.
+    /// The remedy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub help: Option<String>,
-    /// All faults of a text.
+    /// Errors and warnings of a text.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub diagnostics: Vec<Finding>,
 }
 
-/// One fault or warning in a text.
+/// One error or warning in a text.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Finding {
     /// `RCC1xxx` and others.
@@ -28,25 +28,25 @@ pub struct Finding {
     pub severity: String,
     /// What is wrong.
     pub message: String,
-    /// Where.
+    /// Its position.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<TextLocation>,
-    /// Where the text with the fault is used, if that is another place: the instance of a fragment.
+    /// Where the faulty text is used, if that is elsewhere: the instance of a fragment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub used_at: Option<TextLocation>,
-    /// What to do.
+    /// The remedy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub help: Option<String>,
-    /// For people: with a snippet of the text, without colour.
+    /// For people: with a source snippet, without colour.
     #[serde(default)]
     pub rendered: String,
 }
 
-/// A place in a text, counted from 1.
+/// A position in a text, counted from 1.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[schema(as = Place)]
 pub struct TextLocation {
-    /// The text's name.
+    /// Name of the text.
     pub file: String,
     /// Line.
     pub line: usize,
@@ -55,7 +55,7 @@ pub struct TextLocation {
     /// Length in bytes, at most to the end of the line.
     #[serde(default)]
     pub length: usize,
-    /// What is said at the place.
+    /// Note at this position.
     #[serde(default)]
     pub label: String,
 }
@@ -76,22 +76,22 @@ pub struct Done {
     pub id: u64,
     /// The net's name.
     pub net: String,
-    /// Executor cycle in which it took effect, 0 if none was involved.
+    /// Executor cycle in which it took effect; 0 if none was involved.
     pub cycle: u64,
 }
 
-/// A command as a request names it: its id, the net's name, or `name#id`.
+/// A command as named in a request: its id, the net's name, or `name#id`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged)]
 #[schema(as = Named)]
 pub enum CommandRef {
     /// An id.
     Id(u64),
-    /// A name (of several nets of that name the newest that it suits), `name#id`, or an id as text.
+    /// A name (of several nets with this name, the newest in a suitable state), `name#id`, or an id as text.
     Name(String),
 }
 
-/// What START may ask for besides.
+/// Options of START.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
@@ -100,14 +100,14 @@ pub struct Start {
     pub after_stopping: Vec<CommandRef>,
 }
 
-/// A hand-over: all of it between the same two cycles, or nothing.
+/// A hand-over: all of it happens between the same two cycles, or nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Switch {
     /// Active commands that end, at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stop: Vec<CommandRef>,
-    /// Ready commands that begin, at most 8.
+    /// Ready commands that start, at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub start: Vec<CommandRef>,
 }
@@ -115,11 +115,12 @@ pub struct Switch {
 /// Answer to a hand-over.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Switched {
-    /// Executor cycle in which the started ones were evaluated first; the stopped ones' last was the one before.
+    /// Executor cycle in which the started commands were first evaluated; the stopped ones were last evaluated in the
+    /// cycle before.
     pub cycle: u64,
-    /// What ended, as it was named.
+    /// The stopped commands, in the order of the request.
     pub stopped: Vec<Done>,
-    /// What began, as it was named.
+    /// The started commands, in the order of the request.
     pub started: Vec<Done>,
 }
 
@@ -130,13 +131,13 @@ pub struct InputsSet {
     pub id: u64,
     /// The net's name.
     pub net: String,
-    /// Executor cycle from which on they count: the net's next evaluation in or after it sees all of them.
+    /// Executor cycle from which they take effect: the net's next evaluation in or after it sees all of them.
     pub cycle: u64,
-    /// What was set, in the order of the request.
+    /// The inputs that were set, in the order of the request.
     pub set: Vec<String>,
 }
 
-/// Values of ports of one net, all of one cycle.
+/// Values of ports of one net, all from one cycle.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ValuesView {
     /// The command's id.
@@ -145,13 +146,13 @@ pub struct ValuesView {
     pub net: String,
     /// `ready running canceling terminated`.
     pub state: String,
-    /// Executor cycle in which the net was evaluated last; 0: not yet, and these are its first values.
+    /// Executor cycle in which the net was last evaluated; 0 if not yet: the values are its initial ones.
     pub cycle: u64,
-    /// Its evaluations so far.
+    /// Number of its evaluations.
     pub net_cycle: u64,
     /// Logical time of that evaluation since START, s.
     pub time_s: f64,
-    /// By port, in the order of the net.
+    /// The values by port, in the order of the net.
     pub values: Vec<ValueView>,
 }
 
@@ -163,10 +164,10 @@ pub struct ValueView {
     /// Its type.
     #[serde(rename = "type")]
     pub ty: String,
-    /// Its unit, where the type does not say it.
+    /// Its unit, if the type does not imply it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
-    /// A number, a truth value, or a list of them; null is null, and what is infinite is the text `inf` or `-inf`.
+    /// A number, a truth value, or a list of them. Null is `null`; infinity is the text `inf` or `-inf`.
     #[schema(value_type = Object)]
     pub value: serde_json::Value,
 }
@@ -174,11 +175,12 @@ pub struct ValueView {
 /// Answer to a request for an incident file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Frozen {
-    /// Executor cycle in which the recording was frozen; the file holds the seconds before it and a little after.
+    /// Executor cycle in which the recording was frozen; the file contains the seconds before it and a short time after
+    /// it.
     pub cycle: u64,
-    /// The executor's life, 16 hexadecimal digits: the file's name begins with it.
+    /// Incarnation of the executor, 16 hexadecimal digits: the file's name begins with it.
     pub executor: String,
-    /// The file, written whole.
+    /// Path of the complete file.
     pub file: String,
 }
 
@@ -194,68 +196,68 @@ pub struct CommandView {
     pub description: String,
     /// `loading rejected ready running canceling terminated`.
     pub state: String,
-    /// Of a terminated command: `finished canceled aborted fault`.
+    /// Reason of a terminated command: `finished canceled aborted fault`.
     #[serde(default)]
     pub reason: Option<String>,
-    /// Of a fault: what happened.
+    /// Details of a fault.
     #[serde(default)]
     pub fault: Option<FaultView>,
-    /// It has a `Cancel` primitive.
+    /// True if the net has a `Cancel` primitive.
     pub can_cancel: bool,
     /// Cycles evaluated since START.
     pub cycles: u64,
-    /// Executor cycle of the first evaluation, 0 = none.
+    /// Executor cycle of the first evaluation; 0 if there was none.
     pub started_cycle: u64,
-    /// Executor cycle of the last evaluation, 0 = none.
+    /// Executor cycle of the last evaluation; 0 if there was none.
     pub ended_cycle: u64,
-    /// Time of the last evaluation, ns.
+    /// Duration of the last evaluation, ns.
     pub exec_last_ns: u64,
     /// Longest evaluation, ns.
     pub exec_max_ns: u64,
-    /// Mean of all evaluations, ns.
+    /// Mean duration of all evaluations, ns.
     #[serde(default)]
     pub exec_mean_ns: u64,
-    /// What one evaluation is expected to take on this machine, ns; 0 = not known.
+    /// Expected duration of one evaluation on this machine, ns; 0 if not known.
     #[serde(default)]
     pub expected_ns: u64,
     /// Number of primitives.
     #[serde(default)]
     pub primitives: u32,
-    /// Unique resources, for people: `lwr`, `lwr.torch`.
+    /// Unique resources, as shown to people: `lwr`, `lwr.torch`.
     #[serde(default)]
     pub uses: Vec<String>,
-    /// Seconds since the epoch at which it was loaded.
+    /// Time of loading, seconds since the Unix epoch.
     #[serde(default)]
     pub loaded_at: u64,
-    /// Of a net that commands an arm: what it did when it was run through virtual time before it became ready.
+    /// Result of the rehearsal in virtual time, for a net that commands an arm.
     #[serde(default)]
     pub rehearsal: Option<RehearsalView>,
-    /// Faults and warnings of its text.
+    /// Errors and warnings of its text.
     #[serde(default)]
     pub diagnostics: Vec<Finding>,
 }
 
-/// What a net did when it was run through virtual time, before anything was commanded.
+/// Result of a rehearsal: what a net did in virtual time, before anything was commanded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct RehearsalView {
     /// Virtual time that was checked, s.
     pub time_s: f64,
-    /// `finished`: to its end; `waits`: until nothing moved any more; `too long`: it goes on after what was checked;
-    /// `elsewhere`: nothing was checked, START does it.
+    /// `finished`: checked to the net's end; `waits`: checked until nothing moved any more; `too long`: the net
+    /// continues after the checked time; `elsewhere`: nothing was checked, START does it.
     pub end: String,
-    /// Smallest distance to a singularity, `null` = not known.
+    /// Smallest distance to a singularity; `null` if not known.
     #[serde(default)]
     pub singularity: Option<f64>,
-    /// Greatest use of limits, for velocity, acceleration and jerk; none if nothing moved.
+    /// Highest use of the limits of velocity, acceleration and jerk; empty if nothing moved.
     #[serde(default)]
     pub peaks: Vec<PeakView>,
-    /// All of it for people.
+    /// Summary for people.
     pub words: String,
-    /// What it took, ns.
+    /// Duration of the rehearsal, ns.
     pub took_ns: u64,
 }
 
-/// How much of a limit was used.
+/// The highest use of a limit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PeakView {
     /// `speed`, `acceleration` or `jerk`.
@@ -264,7 +266,7 @@ pub struct PeakView {
     pub device: String,
     /// The joint.
     pub joint: String,
-    /// Value in parts of the limit; 1 = all of it.
+    /// Fraction of the limit; 1 is the limit itself.
     pub share: f64,
 }
 
@@ -276,30 +278,30 @@ pub struct CommandDetail {
     pub command: CommandView,
     /// The text that was loaded.
     pub text: String,
-    /// Where every port and monitor lies in the plan.
+    /// Slots of every port and monitor in the plan.
     #[serde(default)]
     #[schema(value_type = Object)]
     pub names: serde_json::Value,
 }
 
-/// What ended a net.
+/// The fault that ended a net.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FaultView {
     /// `device lost`, `jump`, `limit`, `panic`, `motion`, `overrun`.
     pub fault: String,
-    /// The device, if one is concerned.
+    /// The device concerned, if any.
     #[serde(default)]
     pub device: Option<String>,
-    /// The joint, if one is concerned.
+    /// The joint concerned, if any.
     #[serde(default)]
     pub joint: Option<String>,
-    /// What was asked for, SI.
+    /// Requested value, SI.
     pub value: f64,
-    /// What is allowed, SI.
+    /// Allowed value, SI.
     pub limit: f64,
     /// Executor cycle.
     pub cycle: u64,
-    /// The whole in one sentence.
+    /// Description in one sentence.
     pub words: String,
 }
 
@@ -311,7 +313,7 @@ pub struct TopicView {
     /// Its type.
     #[serde(rename = "type")]
     pub ty: String,
-    /// Its unit; null: the type says it, or there is none.
+    /// Its unit; null if the type implies it or there is none.
     pub unit: Option<String>,
     /// Nets that publish it; at most one of them runs.
     pub publishers: Vec<TopicEnd>,
@@ -341,7 +343,7 @@ pub struct DeviceView {
     pub driver: String,
     /// `offline online ready commanded stopping`, as the executor sees it.
     pub state: String,
-    /// Why it is not ready, in the driver's words; empty when it is fine.
+    /// Why it is not ready, in the driver's words; empty if it is fine.
     #[serde(default)]
     pub reason: String,
     /// The net that holds it, as `net#id`.
@@ -349,9 +351,9 @@ pub struct DeviceView {
     pub holder: Option<String>,
     /// Quality of the connection in thousandths, 1000 is best.
     pub quality_permille: u32,
-    /// Times that the executor found its board stale.
+    /// Number of times that the executor found its board stale.
     pub losses: u64,
-    /// Process of the driver, 0 = none.
+    /// Process id of the driver; 0 if there is none.
     pub pid: u32,
     /// Names of its joints.
     pub joints: Vec<String>,
@@ -368,20 +370,20 @@ pub struct ChannelView {
     pub kind: String,
     /// Its unit.
     pub unit: String,
-    /// Of an output: what becomes of it when nobody commands it.
+    /// For an output: its value when nobody commands it.
     #[serde(default)]
     pub on_release: Option<String>,
 }
 
-/// The whole cell.
+/// Status of the whole cell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct StatusView {
     /// The cell's name.
     pub cell: String,
     /// The configuration's file.
     pub config: String,
-    /// What is wrong with it, a sentence each: its files say something else than what is in force, or processes were
-    /// started with different ones. Empty: nothing.
+    /// Problems of the configuration, one sentence each: its files differ from what is in force, or processes were
+    /// started with different configurations. Empty if there are none.
     #[serde(default)]
     pub configuration: Vec<String>,
     /// The executor.
@@ -402,125 +404,124 @@ pub struct HelperView {
     pub name: String,
     /// `waiting running hanging ended panicked`.
     pub state: String,
-    /// Turns so far.
+    /// Number of signs of life (turns) so far.
     pub turns: u64,
-    /// Time since the last one.
+    /// Time since the last turn, ns.
     pub age_ns: u64,
-    /// How long one may take: beyond it the process's heartbeat stops.
+    /// Maximum time for a turn, ns: beyond it the process's heartbeat stops.
     pub limit_ns: u64,
 }
 
 /// A late cycle.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LateView {
-    /// Its number.
+    /// Number of the cycle.
     pub cycle: u64,
-    /// `woken late` or `computed long`: which was the greater part of the lateness.
+    /// `woken late` or `computed long`: the larger part of the lateness.
     pub cause: String,
-    /// How long after its deadline it woke.
+    /// Delay of the wake-up after the deadline, ns.
     pub wake_ns: u64,
-    /// How long it computed.
+    /// Computing time of the cycle, ns.
     pub exec_ns: u64,
-    /// Periods that it skipped.
+    /// Number of periods that were skipped.
     pub skipped_periods: u64,
-    /// The net that computed longest in it, if one ran.
+    /// The net with the longest evaluation in it, if one ran.
     #[serde(default)]
     pub net: Option<String>,
-    /// How long that took.
+    /// Duration of that evaluation, ns.
     pub net_ns: u64,
 }
 
-/// The answer to an acknowledgement.
+/// Answer to an acknowledgement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Acknowledged {
-    /// Executor cycle from which on everything is counted anew.
+    /// Executor cycle from which everything is counted anew.
     pub cycle: u64,
-    /// Late cycles that were acknowledged.
+    /// Number of late cycles that were acknowledged.
     pub late: u64,
 }
 
-/// Times since the last acknowledgement or the start, and what primitives cost.
+/// Distributions of times since the last acknowledgement or the start, and the cost of primitives.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct TimingView {
-    /// Cycle at which this was written.
+    /// Executor cycle in which this was written.
     pub cycle: u64,
-    /// Cycle of the last acknowledgement, 0 = there was none.
+    /// Cycle of the last acknowledgement; 0 if there was none.
     pub acknowledged_cycle: u64,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
-    /// Wake-up after the deadline.
+    /// Delay of the wake-up after the deadline.
     pub wake: HistogramView,
-    /// From the wake-up until everything is written.
+    /// Time from the wake-up until everything is written.
     pub exec: HistogramView,
-    /// From one wake-up to the next.
+    /// Time from one wake-up to the next.
     pub length: HistogramView,
-    /// Types of primitives that ran, the dearest first.
+    /// Types of primitives that ran, the most expensive first.
     pub primitives: Vec<PrimitiveTimeView>,
 }
 
 /// A distribution of times.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct HistogramView {
-    /// How many.
+    /// Number of samples.
     pub count: u64,
-    /// The shortest.
+    /// Minimum, ns.
     pub min_ns: u64,
-    /// The mean.
+    /// Mean, ns.
     pub mean_ns: u64,
-    /// Half of them are at most this long, to 6 %.
+    /// Median, within 6 %, ns.
     pub p50_ns: u64,
-    /// 99 % are at most this long, to 6 %.
+    /// 99th percentile, within 6 %, ns.
     pub p99_ns: u64,
-    /// 99.9 % are at most this long, to 6 %.
+    /// 99.9th percentile, within 6 %, ns.
     pub p999_ns: u64,
-    /// The longest.
+    /// Maximum, ns.
     pub max_ns: u64,
-    /// The occupied buckets.
+    /// The buckets that are not empty.
     pub buckets: Vec<BucketView>,
 }
 
-/// Times up to a bound.
+/// One bucket of a histogram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct BucketView {
-    /// Upper bound, inclusive.
+    /// Upper bound, inclusive, ns.
     pub to_ns: u64,
-    /// How many lie between the bound before and this one.
+    /// Number of samples above the previous bound and up to this one.
     pub count: u64,
 }
 
-/// What the primitives of a type cost, by samples: the sums of several types are in the ratio of what they cost
-/// altogether.
+/// Cost of the primitives of one type, by sampling: the sums of several types are in the ratio of their total costs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PrimitiveTimeView {
     /// The type.
     #[serde(rename = "type")]
     pub ty: String,
-    /// Runs of equal primitives that were timed.
+    /// Number of runs of equal primitives that were timed.
     pub runs: u64,
-    /// Primitives in them.
+    /// Number of primitives in these runs.
     pub primitives: u64,
-    /// Their time together.
+    /// Total time of these runs, ns.
     pub sum_ns: u64,
-    /// The longest run.
+    /// Longest run, ns.
     pub max_ns: u64,
 }
 
 /// The executor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ExecutorView {
-    /// Its process.
+    /// Its process id.
     pub pid: u32,
-    /// Which life of a process, 16 hexadecimal digits.
+    /// Incarnation of the process, 16 hexadecimal digits.
     pub incarnation: String,
-    /// Number of the newest cycle, without gaps from 1.
+    /// Number of the newest cycle; cycles are numbered from 1 without gaps.
     pub cycle: u64,
-    /// Base period.
+    /// Base period, ns.
     pub period_ns: u64,
-    /// Where the cycles' time comes from.
+    /// The time source of the cycles.
     pub clock: ClockView,
-    /// Late cycles since its start.
+    /// Number of late cycles since its start.
     pub late: u64,
-    /// Of them those that somebody acknowledged.
+    /// Number of those that were acknowledged.
     #[serde(default)]
     pub late_acknowledged: u64,
     /// First late cycle since the last acknowledgement.
@@ -529,23 +530,23 @@ pub struct ExecutorView {
     /// Last late cycle since the last acknowledgement.
     #[serde(default)]
     pub last_late: Option<LateView>,
-    /// Worst wake-up after the deadline since the last acknowledgement.
+    /// Longest delay of a wake-up since the last acknowledgement, ns.
     pub worst_wake_ns: u64,
-    /// Time that the last cycle computed.
+    /// Computing time of the last cycle, ns.
     pub exec_last_ns: u64,
-    /// Longest that a cycle computed since the last acknowledgement.
+    /// Longest computing time of a cycle since the last acknowledgement, ns.
     pub exec_max_ns: u64,
-    /// What nets may need together in one cycle; 0 = no limit.
+    /// Time that all nets together may take in one cycle, ns; 0 if there is no limit.
     #[serde(default)]
     pub budget_ns: u64,
-    /// What the nets that run now are expected to need together in one cycle.
+    /// Time that the running nets are expected to take together in one cycle, ns.
     #[serde(default)]
     pub committed_ns: u64,
-    /// Periods skipped because of late cycles.
+    /// Number of periods skipped because of late cycles.
     pub skipped_periods: u64,
     /// Monitor records lost before they left the executor.
     pub dropped_records: u64,
-    /// Commands running now.
+    /// Number of running commands.
     pub running: u32,
     /// SCHED_FIFO was granted.
     pub fifo: bool,
@@ -557,7 +558,7 @@ pub struct ExecutorView {
     pub grade: String,
 }
 
-/// Where the executor's cycles take their time from.
+/// The time source of the executor's cycles.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default)]
 pub struct ClockView {
@@ -565,15 +566,15 @@ pub struct ClockView {
     pub state: String,
     /// The device that it follows.
     pub device: Option<String>,
-    /// Mean time from where a cycle begins to where it should, ns.
+    /// Mean phase error of the cycles, ns.
     pub error_ns: f64,
-    /// Mean deviation of a packet of the device from where it was expected, ns.
+    /// Mean deviation of the device's packets from their expected arrival, ns.
     pub jitter_ns: f64,
-    /// The device's period by the executor's clock, ns; 0 = not known.
+    /// Period of the device measured with the executor's clock, ns; 0 if not known.
     pub device_period_ns: f64,
-    /// How much longer than nominal that is, in millionths.
+    /// Deviation of that period from the nominal one, in millionths.
     pub rate_ppm: f64,
-    /// Times that it was locked and lost that.
+    /// Number of times that the lock was lost.
     pub losses: u64,
 }
 
@@ -582,15 +583,15 @@ pub struct ClockView {
 pub struct ProcessView {
     /// `executor`, `loader`, `driver`, …
     pub role: String,
-    /// Which one.
+    /// Label among the processes of this role.
     pub label: String,
     /// Its process id.
     pub pid: u32,
-    /// Which life of a process, 16 hexadecimal digits.
+    /// Incarnation of the process, 16 hexadecimal digits.
     pub incarnation: String,
-    /// False if it died and nobody cleaned up yet.
+    /// False if the process is dead and nobody has cleaned up yet.
     pub alive: bool,
-    /// Its word for people.
+    /// Its note for people.
     pub note: String,
 }
 
@@ -601,15 +602,15 @@ pub struct PrimitiveView {
     pub name: String,
     /// What it does.
     pub summary: String,
-    /// What it is for: the chapter of the manual.
+    /// Chapter of the manual.
     #[serde(default)]
     pub group: String,
-    /// What null does.
+    /// Effect of null inputs.
     pub null: String,
-    /// Which known inputs have no result; empty: all have one.
+    /// Known inputs that have no result; empty if all have one.
     #[serde(default)]
     pub undefined: String,
-    /// The formula and where it is from; may be empty.
+    /// The formula and its source; may be empty.
     #[serde(default)]
     pub formula: String,
     /// Inputs.
@@ -618,12 +619,12 @@ pub struct PrimitiveView {
     pub outputs: Vec<PortView>,
     /// Parameters.
     pub parameters: Vec<ParameterView>,
-    /// True if it claims a resource for its net alone.
+    /// True if it claims a resource exclusively for its net.
     pub unique: bool,
-    /// True if it remembers something from cycle to cycle.
+    /// True if it has state that persists from cycle to cycle.
     #[serde(default)]
     pub remembers: bool,
-    /// Worked values.
+    /// Tables of worked values.
     #[serde(default)]
     pub examples: Vec<ExampleView>,
 }
@@ -638,26 +639,26 @@ pub struct PortView {
     pub ty: String,
     /// Its unit; equal letters stand for equal units.
     pub unit: String,
-    /// What it carries.
+    /// Meaning of the value.
     pub doc: String,
-    /// Value of an input that nothing feeds; none: it must be connected.
+    /// Value of an unconnected input; `None` if it must be connected.
     #[serde(default)]
     pub default: Option<String>,
-    /// An output that may be left unread.
+    /// True for an output that may be left unread.
     #[serde(default)]
     pub diagnostic: bool,
-    /// An output is never less than this.
+    /// Lower bound of an output.
     #[serde(default)]
     pub least: Option<f64>,
-    /// An output is never greater than this.
+    /// Upper bound of an output.
     #[serde(default)]
     pub greatest: Option<f64>,
 }
 
-/// Worked values of a primitive.
+/// A table of worked values of a primitive.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ExampleView {
-    /// What it shows.
+    /// What the example shows.
     pub shows: String,
     /// Parameters as in a net; may be empty.
     pub parameters: String,
@@ -665,7 +666,7 @@ pub struct ExampleView {
     pub period_ms: u32,
     /// Names of ports.
     pub names: Vec<String>,
-    /// One row a cycle, with a constant below each name.
+    /// One row per cycle, with a constant below each name.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -674,23 +675,23 @@ pub struct ExampleView {
 pub struct ParameterView {
     /// Its name.
     pub name: String,
-    /// Its type, or what it names.
+    /// Its type, or the kind of thing it names.
     #[serde(rename = "type")]
     pub ty: String,
     /// Its unit.
     pub unit: String,
-    /// What it means.
+    /// Meaning of the parameter.
     pub doc: String,
-    /// Its value when it is left out; none: it must be given.
+    /// Default value; `None` if it is required.
     #[serde(default)]
     pub default: Option<String>,
-    /// It must be greater than this.
+    /// Exclusive lower bound.
     #[serde(default)]
     pub above: Option<f64>,
-    /// It must not be less than this.
+    /// Inclusive lower bound.
     #[serde(default)]
     pub at_least: Option<f64>,
-    /// It must not be greater than this.
+    /// Inclusive upper bound.
     #[serde(default)]
     pub at_most: Option<f64>,
 }

@@ -1,5 +1,5 @@
-//! What comes in and goes out as body: each route takes so much and no more, and all bodies together take so much memory.
-//! Run by the one thread that serves connections, which copies pieces and parses nothing.
+//! Bodies of requests and answers: the size of each is limited by route, and the memory of all together. Run by the one
+//! thread that serves connections, which copies pieces and parses nothing.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -17,23 +17,24 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use super::codes;
 use super::error::ApiError;
 
-/// Longest text of a net, bytes.
+/// Maximum size of a net's text, bytes.
 pub const TEXT_MAX: usize = 4 << 20;
-/// Texts longer than this are compiled one after the other, because each takes a hundred times its memory meanwhile, which
-/// is given back afterwards; shorter ones do not wait for them.
+/// Texts longer than this are compiled one after the other, bytes. Compiling takes a hundred times the text's size in
+/// memory, which is returned afterwards; shorter texts do not wait for long ones.
 pub const LONG_TEXT: usize = 256 << 10;
-/// Longest body of other requests that have one, bytes.
+/// Maximum size of any other request body, bytes.
 pub const SET_TEXT_MAX: usize = 64 << 10;
-/// All texts that come, wait to be compiled, or are compiled, bytes.
+/// Maximum size of all texts that are being received, wait to be compiled, or are being compiled, bytes.
 pub const TEXTS_MAX: usize = 32 << 20;
-/// All long answers that are made or that clients have not taken yet, bytes.
+/// Maximum size of all long answers that are being created or not yet taken by their clients, bytes.
 pub const ANSWERS_MAX: usize = 64 << 20;
-/// An answer up to this long is not counted, bytes.
+/// Bodies up to this size are not counted, bytes.
 const SHORT: usize = 64 << 10;
-/// So long a body may take to come.
+/// Time allowed for a body to arrive.
 pub const BODY_TIME: Duration = Duration::from_secs(5);
 
-/// The longest body of a request, by its route; nothing for CANCEL and ABORT, which are done whatever comes with them.
+/// Returns the maximum body size of a request, by its route; `None` for CANCEL and ABORT, which are carried out
+/// whatever their body is.
 #[must_use]
 pub fn body_max(method: &Method, route: &str) -> Option<usize> {
     match (method.as_str(), route) {
@@ -45,16 +46,16 @@ pub fn body_max(method: &Method, route: &str) -> Option<usize> {
     }
 }
 
-/// Memory that a text takes, until the last clone of this is dropped.
+/// Accounts for the memory of a text until the last clone is dropped.
 #[derive(Clone, Debug, Default)]
 pub struct TextMemory {
     _permit: Option<Arc<OwnedSemaphorePermit>>,
 }
 
-/// Takes a body that has at most `bytes_max` bytes; a long one counts as part of `texts`.
+/// Reads a body of at most `bytes_max` bytes; a long one is counted against `texts`.
 ///
 /// # Errors
-/// It is too long, not whole, too slow, or all of the memory for bodies is in use.
+/// Returns an error if the body is too long, incomplete or too slow, or if all of the memory for bodies is in use.
 pub async fn read(
     body: Body,
     bytes_max: usize,
@@ -82,8 +83,8 @@ async fn collect(
     let mut permit: Option<OwnedSemaphorePermit> = None;
     while let Some(frame) = body.frame().await {
         let frame = frame.map_err(|error| {
-            let message = format!("the body is not whole: {error}");
-            ApiError::new(codes::BAD_REQUEST, message, "send all of it")
+            let message = format!("the body is incomplete: {error}");
+            ApiError::new(codes::BAD_REQUEST, message, "send the whole body")
         })?;
         let Ok(data) = frame.into_data() else {
             continue;
@@ -109,10 +110,10 @@ async fn collect(
     Ok((bytes.into(), memory))
 }
 
-/// The request without its body, if it has none.
+/// Checks that a request has no body.
 ///
 /// # Errors
-/// It has one.
+/// Returns [`codes::TOO_LARGE`] if it has one.
 pub fn require_no_body(request: &Request) -> Result<(), ApiError> {
     match request.body().is_end_stream() {
         true => Ok(()),
@@ -124,18 +125,18 @@ fn too_large(bytes_max: usize) -> ApiError {
     match bytes_max {
         0 => ApiError::new(
             codes::TOO_LARGE,
-            "this address takes no body",
-            "send the request without one",
+            "requests to this address have no body",
+            "send the request without a body",
         ),
         TEXT_MAX => ApiError::new(
             codes::TOO_LARGE,
-            format!("a text has at most {TEXT_MAX} bytes"),
-            "divide the net into several",
+            format!("the text is too large: the maximum is {TEXT_MAX} bytes"),
+            "split the net into several nets",
         ),
         _ => ApiError::new(
             codes::TOO_LARGE,
-            format!("the body of this request has at most {bytes_max} bytes"),
-            "divide it into several requests",
+            format!("the body is too large: the maximum for this request is {bytes_max} bytes"),
+            "split it into several requests",
         ),
     }
 }
@@ -144,17 +145,17 @@ fn no_memory(bytes_max: usize, what: &str) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
         format!(
-            "the loader has {} MiB for {what} at a time, and they are in use",
+            "all of the {} MiB that the loader reserves for {what} are in use",
             bytes_max >> 20
         ),
         "try again in a moment",
     )
 }
 
-/// An answer of JSON that was written by a blocking thread; a long one is counted until the client has taken it.
+/// Wraps a JSON answer that was serialized by a blocking thread; a long one is counted until the client has taken it.
 ///
 /// # Errors
-/// All of the memory for answers is in use.
+/// Returns [`codes::TOO_MANY`] if all of the memory for answers is in use.
 pub fn answer(bytes: Vec<u8>, answers: &Arc<Semaphore>) -> Result<Response, ApiError> {
     let permit = match bytes.len() {
         0..=SHORT => None,
@@ -171,7 +172,7 @@ pub fn answer(bytes: Vec<u8>, answers: &Arc<Semaphore>) -> Result<Response, ApiE
     Ok((StatusCode::OK, kind, body).into_response())
 }
 
-/// A body with its share of the memory.
+/// A body together with its share of the memory for answers.
 struct AccountedBody {
     bytes: Full<Bytes>,
     _permit: Option<OwnedSemaphorePermit>,

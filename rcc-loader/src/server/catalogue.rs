@@ -1,5 +1,4 @@
-//! The catalogue of primitives as people and programs read it.
-//! Computed on request by the server's threads.
+//! The catalogue of primitives, as shown to people and programs. Computed on request by the server's threads.
 
 use rcc_config::device::kind_name;
 use rcc_core::linear::SIDE_MAX;
@@ -12,7 +11,7 @@ use rcc_core::types::Type;
 
 use super::api::{ExampleView, ParameterView, PortView, PrimitiveView};
 
-/// Every primitive, sorted by name.
+/// Returns every primitive, sorted by name.
 #[must_use]
 pub fn primitives() -> Vec<PrimitiveView> {
     CATALOGUE
@@ -50,7 +49,7 @@ fn port(port: &Port) -> PortView {
     }
 }
 
-/// A table of worked values taken apart.
+/// Parses a table of worked values.
 fn example(example: &Example) -> ExampleView {
     let mut lines = example
         .table
@@ -80,7 +79,7 @@ pub const GROUPS: &[&str] = &[
     "Any type",
 ];
 
-/// The chapter of a primitive: by what it belongs to, else by the types of its ports.
+/// Returns the chapter of a primitive: by its role, or else by the types of its ports.
 fn group(spec: &Spec) -> &'static str {
     let ports = || spec.inputs.iter().chain(spec.outputs).map(|port| port.ty);
     let is =
@@ -171,7 +170,7 @@ fn type_words(ty: PortType) -> String {
     }
 }
 
-/// A length: a number, or a letter that stands for the same number wherever it occurs.
+/// Formats a length: a number, or a letter that stands for the same number wherever it occurs.
 fn dim_words(dim: Dim) -> String {
     match dim {
         Dim::Is(length) => length.to_string(),

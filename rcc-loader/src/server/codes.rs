@@ -1,11 +1,11 @@
-//! The one table of codes beyond those of the language (RCC1xxx) and the configuration (RCC2xxx): what a code means
-//! over HTTP and as the exit code of a command. Used by the server's threads and by the command line.
+//! The table of codes other than those of the language (RCC1xxx) and the configuration (RCC2xxx): the HTTP status and
+//! the exit code of each. Used by the server's threads and by the command line.
 
 use rcc_core::message::EndReason;
 
 /// Exit codes of the command line.
 pub mod exit {
-    /// Done.
+    /// Success.
     pub const OK: u8 = 0;
     /// The operation failed, or the net ended with a fault or an abort.
     pub const FAILED: u8 = 1;
@@ -17,19 +17,19 @@ pub mod exit {
     pub const UNREACHABLE: u8 = 4;
     /// A resource is busy, or the command is in a state that does not allow it.
     pub const CONFLICT: u8 = 5;
-    /// No answer in time.
+    /// No answer within the time limit.
     pub const TIMEOUT: u8 = 6;
     /// Not permitted.
     pub const PERMISSION: u8 = 7;
-    /// The net was canceled, and not by whoever asked for it to run.
+    /// The net was canceled, but not by the caller that asked for it to run.
     pub const CANCELED: u8 = 8;
     /// Ended by Ctrl-C, SIGTERM or SIGHUP.
     pub const INTERRUPTED: u8 = 130;
-    /// Whoever read the output is gone: what a shell shows for a program that SIGPIPE ended.
+    /// The reader of the output is gone: the code that a shell shows for a program ended by SIGPIPE.
     pub const READER_GONE: u8 = 141;
 }
 
-/// Exit codes by how a net ended, for every verb that waits for its end.
+/// Exit codes by the way a net ended, for every verb that waits for its end.
 pub const OUTCOMES: [(EndReason, u8); 4] = [
     (EndReason::Finished, exit::OK),
     (EndReason::Canceled, exit::CANCELED),
@@ -37,16 +37,17 @@ pub const OUTCOMES: [(EndReason, u8); 4] = [
     (EndReason::Fault, exit::FAILED),
 ];
 
-/// What a caller asked of a net whose end it waited for.
+/// The end that a caller requested of a net that it waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestedEnd {
-    /// To do what it is for: only `finished` is a success.
+    /// Regular end: only `finished` is a success.
     Finish,
-    /// To end, as CANCEL asks: `canceled` is a success, and so is `finished`, when it was done first.
+    /// End by CANCEL: `canceled` is a success, and so is `finished` if the net finished first.
     Cancel,
 }
 
-/// The exit code for a net that ended for `reason`, as its state names it; one without a reason has failed.
+/// Returns the exit code for a net that ended for `reason`, as its state names it; without a reason it counts as
+/// failed.
 #[must_use]
 pub fn outcome(asked: RequestedEnd, reason: Option<&str>) -> u8 {
     let row = OUTCOMES.iter().find(|(end, _)| Some(end.name()) == reason);
@@ -60,13 +61,13 @@ pub fn outcome(asked: RequestedEnd, reason: Option<&str>) -> u8 {
 /// One row of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
-    /// As shown.
+    /// The code as shown to users.
     pub code: &'static str,
     /// HTTP status.
     pub status: u16,
     /// Exit code of the command line.
     pub exit: u8,
-    /// What it stands for, in a few words.
+    /// Meaning, in a short sentence.
     pub title: &'static str,
 }
 
@@ -79,7 +80,7 @@ macro_rules! codes {
 }
 
 codes! {
-    UNKNOWN_COMMAND = "RCC3001", 404, FAILED, "There is no such command.";
+    UNKNOWN_COMMAND = "RCC3001", 404, FAILED, "The command does not exist.";
     TABLE_FULL = "RCC3002", 409, CONFLICT, "The executor's command table is full.";
     WRONG_STATE = "RCC3003", 409, CONFLICT, "The command's state does not allow it.";
     BUSY = "RCC3004", 409, CONFLICT, "Another command holds a resource.";
@@ -89,49 +90,49 @@ codes! {
     FIRST_CYCLE = "RCC3012", 409, CONFLICT, "The first cycle ended with a fault.";
     PLAN_REFUSED = "RCC3013", 422, INVALID, "The executor refused the plan.";
     NOT_PREPARED = "RCC3014", 409, CONFLICT, "The start values could not be computed.";
-    OVERLOADED = "RCC3015", 503, CONFLICT, "No room for it now.";
+    OVERLOADED = "RCC3015", 503, CONFLICT, "The executor is overloaded.";
     STOPPING = "RCC3016", 503, UNREACHABLE, "The executor is stopping.";
     LOADER_DIED = "RCC3017", 409, FAILED, "The loader died while it loaded the command.";
     DISCONTINUOUS = "RCC3018", 409, CONFLICT, "The first set-point does not continue the motion.";
-    LETS_GO = "RCC3019", 409, CONFLICT, "A hand-over would let go of an arm.";
+    LETS_GO = "RCC3019", 409, CONFLICT, "A hand-over would release an arm.";
     NAMED_TWICE = "RCC3020", 400, USAGE, "A hand-over names a command twice, or too many.";
-    NOT_TOGETHER = "RCC3021", 409, CONFLICT, "Nets of a hand-over are never evaluated in a common cycle.";
-    OVER_BUDGET = "RCC3022", 409, CONFLICT, "The nets would need more of a cycle than the cell's budget.";
-    FORESEEN = "RCC3023", 409, CONFLICT, "The net would break a limit of an arm.";
-    OTHER_TOPIC = "RCC3024", 409, CONFLICT, "Two nets mean different types by a topic.";
+    NOT_TOGETHER = "RCC3021", 409, CONFLICT, "Nets of a hand-over have no common cycle.";
+    OVER_BUDGET = "RCC3022", 409, CONFLICT, "The nets would exceed the cell's time budget of a cycle.";
+    FORESEEN = "RCC3023", 409, CONFLICT, "The net would violate a limit of an arm.";
+    OTHER_TOPIC = "RCC3024", 409, CONFLICT, "Two nets use different types for a topic.";
     NO_RECORDER = "RCC3030", 409, CONFLICT, "The flight recorder is switched off.";
     INPUT_REFUSED = "RCC3040", 422, INVALID, "A value cannot be set.";
     UNKNOWN_PORT = "RCC3041", 404, FAILED, "The net has no such port.";
-    TOO_MANY_PORTS = "RCC3042", 409, CONFLICT, "More ports, or watchers, than the executor serves.";
+    TOO_MANY_PORTS = "RCC3042", 409, CONFLICT, "More ports or watchers than the executor can serve.";
     NO_EXECUTOR = "RCC4001", 503, UNREACHABLE, "The executor cannot be reached.";
     EXECUTOR_SILENT = "RCC4002", 504, TIMEOUT, "The executor did not answer in time.";
     OTHER_BUILD = "RCC4003", 502, UNREACHABLE, "Loader and executor are of different builds.";
     NO_LOADER = "RCC4004", 503, UNREACHABLE, "The loader cannot be reached.";
     LOADER_SILENT = "RCC4005", 504, TIMEOUT, "The loader did not answer in time.";
     TOO_LARGE = "RCC4006", 413, USAGE, "The text is too large.";
-    NO_ROUTE = "RCC4007", 404, USAGE, "There is no such address.";
+    NO_ROUTE = "RCC4007", 404, USAGE, "The address does not exist.";
     NOT_STORED = "RCC4008", 500, FAILED, "A file could not be written.";
     NOT_PERMITTED = "RCC4009", 403, PERMISSION, "Not permitted.";
-    TOO_MANY = "RCC4010", 429, CONFLICT, "Too many requests at a time.";
-    BAD_REQUEST = "RCC4011", 400, USAGE, "The request is not understood.";
+    TOO_MANY = "RCC4010", 429, CONFLICT, "Too many concurrent requests.";
+    BAD_REQUEST = "RCC4011", 400, USAGE, "The request is malformed.";
     CELL_LIVES = "RCC4012", 409, CONFLICT, "The cell is in use.";
     PROCESS_FAILED = "RCC4013", 500, FAILED, "A process of the cell failed.";
-    NO_SPACE = "RCC4014", 507, FAILED, "There is too little shared memory.";
+    NO_SPACE = "RCC4014", 507, FAILED, "There is not enough shared memory.";
     NO_TOKEN = "RCC4015", 401, PERMISSION, "The token is missing or wrong.";
     HEAD_TOO_LARGE = "RCC4016", 431, USAGE, "The head of the request is too large.";
-    TOO_SLOW = "RCC4017", 408, TIMEOUT, "The request came too slowly.";
+    TOO_SLOW = "RCC4017", 408, TIMEOUT, "The request arrived too slowly.";
     OTHER_CONFIGURATION = "RCC4020", 409, CONFLICT, "Processes were started with different configurations.";
-    NOT_KEPT = "RCC4021", 507, FAILED, "The loader keeps no more of it.";
-    GIVEN_UP = "RCC4022", 504, TIMEOUT, "The client did not wait for it.";
-    NO_INCIDENT = "RCC4030", 422, INVALID, "A file is no incident that this build can replay.";
+    NOT_KEPT = "RCC4021", 507, FAILED, "The loader's storage limit is reached.";
+    GIVEN_UP = "RCC4022", 504, TIMEOUT, "The client stopped waiting.";
+    NO_INCIDENT = "RCC4030", 422, INVALID, "The file is not an incident that this build can replay.";
     REPLAY_DIFFERS = "RCC4031", 500, FAILED, "A replay differs from what was recorded.";
-    NOT_COMPARED = "RCC4032", 422, FAILED, "Nothing of an incident can be compared.";
+    NOT_COMPARED = "RCC4032", 422, FAILED, "The incident contains nothing that can be compared.";
 }
 
-/// HTTP status of a text that is not valid.
+/// HTTP status for an invalid text.
 pub const INVALID_STATUS: u16 = 422;
 
-/// The exit code that belongs to a code, also of the language and of the configuration.
+/// Returns the exit code for a code, including those of the language and the configuration.
 #[must_use]
 pub fn exit_code(code: &str) -> u8 {
     match TABLE.iter().find(|row| row.code == code) {

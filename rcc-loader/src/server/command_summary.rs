@@ -1,36 +1,36 @@
-//! What the loader knows of every command without opening its file: its name, and what lists, operations and refusals
-//! tell. Plain data behind the lock of the store; used by the server's blocking threads and by the lane of CANCEL.
+//! What the loader keeps in memory about each command: its name, and what lists, operations and refusals show. Plain
+//! data behind the lock of the store; used by the server's blocking threads and by the workers of CANCEL and ABORT.
 
 use rcc_language::names::Names;
 
 use super::api::{Finding, RehearsalView};
 use super::store::CommandFile;
 
-/// A command without what is long: its text, and where its ports lie, are in its file.
+/// A command without its long parts: its text and the slots of its ports are only in its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CommandSummary {
-    /// The net's name; empty when the text does not even tell that.
+    /// The net's name; empty if the text does not even contain a valid one.
     pub net: String,
     /// The net's description.
     pub description: String,
-    /// Faults and warnings of the text.
+    /// Errors and warnings of the text.
     pub diagnostics: Vec<Finding>,
-    /// Unique resources, for people.
+    /// Unique resources, as shown to people.
     pub uses: Vec<String>,
     /// Number of primitives.
     pub primitives: u32,
-    /// What its rehearsal came to.
+    /// Result of its rehearsal.
     pub rehearsal: Option<RehearsalView>,
-    /// Seconds since the epoch at which it was loaded.
+    /// Time of loading, seconds since the Unix epoch.
     pub loaded_at: u64,
-    /// Its names without primitives and monitors: motions, inputs and topics.
+    /// Names of its motions, inputs and topics; without primitives and monitors.
     pub names: Names,
-    /// It has names in full, in its file.
+    /// True if its file has the full names.
     pub is_named: bool,
 }
 
 impl CommandSummary {
-    /// What of a command's file stays in memory.
+    /// Returns the part of a command's file that stays in memory.
     #[must_use]
     pub fn of(file: &CommandFile) -> CommandSummary {
         let names = file.names.as_ref();

@@ -1,5 +1,5 @@
-//! From a text to a plan with everything the server keeps beside it.
-//! Run by blocking threads of the server, and by `rcc-cli check` without a server.
+//! Compiles a text to a plan, with everything that the server stores beside it. Run by blocking threads of the server,
+//! and by `rcc-cli check` without a server.
 
 use rcc_config::CellConfig;
 use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, Faults, Severity, render};
@@ -11,7 +11,7 @@ use rcc_language::syntax::is_net_name;
 
 use super::api::{Finding, TextLocation};
 
-/// A net that the language accepts.
+/// A successfully compiled net.
 #[derive(Clone, Debug)]
 pub struct Compiled {
     /// The net's name.
@@ -20,15 +20,15 @@ pub struct Compiled {
     pub description: String,
     /// Its plan.
     pub plan: PlanData,
-    /// Where every port and monitor lies in the plan.
+    /// Slots of every port and monitor in the plan.
     pub names: Names,
     /// Warnings.
     pub warnings: Vec<Finding>,
-    /// What it claims for itself alone.
+    /// Resources that the net claims exclusively.
     pub uses: Vec<Resource>,
     /// The topics that it publishes.
     pub topics: Vec<String>,
-    /// It has a `Cancel` primitive.
+    /// True if the net has a `Cancel` primitive.
     pub can_cancel: bool,
     /// Number of primitives with a kernel.
     pub primitives: u32,
@@ -37,7 +37,7 @@ pub struct Compiled {
 /// Compiles a text for a cell.
 ///
 /// # Errors
-/// All faults of the text.
+/// Returns all errors and warnings of the text if it has an error.
 pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Vec<Finding>> {
     let compiled = rcc_language::compile(text, file, cell).map_err(|faults| findings(&faults))?;
     let checked = compiled
@@ -48,8 +48,8 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
             vec![Finding {
                 code: super::codes::PLAN_REFUSED.code.to_owned(),
                 severity: "error".to_owned(),
-                message: format!("the plan does not check: {error:?}"),
-                help: Some("this is a fault of the loader: report it with the net".to_owned()),
+                message: format!("the compiled plan is invalid: {error:?}"),
+                help: Some("this is a bug in the loader: report it with the net".to_owned()),
                 ..Finding::default()
             }]
         })?;
@@ -85,8 +85,8 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
     })
 }
 
-/// Faults as they travel; of very many the first [`DRAWN_MAX`] show their lines, which takes a look through the whole text
-/// each.
+/// Converts faults to findings. Beyond the first [`DRAWN_MAX`], findings have no source snippet, because each takes a
+/// pass through the whole text.
 #[must_use]
 pub fn findings(faults: &Faults) -> Vec<Finding> {
     let drawn = |row: &DiagnosticRow| render(std::slice::from_ref(row), &faults.sources, false);
@@ -132,7 +132,7 @@ fn finding(row: DiagnosticRow) -> Finding {
     }
 }
 
-/// The name that a text gives its net, as far as that can be told of a text with faults.
+/// Returns the net's name in a text, as far as it can be found in a text with errors; empty otherwise.
 #[must_use]
 pub fn name_of(text: &str) -> String {
     let named = text.lines().find_map(|line| {
@@ -143,7 +143,7 @@ pub fn name_of(text: &str) -> String {
     });
     let mut name = named.unwrap_or_default();
     if !is_net_name(&name) {
-        // Neither printed nor looked for: it may be an id, or lead a terminal.
+        // An invalid name is neither printed nor looked up: it may be an id, or control a terminal.
         name.clear();
     }
     name

@@ -1,5 +1,5 @@
-//! Whether everybody in the cell was started with the same configuration, and whether its files still say the same.
-//! Run by blocking threads of the server and by the thread that tends the link.
+//! Checks whether all processes of the cell were started with the same configuration, and whether its files have
+//! changed since. Run by blocking threads of the server and by the maintenance thread.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError};
@@ -16,12 +16,12 @@ use super::error::ApiError;
 use super::executor::{EXECUTOR_LABEL, ExecutorConnection};
 use super::service::Service;
 
-/// How often the configuration's files are looked at.
+/// Interval at which the configuration's files are checked.
 const CHECK_EVERY: Duration = Duration::from_secs(1);
-/// What stands for the driver of a device that this loader knows with another one.
+/// Placeholder for the driver of a device that this loader knows with another driver.
 const UNKNOWN: &str = "?";
 
-/// The files of the configuration; none are watched unless somebody asks for it.
+/// The files of the configuration; none are watched by default.
 #[derive(Debug, Default)]
 pub struct WatchedFiles {
     watch: Option<FileWatch>,
@@ -37,7 +37,7 @@ impl Service {
         self
     }
 
-    /// Looks at the files of the configuration, and tells once what they say that is not in force.
+    /// Checks the files of the configuration, and reports each change once.
     pub(super) fn check_files(&self) {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         let now = Instant::now();
@@ -54,10 +54,10 @@ impl Service {
         self.record(EventKind::ConfigurationChanged { differs, fault });
     }
 
-    /// A life of the executor is there: when it is met first, and has another configuration than ours, that is told, and
-    /// things are named only as far as both mean the same.
+    /// Compares the configuration of an executor with ours when that incarnation is first seen. A difference is
+    /// reported, and from then on only devices and channels with the same meaning in both are named.
     pub(super) fn check_configuration(&self, executor: &Announcement) {
-        // A panic leaves it whole: it is replaced at once.
+        // A panic leaves the value intact, because it is replaced at once.
         let mut naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
         if naming.0 == executor.incarnation {
             return;
@@ -71,55 +71,56 @@ impl Service {
         if let Some(why) = why {
             let remedy = why.remedy();
             tracing::warn!(
-                "loads and starts nothing: the executor was {}: {why}; {remedy}",
+                "LOAD and START are refused: the executor was {}: {why}; {remedy}",
                 why.description()
             );
             self.record(why.event(executor));
         }
     }
 
-    /// An executor that is not opened, because it is of another build: that is told as of one that is.
+    /// As [`Service::check_configuration`], for an executor of another build, to which no connection is opened.
     pub(super) fn check_unopened_configuration(&self) {
         let announced = self
             .executor
             .cell()
             .announced(Role::ExecutorLink, EXECUTOR_LABEL);
-        // Gone or not readable meanwhile: the next look tells.
+        // If it is gone or unreadable meanwhile, the next check reports it.
         let announced = announced.ok().flatten();
         if let Some(executor) = announced.filter(|one| one.liveness().is_alive()) {
             self.check_configuration(&executor);
         }
     }
 
-    /// By which devices and channels of the executor are named.
+    /// Returns the configuration by which the executor's devices and channels are named.
     pub(super) fn naming(&self) -> Arc<CellConfig> {
         let naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(&naming.1)
     }
 
-    /// Refuses LOAD and START while loader and executor are of different builds or have different configurations: what a
-    /// text means here would be something else there.
+    /// Refuses LOAD and START while loader and executor are of different builds or have different configurations,
+    /// because a text could mean something else there.
     pub(super) fn require_agreement(&self, attached: &ExecutorConnection) -> Result<(), ApiError> {
         match ProcessMismatch::about_cell(&self.own, &attached.announcement) {
             None => Ok(()),
             Some(why @ ProcessMismatch::Build { .. }) => Err(ApiError::new(
                 codes::OTHER_BUILD,
                 format!(
-                    "nothing is loaded or started: loader and executor were built from different versions ({why})"
+                    "LOAD and START are refused: loader and executor were built from different versions ({why})"
                 ),
                 why.remedy(),
             )),
             Some(why) => Err(ApiError::new(
                 codes::OTHER_CONFIGURATION,
                 format!(
-                    "nothing is loaded or started: loader and executor were started with different configurations ({why})"
+                    "LOAD and START are refused: loader and executor were started with different configurations ({why})"
                 ),
                 why.remedy(),
             )),
         }
     }
 
-    /// Why the living driver of a device is not attached to the executor, if that is because of its build or configuration.
+    /// Returns why the living driver of a device is not attached to the executor, if the reason is its build or
+    /// configuration.
     pub(super) fn disagreement(&self, device: &str) -> Option<ProcessMismatch> {
         let (attached, _) = self.executor.attach().ok()?;
         let driver = self.executor.cell().announced(Role::Driver, device);
@@ -128,7 +129,7 @@ impl Service {
         ProcessMismatch::about_device(&driver, &attached.announcement, device)
     }
 
-    /// What is wrong with the configuration, a sentence each.
+    /// Returns the problems of the configuration, one sentence each.
     pub(super) fn configuration_words(
         &self,
         attached: &ExecutorConnection,
@@ -138,7 +139,7 @@ impl Service {
         let executor = &attached.announcement;
         if let Some(why) = ProcessMismatch::about_cell(&self.own, executor) {
             words.push(disagreement_sentence(
-                "the loader loads and starts nothing: it",
+                "the loader refuses LOAD and START: it",
                 &why,
             ));
         }
@@ -154,7 +155,8 @@ impl Service {
         words
     }
 
-    /// That the files say something else, and who was started with something else than that.
+    /// Returns sentences about changed files, and about processes that were started with another configuration than the
+    /// files now contain.
     fn files_words(&self, processes: &[Announcement]) -> Vec<String> {
         let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(watch) = files.watch.as_ref() else {
@@ -172,7 +174,7 @@ impl Service {
             let names: Vec<String> = others.map(Announcement::who).collect();
             if !names.is_empty() {
                 words.push(format!(
-                    "not started with what its files say now: {}",
+                    "not started with the current content of the files: {}",
                     names.join(", ")
                 ));
             }
@@ -181,7 +183,7 @@ impl Service {
     }
 }
 
-/// The process was started with something else than `disk`, as far as processes agree on it.
+/// Returns true if a process was started with another configuration than `disk`, as far as that process uses it.
 fn is_older(process: &Announcement, disk: &Configuration) -> bool {
     let Some(own) = &process.configuration else {
         return false;
@@ -192,7 +194,7 @@ fn is_older(process: &Announcement, disk: &Configuration) -> bool {
     }
 }
 
-/// A sentence about a process that the executor does not work with.
+/// Returns a sentence about a process that does not fit the executor.
 pub(super) fn disagreement_sentence(who: &str, why: &ProcessMismatch) -> String {
     let remedy = why.remedy();
     format!(
@@ -201,7 +203,7 @@ pub(super) fn disagreement_sentence(who: &str, why: &ProcessMismatch) -> String 
     )
 }
 
-/// What is told of a change, short enough for the event log.
+/// Describes a change, shortened for the event log.
 fn described(change: &ConfigChange) -> (String, Option<String>) {
     match change {
         ConfigChange::None => (String::new(), None),
@@ -210,8 +212,8 @@ fn described(change: &ConfigChange) -> (String, Option<String>) {
     }
 }
 
-/// What this loader can name of an executor with another configuration: its devices in its order, and of them what both
-/// mean in the same way.
+/// Returns the part of our configuration that also holds for an executor with another one: the executor's devices in
+/// its order, with what both define alike.
 fn common_configuration(ours: &CellConfig, theirs: Option<&Configuration>) -> CellConfig {
     let mine = Configuration::new(ours.identity());
     let named = |theirs: &Configuration, name: &str| {
@@ -246,7 +248,7 @@ fn common_configuration(ours: &CellConfig, theirs: Option<&Configuration>) -> Ce
     }
 }
 
-/// A device of which nothing is known but its name.
+/// A device of which only the name is known.
 fn unknown(name: &str) -> DeviceConfig {
     DeviceConfig {
         name: name.to_owned(),

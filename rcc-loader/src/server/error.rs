@@ -1,5 +1,5 @@
-//! The one error of the server: a row of the table of codes, what happened, and what to do.
-//! Made and answered by the server's threads.
+//! The server's error type: a row of the table of codes, a message, and a remedy. Created by the server's threads and
+//! sent as the answer.
 
 use axum::Json;
 use axum::http::StatusCode;
@@ -9,21 +9,21 @@ use rcc_ipc::CallError;
 use super::api::{ErrorBody, Finding};
 use super::codes::{self, Code};
 
-/// Why a request was refused.
+/// The reason why a request was refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ApiError {
     /// Code, HTTP status and exit code.
     pub code: Code,
     /// What is wrong, and where.
     pub message: String,
-    /// What to do.
+    /// The remedy.
     pub help: String,
-    /// Faults of a text, if it is about one.
+    /// Errors and warnings of a text, if the request is about one.
     pub diagnostics: Vec<Finding>,
 }
 
 impl ApiError {
-    /// An error without diagnostics.
+    /// Creates an error without diagnostics.
     pub fn new(code: Code, message: impl Into<String>, help: impl Into<String>) -> ApiError {
         ApiError {
             code,
@@ -33,29 +33,29 @@ impl ApiError {
         }
     }
 
-    /// The executor is not there.
+    /// Returns the error for an executor that is not running.
     #[must_use]
     pub fn no_executor(cell: &str) -> ApiError {
         ApiError::new(
             codes::NO_EXECUTOR,
             format!("the executor of cell '{cell}' cannot be reached"),
-            "a supervisor starts it again within a second; without one: `rcc-cli up FILE`",
+            "a supervisor restarts it within a second; without one, run `rcc-cli up FILE`",
         )
     }
 
-    /// A call to the executor that has no answer.
+    /// Converts the failure of a call to the executor.
     #[must_use]
     pub fn of_call(cell: &str, error: &CallError) -> ApiError {
         match error {
             CallError::Timeout { waited, .. } => ApiError::new(
                 codes::EXECUTOR_SILENT,
                 format!("the executor of cell '{cell}' did not answer within {waited:?}"),
-                "whether it did what was asked is not known: look at `rcc-cli state`",
+                "it may or may not have carried out the request: check with `rcc-cli state`",
             ),
             CallError::TooLarge { size, max } => ApiError::new(
                 codes::TOO_LARGE,
-                format!("the plan has {size} bytes, {max} are the most"),
-                "divide the net into several",
+                format!("the plan has {size} bytes; the maximum is {max}"),
+                "split the net into several nets",
             ),
             CallError::OutOfSharedMemory(room) => ApiError::new(
                 codes::NO_SPACE,
@@ -70,18 +70,18 @@ impl ApiError {
             CallError::ServerGone { .. } => ApiError::no_executor(cell),
             CallError::Unanswered { .. } => ApiError::new(
                 codes::OTHER_BUILD,
-                format!("the executor of cell '{cell}' refused the bytes of a request"),
-                "its log says why; install loader and executor from one build and restart them",
+                format!("the executor of cell '{cell}' refused a request that it could not decode"),
+                "see its log for the reason; install loader and executor from the same build and restart them",
             ),
             CallError::Failed { cause, .. } => ApiError::new(
                 codes::NO_EXECUTOR,
-                format!("the executor of cell '{cell}' cannot be asked: {cause}"),
-                "try again; if it stays so, restart the loader",
+                format!("the executor of cell '{cell}' cannot be called: {cause}"),
+                "try again; if the error persists, restart the loader",
             ),
         }
     }
 
-    /// As it travels.
+    /// Returns the JSON body.
     #[must_use]
     pub fn body(&self) -> ErrorBody {
         ErrorBody {
@@ -92,7 +92,7 @@ impl ApiError {
         }
     }
 
-    /// As one finding of a command that became rejected.
+    /// Returns the error as a finding, for a command that was rejected because of it.
     #[must_use]
     pub fn finding(&self) -> Finding {
         let (code, message, help) = (self.code.code, &self.message, &self.help);
@@ -110,7 +110,7 @@ impl ApiError {
 
 impl IntoResponse for ApiError {
     fn into_response(self) -> Response {
-        // The table holds only statuses from 400 to 599, by test.
+        // The table contains only statuses from 400 to 599; a test checks this.
         let status =
             StatusCode::from_u16(self.code.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         (status, Json(self.body())).into_response()

@@ -1,5 +1,6 @@
-//! The loader's link to the executor of its cell: found by its announcement, lost with its life, found again.
-//! Used by blocking threads of the server; it never waits for the real-time thread, only for the intake thread.
+//! The loader's link to the executor of its cell: the executor is found by its announcement, dropped at its death, and
+//! found again. Used by blocking threads of the server; they never wait for the real-time thread, only for the intake
+//! thread.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
@@ -17,19 +18,20 @@ use super::error::ApiError;
 /// Label of the executor in its announcement.
 pub const EXECUTOR_LABEL: &str = "exec";
 
-/// How long the executor may take for an answer: it allocates arenas and plans paths meanwhile.
+/// Maximum time for an answer of the executor, which includes allocating arenas and planning paths.
 const CALL_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Calls that wait for each other, because they share a port to the executor. What takes long, or is asked often, never
-/// keeps a CANCEL or ABORT waiting: these have two ports of their own, so that one without an answer does not either.
+/// Classes of calls. Calls of one class wait for each other because they share ports to the executor. Slow or frequent
+/// calls never delay a CANCEL or ABORT: these have two ports of their own, so that even one that gets no answer does
+/// not block the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CallClass {
     Stop,
-    /// Plans are decoded, and nets made and rehearsed: up to seconds.
+    /// Loads: plans are decoded, nets are built and rehearsed; up to seconds.
     Install,
-    /// As long as a net is made anew.
+    /// Changes: may take as long as rebuilding a net.
     Change,
-    /// A cycle or two.
+    /// Queries: take a cycle or two.
     Query,
 }
 
@@ -51,7 +53,7 @@ impl CallClass {
         }
     }
 
-    /// Its ports, as indices.
+    /// Returns the indices of the ports of this class.
     fn ports(self) -> std::ops::Range<usize> {
         match self {
             CallClass::Stop => 0..2,
@@ -62,12 +64,12 @@ impl CallClass {
     }
 }
 
-/// Ports of a loader to the executor.
+/// Number of ports from a loader to the executor.
 const PORTS: usize = 5;
 
-/// One life of the executor, with what it offers.
+/// A connection to one incarnation of the executor.
 pub struct ExecutorConnection {
-    /// What it announced.
+    /// The executor's announcement.
     pub announcement: Announcement,
     clients: Vec<Mutex<Client>>,
     status: Mutex<BoardReader<CycleStatus>>,
@@ -77,12 +79,12 @@ pub struct ExecutorConnection {
 }
 
 impl ExecutorConnection {
-    /// The executor's counters.
+    /// Reads the executor's counters.
     pub fn status(&self) -> CycleStatus {
         locked(&self.status).read()
     }
 
-    /// The executor's helper threads; nothing before the first cycle.
+    /// Reads the table of the executor's helper threads; empty before the first cycle.
     pub fn helpers(&self) -> Vec<HelperEntry> {
         let table = locked(&self.helpers).read();
         let written = table.magic == MAGIC;
@@ -90,12 +92,13 @@ impl ExecutorConnection {
         table.helpers.into_iter().filter(is_there).collect()
     }
 
-    /// Histograms and what primitives cost; boxed, as they are large. All zero before they are first written.
+    /// Reads the histograms and the costs of primitives; boxed because they are large. All zero before they are first
+    /// written.
     pub fn timing(&self) -> Box<CycleTiming> {
         Box::new(locked(&self.timing).read())
     }
 
-    /// The executor's tables; boxed, as they are large. Empty before the first cycle.
+    /// Reads the executor's tables; boxed because they are large. Empty before the first cycle.
     pub fn tables(&self) -> Box<TableSnapshot> {
         let tables = locked(&self.tables).read();
         let written = tables.magic == MAGIC;
@@ -114,12 +117,12 @@ impl ExecutorConnection {
         })
     }
 
-    /// True if that very process is known to be dead.
+    /// Returns true if this incarnation is known to be dead.
     pub fn is_dead(&self) -> bool {
         self.announcement.liveness().is_dead()
     }
 
-    /// A port of the lane, as soon as one is free.
+    /// Returns a free port of the class, or waits for one.
     fn port(&self, class: CallClass) -> Option<MutexGuard<'_, Client>> {
         let ports = self.clients.get(class.ports())?;
         let free = ports.iter().find_map(|port| match port.try_lock() {
@@ -134,8 +137,8 @@ impl ExecutorConnection {
         let other_build = |error: &dyn std::fmt::Display| {
             ApiError::new(
                 codes::OTHER_BUILD,
-                format!("loader and executor do not understand each other: {error}"),
-                "install both from one build and restart them",
+                format!("loader and executor use different message formats: {error}"),
+                "install both from the same build and restart them",
             )
         };
         let bytes = wire::encode(call).map_err(|error| other_build(&error))?;
@@ -143,8 +146,9 @@ impl ExecutorConnection {
         let client = self
             .port(class)
             .ok_or_else(|| ApiError::no_executor(cell))?;
-        // Asked when it is our turn: others may have taken all of the caller's time. An operation that ends a motion is
-        // carried out although nobody waits any more: whoever asked for it wanted the arm to stop.
+        // Checked only now that the port is free: other callers may have used up all of this caller's time. An
+        // operation that ends a motion is carried out even if nobody waits any more, because its client wanted the arm
+        // to stop.
         let patience = match class {
             CallClass::Stop => CALL_TIMEOUT,
             _ => caller.remaining_time(CALL_TIMEOUT)?,
@@ -157,30 +161,30 @@ impl ExecutorConnection {
     }
 }
 
-/// The executor's tables at one moment.
+/// A snapshot of the executor's tables.
 #[derive(Clone, Debug, Default)]
 pub struct TableSnapshot {
-    /// Commands that exist.
+    /// Existing commands.
     pub commands: Vec<CommandEntry>,
     /// Devices, in the order of the configuration; empty before the first cycle.
     pub devices: Vec<DeviceEntry>,
 }
 
 impl TableSnapshot {
-    /// The row of a command.
+    /// Returns the row of a command.
     pub fn command(&self, id: u64) -> Option<&CommandEntry> {
         self.commands.iter().find(|row| row.id == id)
     }
 }
 
-/// The link.
+/// The link to the executor.
 pub struct ExecutorLink {
     session: Session,
     attached: Mutex<Option<Arc<ExecutorConnection>>>,
 }
 
 impl ExecutorLink {
-    /// A link that has found nothing yet.
+    /// Creates a link that is not connected yet.
     #[must_use]
     pub fn new(session: Session) -> ExecutorLink {
         ExecutorLink {
@@ -189,23 +193,24 @@ impl ExecutorLink {
         }
     }
 
-    /// The cell.
+    /// Returns the cell.
     #[must_use]
     pub fn cell(&self) -> &Cell {
         self.session.cell()
     }
 
-    /// What the loader announces, but for its configuration.
+    /// Returns the loader's announcement, without its configuration.
     #[must_use]
     pub fn own(&self) -> Announcement {
         Announcement::of(&self.session)
     }
 
-    /// The living executor, looked for anew when the one we knew is dead. The second value is true when it is another
-    /// one than before.
+    /// Returns the living executor; looks it up again if the known one is dead. The second value is true if it is
+    /// another incarnation than before.
     ///
     /// # Errors
-    /// [`codes::NO_EXECUTOR`] when none lives or it cannot be reached; [`codes::OTHER_BUILD`] when its layout is another.
+    /// Returns [`codes::NO_EXECUTOR`] if none is alive or it cannot be reached, and [`codes::OTHER_BUILD`] if its
+    /// shared-memory layout differs.
     pub fn attach(&self) -> Result<(Arc<ExecutorConnection>, bool), ApiError> {
         let mut attached = locked(&self.attached);
         if let Some(known) = attached.as_ref().filter(|known| !known.is_dead()) {
@@ -217,10 +222,10 @@ impl ExecutorLink {
             ApiError::new(
                 codes::NO_EXECUTOR,
                 format!(
-                    "whether the executor of cell '{}' runs is not known: {why}",
+                    "cannot tell whether the executor of cell '{}' is running: {why}",
                     cell.name()
                 ),
-                "try again; if it stays so, the loader has too few file descriptors (LimitNOFILE=)",
+                "try again; if the error persists, the loader has too few file descriptors (LimitNOFILE=)",
             )
         };
         let announcement = cell
@@ -237,18 +242,18 @@ impl ExecutorLink {
         Ok((found, true))
     }
 
-    /// Asks the executor, whoever waits for it.
+    /// Calls the executor, without a caller's deadline.
     ///
     /// # Errors
-    /// It is not there, does not answer, or does not understand.
+    /// Returns an error if there is no executor, it does not answer in time, or the two do not understand each other.
     pub fn call(&self, call: &Call) -> Result<Answer, ApiError> {
         self.call_for(&Caller::default(), call)
     }
 
-    /// Asks the executor while `caller` waits; to CANCEL and ABORT in any case.
+    /// Calls the executor while `caller` waits; CANCEL and ABORT in any case.
     ///
     /// # Errors
-    /// As [`ExecutorLink::call`]; or nobody waits for it any more, and it was not asked.
+    /// As for [`ExecutorLink::call`]; also if the caller has gone, and the executor was not called.
     pub fn call_for(&self, caller: &Caller, call: &Call) -> Result<Answer, ApiError> {
         let (attached, _) = self.attach()?;
         attached.call(self.session.cell().name(), caller, call)
@@ -271,7 +276,7 @@ impl ExecutorLink {
                 ApiError::new(
                     codes::OTHER_BUILD,
                     format!("the executor of cell '{cell}' does not offer `{name}`"),
-                    "install loader and executor from one build and restart them",
+                    "install loader and executor from the same build and restart them",
                 )
             })
         };
@@ -279,7 +284,7 @@ impl ExecutorLink {
             ApiError::new(
                 codes::NO_EXECUTOR,
                 format!("the executor of cell '{cell}' cannot be opened: {error}"),
-                "try again; if it stays so, restart the cell",
+                "try again; if the error persists, restart the cell",
             )
         };
         let control = service(CONTROL)?;
@@ -300,7 +305,7 @@ impl ExecutorLink {
     }
 }
 
-/// A panic in another thread leaves these values whole: each is one handle.
+/// A panic in another thread leaves these values intact, because each is a single handle.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,5 +1,5 @@
-//! Hand-over by name: some commands end and others begin between the same two cycles, or nothing changes.
-//! Run by blocking threads of the server.
+//! Hand-over by name: some commands end and others start between the same two cycles, or nothing changes. Run by
+//! blocking threads of the server.
 
 use rcc_core::message::CommandState;
 use rcc_ipc::control::{Answer, Call, SWITCH_MAX};
@@ -13,17 +13,17 @@ use super::service::{Operation, Service, unexpected};
 use super::store::CommandStore;
 
 impl Service {
-    /// Stops and starts.
+    /// Stops some commands and starts others.
     ///
     /// # Errors
-    /// There is no executor, a name means nothing, or the executor refuses: then nothing has changed.
+    /// Returns an error if there is no executor, a name is unknown, or the executor refuses; nothing has changed then.
     pub fn switch(&self, caller: &Caller, switch: &Switch) -> Result<Switched, ApiError> {
         let (attached, store) = self.attach()?;
         if switch.stop.is_empty() && switch.start.is_empty() {
             return Err(ApiError::new(
                 codes::BAD_REQUEST,
-                "nothing is named to stop or to start",
-                "{\"stop\": [\"a\"], \"start\": [\"b\"]}",
+                "the hand-over names no command to stop or to start",
+                "send for example `{\"stop\": [\"a\"], \"start\": [\"b\"]}`",
             ));
         }
         if !switch.start.is_empty() {
@@ -42,7 +42,7 @@ impl Service {
                 self.with_names(Some(&store), |names| names.refusal(id, refusal));
             error
                 .message
-                .push_str("; nothing is stopped and nothing is started");
+                .push_str("; no command was stopped or started");
             error
         };
         match self.executor.call_for(caller, &call)? {
@@ -68,10 +68,10 @@ impl Service {
         }
     }
 
-    /// START of one command in place of others.
+    /// Starts one command in place of others.
     ///
     /// # Errors
-    /// As [`Service::switch`].
+    /// As for [`Service::switch`].
     pub fn start_after(&self, caller: &Caller, switch: &Switch) -> Result<Done, ApiError> {
         let mut switched = self.switch(caller, switch)?;
         switched.started.pop().ok_or_else(unexpected)

@@ -1,5 +1,5 @@
-//! The manual of the primitives as Markdown, made from their specs: `docs/primitives.md` and `rcc-cli primitives --markdown`.
-//! Computed on request; a test compares the document with it.
+//! The manual of the primitives in Markdown, generated from their specs: `docs/primitives.md` and `rcc-cli primitives
+//! --markdown`. Computed on request; a test compares the document with it.
 
 use super::api::{ExampleView, ParameterView, PortView, PrimitiveView};
 use super::catalogue::GROUPS;
@@ -11,7 +11,7 @@ Equal letters in the column \"unit\" stand for equal units. A worked value is a 
 one of them through the whole language.
 ";
 
-/// The whole manual: a table of contents by group, and a page for each primitive.
+/// Returns the whole manual: a table of contents by chapter, and a section for each primitive.
 #[must_use]
 pub fn document(all: &[PrimitiveView]) -> String {
     let mut text = HEAD.to_owned();
@@ -38,7 +38,7 @@ pub fn document(all: &[PrimitiveView]) -> String {
     text
 }
 
-/// One primitive.
+/// Returns the section of one primitive.
 #[must_use]
 pub fn page(view: &PrimitiveView) -> String {
     let mut text = format!("### {}\n\n{}\n", view.name, view.summary);
@@ -72,7 +72,7 @@ fn push(text: &mut String, more: &str) {
     text.push_str(more);
 }
 
-/// Text in a cell of a table.
+/// Escapes a text for a table cell.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|")
 }
@@ -109,7 +109,7 @@ fn range_title(kind: &str) -> &'static str {
     if kind == "input" { "default" } else { "range" }
 }
 
-/// The range of an output, or of constants at an input, if it has one.
+/// Returns the range of an output, or of constants at an input; empty if it has none.
 #[must_use]
 pub fn range(port: &PortView) -> String {
     match (port.least, port.greatest) {
@@ -145,7 +145,7 @@ fn parameters(text: &mut String, parameters: &[ParameterView]) {
     }
 }
 
-/// What a parameter may be, in words; may be empty.
+/// Returns the bounds of a parameter in words; empty if it has none.
 #[must_use]
 pub fn bounds(parameter: &ParameterView) -> String {
     let bounds = [
@@ -191,7 +191,7 @@ mod tests {
             std::fs::write(&path, &wanted).unwrap();
         }
         if !path.exists() {
-            return eprintln!("skipped: docs/primitives.md is not there; RCC_BLESS=1 makes it");
+            return eprintln!("skipped: docs/primitives.md not found; RCC_BLESS=1 creates it");
         }
         let is = std::fs::read_to_string(&path).unwrap_or_default();
         let first = is
@@ -200,7 +200,7 @@ mod tests {
             .find(|(is, wanted)| is != wanted);
         assert!(
             is == wanted,
-            "docs/primitives.md is old ({first:?}); RCC_BLESS=1 cargo test -p rcc-loader --lib manual"
+            "docs/primitives.md is out of date ({first:?}): run RCC_BLESS=1 cargo test -p rcc-loader --lib manual"
         );
     }
 

@@ -1,5 +1,5 @@
-//! Words for numbers: why the executor refused a call, and what ended a net, with the names of this cell.
-//! Pure; used by the server's threads.
+//! Messages for people: why the executor refused a call, and what ended a net, with names instead of numbers. Pure;
+//! used by the server's threads.
 
 use std::f64::consts::PI;
 
@@ -20,39 +20,39 @@ use super::codes::{self, Code};
 use super::error::ApiError;
 use super::{impedance, topics};
 
-/// What names numbers: the configuration, the nets, and the reasons that drivers give.
+/// Resolves numbers to names: from the configuration, the nets, and the reasons that drivers give.
 pub struct NameResolver<'a> {
-    /// The cell.
+    /// Configuration of the cell.
     pub config: &'a CellConfig,
-    /// `net#id` of a command.
+    /// Returns `net#id` for a command.
     pub net: &'a dyn Fn(u64) -> String,
-    /// The names of that net; none: nobody knows them.
+    /// Returns the names of a command's net; empty if they are not known.
     pub names: &'a dyn Fn(u64) -> Names,
-    /// Why the driver of a device is not attached although it lives: it is of another build or configuration.
+    /// Returns why the living driver of a device is not attached, if its build or configuration differs.
     pub disagreement: &'a dyn Fn(&str) -> Option<ProcessMismatch>,
-    /// The words of a driver for a reason number of its device.
+    /// Returns a driver's explanation of a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
 }
 
-/// The loader has checked before: this is a value that the names beside the net do not explain.
+/// The loader has already checked the value, so the names beside the net do not explain this refusal.
 fn input_refused(net: &str, input: u32, fault: InputFault) -> (Code, String, String) {
     let why = match fault {
         InputFault::Unknown => "does not exist",
         InputFault::Elements => "has another number of elements",
-        InputFault::NoValue => "takes finite numbers and truth values only",
-        InputFault::OutOfRange => "has a range, and the value is outside",
-        InputFault::Twice => "is set twice by one request",
-        InputFault::Subscribed => "comes from another net",
+        InputFault::NoValue => "accepts only finite numbers and truth values",
+        InputFault::OutOfRange => "has a range that does not contain the value",
+        InputFault::Twice => "is set twice in one request",
+        InputFault::Subscribed => "receives its value from another net",
     };
     (
         codes::INPUT_REFUSED,
         format!("input {input} of {net} {why}"),
-        "nothing was set; if the loader had nothing against it, load the net again".into(),
+        "no input was set; if the value is valid for this input, load the net again".into(),
     )
 }
 
 impl NameResolver<'_> {
-    /// The id of a motion of a command, or its number when the names do not have it.
+    /// Returns the id of a motion of a command, or its number if the names do not contain it.
     #[must_use]
     pub fn motion(&self, id: u64, motion: u32) -> String {
         let id = (self.names)(id).motions.get(motion as usize).cloned();
@@ -63,14 +63,14 @@ impl NameResolver<'_> {
         self.config.devices.get(index as usize)
     }
 
-    /// A device's name, or its number when the configuration does not have it.
+    /// Returns a device's name, or its number if the configuration does not contain it.
     #[must_use]
     pub fn device_name(&self, index: u32) -> String {
         self.device(index)
             .map_or_else(|| format!("device {index}"), |device| device.name.clone())
     }
 
-    /// A joint's name; `joint` is counted from 1.
+    /// Returns a joint's name; `joint` is counted from 1.
     #[must_use]
     pub fn joint_name(&self, device: u32, joint: u32) -> String {
         let row = (joint as usize).checked_sub(1);
@@ -80,7 +80,7 @@ impl NameResolver<'_> {
             .map_or_else(|| format!("joint {joint}"), |joint| joint.name.clone())
     }
 
-    /// A joint's name where it is the same in all arms of the cell; `joint` is counted from 1.
+    /// Returns a joint's name if it is the same in all arms of the cell; `joint` is counted from 1.
     fn joint_of_any(&self, joint: u32) -> String {
         let robots = self.config.devices.iter().zip(0..);
         let mut names = robots
@@ -103,7 +103,7 @@ impl NameResolver<'_> {
         format!("{}.{name}", self.device_name(device))
     }
 
-    /// A resource of a command: `lwr` for an arm, `lwr.torch` for an output.
+    /// Names a resource of a command: `lwr` for an arm, `lwr.torch` for an output.
     #[must_use]
     pub fn resource(&self, id: u64, resource: Resource) -> String {
         match resource {
@@ -124,23 +124,23 @@ impl NameResolver<'_> {
         }
     }
 
-    /// The error that a refusal is, with names, values, units and a remedy. `id` is the command it was about.
+    /// Converts a refusal to an error with names, values, units and a remedy. `id` is the command that it concerns.
     #[must_use]
     pub fn refusal(&self, id: u64, refusal: Refusal) -> ApiError {
         let net = (self.net)(id);
         let (code, message, help): (Code, String, String) = match refusal {
             Refusal::NotUnderstood => (
                 codes::OTHER_BUILD,
-                "the executor does not understand the loader".into(),
-                "install both from one build and restart them".into(),
+                "the executor could not decode the loader's request".into(),
+                "install both from the same build and restart them".into(),
             ),
             Refusal::TableFull => (
                 codes::TABLE_FULL,
                 format!(
-                    "the command table has {} rows and all are in use",
+                    "the command table is full: all {} rows are in use",
                     rcc_core::message::COMMANDS_MAX
                 ),
-                "unload commands that are over: `rcc-cli ls`, then `rcc-cli unload NAME`".into(),
+                "unload commands that have ended: `rcc-cli ls`, then `rcc-cli unload NAME`".into(),
             ),
             Refusal::UnknownCommand => return unknown(&id.to_string()),
             Refusal::WrongState { state } => wrong_state(&net, CommandState::from_number(state)),
@@ -149,7 +149,7 @@ impl NameResolver<'_> {
                 codes::NOT_CANCELABLE,
                 format!("{net} has no Cancel primitive and can only be aborted"),
                 format!(
-                    "`rcc-cli abort {net}`, or give the net a `Cancel` that stops its motion"
+                    "use `rcc-cli abort {net}`, or add a `Cancel` that stops the net's motion"
                 ),
             ),
             Refusal::DeviceNotReady {
@@ -171,17 +171,17 @@ impl NameResolver<'_> {
             ),
             Refusal::SwitchTooLarge { max } => (
                 codes::NAMED_TWICE,
-                format!("a hand-over stops at most {max} commands and starts at most {max}"),
-                "hand over in several steps".into(),
+                format!("too many commands in a hand-over: it can stop at most {max} and start at most {max}"),
+                "split the hand-over into several steps".into(),
             ),
             Refusal::NamedTwice => (
                 codes::NAMED_TWICE,
                 format!("{net} is named twice"),
-                "name each command once, to stop it or to start it".into(),
+                "name each command only once, either to stop it or to start it".into(),
             ),
             Refusal::NeverTogether => (
                 codes::NOT_TOGETHER,
-                format!("{net} and what is started with it are not evaluated in a common cycle within a second"),
+                format!("{net} and the nets started with it have no common cycle within a second"),
                 "give the nets the same rate and phase, or start them one after the other".into(),
             ),
             Refusal::Continuation {
@@ -194,10 +194,10 @@ impl NameResolver<'_> {
             Refusal::LetsGo { device } => (
                 codes::LETS_GO,
                 format!(
-                    "{net} has no set-point for {} in its first cycle, so that the arm would be let go",
+                    "{net} has no set-point for {} in its first cycle, so the arm would be released",
                     self.device_name(device)
                 ),
-                "let the net command the arm from its first cycle on, or stop the other one first and start when the arm rests"
+                "let the net command the arm from its first cycle on, or stop the other net first and start this one when the arm is at rest"
                     .into(),
             ),
             Refusal::FirstCycle { code } => (
@@ -206,7 +206,7 @@ impl NameResolver<'_> {
                     "{net} cannot start: its first cycle ends with a fault ({})",
                     FaultCode::from_number(code).name()
                 ),
-                "nothing was written to the devices; correct the net or its parameters and load it again".into(),
+                "nothing was written to the devices; correct the net or its parameters, then load it again".into(),
             ),
             Refusal::Plan(error) => self.plan((id, &net), error),
             Refusal::Prepare(fault) => self.prepare((id, &net), fault),
@@ -220,38 +220,38 @@ impl NameResolver<'_> {
             Refusal::Input { input, fault } => input_refused(&net, input, fault),
             Refusal::SetTooLarge { values, elements } => (
                 codes::INPUT_REFUSED,
-                format!("at most {values} values with {elements} elements are set at a time"),
+                format!("too many values: at most {values} with {elements} elements can be set at a time"),
                 "set them in several requests".into(),
             ),
             Refusal::ReadTooLarge { values, elements } => (
                 codes::TOO_MANY_PORTS,
-                format!("at most {values} ports with {elements} elements are read at a time"),
+                format!("too many ports: at most {values} with {elements} elements can be read at a time"),
                 "name fewer ports: `--ports 'move.*'`, or `?ports=move.*`".into(),
             ),
             Refusal::NoSuchValue { value } => (
                 codes::UNKNOWN_PORT,
-                format!("port {value} of the list lies outside of {net}"),
-                "the file with its names is damaged: load the net again".into(),
+                format!("port {value} of the list is outside the plan of {net}"),
+                "the file with the net's names is damaged: load the net again".into(),
             ),
             Refusal::Overloaded => (
                 codes::OVERLOADED,
-                format!("the executor has no room for {net} now"),
+                format!("the executor is overloaded and cannot take {net} now"),
                 "try again, or unload other commands first".into(),
             ),
             Refusal::Stopping => (
                 codes::STOPPING,
                 "the executor is stopping".into(),
-                "start the cell again: `rcc-cli up FILE`".into(),
+                "restart the cell: `rcc-cli up FILE`".into(),
             ),
             Refusal::NoRecorder => (
                 codes::NO_RECORDER,
-                "this cell records nothing: its configuration says `recorder: {memory: 0 MB}`".into(),
-                "give the recorder memory there (64 MB by default) and restart the cell".into(),
+                "the flight recorder is off: the configuration says `recorder: {memory: 0 MB}`".into(),
+                "give it memory there (64 MB by default) and restart the cell".into(),
             ),
             Refusal::Withdrawn => (
                 codes::WRONG_STATE,
-                format!("{net} was cancelled or aborted before it had begun, and stays ready"),
-                format!("start it again if that is what you want: `rcc-cli start {net}`"),
+                format!("{net} was cancelled or aborted before it started, and remains ready"),
+                format!("to start it nevertheless: `rcc-cli start {net}`"),
             ),
         };
         ApiError::new(code, message, help)
@@ -265,7 +265,7 @@ impl NameResolver<'_> {
         (
             codes::BUSY,
             format!("{net} needs {resource}, which {holder} holds"),
-            format!("wait until {holder} is over, or end it: `rcc-cli cancel {holder}`"),
+            format!("wait until {holder} has ended, or cancel it: `rcc-cli cancel {holder}`"),
         )
     }
 
@@ -280,7 +280,7 @@ impl NameResolver<'_> {
         )
     }
 
-    /// One publishes what the other one subscribes to, and they do not mean the same.
+    /// One net publishes what the other one subscribes to, with different types or units.
     fn other_topic(&self, id: u64, other: u64, key: u64) -> (Code, String, String) {
         let says = |id: u64| {
             let names = (self.names)(id);
@@ -292,13 +292,13 @@ impl NameResolver<'_> {
                     topic_use.topic,
                     topic_use.kind()
                 ),
-                None => format!("{net} has another type for a topic"),
+                None => format!("{net} uses another type for a topic"),
             }
         };
         (
             codes::OTHER_TOPIC,
             format!("{}, and {}, which runs", says(id), says(other)),
-            "let both mean the same type and unit, or give one of them another topic: `rcc-cli topics` shows all"
+            "use the same type and unit in both, or give one of them another topic; `rcc-cli topics` lists all"
                 .to_owned(),
         )
     }
@@ -329,14 +329,14 @@ impl NameResolver<'_> {
         };
         let help = match state {
             DeviceState::Offline => format!(
-                "is its driver running, and the device switched on? `rcc-cli devices` shows {name}"
+                "check that its driver is running and the device is switched on: `rcc-cli devices` shows {name}"
             ),
             DeviceState::Online => {
                 format!("make {name} ready at its own controller, then start again")
             }
             DeviceState::Ready => "start again".to_owned(),
             DeviceState::Commanded | DeviceState::Stopping => {
-                format!("wait until {name} rests, then start again")
+                format!("wait until {name} is at rest, then start again")
             }
         };
         (
@@ -368,34 +368,34 @@ impl NameResolver<'_> {
         (
             codes::DISCONTINUOUS,
             format!("{net} cannot take over: {broken}"),
-            "begin with the position and the velocity that are commanded now, or hand over while the arm is commanded to rest"
+            "start at the currently commanded position and velocity, or hand over while the arm is commanded to be at rest"
                 .to_owned(),
         )
     }
 
     fn plan(&self, (id, net): (u64, &str), error: PlanError) -> (Code, String, String) {
-        let restart = "install loader and executor from one build, start both with one configuration file, and load the \
+        let restart = "install loader and executor from the same build, start both with the same configuration file, and load the \
                        net again";
         let (message, help) = match error {
             PlanError::OtherCatalogue => (
-                "loader and executor know different primitives".to_owned(),
+                "loader and executor have different catalogues of primitives".to_owned(),
                 restart.to_owned(),
             ),
             PlanError::OtherConfiguration => (
-                "loader and executor have different configurations of devices".to_owned(),
+                "loader and executor have different device configurations".to_owned(),
                 restart.to_owned(),
             ),
             PlanError::TooLarge => (
                 "the plan is too large".to_owned(),
-                "divide the net into several".to_owned(),
+                "split the net into several nets".to_owned(),
             ),
             PlanError::ClaimedTwice { resource } => (
                 format!("{} is commanded twice", self.resource(id, resource)),
-                "let one primitive command it".to_owned(),
+                "let only one primitive command it".to_owned(),
             ),
             other => (
-                format!("the plan does not check ({other:?})"),
-                "this is a fault of the loader: report it with the net".to_owned(),
+                format!("the plan is invalid ({other:?})"),
+                "this is a bug in the loader: report it with the net".to_owned(),
             ),
         };
         (
@@ -418,7 +418,7 @@ impl NameResolver<'_> {
             }
             PrepareFault::NoArm { device } => (
                 format!("{} has no arm", self.device_name(device)),
-                "name a device with `robot:` in the cell's configuration".to_owned(),
+                "use a device that has `robot:` in the cell's configuration".to_owned(),
             ),
             PrepareFault::Motion {
                 motion: number,
@@ -437,7 +437,7 @@ impl NameResolver<'_> {
         )
     }
 
-    /// A broken rule of the guard in words.
+    /// Describes a violation of a guard rule.
     pub(super) fn violation(
         &self,
         device: u32,
@@ -451,7 +451,7 @@ impl NameResolver<'_> {
         let kind = ViolationKind::from_number(kind);
         match kind {
             Some(ViolationKind::Strategy) => format!(
-                "{name} runs {}, its set-points are for {}",
+                "{name} runs {}, but its set-points are for {}",
                 ControlMode::label(limit as u64),
                 ControlMode::label(value as u64)
             ),
@@ -468,7 +468,7 @@ impl NameResolver<'_> {
                 )
             }
             Some(ViolationKind::Singularity) => format!(
-                "{name} would come too near to a singular position: {value:.4}, its `workspace:` allows {limit:.4}"
+                "{name} would come too close to a singularity: {value:.4}, its `workspace:` requires {limit:.4}"
             ),
             Some(ViolationKind::NotFinite) => {
                 format!("{what}: the set-point is not a finite number")
@@ -496,7 +496,7 @@ impl NameResolver<'_> {
         }
     }
 
-    /// What ended a net, `None` when nothing did.
+    /// Describes the fault that ended a net; `None` if it had no fault.
     #[must_use]
     pub fn fault(&self, fault: &FaultRecord) -> Option<FaultView> {
         let code = FaultCode::from_number(fault.code);
@@ -523,7 +523,7 @@ impl NameResolver<'_> {
             (FaultCode::Motion, _) => "a motion could not be computed".to_owned(),
             (FaultCode::Overrun, _) => {
                 format!(
-                    "too many late cycles in a row, the last was {}",
+                    "too many late cycles in a row, the last one was {}",
                     fault.cycle
                 )
             }
@@ -541,13 +541,13 @@ impl NameResolver<'_> {
     }
 }
 
-/// The error of a name or id that nothing has.
+/// Returns the error for a name or id that does not exist.
 #[must_use]
 pub fn unknown(name: &str) -> ApiError {
     ApiError::new(
         codes::UNKNOWN_COMMAND,
-        format!("there is no command `{name}`"),
-        "`rcc-cli ls` shows all commands; `rcc-cli load FILE` makes one",
+        format!("command `{name}` not found"),
+        "`rcc-cli ls` lists all commands; `rcc-cli load FILE` loads one",
     )
 }
 
@@ -565,7 +565,7 @@ fn first_set_point(
             | ViolationKind::Damping
             | ViolationKind::Added,
         ) => impedance::STAY_WITHIN,
-        _ => BEGIN_THERE,
+        _ => START_AT_HOLD,
     };
     (
         codes::FIRST_SET_POINT,
@@ -574,25 +574,26 @@ fn first_set_point(
     )
 }
 
-const BEGIN_THERE: &str = "begin where the device is held (a motion without `from` does, wherever that is at START), or bring the device \
-                to where the net begins; there is deliberately no flag to skip this check";
+const START_AT_HOLD: &str = "start where the device is held (a motion without `from` does so, wherever that is at START), or bring the device \
+                to where the net starts; there is deliberately no flag to skip this check";
 
-/// Why a leg of a motion cannot be gone along, and what helps; `joint_name` names joints, counted from 1.
+/// Describes why a leg of a motion is impossible, and the remedy; `joint_name` names joints, counted from 1.
 fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, String) {
-    let place = |fraction: f64| format!("at {:.0} % of its way", fraction * 100.0);
+    let place = |fraction: f64| format!("at {:.0} % of its path", fraction * 100.0);
     let joint = |joint: u8| joint_name(u32::from(joint) + 1);
     match fault {
         MotionFault::AmbiguousRotation => (
-            "it turns by 180°, and both ways are equally short".to_owned(),
-            "divide it into two motions, or change the orientation a little".to_owned(),
+            "it turns by 180°, and both directions are equally short".to_owned(),
+            "split it into two motions, or change the orientation slightly".to_owned(),
         ),
         MotionFault::Limits => (
-            "its limits leave nothing for a bend of the path".to_owned(),
-            "choose limits of usual proportions, e.g. 0.25 m/s, 1 m/s^2, 10 m/s^3".to_owned(),
+            "its limits leave no margin for a curve of the path".to_owned(),
+            "choose limits in usual proportions, for example 0.25 m/s, 1 m/s^2, 10 m/s^3"
+                .to_owned(),
         ),
         MotionFault::NoMotion => (
             "the plan has no such motion".to_owned(),
-            "this is a fault of the loader: report it with the net".to_owned(),
+            "this is a bug in the loader: report it with the net".to_owned(),
         ),
         MotionFault::NotFinite => (
             "a pose, a joint or an angle of it is null".to_owned(),
@@ -600,15 +601,15 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
         ),
         MotionFault::Legs { count } => (
             format!("the path has {count} legs"),
-            format!("give 1 to {LEGS_MAX}, each point of a spline counts as one"),
+            format!("give 1 to {LEGS_MAX} legs; each point of a spline counts as one"),
         ),
         MotionFault::JointCount { joints } => (
-            format!("it gives more joints than the arm has, {joints}"),
-            "give one angle a joint, A1 first".to_owned(),
+            format!("it gives more joint angles than the arm has joints ({joints})"),
+            "give one angle per joint, A1 first".to_owned(),
         ),
         MotionFault::Collinear => (
             "start, via and end of the arc lie on a line".to_owned(),
-            "move the via point aside, or take a line".to_owned(),
+            "move the via point aside, or use a line".to_owned(),
         ),
         MotionFault::NoAngle => (
             "the `angle` of the arc is 0".to_owned(),
@@ -620,24 +621,24 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
         ),
         MotionFault::TurnsTooFar { angle_rad } => (
             format!("a point of the spline is turned by {angle_rad:.2} rad from the middle one"),
-            "4 rad are possible: divide it into two splines".to_owned(),
+            "at most 4 rad are possible: split it into two splines".to_owned(),
         ),
         MotionFault::NoArmAngle => (
-            "it turns the elbow, and an arm of six joints has no arm angle".to_owned(),
-            "take `arm_angle` and `elbow` out".to_owned(),
+            "it turns the elbow, but an arm with six joints has no arm angle".to_owned(),
+            "remove `arm_angle` and `elbow`".to_owned(),
         ),
         MotionFault::NoRoomForElbow => (
-            "the roundings at its ends leave no way on which the elbow could turn".to_owned(),
+            "the roundings at its ends leave no length in which the elbow could turn".to_owned(),
             "make `blend` smaller here or on the leg before, or turn the elbow on another leg"
                 .to_owned(),
         ),
         MotionFault::NoStatus => (
-            "it gives a `status`, which is KUKA's word for arms of six joints".to_owned(),
-            "say the `branch`: `ArmAngle` tells it of joint positions".to_owned(),
+            "it gives a `status`, which is defined only for arms with six joints (KUKA)".to_owned(),
+            "give the `branch` instead: `ArmAngle` computes it from joint positions".to_owned(),
         ),
         MotionFault::Unreachable { fraction } => (
             format!("the arm cannot reach it {}", place(fraction)),
-            "move the points nearer, or go there by a `ptp` in another branch".to_owned(),
+            "move the points closer to the arm, or use a `ptp` in another branch".to_owned(),
         ),
         MotionFault::JointRange {
             fraction,
@@ -653,9 +654,9 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
                 angle(limit, "")
             ),
             format!(
-                "{}of a `ptp` choose another end, `branch` or `turn`; on another path begin in another branch (a `ptp` to joints says \
-                 it), or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
-                // No arm turns twice.
+                "{}for a `ptp`, choose another goal, `branch` or `turn`; for another path, start in another branch (use a `ptp` to \
+joints first) or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
+                // No joint can turn twice around: such values are usually degrees.
                 if value.abs() > 4.0 * PI {
                     "bare angles are in rad, write `deg(30)` for degrees; "
                 } else {
@@ -668,11 +669,11 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
             joint: which,
         } => (
             format!(
-                "it goes through a singular position {}: {} would jump",
+                "it passes through a singularity {}: {} would jump",
                 place(fraction),
                 joint(which)
             ),
-            "go around it, or go there by a `ptp`".to_owned(),
+            "go around it, or use a `ptp`".to_owned(),
         ),
         MotionFault::TooFast {
             fraction,
@@ -684,7 +685,7 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
         } => {
             let what = match quantity {
                 Quantity::Line => "the flange".to_owned(),
-                Quantity::Turn => "the turn of the flange".to_owned(),
+                Quantity::Turn => "the rotation of the flange".to_owned(),
                 Quantity::Joint(which) => joint(which),
             };
             let per = ["/s", "/s²", "/s³"][usize::from(order.clamp(1, 3)) - 1];
@@ -694,17 +695,17 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
             };
             let rest = match value > limit {
                 true => "",
-                false => ", and what it leaves is too little to slow down with",
+                false => ", and the remaining margin is too small to decelerate",
             };
             (
                 format!(
-                    "at the given speed {what} would come to {} {}, its limit is {}{rest}",
+                    "at the given speed {what} would reach {} {}; its limit is {}{rest}",
                     told(value),
                     place(fraction),
                     told(limit)
                 ),
                 format!(
-                    "at most {:.0} % of the speed is possible; without `velocity` it goes as fast as the joints allow",
+                    "at most {:.0} % of this speed is possible; without `velocity` the motion is as fast as the joints allow",
                     (possible * 100.0).floor()
                 ),
             )
@@ -716,20 +717,20 @@ fn over_budget(net: &str, times_ns: [u64; 3]) -> (Code, String, String) {
     let [needed, in_use, budget] = times_ns.map(|ns| format!("{:.1} µs", ns as f64 * 1e-3));
     let help = if times_ns[1] == 0 {
         format!(
-            "`rcc-cli explain {net}` shows what is dear: make the net smaller, or give it `every: 2` or more; or raise \
+            "`rcc-cli explain {net}` shows what is expensive: make the net smaller, give it `every: 2` or more, or raise \
              `executor: {{budget: …}}`"
         )
     } else {
         format!(
-            "end another net first (`rcc-cli ls` shows what each needs), or make this one smaller (`rcc-cli explain \
-             {net}`); or raise `executor: {{budget: …}}`"
+            "end another net first (`rcc-cli ls` shows the cost of each), make this one smaller (`rcc-cli explain \
+             {net}`), or raise `executor: {{budget: …}}`"
         )
     };
     (
         codes::OVER_BUDGET,
         format!(
-            "{net} cannot start: it is expected to need {needed} of a cycle; {in_use} are in use, and nets may need \
-             {budget} together"
+            "{net} cannot start: it is expected to take {needed} of a cycle; {in_use} are in use, and the budget of all nets \
+             is {budget}"
         ),
         help,
     )
@@ -743,10 +744,10 @@ fn wrong_state(net: &str, state: CommandState) -> (Code, String, String) {
         }
         CommandState::Ready => format!("start it first: `rcc-cli start {net}`"),
         CommandState::Running | CommandState::Canceling => {
-            format!("wait until it is over, or end it: `rcc-cli cancel {net}`")
+            format!("wait until it has ended, or cancel it: `rcc-cli cancel {net}`")
         }
         CommandState::Terminated | CommandState::None => {
-            "a command runs once: load its text again".to_owned()
+            "a command runs only once: load its text again".to_owned()
         }
     };
     (

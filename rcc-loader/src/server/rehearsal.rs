@@ -1,5 +1,5 @@
-//! Words for rehearsals: what a net did when it was run through virtual time, or which limit it would break, where on its
-//! path, and what helps. Pure; used by the server's threads.
+//! Messages about rehearsals: what a net did in virtual time, or which limit it would violate, where on its path, and
+//! the remedy. Pure; used by the server's threads.
 
 use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::FaultCode;
@@ -12,14 +12,14 @@ use super::codes::{self, Code};
 use super::impedance;
 use super::messages::NameResolver;
 
-/// Nearer to a singularity than this (sine of the angle that is left) is worth a word.
+/// Distances to a singularity below this are mentioned in the summary (sine of the remaining angle).
 const NEAR: f64 = 0.05;
-/// Nearer than this, joints are several times as fast as far away from it.
+/// Below this distance, joints are several times as fast as far from the singularity.
 const SINGULAR: f64 = 0.2;
 const QUANTITIES: [&str; 3] = ["speed", "acceleration", "jerk"];
 
 impl NameResolver<'_> {
-    /// What a rehearsal came to, with names.
+    /// Returns the result of a rehearsal, with names.
     #[must_use]
     pub fn rehearsal(&self, rehearsed: &RehearsalReport) -> RehearsalView {
         let peaks = QUANTITIES.into_iter().zip(rehearsed.peaks);
@@ -48,7 +48,7 @@ impl NameResolver<'_> {
         }
     }
 
-    /// The refusal of a net that would break a limit.
+    /// Returns the refusal of a net that would violate a limit.
     pub(super) fn foreseen(
         &self,
         id: u64,
@@ -58,7 +58,7 @@ impl NameResolver<'_> {
         let what = self.broken(foreseen);
         let place = self.place(id, foreseen.place);
         let message = format!(
-            "{net} would break a limit {:.3} s after START{place}: {what}",
+            "{net} would violate a limit {:.3} s after START{place}: {what}",
             foreseen.time_s
         );
         (codes::FORESEEN, message, help(foreseen))
@@ -105,14 +105,14 @@ impl NameResolver<'_> {
             RehearsalRule::Singularity => {
                 let kind = SingularityKind::from_number(joint).map(|kind| kind.to_string());
                 format!(
-                    "{} comes too near to a singular position ({}): {value:.4}, its `workspace:` allows {limit:.4}",
+                    "{} comes too close to a singularity ({}): {value:.4}, its `workspace:` requires {limit:.4}",
                     self.device_name(device),
                     kind.unwrap_or_default()
                 )
             }
             RehearsalRule::Impedance { kind } => self.violation(device, joint, value, limit, kind),
             RehearsalRule::LetsGo => format!(
-                "{} has no set-point any more while it moves",
+                "{} gets no set-point any more while it moves",
                 self.device_name(device)
             ),
             RehearsalRule::Fault => format!(
@@ -146,7 +146,7 @@ impl NameResolver<'_> {
 fn words(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
     if rehearsed.end == RehearsalEnd::Elsewhere {
         return format!(
-            "not checked yet: it does not begin where the arm rests now; START checks it{}",
+            "not checked yet: it does not start where the arm rests now; START checks it{}",
             roundings(rehearsed)
         );
     }
@@ -161,12 +161,12 @@ fn words(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
         }
     };
     let rest = match rehearsed.end {
-        RehearsalEnd::TooLong => "; what comes later was not checked",
+        RehearsalEnd::TooLong => "; the time after that was not checked",
         RehearsalEnd::Waits => "; then it waits",
         RehearsalEnd::Finished | RehearsalEnd::Elsewhere => "",
     };
     let near = match rehearsed.singularity {
-        // As near as this, small corrections of the path are large ones of joints.
+        // This close, small changes of the path cause large joint motions.
         distance if distance < NEAR => format!(", near a singularity ({distance:.3})"),
         _ => String::new(),
     };
@@ -174,7 +174,7 @@ fn words(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
     format!("checked: {time}, {highest}{near}{rest}{roundings}")
 }
 
-/// That the path is not rounded as asked for.
+/// Describes roundings that are smaller than requested.
 fn roundings(rehearsed: &RehearsalReport) -> String {
     let Some(most) = rehearsed.most_shortened else {
         return String::new();
@@ -182,21 +182,21 @@ fn roundings(rehearsed: &RehearsalReport) -> String {
     let mm = |metres: f64| format!("{:.1} mm", 1e3 * metres);
     let others = match rehearsed.shortened {
         0 | 1 => String::new(),
-        count => format!("; {} more are smaller than asked for, too", count - 1),
+        count => format!("; {} more are smaller than requested", count - 1),
     };
     let (leg, asked) = (most.leg + 1, mm(most.asked_m));
     match most.made_m {
         0.0 => format!(
-            "; no rounding behind leg {leg} ({asked} asked for): a leg there has no length, or the flange turns too far on it; it rests there{others}"
+            "; no rounding behind leg {leg} ({asked} requested): a leg there has no length, or the flange turns too far on it; the motion stops there{others}"
         ),
         made => format!(
-            "; the rounding behind leg {leg} takes {} instead of {asked}: half of a leg at most{others}",
+            "; the rounding behind leg {leg} is {} instead of {asked}: at most half of a leg{others}",
             mm(made)
         ),
     }
 }
 
-/// The singular position that the way passes.
+/// Describes the singularity that the path passes.
 fn singular(foreseen: &PredictedViolation) -> Option<String> {
     let near = foreseen.near.filter(|near| near.distance < SINGULAR)?;
     let kind = SingularityKind::from_number(near.kind)?;
@@ -205,21 +205,21 @@ fn singular(foreseen: &PredictedViolation) -> Option<String> {
 
 fn help(foreseen: &PredictedViolation) -> String {
     let slower = format!(
-        "at {:.0} % of its speed it would keep the limits",
+        "at {:.0} % of its speed it would stay within the limits",
         (100.0 * foreseen.speed).floor().max(1.0)
     );
     match foreseen.rule {
         RehearsalRule::Velocity | RehearsalRule::Acceleration | RehearsalRule::Jerk => match singular(foreseen) {
             Some(singular) => format!(
-                "the way passes near a singular position ({singular}), where joints are fast and the flange is slow: take \
+                "the path passes close to a singularity ({singular}), where joints are fast and the flange is slow: use \
                  another goal, branch or arm angle, or go around; {slower}"
             ),
             None => format!("go slower: {slower}"),
         },
-        RehearsalRule::Position => "begin with another branch or arm angle, or divide the motion and turn the joint back in between"
+        RehearsalRule::Position => "start with another branch or arm angle, or split the motion and turn the joint back in between"
             .to_owned(),
         RehearsalRule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),
-        RehearsalRule::Singularity => "begin with another branch or arm angle, go around, or give the device a smaller `singularity` in its `workspace:`"
+        RehearsalRule::Singularity => "start with another branch or arm angle, go around, or give the device a smaller `singularity` in its `workspace:`"
             .to_owned(),
         RehearsalRule::Impedance { .. } => impedance::STAY_WITHIN.to_owned(),
         RehearsalRule::LetsGo | RehearsalRule::NotFinite => {
@@ -227,7 +227,7 @@ fn help(foreseen: &PredictedViolation) -> String {
              InverseKinematics say which: monitor them and `rcc-cli simulate`): choose another start, goal or arm angle"
                 .to_owned()
         }
-        RehearsalRule::Fault => "correct the net or its parameters; `rcc-cli simulate` shows how it gets there".to_owned(),
+        RehearsalRule::Fault => "correct the net or its parameters; `rcc-cli simulate` shows how the fault arises".to_owned(),
     }
 }
 

@@ -1,5 +1,5 @@
-//! The addresses of the REST interface (paper, section IV-B) and their OpenAPI document.
-//! Run by the one thread that serves connections; everything that may block goes to blocking threads.
+//! The routes of the REST interface (paper, section IV-B) and their OpenAPI document. Run by the one thread that serves
+//! connections; everything that may block runs on blocking threads.
 
 use std::io;
 use std::sync::{Arc, OnceLock};
@@ -30,16 +30,16 @@ use super::error::ApiError;
 use super::service::{Operation, Service};
 use super::stop_workers::StopWorkers;
 
-/// Texts that are compiled or wait for it; further ones are refused.
+/// Maximum number of texts that are being compiled or wait for it; further ones are refused.
 pub const LOADING_MAX: usize = 32;
-/// Requests that are answered at a time; further ones are refused. CANCEL and ABORT are not counted.
+/// Maximum number of concurrent requests; further ones are refused. CANCEL and ABORT are not counted.
 pub const REQUESTS_MAX: usize = 64;
-/// Requests of them that read the files of commands at a time; further ones wait.
+/// Maximum number of concurrent requests that read command files; further ones wait.
 pub const READING_MAX: usize = 2;
-/// So long a request may take after its body has come.
+/// Time allowed for a request after its body has arrived.
 pub const REQUEST_TIME: Duration = Duration::from_secs(10);
 
-/// What all requests share.
+/// State shared by all requests.
 #[derive(Clone)]
 struct ServerState {
     service: Arc<Service>,
@@ -83,18 +83,18 @@ struct ServerState {
 )]
 struct Document;
 
-/// The OpenAPI document of this interface.
+/// Returns the OpenAPI document of this interface.
 ///
 /// # Errors
-/// It cannot be written as JSON (by test it can).
+/// Returns an error if it cannot be serialized; a test shows that it can.
 pub fn document() -> Result<String, serde_json::Error> {
     Document::openapi().to_pretty_json()
 }
 
-/// All addresses. Makes the threads of CANCEL and ABORT.
+/// Creates the router with all routes, and starts the threads of CANCEL and ABORT.
 ///
 /// # Errors
-/// The system gives no thread.
+/// Returns an error if the system cannot create a thread.
 pub fn router(service: Arc<Service>) -> io::Result<Router> {
     let places = |count| Arc::new(Semaphore::new(count));
     let state = ServerState {
@@ -132,13 +132,13 @@ fn routes(state: ServerState) -> Router {
         .route("/openapi.json", get(openapi))
         .fallback(no_route)
         .method_not_allowed_fallback(no_route)
-        // `limited` has already looked at the size.
+        // `limited` has already checked the size.
         .layer(DefaultBodyLimit::disable())
         .layer(middleware::from_fn_with_state(state.clone(), limited))
         .with_state(state)
 }
 
-/// Bounds the number of requests, the size of each, and the time it takes to come and to be answered.
+/// Limits the number of requests, the size of each, and the time for its arrival and its answer.
 async fn limited(State(state): State<ServerState>, mut request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>();
     let route = route.map_or_else(String::new, |route| route.as_str().to_owned());
@@ -149,10 +149,10 @@ async fn limited(State(state): State<ServerState>, mut request: Request, next: N
         Ok(caller) => caller,
         Err(error) => return error.into_response(),
     };
-    // As long as the client's connection is open, this future lives.
+    // This future lives as long as the client's connection is open.
     let _presence = caller.guard();
     request.extensions_mut().insert(caller);
-    // First the body: whoever sends slowly holds nothing that others need.
+    // Read the body first: a slow sender occupies nothing that others need.
     let request = match read_body(request, bytes_max, &state).await {
         Ok(request) => request,
         Err(error) => return error.into_response(),
@@ -166,30 +166,30 @@ async fn limited(State(state): State<ServerState>, mut request: Request, next: N
 async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
     match tokio::time::timeout(REQUEST_TIME, answer).await {
         Ok(response) if response.status().is_client_error() && !is_json(&response) => {
-            let message = "the address or its query is not understood";
+            let message = "invalid address or query";
             ApiError::new(
                 codes::BAD_REQUEST,
                 message,
-                "write it as UTF-8, percent-encoded",
+                "encode it as UTF-8, percent-encoded",
             )
             .into_response()
         }
         Ok(response) if response.status().is_server_error() && !is_json(&response) => {
             let message = format!("the loader could not answer: {}", response.status());
-            let help = "this is a fault of the loader: report it";
+            let help = "this is a bug in the loader: report it";
             ApiError::new(codes::PROCESS_FAILED, message, help).into_response()
         }
         Ok(response) => response,
         Err(_) => ApiError::new(
             codes::LOADER_SILENT,
             format!("the request took longer than {REQUEST_TIME:?}"),
-            "try again; whether it was carried out is not known",
+            "try again; it may or may not have been carried out",
         )
         .into_response(),
     }
 }
 
-/// How long the client says that it waits.
+/// Returns the caller with the waiting time that the client announces.
 fn caller(head: &HeaderMap) -> Result<Caller, ApiError> {
     let Some(given) = head.get(TIMEOUT_HEADER) else {
         return Ok(Caller::default());
@@ -198,14 +198,14 @@ fn caller(head: &HeaderMap) -> Result<Caller, ApiError> {
     let time = time.map(Duration::from_millis).ok_or_else(|| {
         ApiError::new(
             codes::BAD_REQUEST,
-            format!("`{TIMEOUT_HEADER}` has no number of milliseconds"),
-            format!("send `{TIMEOUT_HEADER}: 2000`, or leave it out"),
+            format!("`{TIMEOUT_HEADER}` is not a number of milliseconds"),
+            format!("send for example `{TIMEOUT_HEADER}: 2000`, or omit it"),
         )
     })?;
     Ok(Caller::until(Instant::now().checked_add(time)))
 }
 
-/// The request with all of its body in memory.
+/// Reads the whole body of a request into memory.
 async fn read_body(
     request: Request,
     bytes_max: usize,
@@ -220,21 +220,21 @@ async fn read_body(
     Ok(Request::from_parts(parts, bytes.into()))
 }
 
-/// Errors of ours are JSON; those that the extractors make by themselves are not.
+/// Returns true for our own errors, which are JSON; those of axum's extractors are not.
 fn is_json(response: &Response) -> bool {
     let kind = response.headers().get(header::CONTENT_TYPE);
     kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
 }
 
-fn too_many(bytes_max: usize) -> ApiError {
+fn too_many(requests_max: usize) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
-        format!("{bytes_max} requests of this kind are under way, more are not taken"),
+        format!("{requests_max} requests of this kind are being processed; this one is refused"),
         "try again in a moment",
     )
 }
 
-/// Runs what may block where it may block.
+/// Runs `what` on a blocking thread.
 async fn blocking<T: Send + 'static>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
@@ -244,13 +244,13 @@ async fn blocking<T: Send + 'static>(
         .unwrap_or_else(|panic| {
             Err(ApiError::new(
                 codes::PROCESS_FAILED,
-                format!("the loader could not do it: {panic}"),
-                "this is a fault of the loader: report it",
+                format!("the loader failed to process the request: {panic}"),
+                "this is a bug in the loader: report it",
             ))
         })
 }
 
-/// As [`blocking`], with the result as JSON, which is written there, too.
+/// As [`blocking`]; the result is also serialized to JSON there.
 async fn answering<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
@@ -260,7 +260,7 @@ async fn answering<T: Serialize>(
     bodies::answer(bytes, &answers)
 }
 
-/// As [`answering`], for what reads the files of commands.
+/// As [`answering`], for requests that read command files.
 async fn reading<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
@@ -269,7 +269,7 @@ async fn reading<T: Serialize>(
     // The semaphores are never closed.
     let place = places.acquire_owned().await.ok();
     answering(state, move |service| {
-        // Given back when the files are read and the answer is written, also if nobody waits for it any more.
+        // Released when the files are read and the answer is serialized, even if nobody waits for it any more.
         let _place = place;
         what(service)
     })
@@ -290,7 +290,7 @@ fn text_of(body: Bytes, what: &str) -> Result<String, ApiError> {
     String::from_utf8(body.into()).map_err(|_| {
         ApiError::new(
             codes::BAD_REQUEST,
-            format!("{what} not UTF-8"),
+            format!("{what} not valid UTF-8"),
             "send YAML or JSON as UTF-8",
         )
     })
@@ -298,15 +298,15 @@ fn text_of(body: Bytes, what: &str) -> Result<String, ApiError> {
 
 #[derive(Deserialize)]
 struct LoadQuery {
-    /// How diagnostics name the text.
+    /// File name for diagnostics.
     #[serde(default)]
     file: Option<String>,
 }
 
-/// LOAD: the body is the text of a net, YAML or JSON. Answers at once; the state goes from `loading` to `ready` or
-/// `rejected`.
+/// LOAD: the body is the text of a net, YAML or JSON. Answers at once; the command's state then changes from `loading`
+/// to `ready` or `rejected`.
 #[utoipa::path(post, path = "/commands", request_body(content = String, content_type = "application/yaml"),
-    params(("file" = Option<String>, Query, description = "how diagnostics name the text")),
+    params(("file" = Option<String>, Query, description = "file name for diagnostics")),
     responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
 async fn load(
     State(state): State<ServerState>,
@@ -326,7 +326,7 @@ async fn load(
         service.reserve(&caller, text_of(body, "the text is")?)
     })
     .await?;
-    // It goes into every drawing of a fault.
+    // The name appears in every source snippet.
     let file = Printable(query.file.as_deref().unwrap_or("net")).to_string();
     tokio::spawn(async move {
         // The semaphores are never closed.
@@ -342,7 +342,7 @@ async fn load(
     Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
 }
 
-/// All commands, by id.
+/// Lists all commands, sorted by id.
 #[utoipa::path(get, path = "/commands",
     responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody)))]
 async fn list(State(state): State<ServerState>) -> Result<Response, ApiError> {
@@ -372,7 +372,7 @@ async fn detail(
     }
 }
 
-/// CANCEL and ABORT are carried out also when their client is gone: whoever sent them wanted the arm to stop.
+/// Carries out CANCEL or ABORT, even if the client is gone: it wanted the arm to stop.
 async fn stop(state: ServerState, name: String, what: Operation) -> Result<Response, ApiError> {
     let service = state.service;
     let stopped = move || service.operate(&Caller::default(), &name, what);
@@ -383,10 +383,11 @@ async fn stop(state: ServerState, name: String, what: Operation) -> Result<Respo
         .map(|done| Json(done).into_response())
 }
 
-/// START: evaluated from the next cycle on. With `after_stopping` those commands end between the same two cycles, and
-/// an arm that they command goes on with the first set-point of this one; if that cannot be, nothing changes.
+/// START: the net is evaluated from the next cycle on. With `after_stopping`, those commands end between the same two
+/// cycles, and an arm that they command continues with the first set-point of this net; if that is impossible, nothing
+/// changes.
 #[utoipa::path(post, path = "/commands/{name}/start", params(("name" = String, Path, description = "id or name")),
-    request_body(content = Option<api::Start>, description = "may be left out"),
+    request_body(content = Option<api::Start>, description = "optional"),
     responses((status = 200, body = Done), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
 async fn start(
@@ -412,8 +413,8 @@ async fn start(
     .await
 }
 
-/// Hand-over: some commands end and others begin between the same two cycles, or nothing changes. An arm goes on without
-/// a gap: the first set-point must continue from the last one.
+/// Hand-over: some commands end and others start between the same two cycles, or nothing changes. An arm continues
+/// without a gap: the first set-point must continue from the last one.
 #[utoipa::path(post, path = "/switch", request_body(content = api::Switch),
     responses((status = 200, body = Switched), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
@@ -426,7 +427,7 @@ async fn switch(
 }
 
 /// Sets inputs of a ready or active net: a mapping from their names to constants of the language, YAML or JSON; null
-/// unsets. All of them count from the same cycle on, or none.
+/// unsets an input. All of them take effect in the same cycle, or none.
 #[utoipa::path(put, path = "/commands/{name}/inputs", params(("name" = String, Path, description = "id or name")),
     request_body(content = Object, content_type = "application/json",
         description = "`{\"speed\": \"0.2 m/s\", \"goal\": {\"xyz\": [0.5, 0, 0.3], \"rpy\": [0, 0, 0]}}`"),
@@ -446,7 +447,7 @@ async fn set(
 
 #[derive(Deserialize)]
 struct ValuesQuery {
-    /// Patterns with commas between them.
+    /// Patterns, separated by commas.
     #[serde(default)]
     ports: Option<String>,
 }
@@ -459,11 +460,11 @@ impl ValuesQuery {
     }
 }
 
-/// Values of any ports of a net, all of one cycle: those that its last evaluation left.
+/// Reads values of ports of a net, all from its last evaluation.
 #[utoipa::path(get, path = "/commands/{name}/values",
     params(("name" = String, Path, description = "id or name"),
         ("ports" = Option<String>, Query,
-            description = "patterns as `move.pose,ik.*,a.out[2]`; all outputs without")),
+            description = "patterns such as `move.pose,ik.*,a.out[2]`; without, all outputs")),
     responses((status = 200, body = ValuesView), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn values(
     State(state): State<ServerState>,
@@ -477,18 +478,18 @@ async fn values(
     .await
 }
 
-/// A body of JSON.
+/// Parses a JSON body.
 fn json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
     serde_json::from_slice(body).map_err(|error| {
         ApiError::new(
             codes::BAD_REQUEST,
-            format!("the body is not understood: {error}"),
-            "`GET /openapi.json` shows what it may be",
+            format!("invalid body: {error}"),
+            "see `GET /openapi.json` for the format",
         )
     })
 }
 
-/// CANCEL: the net's `Cancel` says true from the next cycle on.
+/// CANCEL: the net's `Cancel` primitive outputs true from the next cycle on.
 #[utoipa::path(post, path = "/commands/{name}/cancel", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn cancel(
@@ -498,7 +499,7 @@ async fn cancel(
     stop(state, name, Operation::Cancel).await
 }
 
-/// ABORT: the devices get no command any more, and their drivers bring them to rest.
+/// ABORT: the devices get no more commands, and their drivers bring them to rest.
 #[utoipa::path(post, path = "/commands/{name}/abort", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn abort(
@@ -508,7 +509,7 @@ async fn abort(
     stop(state, name, Operation::Abort).await
 }
 
-/// UNLOAD: forgets a command that is not active.
+/// UNLOAD: removes a command that is not active.
 #[utoipa::path(delete, path = "/commands/{name}", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn unload(
@@ -522,7 +523,7 @@ async fn unload(
     .await
 }
 
-/// Has the flight recorder write its last seconds to a file.
+/// Writes the last seconds of the flight recorder to a file.
 #[utoipa::path(post, path = "/incidents",
     responses((status = 200, body = Frozen), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
 async fn incident(
@@ -532,21 +533,21 @@ async fn incident(
     answering(state, move |service| service.freeze(&caller)).await
 }
 
-/// The devices, in the order of the cell's configuration.
+/// Lists the devices, in the order of the cell's configuration.
 #[utoipa::path(get, path = "/devices",
     responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
 async fn devices(State(state): State<ServerState>) -> Result<Response, ApiError> {
     answering(state, Service::devices).await
 }
 
-/// Every primitive with its ports and parameters.
+/// Lists every primitive with its ports and parameters.
 #[utoipa::path(get, path = "/primitives", responses((status = 200, body = Vec<PrimitiveView>)))]
 async fn primitives(State(state): State<ServerState>) -> Result<Response, ApiError> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| written(&catalogue::primitives())).await
 }
 
-/// An answer that is always the same for this process: made once, by a blocking thread.
+/// Returns an answer that is constant for this process; it is created once, by a blocking thread.
 async fn constant(
     state: ServerState,
     kept: &'static OnceLock<Bytes>,
@@ -562,20 +563,20 @@ async fn constant(
     Ok(([(header::CONTENT_TYPE, "application/json")], bytes).into_response())
 }
 
-/// The JSON Schema of nets, with the names of this cell's devices and channels.
+/// Returns the JSON Schema of nets, with the names of this cell's devices and channels.
 #[utoipa::path(get, path = "/schema", responses((status = 200, body = serde_json::Value)))]
 async fn schema(State(state): State<ServerState>) -> Result<Response, ApiError> {
     answering(state, |service| Ok(service.schema())).await
 }
 
-/// The executor's health and the processes of the cell.
+/// Returns the executor's health and the processes of the cell.
 #[utoipa::path(get, path = "/status",
     responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
 async fn status(State(state): State<ServerState>) -> Result<Response, ApiError> {
     answering(state, Service::status).await
 }
 
-/// Late cycles are acknowledged: what is latched, worst values and histograms begin anew.
+/// Acknowledges late cycles: latched cycles, worst values and histograms are reset.
 #[utoipa::path(post, path = "/status/acknowledge",
     responses((status = 200, body = Acknowledged), (status = 503, body = ErrorBody)))]
 async fn acknowledge(
@@ -585,14 +586,14 @@ async fn acknowledge(
     answering(state, move |service| service.acknowledge(&caller)).await
 }
 
-/// Values that go from net to net: who publishes what, and who subscribes to it.
+/// Lists the topics: who publishes each value, and who subscribes to it.
 #[utoipa::path(get, path = "/topics",
     responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody)))]
 async fn topics(State(state): State<ServerState>) -> Result<Response, ApiError> {
     answering(state, Service::topics).await
 }
 
-/// Histograms of the cycle, and what primitives cost.
+/// Returns histograms of the cycle and the measured cost of primitives.
 #[utoipa::path(get, path = "/timing",
     responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
 async fn timing(State(state): State<ServerState>) -> Result<Response, ApiError> {
@@ -617,8 +618,8 @@ async fn openapi(State(state): State<ServerState>) -> Result<Response, ApiError>
 async fn no_route() -> ApiError {
     ApiError::new(
         codes::NO_ROUTE,
-        "there is no such address or method",
-        "GET /openapi.json lists all",
+        "unknown address or method",
+        "`GET /openapi.json` lists all",
     )
 }
 

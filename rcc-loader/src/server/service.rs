@@ -1,5 +1,5 @@
-//! What the loader does for its clients: the life cycle by name, and everything there is to see.
-//! Every function may block for a while and is run by blocking threads, never by the thread that serves connections.
+//! What the loader does for its clients: the life cycle of commands by name, and queries. Every function may block for
+//! a while and is run by blocking threads, never by the thread that serves connections.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -27,42 +27,43 @@ use super::executor::{ExecutorConnection, ExecutorLink};
 use super::messages::{self, NameResolver};
 use super::store::{CommandFile, CommandStore, StoreError};
 
-/// How long a recording may take until it is in a file.
+/// Maximum time until a recording is in a file.
 const RECORD_MAX: Duration = Duration::from_secs(8);
-/// How often it is asked for.
+/// Interval at which the executor is asked whether it is.
 const RECORD_POLL_EVERY: Duration = Duration::from_millis(50);
-/// A file of a command that is not in the table is removed when it is older than this.
+/// Minimum age at which the file of a command that is not in the table is removed.
 const SWEEP_AGE_MIN: Duration = Duration::from_secs(5);
 
 /// The loader of one cell.
 pub struct Service {
     pub(super) executor: ExecutorLink,
     pub(super) config: CellConfig,
-    /// What this loader announces.
+    /// This loader's announcement.
     pub(super) own: Announcement,
-    /// The life of the executor that was met last, and by which its devices and channels are named:
-    /// [`Service::config`] as far as it is the executor's.
+    /// Incarnation of the last known executor, and the configuration by which its devices and channels are named: the
+    /// part of [`Service::config`] that also holds for it.
     pub(super) naming: Mutex<(u64, Arc<CellConfig>)>,
     pub(super) files: Mutex<WatchedFiles>,
-    /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
+    /// Commands that this process is loading; with them a restarted loader tells its own commands from those of a dead
+    /// loader.
     loading: Mutex<BTreeMap<u64, PendingLoad>>,
     recorder: Option<EventRecorder>,
-    /// The helper threads of this process, for whoever asks how it does.
+    /// The helper threads of this process, for status queries.
     pub(super) helpers: Helpers,
-    /// Process and incarnation of the executor that the event log was told of.
+    /// Process id and incarnation of the executor that was last reported to the event log.
     reported_executor: Mutex<Option<(u32, u64)>>,
-    /// The commands of the executor of that incarnation.
+    /// Incarnation of the executor, and its commands.
     store: Mutex<Option<(u64, Arc<CommandStore>)>>,
 }
 
-/// A text on its way to become a command.
+/// A text that is being loaded.
 struct PendingLoad {
     entry: Arc<CommandSummary>,
-    /// Taken by whoever compiles it.
+    /// Taken out when it is compiled.
     text: String,
 }
 
-/// A command with what only its file holds.
+/// A command together with the contents of its file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DetailedCommand {
     /// The command.
@@ -70,11 +71,11 @@ pub struct DetailedCommand {
     pub command: CommandView,
     /// The text that was loaded.
     pub text: String,
-    /// Where every port and monitor lies in the plan.
+    /// Slots of every port and monitor in the plan.
     pub names: Option<Names>,
 }
 
-/// An operation on a command that exists.
+/// An operation on an existing command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// START.
@@ -88,7 +89,7 @@ pub enum Operation {
 }
 
 impl Operation {
-    /// True for the states in which the operation can do something.
+    /// Returns true for the states in which the operation has an effect.
     pub(super) fn suits(self, state: CommandState) -> bool {
         match self {
             Operation::Start => state == CommandState::Ready,
@@ -108,7 +109,7 @@ impl Operation {
 }
 
 impl Service {
-    /// The loader of the cell that `executor` belongs to.
+    /// Creates the loader service of the cell that `executor` belongs to.
     #[must_use]
     pub fn new(executor: ExecutorLink, config: CellConfig) -> Service {
         let configuration = Configuration::new(config.identity());
@@ -126,20 +127,20 @@ impl Service {
         }
     }
 
-    /// The JSON Schema of nets for this cell.
+    /// Returns the JSON Schema of nets for this cell.
     #[must_use]
     pub fn schema(&self) -> serde_json::Value {
         rcc_language::schema::schema(Some(&DeviceTable::from(&self.config)))
     }
 
-    /// Shows these helper threads of this process to whoever asks how it does.
+    /// Includes these helper threads of this process in the status.
     #[must_use]
     pub fn with_helpers(mut self, helpers: Helpers) -> Service {
         self.helpers = helpers;
         self
     }
 
-    /// Writes what happens to the cell's event log.
+    /// Writes events to the cell's event log.
     #[must_use]
     pub fn with_event_log(mut self, recorder: EventRecorder) -> Service {
         self.recorder = Some(recorder);
@@ -152,9 +153,9 @@ impl Service {
         }
     }
 
-    /// Tells of an executor that is found or gone, once each.
+    /// Reports each executor that is found or lost, once.
     fn report_executor_change(&self, found: Option<(u32, u64)>) {
-        // A panic leaves it whole: it is one value.
+        // A panic leaves it intact, because it is one value.
         let mut reported_executor = self
             .reported_executor
             .lock()
@@ -172,11 +173,11 @@ impl Service {
         }
     }
 
-    /// The living executor and the files of its commands. A new one is taken over first: what a dead loader was loading
-    /// there is rejected, and the files of dead executors go.
+    /// Returns the living executor and the store of its commands. When it is a new one, commands that a dead loader was
+    /// loading there are rejected, and the files of dead executors are removed.
     ///
     /// # Errors
-    /// There is no executor.
+    /// Returns an error if there is no executor.
     pub fn attach(&self) -> Result<(Arc<ExecutorConnection>, Arc<CommandStore>), ApiError> {
         let attached = self.executor.attach();
         let found = attached.as_ref().ok().map(|(attached, _)| {
@@ -192,16 +193,17 @@ impl Service {
         self.check_configuration(&attached.announcement);
         let (store, new) = self.store(attached.announcement.incarnation);
         if new {
-            tracing::info!(pid = attached.announcement.pid, "the executor is attached");
+            tracing::info!(pid = attached.announcement.pid, "attached to the executor");
             store.remove_others();
             self.reject_orphans(&attached, &store);
         }
         Ok((attached, store))
     }
 
-    /// The commands of an executor, and whether they were only now read from their files.
+    /// Returns the commands of an executor, and whether they were just read from their files.
     fn store(&self, incarnation: u64) -> (Arc<CommandStore>, bool) {
-        // A panic leaves it whole: it is one value. Others wait for the one that reads: without names they can do nothing.
+        // A panic leaves it intact, because it is one value. Other threads wait for the one that reads the files:
+        // without names they can do nothing.
         let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
         match store.as_ref().filter(|(known, _)| *known == incarnation) {
             Some((_, store)) => (Arc::clone(store), false),
@@ -213,7 +215,7 @@ impl Service {
         }
     }
 
-    /// What is due from time to time: attaching, and forgetting what was unloaded.
+    /// Periodic maintenance: attaches to the executor, and removes the files of unloaded commands.
     pub fn maintain(&self) {
         self.check_files();
         if let Ok((attached, store)) = self.attach() {
@@ -230,7 +232,7 @@ impl Service {
             }
             let lost = ApiError::new(
                 codes::LOADER_DIED,
-                "the loader died while it loaded this command",
+                "the loader died while loading this command",
                 "load the text again",
             );
             let mut file = store.read(row.id).unwrap_or_default();
@@ -238,19 +240,22 @@ impl Service {
             file.diagnostics.push(lost.finding());
             file.discard_excess();
             if let Err(error) = store.write(&file) {
-                tracing::warn!(%error, "a rejected command has no file");
+                tracing::warn!(%error, "cannot write the file of a rejected command");
             }
             match self.executor.call(&Call::Reject { id: row.id }) {
-                Ok(_) => tracing::info!(id = row.id, "a command of a dead loader is rejected"),
-                Err(error) => tracing::warn!(message = error.message, "not rejected"),
+                Ok(_) => tracing::info!(id = row.id, "rejected a command of a dead loader"),
+                Err(error) => tracing::warn!(
+                    message = error.message,
+                    "cannot reject a command of a dead loader"
+                ),
             }
         }
     }
 
-    /// LOAD, first half: gives the text an id. The second half is [`Service::install`].
+    /// First half of LOAD: reserves an id for the text. The second half is [`Service::install`].
     ///
     /// # Errors
-    /// No executor, no row left in its table, or no room for what belongs to a command.
+    /// Returns an error if there is no executor, its table is full, or there is no room for the command's file.
     pub fn reserve(&self, caller: &Caller, text: String) -> Result<u64, ApiError> {
         let (attached, store) = self.attach()?;
         self.require_agreement(&attached)?;
@@ -274,8 +279,8 @@ impl Service {
         }
     }
 
-    /// LOAD, second half: compiles, writes the names, hands the plan over. The command becomes ready or rejected;
-    /// what was wrong is in its file.
+    /// Second half of LOAD: compiles the text, writes the names, and hands the plan over. The command becomes ready or
+    /// rejected; its file contains the errors.
     pub fn install(&self, id: u64, file_name: &str) {
         let file = match self.loading().get_mut(&id) {
             Some(loading) => CommandFile {
@@ -292,7 +297,7 @@ impl Service {
                 id,
                 code = error.code.code,
                 message = error.message,
-                "a load failed"
+                "load failed"
             );
             self.record_rejected(id, &error.finding(), 1);
         }
@@ -343,7 +348,7 @@ impl Service {
                 }
                 file.diagnostics = diagnostics;
                 file.discard_excess();
-                // Without a file they are in memory, and it is rejected all the same.
+                // If the file cannot be written, the findings stay in memory and the command is rejected all the same.
                 let kept = stored(&file);
                 self.executor.call(&Call::Reject { id })?;
                 return kept;
@@ -381,7 +386,7 @@ impl Service {
                 self.with_names(Some(&store), |names| names.refusal(id, refusal))
             }
             Err(error) => {
-                // It must not stay `loading`; if the executor is gone, so is the command.
+                // The command must not stay `loading`; if the executor is gone, so is the command.
                 let _ = self.executor.call(&Call::Reject { id });
                 error
             }
@@ -393,10 +398,10 @@ impl Service {
         stored(&file)
     }
 
-    /// All commands, by id.
+    /// Returns all commands, sorted by id.
     ///
     /// # Errors
-    /// There is no executor.
+    /// Returns an error if there is no executor.
     pub fn list(&self) -> Result<Vec<CommandView>, ApiError> {
         let (attached, store) = self.attach()?;
         let mut rows = attached.tables().commands;
@@ -404,10 +409,10 @@ impl Service {
         Ok(rows.iter().map(|row| self.view(&store, row)).collect())
     }
 
-    /// One command, by id or by name (then the newest of that name); its text and its names only if they are asked for.
+    /// Returns one command, by id or by name (then the newest of that name); with its text and names only if `in_full`.
     ///
     /// # Errors
-    /// There is no executor or no such command.
+    /// Returns an error if there is no executor or no such command.
     pub fn detail(&self, name: &str, in_full: bool) -> Result<DetailedCommand, ApiError> {
         let (attached, store) = self.attach()?;
         let id = self.resolve(&attached, &store, name, |_| true)?;
@@ -425,10 +430,10 @@ impl Service {
         })
     }
 
-    /// START, CANCEL, ABORT or UNLOAD.
+    /// Carries out START, CANCEL, ABORT or UNLOAD.
     ///
     /// # Errors
-    /// There is no executor or no such command, or the executor refuses.
+    /// Returns an error if there is no executor or no such command, or if the executor refuses.
     pub fn operate(
         &self,
         caller: &Caller,
@@ -458,7 +463,7 @@ impl Service {
     /// Freezes the flight recorder, and waits until its last seconds are in a file.
     ///
     /// # Errors
-    /// There is no executor, it records nothing, or the file is not written.
+    /// Returns an error if there is no executor, its recorder is off, or the file is not written in time.
     pub fn freeze(&self, caller: &Caller) -> Result<Frozen, ApiError> {
         let (attached, _) = self.attach()?;
         let incarnation = attached.announcement.incarnation;
@@ -470,12 +475,12 @@ impl Service {
             _ => return Err(unexpected()),
         };
         let limit = Instant::now() + RECORD_MAX;
-        // Asked again and again, so that no other request waits meanwhile.
+        // Polls, so that other requests to the executor do not wait meanwhile.
         loop {
             let (attached, _) = self.attach()?;
             if attached.announcement.incarnation != incarnation {
                 return Err(recording_lost(
-                    "the executor died before it was written".to_owned(),
+                    "the executor died before it wrote the file".to_owned(),
                 ));
             }
             match self.executor.call(&Call::Recorded { cycle })? {
@@ -493,16 +498,16 @@ impl Service {
             if Instant::now() >= limit {
                 return Err(ApiError::new(
                     codes::EXECUTOR_SILENT,
-                    format!("the recording of cycle {cycle} is not in a file after {RECORD_MAX:?}"),
-                    "the disk is slow: `rcc-cli events` tells when it is written, `rcc-cli incidents` lists it then",
+                    format!("the recording of cycle {cycle} was not written within {RECORD_MAX:?}"),
+                    "the disk is slow: `rcc-cli events` reports when the file is written, `rcc-cli incidents` then lists it",
                 ));
             }
             std::thread::sleep(RECORD_POLL_EVERY);
         }
     }
 
-    /// `7`, `line` and `line#7` name a command. Of several of one name it is the newest in a state that suits, else the
-    /// newest.
+    /// Resolves `7`, `line` or `line#7` to a command. If several commands have the name, it is the newest one in a
+    /// suitable state, or else the newest.
     pub(super) fn resolve(
         &self,
         attached: &ExecutorConnection,
@@ -551,13 +556,13 @@ impl Service {
         store.summary(id).or_else(loading)
     }
 
-    /// The name of a command's net; empty if nobody knows it.
+    /// Returns the name of a command's net; empty if it is not known.
     pub(super) fn net(&self, store: &CommandStore, id: u64) -> String {
         let entry = self.summary(store, id);
         entry.map_or_else(String::new, |entry| entry.net.clone())
     }
 
-    /// A command that is so new that the snapshot of the table does not have it.
+    /// Returns a row for a command that is too new for the snapshot of the table.
     fn loading_row(&self, id: u64) -> Option<CommandEntry> {
         self.loading().contains_key(&id).then(|| CommandEntry {
             id,
@@ -567,7 +572,7 @@ impl Service {
     }
 
     fn view(&self, store: &CommandStore, row: &CommandEntry) -> CommandView {
-        // Looked at before the file: what the load came to is written after the executor has answered.
+        // Read before the file: the result of a load is written after the executor has answered.
         let is_loading = self.loading().contains_key(&row.id);
         let known = self.summary(store, row.id).unwrap_or_default();
         let state = match CommandState::from_number(row.state) {
@@ -623,25 +628,25 @@ impl Service {
     }
 
     fn loading(&self) -> MutexGuard<'_, BTreeMap<u64, PendingLoad>> {
-        // A panic between two insertions leaves a whole map.
+        // A panic between two insertions leaves the map intact.
         self.loading.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The diagnostics of a text without loading it anywhere.
+/// Compiles a text without loading it.
 ///
 /// # Errors
-/// All faults of the text.
+/// Returns all errors and warnings of the text if it has an error.
 pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Vec<Finding>> {
     compile::compile(text, file, config)
 }
 
-/// A recording that is in no file.
+/// Returns the error for a recording that was not written.
 fn recording_lost(why: String) -> ApiError {
     ApiError::new(
         codes::NOT_STORED,
         format!("the recording was not written: {why}"),
-        "what it held is lost; see that the folder of incidents can be written (`recorder: {folder: …}`)",
+        "its data is lost; make sure that the folder of incidents is writable (`recorder: {folder: …}`)",
     )
 }
 
@@ -653,7 +658,7 @@ fn not_stored(error: &StoreError) -> ApiError {
         ),
         StoreError::Full { .. } => (
             codes::NOT_KEPT,
-            "unload commands that are over: `rcc-cli ls`, then `rcc-cli unload NAME`",
+            "unload commands that have ended: `rcc-cli ls`, then `rcc-cli unload NAME`",
         ),
     };
     ApiError::new(code, error.to_string(), help)
@@ -662,8 +667,8 @@ fn not_stored(error: &StoreError) -> ApiError {
 pub(super) fn unexpected() -> ApiError {
     ApiError::new(
         codes::OTHER_BUILD,
-        "the executor gave an answer to another question",
-        "install loader and executor from one build and restart them",
+        "the executor gave an unexpected answer",
+        "install loader and executor from the same build and restart them",
     )
 }
 

@@ -1,6 +1,5 @@
-//! The Unix socket of a cell's loader: of mode 0600, or 0660 for a group; replaced when its loader is dead, never taken
-//! from a living one.
-//! Used once by the main thread.
+//! Creates the Unix socket of a cell's loader, with mode 0600, or 0660 for a group. The socket of a dead loader is
+//! replaced, that of a living one is not. Used once by the main thread.
 
 use std::fs;
 use std::io;
@@ -8,30 +7,31 @@ use std::os::unix::fs::{PermissionsExt, chown};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
-/// Why there is no socket.
+/// The reason why the socket cannot be created.
 #[derive(Debug, thiserror::Error)]
 pub enum SocketError {
-    /// Somebody answers there.
+    /// Another process accepts connections there.
     #[error("{path} is served by another loader: stop it, or use another cell")]
     InUse {
-        /// The socket.
+        /// Path of the socket.
         path: PathBuf,
     },
-    /// It cannot be made.
+    /// The system refused an operation on the file.
     #[error("{path}: {source}")]
     File {
-        /// The socket.
+        /// Path of the socket.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
 
-/// Listens at `path`, for us and for the members of `group`. Call it while holding the loader's announcement, so that
-/// two loaders never race for it.
+/// Listens at `path`, for our user and the members of `group`. Call it while holding the loader's announcement, so that
+/// two loaders never race for the socket.
 ///
 /// # Errors
-/// A living loader, or what the system says.
+/// Returns [`SocketError::InUse`] if a living loader serves the socket, and [`SocketError::File`] if the system refuses
+/// an operation.
 pub fn listen(path: &Path, group: Option<u32>) -> Result<UnixListener, SocketError> {
     let failed = |source| SocketError::File {
         path: path.to_owned(),
@@ -46,7 +46,7 @@ pub fn listen(path: &Path, group: Option<u32>) -> Result<UnixListener, SocketErr
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(failed(error)),
         _ => {}
     }
-    // Nobody else may enter the folder, or only a group: and it may not write to a socket as it is made.
+    // The folder is closed to everybody else, or open to a group that may not write to a new socket.
     let listener = UnixListener::bind(path).map_err(failed)?;
     if group.is_some() {
         chown(path, None, group).map_err(failed)?;
@@ -98,7 +98,7 @@ mod tests {
         let path = path("mode");
         drop(listen(&path.0, None)?);
         assert_eq!(fs::metadata(&path.0)?.mode() & 0o777, 0o600);
-        // A group that this process is in, whoever runs the test.
+        // Any group that this process is in.
         let group = nix::unistd::getgid().as_raw();
         drop(listen(&path.0, Some(group))?);
         let found = fs::metadata(&path.0)?;

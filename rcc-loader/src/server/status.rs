@@ -1,5 +1,5 @@
-//! What there is to see of a cell besides commands: devices, processes, the executor's health.
-//! Read from boards and announcements by blocking threads of the server; never asks the real-time thread.
+//! Status of a cell other than commands: devices, processes, and the executor's health. Read from boards and
+//! announcements by blocking threads of the server; never asks the real-time thread.
 
 use rcc_config::device::kind_name;
 use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
@@ -18,14 +18,14 @@ use super::service::Service;
 use super::store::CommandStore;
 use super::timing::committed_ns;
 
-/// Bits of `CycleStatus::grants`, with what they grant.
+/// Bits of `CycleStatus::grants`, and what they grant.
 const GRANTS: [(u32, &str); 3] = [(1, "SCHED_FIFO"), (2, "memory locked"), (4, "own core")];
 
 impl Service {
-    /// The devices of the cell, in the order of its configuration.
+    /// Returns the devices of the cell, in the order of its configuration.
     ///
     /// # Errors
-    /// There is no executor.
+    /// Returns an error if there is no executor.
     pub fn devices(&self) -> Result<Vec<DeviceView>, ApiError> {
         let (attached, store) = self.attach()?;
         let rows = attached.tables().devices;
@@ -38,7 +38,7 @@ impl Service {
             let state = row.map_or(DeviceState::Offline, |row| {
                 DeviceState::from_number(row.state)
             });
-            // The executor looks at announcements now and then: until it has, its row is still the former driver's.
+            // The executor checks announcements at intervals; until the next check its row describes the former driver.
             let is_attached = row.is_some_and(|row| row.attached == 1);
             let disagreement = match is_attached {
                 true => None,
@@ -72,10 +72,10 @@ impl Service {
         Ok(self.naming().devices.iter().zip(rows).map(view).collect())
     }
 
-    /// The executor's health and all processes.
+    /// Returns the executor's health and all processes.
     ///
     /// # Errors
-    /// There is no executor.
+    /// Returns an error if there is no executor.
     pub fn status(&self) -> Result<StatusView, ApiError> {
         let (attached, store) = self.attach()?;
         let cell = self.executor.cell();
@@ -146,7 +146,7 @@ impl Service {
         }
     }
 
-    /// A driver's words for a reason number; empty for 0.
+    /// Returns a driver's explanation of a reason number; empty for 0.
     pub(super) fn reason_words(&self, device: &str, reason: u32) -> String {
         if reason == 0 {
             return String::new();
@@ -171,16 +171,16 @@ impl Service {
     }
 }
 
-/// A list that lacks processes would be an untrue one.
+/// An incomplete list of processes would be misleading, so this is an error.
 fn unread(error: &AnnounceError) -> ApiError {
     ApiError::new(
         codes::PROCESS_FAILED,
-        format!("the announcements of the processes cannot be read: {error}"),
-        "try again; if it stays so, the loader has too few file descriptors (LimitNOFILE=)",
+        format!("cannot read the announcements of the processes: {error}"),
+        "try again; if the error persists, the loader has too few file descriptors (LimitNOFILE=)",
     )
 }
 
-/// Drivers explain their reason numbers in their announcement's note, one `NUMBER TEXT` a line.
+/// Drivers explain their reason numbers in the note of their announcement, one `NUMBER TEXT` per line.
 fn reason_in(note: &str, reason: u32) -> Option<&str> {
     note.lines().find_map(|line| {
         let (number, words) = line.split_once(' ')?;
@@ -188,9 +188,9 @@ fn reason_in(note: &str, reason: u32) -> Option<&str> {
     })
 }
 
-/// What was really obtained, in words. A core of its own is a plus, not a condition.
+/// Describes the privileges that were really obtained. A core of its own is an advantage, not a condition.
 fn grade(grants: u32, note: &str) -> String {
-    // The executor's own words are better: they name the limits that stood in the way.
+    // The executor's own note is better: it names the limits that prevented more.
     if note.starts_with("RT:") {
         return note.to_owned();
     }
@@ -225,7 +225,7 @@ fn process(announcement: &Announcement) -> ProcessView {
         label: announcement.label.clone(),
         pid: announcement.pid,
         incarnation: format!("{:016x}", announcement.incarnation),
-        // Whoever may live is not shown as dead.
+        // A process that may be alive is not shown as dead.
         alive: !announcement.liveness().is_dead(),
         note: announcement.note.clone(),
     }

@@ -1,6 +1,6 @@
-//! The files that give commands their names: `commands/<executor incarnation>/<id>.json`, one a command, and what of them
-//! stays in memory. Written by the loader's threads before the executor gets a plan; read by monitors and by a restarted
-//! loader, and by those requests alone that need a text or the places of ports.
+//! Stores one file per command, `commands/<executor incarnation>/<id>.json`, and a summary of it in memory. The
+//! loader's threads write a file before the executor gets the plan; monitors and a restarted loader read it, and
+//! otherwise only requests that need a text or the slots of ports.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,54 +17,54 @@ use serde::{Deserialize, Serialize};
 use super::api::{Finding, RehearsalView};
 use super::command_summary::CommandSummary;
 
-/// Bytes of all files of commands together: they lie in memory (tmpfs).
+/// Maximum size of all command files together, bytes; they are in memory (tmpfs).
 pub const KEPT_MAX: u64 = 256 << 20;
-/// Bytes of the text of a rejected command that are kept.
+/// Maximum size of the stored text of a rejected command, bytes.
 pub const REJECTED_TEXT_MAX: usize = 64 << 10;
-/// Bytes of the findings of a command that are kept; of more, how many there were.
+/// Maximum size of the stored findings of a command, bytes; beyond it only their number is stored.
 pub const FINDINGS_MAX: usize = 128 << 10;
 
-/// Everything the loader knows about a command and the executor does not.
+/// Everything that the loader knows about a command and the executor does not.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CommandFile {
     /// The command's id.
     pub id: u64,
-    /// The net's name; empty when the text does not even tell that.
+    /// The net's name; empty if the text does not even contain a valid one.
     pub net: String,
     /// The net's description.
     #[serde(default)]
     pub description: String,
-    /// The text that was loaded; of a rejected command its beginning.
+    /// The text that was loaded; only the beginning for a rejected command.
     #[serde(default)]
     pub text: String,
-    /// Where every port and monitor lies in the plan; none if it was never ready.
+    /// Slots of every port and monitor in the plan; `None` if the command was never ready.
     #[serde(default)]
     pub names: Option<Names>,
-    /// Faults and warnings of the text.
+    /// Errors and warnings of the text.
     #[serde(default)]
     pub diagnostics: Vec<Finding>,
-    /// Unique resources, for people.
+    /// Unique resources, as shown to people.
     #[serde(default)]
     pub uses: Vec<String>,
     /// Number of primitives.
     #[serde(default)]
     pub primitives: u32,
-    /// What its rehearsal came to.
+    /// Result of its rehearsal.
     #[serde(default)]
     pub rehearsal: Option<RehearsalView>,
-    /// Seconds since the epoch at which it was loaded.
+    /// Time of loading, seconds since the Unix epoch.
     #[serde(default)]
     pub loaded_at: u64,
 }
 
 impl CommandFile {
-    /// True if its diagnostics say that it cannot be run.
+    /// Returns true if the diagnostics contain an error.
     #[must_use]
     pub fn is_rejected(&self) -> bool {
         self.diagnostics.iter().any(|row| row.severity == "error")
     }
 
-    /// Leaves out what a rejected command does not need: nobody starts it, but people look at what was wrong.
+    /// Drops the data that a rejected command does not need: it cannot be started, but people look at its errors.
     pub fn discard_excess(&mut self) {
         limit_findings(&mut self.diagnostics);
         if !self.is_rejected() {
@@ -77,12 +77,12 @@ impl CommandFile {
             self.text.truncate(end);
             self.text.shrink_to_fit();
             self.text
-                .push_str(&format!("\n# the loader kept {end} of {size} bytes\n"));
+                .push_str(&format!("\n# the loader stored {end} of {size} bytes\n"));
         }
     }
 }
 
-/// Keeps as many findings as fit into [`FINDINGS_MAX`], the first error among them, and says how many there were.
+/// Keeps as many findings as fit into [`FINDINGS_MAX`], errors first, and adds one that tells how many there were.
 fn limit_findings(findings: &mut Vec<Finding>) {
     let size = |row: &Finding| {
         let place = |place: &Option<super::api::TextLocation>| {
@@ -102,7 +102,7 @@ fn limit_findings(findings: &mut Vec<Finding>) {
     if findings.iter().map(size).sum::<usize>() <= FINDINGS_MAX {
         return;
     }
-    // Errors come first: a rejected command stays one.
+    // Errors first, so that a rejected command remains rejected.
     findings.sort_by_key(|row| row.severity != "error");
     for row in findings.iter_mut() {
         truncate_text(&mut row.message);
@@ -118,7 +118,7 @@ fn limit_findings(findings: &mut Vec<Finding>) {
         sum += size(row);
         sum <= FINDINGS_MAX
     });
-    let (kept, message) = (findings.len(), "the loader keeps the first of them");
+    let (kept, message) = (findings.len(), "the loader stores only the first ones");
     if kept < count {
         findings.push(Finding {
             code: super::codes::NOT_KEPT.code.to_owned(),
@@ -133,7 +133,7 @@ fn limit_findings(findings: &mut Vec<Finding>) {
     }
 }
 
-/// Words of one finding that came from a text of any length.
+/// Truncates a text of a finding, which may quote a text of any length.
 fn truncate_text(words: &mut String) {
     const TEXT_MAX: usize = 8 << 10;
     if words.len() > TEXT_MAX {
@@ -142,23 +142,23 @@ fn truncate_text(words: &mut String) {
     }
 }
 
-/// Why a command has no file.
+/// The reason why a command has no file.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The system does not take it.
+    /// The system refused to write the file.
     #[error("{path}: {source}")]
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// Everything that may be kept is kept, and by commands that are not rejected.
+    /// The limit is reached, and by commands that are not rejected.
     #[error(
-        "the loader keeps {kept} bytes for its commands and {bytes_max} at most: there is no room for {size} more"
+        "no room for {size} bytes: the loader already stores {kept} of at most {bytes_max} bytes for its commands"
     )]
     Full {
-        /// Bytes of the file.
+        /// Size of the file, bytes.
         size: u64,
         /// Bytes in use.
         kept: u64,
@@ -167,7 +167,7 @@ pub enum StoreError {
     },
 }
 
-/// The commands of one life of the executor.
+/// The commands of one incarnation of the executor.
 #[derive(Debug)]
 pub struct CommandStore {
     folder: PathBuf,
@@ -184,13 +184,13 @@ struct StoreIndex {
 #[derive(Debug)]
 struct IndexRow {
     summary: Arc<CommandSummary>,
-    /// Of its file; 0: it has none.
+    /// Size of its file, bytes; 0 if it has none.
     bytes: u64,
     is_rejected: bool,
     since: Instant,
 }
 
-/// What a restarted loader takes over of a file; the rest of it is passed over.
+/// The fields of a file that a restarted loader reads; the rest is skipped.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct CommandFileSummary {
@@ -237,7 +237,7 @@ impl From<CommandFileSummary> for CommandSummary {
     }
 }
 
-/// Counts what is written.
+/// Counts the bytes written.
 struct CountingWriter<W> {
     into: W,
     bytes: u64,
@@ -256,7 +256,7 @@ impl<W: Write> Write for CountingWriter<W> {
 }
 
 impl CommandStore {
-    /// The folder for the commands of that life of the executor, with an empty index.
+    /// Opens the folder for the commands of this incarnation of the executor, with an empty index.
     #[must_use]
     pub fn of(cell: &Cell, incarnation: u64) -> CommandStore {
         CommandStore {
@@ -266,13 +266,13 @@ impl CommandStore {
         }
     }
 
-    /// As [`CommandStore::of`], with what a dead loader left there.
+    /// As [`CommandStore::of`], with the commands that an earlier loader left there.
     #[must_use]
     pub fn open(cell: &Cell, incarnation: u64) -> CommandStore {
         let store = CommandStore::of(cell, incarnation);
         for path in entries(&store.folder) {
             if path.extension().is_none_or(|extension| extension != "json") {
-                // A loader died while it wrote it.
+                // Incomplete: a loader died while writing it.
                 let _ = fs::remove_file(&path);
                 continue;
             }
@@ -287,7 +287,7 @@ impl CommandStore {
     }
 
     fn index(&self) -> MutexGuard<'_, StoreIndex> {
-        // A panic between two changes leaves a whole map, and a sum that the next sweep corrects.
+        // A panic between two changes leaves the map intact, and a sum that the next sweep corrects.
         self.index.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -295,11 +295,11 @@ impl CommandStore {
         self.folder.join(format!("{id}.json"))
     }
 
-    /// Writes the file whole or not at all, and keeps in memory what requests by name need; that also if there is no room
-    /// for the file. The oldest files of rejected commands make room for new ones.
+    /// Writes the file completely or not at all, and updates the summary in memory, which requests by name need; the
+    /// latter also if there is no room for the file. The oldest files of rejected commands make room for new ones.
     ///
     /// # Errors
-    /// What the system says, with the path; or that nothing more may be kept.
+    /// Returns [`StoreError::File`] if the system refuses the file, and [`StoreError::Full`] if the limit is reached.
     pub fn write(&self, command: &CommandFile) -> Result<(), StoreError> {
         let summary = CommandSummary::of(command);
         let written = self.write_file(command);
@@ -326,7 +326,7 @@ impl CommandStore {
             Ok(counted.bytes)
         };
         let removed = |error| {
-            // What is left of it is removed with the next life of the loader.
+            // If this fails too, the next incarnation of the loader removes the incomplete file.
             let _ = fs::remove_file(&partial);
             error
         };
@@ -338,10 +338,10 @@ impl CommandStore {
         Ok(bytes)
     }
 
-    /// Whether a file of that size could be written: of what is kept, rejected commands make room.
+    /// Checks that a file of this size could be written, with rejected commands making room for it.
     ///
     /// # Errors
-    /// Nothing more may be kept.
+    /// Returns [`StoreError::Full`] if the limit would be exceeded.
     pub fn has_room(&self, bytes: u64) -> Result<(), StoreError> {
         let index = self.index();
         let stay = index.rows.values().filter(|row| !row.is_rejected);
@@ -376,7 +376,8 @@ impl CommandStore {
         index.kept = kept + own;
         drop(index);
         for other in going {
-            // What cannot be removed is counted no more, and the next sweep does not find it: the folder goes with the executor.
+            // A file that cannot be removed is no longer counted, and the next sweep does not find it: its folder is
+            // removed with the executor.
             let _ = fs::remove_file(self.path(other));
         }
         if kept + bytes > self.bytes_max {
@@ -389,7 +390,7 @@ impl CommandStore {
         Ok(())
     }
 
-    /// What is known of a command without its file.
+    /// Returns the summary of a command.
     #[must_use]
     pub fn summary(&self, id: u64) -> Option<Arc<CommandSummary>> {
         self.index()
@@ -398,7 +399,7 @@ impl CommandStore {
             .map(|row| Arc::clone(&row.summary))
     }
 
-    /// The ids of the commands that have this name.
+    /// Returns the ids of the commands whose net has this name.
     #[must_use]
     pub fn named(&self, net: &str) -> Vec<u64> {
         let index = self.index();
@@ -406,19 +407,19 @@ impl CommandStore {
         rows.map(|(id, _)| *id).collect()
     }
 
-    /// Bytes of all files.
+    /// Maximum size of all command files together, bytes; they are in memory (tmpfs).
     #[must_use]
     pub fn kept(&self) -> u64 {
         self.index().kept
     }
 
-    /// The file of a command; `None` if there is none or it is not one.
+    /// Reads the file of a command; `None` if it is missing or damaged.
     #[must_use]
     pub fn read(&self, id: u64) -> Option<CommandFile> {
         read(&self.path(id)).map(|(file, _)| file)
     }
 
-    /// Where the ports of a command lie; `None` if it has no file or was never ready.
+    /// Reads the slots of a command's ports; `None` if it has no file or was never ready.
     #[must_use]
     pub fn names(&self, id: u64) -> Option<Names> {
         #[derive(Deserialize)]
@@ -428,15 +429,15 @@ impl CommandStore {
         read::<Named>(&self.path(id)).and_then(|(file, _)| file.names)
     }
 
-    /// Forgets a command. A file that is not there is no error.
+    /// Removes a command and its file, if there is one.
     pub fn remove(&self, id: u64) {
         self.index().remove(id);
-        // What cannot be removed now is removed by the next sweep.
+        // A file that cannot be removed now is removed by the next sweep.
         let _ = fs::remove_file(self.path(id));
     }
 
-    /// Removes the files of commands that do not exist any more and are older than `age`: a command is in the
-    /// executor's table before its file is written, so a young one may only be newer than the snapshot.
+    /// Removes the files of commands that no longer exist and are older than `age`. A command is in the executor's
+    /// table before its file is written, so a younger file may only be newer than the snapshot.
     pub fn sweep(&self, exists: impl Fn(u64) -> bool, age: Duration) {
         for path in entries(&self.folder) {
             let id = id_of(&path);
@@ -448,13 +449,13 @@ impl CommandStore {
                 }
             }
         }
-        // Those without a file.
+        // Commands without a file.
         let stays =
             |id: u64, row: &IndexRow| row.bytes > 0 || exists(id) || row.since.elapsed() < age;
         self.index().rows.retain(|id, row| stays(*id, row));
     }
 
-    /// Removes the folders of executors that are dead.
+    /// Removes the folders of dead executors.
     pub fn remove_others(&self) {
         let Some(parent) = self.folder.parent() else {
             return;
@@ -493,7 +494,7 @@ impl StoreIndex {
     }
 }
 
-/// What is in a file, and its length.
+/// Returns the parsed content of a file, and its length in bytes.
 fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Option<(T, u64)> {
     let bytes = fs::read(path).ok()?;
     let value = serde_json::from_slice(&bytes).ok()?;

@@ -1,5 +1,5 @@
-//! Time as it is told: late cycles with their nets, histograms, and what primitives cost.
-//! Read from boards by blocking threads of the server; only the acknowledgement asks the executor.
+//! Timing for clients: late cycles with their nets, histograms, and the cost of primitives. Read from boards by
+//! blocking threads of the server; only the acknowledgement calls the executor.
 
 use rcc_core::histogram::Histogram;
 use rcc_core::message::CommandState;
@@ -17,19 +17,19 @@ use super::service::{Service, unexpected};
 use super::store::CommandStore;
 
 impl Service {
-    /// Histograms and what primitives cost.
+    /// Returns the histograms and the cost of primitives.
     ///
     /// # Errors
-    /// There is no executor.
+    /// Returns an error if there is no executor.
     pub fn timing(&self) -> Result<TimingView, ApiError> {
         let (attached, _) = self.attach()?;
         Ok(view(&attached))
     }
 
-    /// Late cycles are acknowledged: what is latched, worst values and histograms begin anew.
+    /// Acknowledges late cycles: latched cycles, worst values and histograms are reset.
     ///
     /// # Errors
-    /// There is no executor.
+    /// Returns an error if there is no executor.
     pub fn acknowledge(&self, caller: &Caller) -> Result<Acknowledged, ApiError> {
         let (attached, store) = self.attach()?;
         let status = attached.status();
@@ -43,7 +43,7 @@ impl Service {
         }
     }
 
-    /// A late cycle with the name of its net; `None` if there was none.
+    /// Converts a late cycle, with the name of its net; `None` if there was none.
     pub(super) fn late(&self, store: &CommandStore, late: &LateCycle) -> Option<LateView> {
         let net = |id| self.with_names(Some(store), |names| (names.net)(id));
         (late.cycle != 0).then(|| LateView {
@@ -58,7 +58,7 @@ impl Service {
     }
 }
 
-/// What the active nets are expected to need together in one cycle.
+/// Returns the time that the active nets are expected to take together in one cycle, ns.
 pub(super) fn committed_ns(snapshot: &TableSnapshot) -> u64 {
     let rows = snapshot.commands.iter();
     rows.filter(|row| CommandState::from_number(row.state).is_active())

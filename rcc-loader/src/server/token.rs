@@ -1,5 +1,5 @@
-//! The token of the TCP door: read from a file that only its owner (and a group) may read, compared in constant time.
-//! Read once by the main thread; compared by the thread that serves connections.
+//! The token of the TCP listener: read from a file that only its owner (and a group) may read, compared in constant
+//! time. Read once by the main thread; compared by the thread that serves connections.
 
 use std::fmt;
 use std::hint::black_box;
@@ -7,12 +7,12 @@ use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// A token has at least this many characters: 128 bits in hexadecimal digits.
+/// Minimum length of a token, characters: 128 bits in hexadecimal digits.
 pub const TOKEN_LENGTH_MIN: usize = 32;
-/// A token has at most this many characters.
+/// Maximum length of a token, characters.
 pub const TOKEN_LENGTH_MAX: usize = 256;
 
-/// What whoever comes over TCP must know.
+/// The secret that clients on TCP must present.
 pub struct Token(Vec<u8>);
 
 impl fmt::Debug for Token {
@@ -21,7 +21,7 @@ impl fmt::Debug for Token {
     }
 }
 
-/// Why there is no token.
+/// The reason why a token cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenError {
     /// The file cannot be read.
@@ -29,20 +29,20 @@ pub enum TokenError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// Everybody may read it, or others may write it.
+    /// Everybody may read the file, or others may write it.
     #[error(
-        "token file {path} has mode {mode:04o}, so others know the token or can change it: `chmod 600 {path}`, and make a new one"
+        "token file {path} has mode {mode:04o}, so others can read or change the token: `chmod 600 {path}`, then create a new token"
     )]
     NotPrivate {
         /// The file.
         path: PathBuf,
-        /// Its permissions.
+        /// Its permission bits.
         mode: u32,
     },
-    /// It belongs neither to us nor to root.
+    /// The file belongs neither to our user nor to root.
     #[error(
         "token file {path} belongs to user {owner}: `chown` it to the user that runs the cell, or to root"
     )]
@@ -52,9 +52,9 @@ pub enum TokenError {
         /// Its owner's user id.
         owner: u32,
     },
-    /// Too short, too long, or with other characters.
+    /// The token is too short, too long, or has other characters.
     #[error(
-        "token file {path} has no token of {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} letters and digits: `openssl rand -hex 32 > {path}`"
+        "token file {path} must contain a token of {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} letters and digits: create one with `openssl rand -hex 32 > {path}`"
     )]
     Weak {
         /// The file.
@@ -63,10 +63,10 @@ pub enum TokenError {
 }
 
 impl Token {
-    /// Reads the token; white space around it does not count.
+    /// Reads the token; surrounding white space is ignored.
     ///
     /// # Errors
-    /// A file that others may read or write, or whose token could be guessed.
+    /// Returns an error if the file cannot be read, if others may read or write it, or if its token could be guessed.
     pub fn read(path: &Path) -> Result<Token, TokenError> {
         let failed = |source| TokenError::File {
             path: path.to_owned(),
@@ -93,7 +93,7 @@ impl Token {
         let token = text.trim_ascii();
         let length = TOKEN_LENGTH_MIN..=TOKEN_LENGTH_MAX;
         let plain = token.iter().all(u8::is_ascii_graphic);
-        // One character again and again is as short as one.
+        // A single repeated character is as weak as one character.
         let varied = token.iter().any(|byte| Some(byte) != token.first());
         if length.contains(&token.len()) && plain && varied {
             Ok(Token(token.to_vec()))
@@ -104,13 +104,13 @@ impl Token {
         }
     }
 
-    /// What a client sends as `authorization`.
+    /// Returns the value of the header `authorization`.
     #[must_use]
     pub fn bearer(&self) -> Vec<u8> {
         [b"Bearer ", self.0.as_slice()].concat()
     }
 
-    /// True if `given` is this token. Takes the same time wherever the first difference is.
+    /// Returns true if `given` is this token, in a time that does not depend on where they first differ.
     #[must_use]
     pub fn is(&self, given: &[u8]) -> bool {
         let same_length = self.0.len() == given.len();

@@ -1,5 +1,5 @@
-//! Values from net to net, by name: who publishes what, and who subscribes to it.
-//! Pure, but for the list of all topics, which blocking threads of the server make.
+//! Topics, the values that go from net to net: who publishes each, and who subscribes to it. Pure, except for the list
+//! of all topics, which blocking threads of the server create.
 
 use std::collections::BTreeMap;
 
@@ -11,23 +11,23 @@ use super::api::{TopicEnd, TopicView};
 use super::error::ApiError;
 use super::service::Service;
 
-/// What a net has to do with a topic.
+/// A net's use of a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TopicUse<'a> {
-    /// The topic.
+    /// Name of the topic.
     pub topic: &'a str,
-    /// It publishes it; else it subscribes to it.
+    /// True if the net publishes the topic, false if it subscribes to it.
     pub publishes: bool,
     /// Id of the primitive.
     pub primitive: &'a str,
     /// Type.
     pub ty: &'a str,
-    /// Unit, empty where the type says it.
+    /// Unit; empty if the type implies it.
     pub unit: &'a str,
 }
 
 impl TopicUse<'_> {
-    /// `Real in N`, or `Wrench`.
+    /// Returns the type and unit, for example `Real in N`, or `Wrench`.
     #[must_use]
     pub fn kind(&self) -> String {
         match self.unit {
@@ -36,7 +36,7 @@ impl TopicUse<'_> {
         }
     }
 
-    /// `publishes`, or `subscribes to`.
+    /// Returns `publishes` or `subscribes to`.
     #[must_use]
     pub fn verb(&self) -> &'static str {
         match self.publishes {
@@ -46,7 +46,7 @@ impl TopicUse<'_> {
     }
 }
 
-/// Everything that a net publishes and subscribes to.
+/// Returns all uses of topics in a net.
 pub fn uses(names: &Names) -> impl Iterator<Item = TopicUse<'_>> {
     let published = names.publishes.iter().map(|row| TopicUse {
         topic: &row.topic,
@@ -67,7 +67,7 @@ pub fn uses(names: &Names) -> impl Iterator<Item = TopicUse<'_>> {
     published.chain(shown)
 }
 
-/// What a net has to do with the topic of this key.
+/// Returns the net's use of the topic with this key.
 #[must_use]
 pub fn of_key(names: &Names, key: u64) -> Option<TopicUse<'_>> {
     uses(names)
@@ -75,10 +75,11 @@ pub fn of_key(names: &Names, key: u64) -> Option<TopicUse<'_>> {
 }
 
 impl Service {
-    /// The topics of all nets that are ready or run, by name; one of two types has two rows.
+    /// Returns the topics of all nets that are ready or active, sorted by name; a name used with two types has two
+    /// rows.
     ///
     /// # Errors
-    /// There is no executor.
+    /// Returns an error if there is no executor.
     pub fn topics(&self) -> Result<Vec<TopicView>, ApiError> {
         let (attached, store) = self.attach()?;
         let mut rows = attached.tables().commands;

@@ -1,5 +1,5 @@
-//! Values into a net and out of it: inputs are set, and ports are read as of one cycle.
-//! Run by blocking threads of the server; the real-time thread sees numbers only.
+//! Sets inputs of a net, and reads its ports as of one cycle. Run by blocking threads of the server; the real-time
+//! thread sees only numbers.
 
 use rcc_core::message::CommandState;
 use rcc_core::plan::ValuePoint;
@@ -17,27 +17,28 @@ use super::compile::findings;
 use super::error::ApiError;
 use super::service::{Service, unexpected};
 
-/// A port, or an element of one, that somebody wants to see.
+/// A selected port, or one element of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelectedPort {
     /// `primitive.port`, or `primitive.port[index]`.
     pub port: String,
     /// Its type.
     pub ty: String,
-    /// Its unit, where the type does not say it.
+    /// Its unit, if the type does not imply it.
     pub unit: Option<String>,
-    /// Where it lies.
+    /// Its slots.
     pub point: ValuePoint,
-    /// It is null as a whole or not at all.
+    /// True for types that are null as a whole or not at all.
     whole: bool,
 }
 
 impl Service {
-    /// Sets inputs of a ready or active net, all of them between the same two cycles, or none; `text` maps their names to
-    /// constants of the language.
+    /// Sets inputs of a ready or active net, all of them between the same two cycles, or none; `text` maps their names
+    /// to constants of the language.
     ///
     /// # Errors
-    /// There is no such command, a value is not one of its input, or the executor refuses: then nothing has changed.
+    /// Returns an error if there is no such command, a value does not fit its input, or the executor refuses; nothing
+    /// has changed then.
     pub fn set(&self, caller: &Caller, name: &str, text: &str) -> Result<InputsSet, ApiError> {
         let (attached, store) = self.attach()?;
         let suits = |state: CommandState| state == CommandState::Ready || state.is_active();
@@ -66,10 +67,10 @@ impl Service {
         }
     }
 
-    /// Values of the ports that the patterns name, without patterns of all outputs, as the last evaluation left them.
+    /// Reads the ports that match the patterns, or all outputs without patterns, as the last evaluation left them.
     ///
     /// # Errors
-    /// There is no such command or port, or more is asked for than is read at a time.
+    /// Returns an error if there is no such command or port, or if more ports are requested than can be read at once.
     pub fn values(
         &self,
         caller: &Caller,
@@ -95,8 +96,8 @@ impl Service {
 }
 
 fn no_names(id: u64) -> ApiError {
-    let message = format!("#{id} has no names: it was never ready");
-    ApiError::new(codes::WRONG_STATE, message, "`rcc-cli state` says why")
+    let message = format!("command #{id} was never ready, so its ports and inputs are not known");
+    ApiError::new(codes::WRONG_STATE, message, "`rcc-cli state` shows why")
 }
 
 fn refused(faults: &rcc_config::diagnostic::Faults) -> ApiError {
@@ -111,13 +112,13 @@ fn refused(faults: &rcc_config::diagnostic::Faults) -> ApiError {
     let help = errors.clone().find_map(|finding| finding.help.clone());
     ApiError {
         code: codes::INPUT_REFUSED,
-        message: format!("nothing is set: {}", messages.join("; ")),
+        message: format!("no input was set: {}", messages.join("; ")),
         help: help.unwrap_or_default(),
         diagnostics,
     }
 }
 
-/// The ports that the patterns name, in the order of the net, each once; without patterns all outputs.
+/// Returns the ports that match the patterns, in the order of the net, each once; without patterns, all outputs.
 pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<SelectedPort>, ApiError> {
     let patterns = ports.iter().map(|port| {
         let pattern: Result<Pattern, _> = port.parse();
@@ -130,7 +131,8 @@ pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<SelectedPort
         if selected.len() > READ_MAX {
             break;
         }
-        // What a motion's `speed` is stands at its output; the input of that name is what feeds it, where it comes from.
+        // A motion has an input and an output `speed`. The name means the output; the input's value can be read at its
+        // source.
         let is_output = |name: &str| primitive.outputs.iter().any(|port| port.name == name);
         let inputs = primitive.inputs.iter().map(|port| (port, true));
         let inputs = inputs.filter(|(port, _)| !is_output(&port.name));
@@ -152,8 +154,11 @@ pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<SelectedPort
         }
     }
     if selected.len() > READ_MAX {
-        let message = format!("these are more than {READ_MAX} ports of `{}`", names.net);
-        let help = "name fewer: `--ports 'move.*'`, or `?ports=move.*`";
+        let message = format!(
+            "the patterns match more than {READ_MAX} ports of `{}`",
+            names.net
+        );
+        let help = "select fewer ports: `--ports 'move.*'`, or `?ports=move.*`";
         return Err(ApiError::new(codes::TOO_MANY_PORTS, message, help));
     }
     let unmatched = ports.iter().zip(&used).find(|(_, used)| !**used);
@@ -185,7 +190,7 @@ fn of_port(name: &str, port: &PortNames, element: Option<usize>) -> Option<Selec
         .filter(|index| *index < port.width)?;
     Some(SelectedPort {
         port: format!("{name}[{element}]"),
-        // The elements of composites are numbers.
+        // The elements of composite types are numbers.
         ty: if whole.whole { "Real" } else { kind }.to_owned(),
         point: ValuePoint {
             slot: port.slot + index,
@@ -206,7 +211,7 @@ fn no_port(names: &Names, port: &str) -> ApiError {
     let near = rcc_config::diagnostic::closest(port, ports.iter().map(String::as_str));
     let help = match near {
         Some(near) => format!("did you mean `{near}`?"),
-        None => "write primitive.port, with * and ? for any characters; `rcc-cli state NET --values` lists the outputs".to_owned(),
+        None => "write primitive.port; * and ? match any characters; `rcc-cli state NET --values` lists the outputs".to_owned(),
     };
     let message = format!("`{}` has no port `{port}`", names.net);
     ApiError::new(codes::UNKNOWN_PORT, message, help)
@@ -244,7 +249,7 @@ pub(super) fn view(
     }
 }
 
-/// A value as JSON.
+/// Converts a value to JSON.
 fn json(selected: &SelectedPort, words: &[u64]) -> Value {
     let store = selected.point.store;
     let mut elements: Vec<Value> = words.iter().map(|word| element(store, *word)).collect();
@@ -334,7 +339,7 @@ mod tests {
         assert_eq!(ports(&[]).as_deref(), Ok(&all[..]));
         assert_eq!(ports(&["move.stop"]), Ok(vec!["move.stop".to_owned()]));
         assert_eq!(ports(&["line/move.*"]).map(|found| found.len()), Ok(4));
-        // Not what feeds the input of that name.
+        // Not the slot that feeds the input of the same name.
         let speed = select(&names(), &["move.speed".to_owned()]).unwrap_or_default();
         assert_eq!(
             speed

@@ -1,4 +1,5 @@
-//! Files of commands, what of them is known without them, and what makes room for what. Run by the test harness.
+//! Tests of command files, of what is known without them, and of how room is made for new ones. Run by the test
+//! harness.
 
 use super::*;
 
@@ -32,7 +33,7 @@ fn command(id: u64) -> CommandFile {
 }
 
 #[test]
-fn what_is_written_is_read_back() -> Result<(), StoreError> {
+fn a_written_file_is_read_back() -> Result<(), StoreError> {
     let folder = TestStore::new("back");
     folder.0.write(&command(7))?;
     assert_eq!(folder.0.read(7), Some(command(7)));
@@ -101,7 +102,7 @@ fn the_oldest_rejected_files_make_room_and_nothing_else_does() -> Result<(), Sto
     assert!(folder.0.read(1).is_some() && folder.0.read(19).is_some());
     assert_eq!(folder.0.read(2), None);
     let first = folder.0.summary(2).map(|summary| summary.diagnostics.len());
-    assert_eq!(first, Some(1), "why it is rejected is still told");
+    assert_eq!(first, Some(1), "its errors are still available");
     let live = CommandFile {
         text: "x".repeat(3 << 10),
         ..command(20)
@@ -122,7 +123,7 @@ fn the_oldest_rejected_files_make_room_and_nothing_else_does() -> Result<(), Sto
 }
 
 #[test]
-fn of_a_rejected_text_its_beginning_is_kept_and_of_findings_as_many_as_fit() {
+fn a_rejected_text_and_its_findings_are_truncated_to_their_limits() {
     let mut file = rejected(1, 4 << 20);
     let mut long = file.diagnostics[0].clone();
     long.rendered = "y".repeat(1 << 20);
@@ -143,5 +144,8 @@ fn of_a_rejected_text_its_beginning_is_kept_and_of_findings_as_many_as_fit() {
     };
     let whole = small.clone();
     small.discard_excess();
-    assert_eq!(small, whole, "of a net that can be started all is kept");
+    assert_eq!(
+        small, whole,
+        "a net that can be started is stored completely"
+    );
 }
