@@ -77,20 +77,20 @@ fn list_of(items: &Value, what: &str) -> Value {
 }
 
 fn described() -> Value {
-    json!({"description": "What people should know about it.", "type": "string"})
+    json!({"description": "Description for users.", "type": "string"})
 }
 
 fn files() -> [(&'static str, Value); 2] {
     let path = json!({"type": "string"});
     let uses = list_of(
         &path,
-        "Files whose fragments are used, relative to this one.",
+        "Files whose fragments are used; paths are relative to this file.",
     );
     let fragments = by_name("fragment", "Fragments by their names.");
     let timing = |what: &str| json!({"description": what, "$ref": "#/$defs/quantity"});
     let name =
-        json!({"description": "Its name.", "type": "string", "pattern": "^[a-z][a-z0-9-]{0,63}$"});
-    let loss = "`null`: the net goes on with null when a device that it commands is lost.";
+        json!({"description": "Name.", "type": "string", "pattern": "^[a-z][a-z0-9-]{0,63}$"});
+    let loss = "`null`: the net continues with null when a device that it commands is lost.";
     let mut net = object(
         "A net.",
         &["net", "primitives"],
@@ -98,13 +98,13 @@ fn files() -> [(&'static str, Value); 2] {
             "net": name,
             "description": described(),
             "on_device_loss": {"description": loss, "enum": [null, "fault"]},
-            "period": timing("It is evaluated once in this time: `5 ms`."),
-            "rate": timing("It is evaluated so often: `200 Hz`."),
-            "phase": timing("So long after the beginning of the period."),
+            "period": timing("Period of evaluation: `5 ms`."),
+            "rate": timing("Rate of evaluation: `200 Hz`."),
+            "phase": timing("Delay after the start of the period: `2 ms`."),
             "use": uses,
             "fragments": fragments,
             "primitives": by_name("primitive", "Primitives by their ids."),
-            "discard": list_of(&reference(), "Outputs that nobody reads."),
+            "discard": list_of(&reference(), "Outputs that are not read."),
         }),
     );
     if let Some(net) = net.as_object_mut() {
@@ -114,7 +114,7 @@ fn files() -> [(&'static str, Value); 2] {
         "A library of fragments.",
         &["library"],
         json!({
-            "library": {"description": "Its name.", "type": "string"},
+            "library": {"description": "Name.", "type": "string"},
             "description": described(),
             "use": uses,
             "fragments": fragments,
@@ -125,15 +125,15 @@ fn files() -> [(&'static str, Value); 2] {
 
 fn parts() -> [(&'static str, Value); 4] {
     let fragment = object(
-        "A part of nets with parameters, inputs and outputs.",
+        "A reusable sub-net with parameters, inputs and outputs.",
         &["primitives"],
         json!({
             "description": described(),
-            "parameters": by_name("fragmentPort", "What instances set; `$name` within."),
-            "inputs": by_name("fragmentPort", "What instances feed; the bare name within."),
-            "outputs": by_name("fragmentOutput", "What instances offer."),
+            "parameters": by_name("fragmentPort", "Parameters that instances set; `$name` in the fragment."),
+            "inputs": by_name("fragmentPort", "Inputs that instances connect; the bare name in the fragment."),
+            "outputs": by_name("fragmentOutput", "Outputs of instances."),
             "primitives": by_name("primitive", "Primitives by their ids."),
-            "discard": list_of(&reference(), "Outputs that nobody reads."),
+            "discard": list_of(&reference(), "Outputs that are not read."),
         }),
     );
     let instance = object(
@@ -149,7 +149,7 @@ fn parts() -> [(&'static str, Value); 4] {
     let port = json!({"type": ["object", "null"], "additionalProperties": false, "properties": {
         "type": {"description": "`Real`, `Pose`, `Real[7]`, …", "type": "string"},
         "unit": {"description": "`m/s`, `1`, …", "type": ["string", "integer"]},
-        "default": {"description": "What it is where an instance says nothing."},
+        "default": {"description": "Value if an instance does not give one."},
         "description": described(),
     }});
     [
@@ -167,8 +167,8 @@ fn values() -> [(&'static str, Value); 10] {
         &["from"],
         json!({
             "from": reference(),
-            "delayed": {"description": "It carries the value of the cycle before.", "type": "boolean"},
-            "initial": {"description": "Its value in the first cycle, if it is delayed."},
+            "delayed": {"description": "True if it carries the value of the previous cycle.", "type": "boolean"},
+            "initial": {"description": "Value in the first cycle, for a delayed link."},
         }),
     );
     let quantity_schema = json!({
@@ -241,7 +241,7 @@ fn source(mut kinds: Vec<Value>) -> Value {
 
 fn active() -> Value {
     json!({
-        "description": "While this is false or null it is not evaluated, and its outputs are null.",
+        "description": "While this is false or null, the primitive is not evaluated and its outputs are null.",
         "$ref": "#/$defs/boolSource",
     })
 }
@@ -257,7 +257,7 @@ fn any_primitive(branches: Vec<Value>) -> Value {
         "else": {
             "required": ["type"],
             "properties": {"type": {
-                "description": "What it does; `rcc-cli primitives` is the manual.",
+                "description": "Type; `rcc-cli primitives` lists all types.",
                 "enum": names,
                 "markdownEnumDescriptions": about,
             }},

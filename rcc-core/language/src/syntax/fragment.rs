@@ -340,7 +340,7 @@ pub fn parse_type(text: &str) -> Option<Type> {
 #[must_use]
 pub fn si_unit(text: &str) -> Option<Unit> {
     let (unit, factor) = Unit::parse(text)?;
-    #[allow(clippy::float_cmp)] // The factor of a unit of the SI is exactly 1.
+    #[allow(clippy::float_cmp)] // The factor of a coherent SI unit is exactly 1.
     let is_si = factor == 1.0;
     is_si.then_some(unit)
 }

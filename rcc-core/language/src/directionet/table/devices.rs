@@ -28,24 +28,24 @@ pub(super) const ROWS: &[ConversionRow] = &[
         .note("`Port` counts the channels of the kind in the order of the cell's configuration; null before the first command of a channel that holds"),
     ConversionRow::new("RobotArm::JointMonitor", M, "", "outCommandedAcceleration:double outCommandedPosition:double outCommandedVelocity:double outError:int outMeasuredAcceleration:double outMeasuredPosition:double outMeasuredVelocity:double", "Robot:string= Axis:int=0")
         .to(Last, Special(SpecialConversion::JointMonitor))
-        .note("elements of one `JointState` for all axes (`position`, `hold` for what is commanded) and of one `JointVelocity`; accelerations have no counterpart (`Derivative`), `outError` is 0: what it told ends the net by a fault"),
+        .note("elements of one `JointState` for all axes (`position`, or `hold` for the commanded one) and of one `JointVelocity`; accelerations have no counterpart (`Derivative`), `outError` is 0, because such an error ends the net with a fault"),
     ConversionRow::new("RobotArm::JointPosition", A, "inPosition:double", "outError:int outErrorConcurrentAccess:bool outErrorIllegalPosition:bool outErrorJointFailed:bool", "Robot:string= Axis:int=0")
         .to(Null, Special(SpecialConversion::JointPosition))
-        .note("one `JointPositionCommand` for all axes of the robot; null commands nothing; the errors are constants: what they told ends the net by a fault"),
+        .note("one `JointPositionCommand` for all axes of the robot; null commands nothing; the errors are constants, because such an error ends the net with a fault"),
     ConversionRow::new("RobotArm::ToolParameters", A, "inCOM:Vector inMOI:Vector inMass:double", "outCompleted:bool outError:int", "Robot:string= Axis:int=0 Mass:double=0 COM:Vector={x:0,y:0,z:0} MOI:Vector={x:0,y:0,z:0}")
         .to(Last, None(NoCounterpart::Elsewhere))
-        .note("the controller's own program sets tool and load; here `WrenchCompensation` and poses of the tool know them"),
+        .note("the controller's own program sets tool and load; RCC uses them in `WrenchCompensation` and in poses of the tool"),
     ConversionRow::new("ArmKinematics::InvKin", A, "inFrame*:Frame inHintJoints*:double[]", "outJoints:double[]", "Robot:string=")
         .to(Last, Special(SpecialConversion::InvKin))
-        .note("with the robot's own position as the hint `InverseKinematics`, which keeps arm angle and branch of the start; with any other hint `InverseKinematicsNear`"),
+        .note("`InverseKinematics` if the hint is the robot's own position, which keeps arm angle and branch of the start; else `InverseKinematicsNear`"),
     ConversionRow::new("ArmKinematics::Kin", A, "inJoints*:double[]", "outFrame:Frame", "Robot:string=")
         .to(Last, Net("{outFrame=ForwardKinematics(device=parent.Robot,joints=parent.inJoints).pose}")),
     ConversionRow::new("CartesianPosition::CartesianMonitor", M, "", "outCommandedPosition:Frame outCommandedVelocity:Twist outError:int outMeasuredPosition:Frame outMeasuredVelocity:Twist", "Robot:string=")
         .to(Last, Net("{s=JointState(device=parent.Robot),v=JointVelocity(device=parent.Robot),outMeasuredPosition=ForwardKinematics(device=parent.Robot,joints=s.position).pose,outCommandedPosition=ForwardKinematics(device=parent.Robot,joints=s.hold).pose,outMeasuredVelocity=VelocityKinematics(device=parent.Robot,joints=s.position,velocity=v.velocity).twist,outCommandedVelocity=VelocityKinematics(device=parent.Robot,joints=s.hold,velocity=v.commanded).twist}"))
-        .note("of an arm; `outError` has no counterpart: what it told ends the net by a fault"),
+        .note("for arms; `outError` has no counterpart, because such an error ends the net with a fault"),
     ConversionRow::new("CartesianPosition::CartesianPosition", M, "inPosition*:Frame", "outError:int outErrorConcurrentAccess:bool outErrorDeviceFailed:bool outErrorIllegalPosition:bool", "Robot:string=")
         .to(Null, Net("{c=JointPositionCommand(device=parent.Robot,position=InverseKinematics(device=parent.Robot,pose=parent.inPosition).joints)}"))
-        .note("of an arm, by its inverse kinematics; null commands nothing; the errors have no counterpart: what they told ends the net by a fault"),
+        .note("for arms, by inverse kinematics; null commands nothing; the errors have no counterpart, because they end the net with a fault"),
     ConversionRow::new("RobotBase::BaseMonitor", M, "", "outCmdVel:Twist outError:int outPos:Frame outVel:Twist", "Robot:string=")
         .to(Last, None(NoCounterpart::Device))
         .note("no driver for mobile bases"),
@@ -63,10 +63,10 @@ pub(super) const ROWS: &[ConversionRow] = &[
         .note("no driver for the iiwa's own control modes"),
     ConversionRow::new("KUKA::LWR::CartImpParameters", A, "inAddTorque:Wrench inDamping:Wrench inStiffness:Wrench", "", "Robot:string=")
         .to(Last, None(NoCounterpart::Elsewhere))
-        .note("write it anew: `CartesianImpedanceCommand` commands position and springs together"),
+        .note("use `CartesianImpedanceCommand`, which commands position and springs together"),
     ConversionRow::new("KUKA::LWR::ControlMode", A, "inStrategy:int", "outCompleted:bool outError:int", "Robot:string=")
         .to(Last, None(NoCounterpart::Elsewhere))
-        .note("the controller's program chooses it before command mode; START refuses a net for another one"),
+        .note("the controller's program chooses the mode before command mode; START refuses a net for a different one"),
     ConversionRow::new("KUKA::LWR::FMonitor", M, "", "outTcpFx:double outTcpFy:double outTcpFz:double outTcpTx:double outTcpTy:double outTcpTz:double", "Robot:string=")
         .to(Last, Net("{f=ForceTorque(device=parent.Robot),outTcpFx=f.fx,outTcpFy=f.fy,outTcpFz=f.fz,outTcpTx=f.tx,outTcpTy=f.ty,outTcpTz=f.tz}")),
     ConversionRow::new("KUKA::LWR::FTMonitor", M, "", "outMsrJ1:double outMsrJ2:double outMsrJ3:double outMsrJ4:double outMsrJ5:double outMsrJ6:double outMsrJ7:double outEstJ1:double outEstJ2:double outEstJ3:double outEstJ4:double outEstJ5:double outEstJ6:double outEstJ7:double outTcpFx:double outTcpFy:double outTcpFz:double outTcpTx:double outTcpTy:double outTcpTz:double", "Robot:string=")
@@ -76,20 +76,20 @@ pub(super) const ROWS: &[ConversionRow] = &[
         .note("the arm angle is kept exactly, whatever `Strategy` says"),
     ConversionRow::new("KUKA::LWR::JointImpParameters", A, "inAddTorque:double inDamping:double inStiffness:double", "", "Robot:string= Axis:int=0")
         .to(Last, None(NoCounterpart::Elsewhere))
-        .note("write it anew: `JointImpedanceCommand` commands position and springs together"),
+        .note("use `JointImpedanceCommand`, which commands position and springs together"),
     ConversionRow::new("KUKA::LWR::Kin", A, "inJ1*:double inJ2*:double inJ3*:double inJ4*:double inJ5*:double inJ6*:double inJ7*:double", "outAlpha:double outFrame:Frame", "Robot:string=")
         .to(Last, Net("{outFrame=ForwardKinematics(device=parent.Robot,joints=List(j1=parent.inJ1,j2=parent.inJ2,j3=parent.inJ3,j4=parent.inJ4,j5=parent.inJ5,j6=parent.inJ6,j7=parent.inJ7).x).pose,outAlpha=ArmAngle(device=parent.Robot,joints=List(j1=parent.inJ1,j2=parent.inJ2,j3=parent.inJ3,j4=parent.inJ4,j5=parent.inJ5,j6=parent.inJ6,j7=parent.inJ7).x).angle}")),
     ConversionRow::new("KUKA::LWR::TMonitor", M, "", "outEst:double outMsr:double", "Robot:string= Axis:int=0")
         .to(Last, Net("{j=JointState(device=parent.Robot),outMsr=At(of=j.torque,index=parent.Axis).x,outEst=At(of=j.external_torque,index=parent.Axis).x}")),
     ConversionRow::new("KUKA::LWR::ToolParameters", A, "inCOM:Frame inMOI:Vector inMass:double inTCP:Frame", "outCompleted:bool outError:int", "robot:string=")
         .to(Last, None(NoCounterpart::Elsewhere))
-        .note("the controller's own program sets tool and load; here `WrenchCompensation` and poses of the tool know them"),
+        .note("the controller's own program sets tool and load; RCC uses them in `WrenchCompensation` and in poses of the tool"),
     ConversionRow::new("KUKA::LWR::VelKin", A, "inJ1*:double inJ2*:double inJ3*:double inJ4*:double inJ5*:double inJ6*:double inJ7*:double inV1*:double inV2*:double inV3*:double inV4*:double inV5*:double inV6*:double inV7*:double", "outTwist:Twist outVAlpha:double", "Robot:string=")
         .to(Last, Net("{outTwist=VelocityKinematics(device=parent.Robot,joints=List(j1=parent.inJ1,j2=parent.inJ2,j3=parent.inJ3,j4=parent.inJ4,j5=parent.inJ5,j6=parent.inJ6,j7=parent.inJ7).x,velocity=List(j1=parent.inV1,j2=parent.inV2,j3=parent.inV3,j4=parent.inV4,j5=parent.inV5,j6=parent.inV6,j7=parent.inV7).x).twist}"))
         .note("`outVAlpha` has no counterpart (`Derivative` of the arm angle)"),
     ConversionRow::new("KUKA:LWR::ToolParameters", A, "inCOM:Frame inMOI:Vector inMass:double inTCP:Frame", "outCompleted:bool outError:int", "robot:string=")
         .to(Last, None(NoCounterpart::Elsewhere))
-        .note("the controller's own program sets tool and load; here `WrenchCompensation` and poses of the tool know them"),
+        .note("the controller's own program sets tool and load; RCC uses them in `WrenchCompensation` and in poses of the tool"),
     ConversionRow::new("KUKA::youBot::ArmControlStrategy", A, "inController:int", "outSuccess:bool", "Robot:string= Controller:int=0")
         .to(Last, None(NoCounterpart::Device))
         .note("no driver for the youBot"),

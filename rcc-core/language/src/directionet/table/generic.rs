@@ -17,16 +17,16 @@ pub(super) const ROWS: &[ConversionRow] = &[
         .to(Null, Net("{outValue=NullIf(in=parent.inValue,condition=parent.inNull).out}")).may_be_null(),
     ConversionRow::new("AtTime", M, "inAge:double inValue*:T", "outValue:T", "Age:double=0 MaxAge:double=1")
         .to(Null, Net("{outValue=Delay(in=parent.inValue,age=Add(a=parent.inAge,b=CyclePeriod().out).out,max=parent.MaxAge).out}")).may_be_null()
-        .note("one cycle more than `Age`, as there; the age is rounded to whole cycles"),
+        .note("one cycle more than `Age`, as in the predecessor; the age is rounded to whole cycles"),
     ConversionRow::new("Snapshot", S, "inSnapshot*:bool inValue*:T", "outValue:T", "Value:T")
         .to(Null, Net("{outValue=Hold(in=parent.inValue,sample=parent.inSnapshot,initial=parent.Value).out}"))
-        .note("before the first snapshot it is `Value`, as documented there (their core gives 0)"),
+        .note("before the first snapshot it is `Value`, as the predecessor documents it (its core gives 0)"),
     ConversionRow::new("Pre", S, "inValue:T", "outValue:T", "")
         .to(Null, Special(SpecialConversion::Pre)).may_be_null()
         .note("null in the first cycle"),
     ConversionRow::new("Array", M, "", "outArray:T[]", "Size:int=1")
         .to(Last, Special(SpecialConversion::Array))
-        .note("elements are 0 or false where theirs are random"),
+        .note("elements start as 0 or false; those of the predecessor are random"),
     ConversionRow::new("ArrayGet", M, "inArray*:T[]", "outValue:T", "Size:int=1 Index:int=0")
         .to(Last, Special(SpecialConversion::ArrayGet))
         .note("`x.out[2]`"),
@@ -55,14 +55,14 @@ pub(super) const ROWS: &[ConversionRow] = &[
         .note("its id is `out<Key>`; with `Report` false it is a `Publish` for other nets, with the topic `<net>/out<Key>`"),
     ConversionRow::new("InterNetcommIn", M, "", "outLastUpdated:nsecs outValue:T", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
         .to(Last, Special(SpecialConversion::InterNetcommIn)).may_be_null()
-        .note("the topic is `<RemoteNet>/out<RemoteKey>`: what that net gives by a NetcommOut with `Report` false; `outLastUpdated` has no counterpart: read `age`"),
+        .note("the topic is `<RemoteNet>/out<RemoteKey>`: the value that this net publishes with a NetcommOut whose `Report` is false; `outLastUpdated` has no counterpart: read `age`"),
     ConversionRow::new("ArrayInterNetcommIn", M, "", "outLastUpdated:nsecs outValue:T[]", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
         .to(Last, Special(SpecialConversion::InterNetcommIn)).may_be_null()
-        .note("the topic is `<RemoteNet>/out<RemoteKey>`: what that net gives by a NetcommOut with `Report` false; `outLastUpdated` has no counterpart: read `age`"),
+        .note("the topic is `<RemoteNet>/out<RemoteKey>`: the value that this net publishes with a NetcommOut whose `Report` is false; `outLastUpdated` has no counterpart: read `age`"),
     ConversionRow::new("InterNetcommOut", M, "inValue:T", "", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
         .to(Null, Special(SpecialConversion::InterNetcommOut))
-        .note("the topic is `<RemoteNet>/in<RemoteKey>`; what reads it there is a `Subscribe`: a NetcommIn is set by the application alone"),
+        .note("the topic is `<RemoteNet>/in<RemoteKey>`; that net reads it with a `Subscribe`, because a NetcommIn is set by the application alone"),
     ConversionRow::new("ArrayInterNetcommOut", M, "inValue:T[]", "", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
         .to(Null, Special(SpecialConversion::InterNetcommOut))
-        .note("the topic is `<RemoteNet>/in<RemoteKey>`; what reads it there is a `Subscribe`: a NetcommIn is set by the application alone"),
+        .note("the topic is `<RemoteNet>/in<RemoteKey>`; that net reads it with a `Subscribe`, because a NetcommIn is set by the application alone"),
 ];

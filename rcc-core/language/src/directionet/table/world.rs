@@ -27,10 +27,10 @@ pub(super) const ROWS: &[ConversionRow] = &[
         .to(Last, Net("{s=SplitVector(in=parent.inValue),outX=s.x,outY=s.y,outZ=s.z}")),
     ConversionRow::new("World::RotationAverage", M, "inReset:bool inValue*:Rotation", "outValue:Rotation", "Duration:double=1")
         .to(Last, None(NoCounterpart::Rare))
-        .note("a mean of rotations is made from `RotationError` and a mean of vectors"),
+        .note("a mean of rotations is composed of `RotationError` and a mean of vectors"),
     ConversionRow::new("World::RotationBezier", M, "inFrom*:Rotation inFromVel*:Vector inTo*:Rotation inToVel*:Vector inValue*:double", "outValue:Rotation", "")
         .to(Last, Net("{outValue=RotationBezier(from=parent.inFrom,to=parent.inTo,from_velocity=parent.inFromVel,to_velocity=parent.inToVel,s=parent.inValue).out}"))
-        .note("turns the short way where theirs does not look"),
+        .note("always turns the short way, unlike the predecessor"),
     ConversionRow::new("World::RotationFromABC", A, "inA:double inB:double inC:double", "outValue:Rotation", "A:double=0 B:double=0 C:double=0")
         .to(Last, Net("{outValue=RotationFromRpy(roll=parent.inC,pitch=parent.inB,yaw=parent.inA).out}")),
     ConversionRow::new("World::RotationFromAxisAngle", A, "inAngle:double inAxis:Vector", "outValue:Rotation", "X:double=1 Y:double=0 Z:double=0 Angle:double=0")
@@ -60,7 +60,7 @@ pub(super) const ROWS: &[ConversionRow] = &[
         .to(Last, Net("{outValue=Interpolate(from=parent.inFrom,to=parent.inTo,t=parent.inAmount).out}")),
     ConversionRow::new("World::FrameOTG", A, "inCurPos*:Frame inCurVel*:Twist inDestPos*:Frame inDestVel:Twist inMaxRotAcc:double inMaxRotVel:double inMaxTransAcc:double inMaxTransVel:double", "outPos:Frame outVel:Twist", "MaxTransVel:double=1 MaxTransAcc:double=1 MaxRotVel:double=1 MaxRotAcc:double=1")
         .to(Last, None(NoCounterpart::Elsewhere))
-        .note("write it anew: `PoseGoal` plans to new goals in any cycle, with jerk limits, and knows its own set-point"),
+        .note("use `PoseGoal`, which plans to a new goal in any cycle, with jerk limits, from its own set-point"),
     ConversionRow::new("World::FrameToPosRot", A, "inValue:Frame", "outPosition:Vector outRotation:Rotation", "")
         .to(Last, Net("{s=SplitPose(in=parent.inValue),outPosition=s.position,outRotation=s.rotation}")),
     ConversionRow::new("World::FrameToXYZ", A, "inValue:Frame", "outRot:Rotation outX:double outY:double outZ:double", "")
