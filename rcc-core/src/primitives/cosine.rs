@@ -15,7 +15,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "in | out\n 0 | 1\n deg(60) | 0.5\n deg(-90) | 0\n deg(180) | -1\n null | null",
         )],
         inputs: &[Port::real("in", UnitRule::RADIAN, "angle")],
-        outputs: &[Port::real("out", UnitRule::ONE, "its cosine").within(-1.0, 1.0)],
+        outputs: &[Port::real("out", UnitRule::ONE, "cosine").within(-1.0, 1.0)],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| {

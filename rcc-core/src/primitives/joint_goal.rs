@@ -39,7 +39,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "goal",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "goal, A1 first; ignored while beyond a joint's range",
+                "goal, A1 first; counts as null if an element is outside its joint's range",
             ),
             Port::real(
                 "speed",

@@ -1,5 +1,5 @@
-//! `LastKnown`: the last value that was not null, of any type. For nets in which a value that is a little old is better
-//! than none; a device must never be commanded with one.
+//! `LastKnown`: the last value that was not null, of any type. For nets in which a slightly old value is better than
+//! null; a device must never be commanded with it.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,8 +12,8 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "LastKnown",
-        summary: "Its input, or what it was last while it is null.",
-        null: "a null input, or an array or vector with a null element, gives the value before it; null only before the first value, if `initial` is null",
+        summary: "Its input or, while that is null, the last value that was not null.",
+        null: "a null input, or an array or vector with a null element, gives the value before it; null only before the first value if `initial` is null",
         null_rule: NullRule::Remembers,
         inputs: &[Port::new(
             "in",
@@ -30,13 +30,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::new(
             "initial",
             ParameterKind::First(UnitRule::Var(0)),
-            "the output before the first value",
+            "output before the first value",
         )
         .default(DefaultValue::Null)],
         memory: MemorySpec::values(1),
         examples: &[
             Example::new(
-                "with a first value",
+                "with an initial value",
                 "{initial: 9.0}",
                 "in | out
                  null | 9.0
@@ -44,7 +44,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | 1.5",
             ),
             Example::new(
-                "without one",
+                "without an initial value",
                 "",
                 "in | out
                  null | null

@@ -1,4 +1,4 @@
-//! `Latch`: becomes true by `set`, false by `reset`, and stays so in between.
+//! `Latch`: set by `set`, cleared by `reset`, unchanged in between.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,7 +11,7 @@ use crate::types::{NULL_BOOL, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Latch",
-        summary: "Becomes true by one condition and false by another, and stays so in between.",
+        summary: "Becomes true on one condition and false on another, and keeps its state in between.",
         null: "a null input gives null and holds the state",
         formula: "RS of IEC 61131-3, table 43; with set_wins SR",
         examples: &[
@@ -34,23 +34,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "set | reset | out\n true | true | true\n false | true | false",
             ),
             Example::new(
-                "true at the beginning",
+                "initially true",
                 "{initial: true}",
                 "set | reset | out\n false | false | true",
             ),
         ],
         inputs: &[
-            Port::bool("set", "makes it true"),
-            Port::bool("reset", "makes it false"),
+            Port::bool("set", "sets the output to true"),
+            Port::bool("reset", "sets the output to false"),
         ],
-        outputs: &[Port::bool(
-            "out",
-            "what it was set or reset to, in the same cycle",
-        )],
+        outputs: &[Port::bool("out", "state, updated in the same cycle")],
         parameters: &[
             Parameter::bool(
                 "set_wins",
-                "if both are true at once: true becomes true, false becomes false",
+                "priority if both are true: true sets, false resets",
             )
             .default(DefaultValue::Bool(false)),
             Parameter::new(
@@ -75,7 +72,7 @@ fn step(frame: &mut Frame<'_>, [set, reset, out, set_wins, last]: [u32; 5]) -> O
     let (wins, before) = (frame.get_bool(set_wins)?, frame.get_bool(last)?);
     let null = (set | reset) & NULL_BOOL != 0;
     let both = (set & reset & 1) & wins;
-    // Set or held, and not reset, unless set wins.
+    // Set or held, and not reset unless set wins.
     let now = (set | before) & !reset & 1 | both;
     frame.put_bool(out, choose(null, NULL_BOOL, now))?;
     frame.put_bool(last, choose(null, before, now))

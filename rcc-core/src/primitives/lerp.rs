@@ -7,9 +7,9 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, ea
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lerp",
-        summary: "A number between two others, at a part of the way; beyond 0 and 1 the line goes on.",
+        summary: "A number interpolated linearly between two others; beyond 0 and 1 it is extrapolated.",
         undefined: "overflow",
-        formula: "out = from + t · (to - from); with t = 1 exactly `to`",
+        formula: "out = from + t · (to - from); exactly `to` for t = 1",
         examples: &[Example::new(
             "from 10 to 20",
             "",
@@ -21,11 +21,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              10 | null | 0 | null",
         )],
         inputs: &[
-            Port::real("from", UnitRule::Var(0), "result at 0"),
-            Port::real("to", UnitRule::Var(0), "result at 1"),
-            Port::real("t", UnitRule::ONE, "part of the way"),
+            Port::real("from", UnitRule::Var(0), "result at t = 0"),
+            Port::real("to", UnitRule::Var(0), "result at t = 1"),
+            Port::real("t", UnitRule::ONE, "interpolation parameter"),
         ],
-        outputs: &[Port::real("out", UnitRule::Var(0), "number in between")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "interpolated number")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
@@ -35,7 +35,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 fn step(frame: &mut Frame<'_>, [from, to, t, out]: [u32; 4]) -> Option<()> {
     let (from, to) = (frame.get_real(from)?, frame.get_real(to)?);
     let t = frame.get_real(t)?;
-    // From the nearer end: exact at both.
+    // Computed from the nearer end, which makes both ends exact.
     let value = if t < 0.5 {
         from + t * (to - from)
     } else {

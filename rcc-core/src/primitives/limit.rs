@@ -1,6 +1,6 @@
-//! `Limit`: a number, or the bound that it is beyond.
+//! `Limit`: limits a number to a range.
 //!
-//! A lower bound above the upper one leaves no number and yields null.
+//! A lower bound above the upper one gives null.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,11 +12,11 @@ use crate::types::{NULL_INT, Store};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Limit",
-        summary: "Keeps a number, or each element of a vector, array or matrix, between two bounds.",
-        null: "a null input gives null, and so do bounds with nothing between them",
+        summary: "Limits a number, or each element of a vector, array or matrix, to a range.",
+        null: "a null input gives null, and so does `low` above `high`",
         undefined: "low > high",
         examples: &[Example::new(
-            "a number between, below and above",
+            "inside, below and above the range",
             "",
             "in | low | high | out
              0.5 | -1.0 | 2.0 | 0.5
@@ -27,13 +27,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         inputs: &[
             Port::linear("in", UnitRule::Var(0), "number to limit"),
-            Port::linear("low", UnitRule::Var(0), "least result"),
-            Port::linear("high", UnitRule::Var(0), "largest result"),
+            Port::linear("low", UnitRule::Var(0), "lower bound"),
+            Port::linear("high", UnitRule::Var(0), "upper bound"),
         ],
         outputs: &[Port::linear(
             "out",
             UnitRule::Var(0),
-            "the number, low or high",
+            "the number, `low` or `high`",
         )],
         ..Spec::PLAIN
     },
@@ -57,7 +57,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 fn step_real(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<()> {
     let value = frame.get_real(input)?;
     let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
-    // A NaN is neither less nor greater and goes through; a NaN bound is not in order with the other.
+    // A NaN is neither less nor greater and passes through; a NaN bound fails the order check.
     let raised = if value < low { low } else { value };
     let limited = if raised > high { high } else { raised };
     let in_order = low <= high;

@@ -1,7 +1,7 @@
-//! `LinearMotion`: a straight line of the flange and the shortest turn, jerk-limited, that can be stopped on the path.
+//! `LinearMotion`: a jerk-limited straight line of the flange with the shortest rotation and a stop on the path.
 //!
-//! Without `from` it starts at the arm's hold set-point of the moment the command becomes ready; START verifies that it is
-//! still there. Joints are given as well, by the arm angle and the branch of the hold set-point.
+//! Without `from` it starts at the arm's hold set-point at the time the command becomes ready; START verifies that the
+//! arm is still there. Joints are computed as well, with the arm angle and the branch of the hold set-point.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::{Leg, MotionLimits, PathRequest, PathSegment};
@@ -16,10 +16,10 @@ use super::along::{self, PORTS};
 
 const POSE: ParameterKind = ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed);
 
-/// A line may be hardly longer than nothing, and all turn: its speed would say nothing about that.
+/// A line may have almost no length but a large rotation: then its linear speed does not limit the rotation.
 const TURN: [Parameter; 3] = [
     Parameter {
-        doc: "largest angular speed; a line that turns by much on a short way keeps this instead of `velocity`",
+        doc: "largest angular speed; governs instead of `velocity` on a line with a large rotation over a short distance",
         ..along::FLANGE[3].default(DefaultValue::Real(1.0))
     },
     Parameter {
@@ -39,7 +39,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "A straight, jerk-limited line to a flange pose, with a soft stop on the path.",
         null: along::NULL,
         null_rule: NullRule::Known,
-        formula: "line of the flange and turn about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
+        formula: "line of the flange and rotation about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
         inputs: along::INPUTS,
         outputs: along::OUTPUTS,
         parameters: &[
@@ -48,7 +48,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "from",
                 POSE,
-                "flange at the start, with joints near where the arm is held; START is refused elsewhere; without it the arm's hold set-point",
+                "flange at the start, with joints near the hold set-point; START is refused if the arm is elsewhere; if omitted, the arm's hold set-point",
             )
             .default(DefaultValue::Null),
             along::FLANGE[0],

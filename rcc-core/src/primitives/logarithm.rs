@@ -1,4 +1,4 @@
-//! `Logarithm`: the natural logarithm; to another base it is divided by the logarithm of that.
+//! `Logarithm`: the natural logarithm; divide by the logarithm of another base to convert.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_real};
 
@@ -15,7 +15,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "in | out\n 2.718281828459045 | 1\n 1 | 0\n 0.5 | -0.6931471805599453\n 0 | null\n -1 | null\n null | null",
         )],
         inputs: &[Port::real("in", UnitRule::ONE, "number, above 0")],
-        outputs: &[Port::real("out", UnitRule::ONE, "its logarithm")],
+        outputs: &[Port::real("out", UnitRule::ONE, "natural logarithm")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| {

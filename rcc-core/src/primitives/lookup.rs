@@ -1,4 +1,4 @@
-//! `Lookup`: a table of points with straight lines between them.
+//! `Lookup`: a table of points with linear interpolation.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -13,32 +13,32 @@ const TABLE: PortType = PortType::Array(ElementType::Are(Type::Real), Dim::Var(0
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lookup",
-        summary: "What a table of points says for a number, on straight lines between them.",
-        formula: "y[i] + (in - x[i])·(y[i+1] - y[i]) / (x[i+1] - x[i]) with x[i] ≤ in ≤ x[i+1], found by halves",
-        inputs: &[Port::real("in", UnitRule::Var(0), "where to look")],
-        outputs: &[Port::real("out", UnitRule::Var(1), "what the table says")],
+        summary: "Looks a number up in a table of points, with linear interpolation.",
+        formula: "y[i] + (in - x[i])·(y[i+1] - y[i]) / (x[i+1] - x[i]) with x[i] ≤ in ≤ x[i+1], found by bisection",
+        inputs: &[Port::real("in", UnitRule::Var(0), "x value to look up")],
+        outputs: &[Port::real("out", UnitRule::Var(1), "interpolated y value")],
         parameters: &[
             Parameter::new(
                 "x",
                 ParameterKind::Value(TABLE, UnitRule::Var(0)),
-                "where the points are, rising, at most 1024",
+                "x of the points, increasing, at most 1024",
             )
             .rising(),
             Parameter::new(
                 "y",
                 ParameterKind::Value(TABLE, UnitRule::Var(1)),
-                "the value at each of them",
+                "y of the points",
             ),
             Parameter::new(
                 "extrapolate",
                 ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
-                "outside of the table the first and the last line go on; else the first and the last value hold",
+                "true: the first and the last segment are extrapolated; false: the first and the last value hold",
             )
             .default(DefaultValue::Bool(false)),
         ],
         examples: &[
             Example::new(
-                "three points, held outside",
+                "three points, constant outside",
                 "{x: [0.0, 1.0, 3.0], y: [10.0, 20.0, 0.0]}",
                 "in | out
                  -1.0 | 10.0
@@ -50,7 +50,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | null",
             ),
             Example::new(
-                "going on outside",
+                "extrapolated outside",
                 "{x: [0.0, 1.0, 3.0], y: [10.0, 20.0, 0.0], extrapolate: true}",
                 "in | out
                  -1.0 | 0.0
@@ -71,7 +71,7 @@ fn step(frame: &mut Frame<'_>, [input, out, x, y, extrapolate, length]: [u32; 6]
         return frame.put_real(out, real_unless(at.is_nan(), only));
     }
     let (mut low, mut high) = (0, length - 1);
-    // The point before and the point after come together by halves: one step for each bit of the length.
+    // Bisection: at most one step for each bit of the length.
     for _ in 0..u32::BITS {
         if high - low < 2 {
             break;

@@ -1,4 +1,4 @@
-//! `Lookup2`: a table over a grid, bilinear between its points.
+//! `Lookup2`: a two-dimensional table with bilinear interpolation.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -18,34 +18,38 @@ const fn axis(length: Dim) -> PortType {
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lookup2",
-        summary: "What a table over a grid says for two numbers, bilinear between its points; outside its edge holds.",
-        formula: "(1-u)·((1-v)·z[i,j] + v·z[i,j+1]) + u·((1-v)·z[i+1,j] + v·z[i+1,j+1]), u and v the parts of the way in the cell (Press et al.: Numerical Recipes, 3.6)",
+        summary: "Looks two numbers up in a table over a grid, with bilinear interpolation; outside the grid, the values of its edge hold.",
+        formula: "(1-u)·((1-v)·z[i,j] + v·z[i,j+1]) + u·((1-v)·z[i+1,j] + v·z[i+1,j+1]), u and v relative positions in the grid cell (Press et al.: Numerical Recipes, 3.6)",
         inputs: &[
-            Port::real("x", UnitRule::Var(0), "where to look, along the rows' axis"),
+            Port::real(
+                "x",
+                UnitRule::Var(0),
+                "value to look up along the rows' axis",
+            ),
             Port::real(
                 "y",
                 UnitRule::Var(1),
-                "where to look, along the columns' axis",
+                "value to look up along the columns' axis",
             ),
         ],
-        outputs: &[Port::real("out", UnitRule::Var(2), "what the table says")],
+        outputs: &[Port::real("out", UnitRule::Var(2), "interpolated value")],
         parameters: &[
             Parameter::new(
                 "rows",
                 ParameterKind::Value(axis(ROWS), UnitRule::Var(0)),
-                "x of each row, rising",
+                "x of each row, increasing",
             )
             .rising(),
             Parameter::new(
                 "columns",
                 ParameterKind::Value(axis(COLUMNS), UnitRule::Var(1)),
-                "y of each column, rising",
+                "y of each column, increasing",
             )
             .rising(),
             Parameter::new(
                 "table",
                 ParameterKind::Value(PortType::Matrix(ROWS, COLUMNS), UnitRule::Var(2)),
-                "the value at each point: a list of rows",
+                "values at the grid points: a list of rows",
             ),
         ],
         examples: &[Example::new(
@@ -80,11 +84,12 @@ fn step(
     frame.put_real(out, real_unless(x.is_nan() | y.is_nan(), value))
 }
 
-/// The points before and after a number on an axis, and which part of the way between them it is, 0 to 1.
+/// Returns the indices of the points before and after a number on an axis, and its relative position between them, 0 to
+/// 1.
 #[inline(always)]
 fn place(frame: &Frame<'_>, axis: u32, length: u32, at: f64) -> Option<(u32, u32, f64)> {
     let (mut low, mut high) = (0, length.saturating_sub(1));
-    // By halves: one step for each bit of the length.
+    // Bisection: at most one step for each bit of the length.
     for _ in 0..u32::BITS {
         if high - low < 2 {
             break;

@@ -1,4 +1,4 @@
-//! `LowPass`: a first-order low-pass filter, y += (x - y) · gain once a cycle.
+//! `LowPass`: a first-order low-pass filter, y += (x - y) · gain once per cycle.
 //!
 //! For a time constant T and a period dt the gain is 1 - exp(-dt / T).
 
@@ -18,7 +18,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: "a null input gives null and holds the state: it then continues from the last output",
         formula: "y += (x - y) * gain; gain = 1 - exp(-dt / T) for a time constant T",
         examples: &[Example::new(
-            "takes over a part of the difference",
+            "a gain of a quarter",
             "{gain: 0.25}",
             "
                 in   | out
@@ -34,7 +34,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::real(
                 "gain",
                 UnitRule::Is(Unit::ONE),
-                "part of the difference that is taken over each cycle; 1 follows at once",
+                "part of the difference that is added in each cycle; 1 follows at once",
             )
             .above(0.0)
             .at_most(1.0),
@@ -58,9 +58,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 fn step(frame: &mut Frame<'_>, [input, out, gain, last]: [u32; 4]) -> Option<()> {
     let (value, before) = (frame.get_real(input)?, frame.get_real(last)?);
     let moved = before + (value - before) * frame.get_real(gain)?;
-    // Without a state, at the beginning or after an infinite one, it begins at the input.
+    // Without a state, at the start or after an infinite state, it starts at the input.
     let now = if before.is_nan() { value } else { moved };
-    // A null input makes it NaN.
+    // A null input makes the result NaN.
     frame.put_real(out, now)?;
     frame.put_real(last, if value.is_nan() { before } else { now })
 }

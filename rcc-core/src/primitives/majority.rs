@@ -1,4 +1,5 @@
-//! `Majority`: two of three: what at least two of three conditions say, even if the third one is not known.
+//! `Majority`: two-out-of-three voting: the value on which at least two of three conditions agree, even if the third is
+//! unknown.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, choose, each};
@@ -8,13 +9,13 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Majority",
-        summary: "What at least two of three conditions say.",
+        summary: "The value on which at least two of three conditions agree.",
         null: "null unless two known inputs agree: one may be null",
-        // It can do with any two; that the first one is always needed is on the safe side.
+        // Any two known inputs are sufficient; requiring the first one is a safe approximation.
         null_rule: NullRule::FirstAndAnyKnown,
         formula: "2oo3 voting (IEC 61508-6, B.3.2.2.5)",
         examples: &[Example::new(
-            "two decide",
+            "two of three decide",
             "",
             "a | b | c | out
              true | true | false | true
@@ -29,7 +30,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::bool("b", "second condition"),
             Port::bool("c", "third condition"),
         ],
-        outputs: &[Port::bool("out", "what two or three of them say")],
+        outputs: &[Port::bool("out", "value of the majority")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| each(frame, operands, step))],

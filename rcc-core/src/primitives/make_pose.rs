@@ -13,7 +13,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "A pose from its position and its rotation.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized",
         examples: &[Example::new(
-            "both, or null",
+            "known, and null",
             "",
             "position | rotation | out\n\
              [1, -2, 3.5] | {rpy: [0.3, -0.5, 1.2]} | {xyz: [1, -2, 3.5], rpy: [0.3, -0.5, 1.2]}\n\

@@ -10,10 +10,10 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MakeTwist",
-        summary: "A twist from velocity of the reference point and angular velocity.",
+        summary: "A twist from the velocity of the reference point and the angular velocity.",
         undefined: "overflow: an infinite input",
         examples: &[Example::new(
-            "both, or null",
+            "known, and null",
             "",
             "linear | angular | out\n\
              [1, 2, 3] | [-4, -5, -6] | [1, 2, 3, -4, -5, -6]\n\
@@ -34,7 +34,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "angular velocity, same axes",
             ),
         ],
-        outputs: &[Port::typed("out", Type::Twist, "both, same axes")],
+        outputs: &[Port::typed("out", Type::Twist, "twist, same axes")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| each(frame, operands, step))],

@@ -1,4 +1,4 @@
-//! `MakeVector`: a vector from three numbers of one unit.
+//! `MakeVector`: a vector from three numbers of the same unit.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};

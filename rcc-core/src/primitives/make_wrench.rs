@@ -10,10 +10,10 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MakeWrench",
-        summary: "A wrench from force and torque.",
+        summary: "A wrench from a force and a torque.",
         undefined: "overflow: an infinite input",
         examples: &[Example::new(
-            "both, or null",
+            "known, and null",
             "",
             "force | torque | out\n\
              [1, 2, 3] | [-4, -5, -6] | [1, 2, 3, -4, -5, -6]\n\
@@ -34,7 +34,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "torque about the reference point, same axes",
             ),
         ],
-        outputs: &[Port::typed("out", Type::Wrench, "both, same axes")],
+        outputs: &[Port::typed("out", Type::Wrench, "wrench, same axes")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| each(frame, operands, step))],

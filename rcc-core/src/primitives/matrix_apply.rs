@@ -1,4 +1,4 @@
-//! `MatrixApply`: a matrix times an array.
+//! `MatrixApply`: a matrix times a column vector.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -14,8 +14,8 @@ const REALS: ElementType = ElementType::Are(Type::Real);
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MatrixApply",
-        summary: "A matrix times an array, as a column.",
-        null: "a null element gives null in every element that it is a term of",
+        summary: "The product of a matrix and an array as a column vector.",
+        null: "a null element gives null in every element that depends on it",
         formula: "out[i] = matrix[i,0]·in[0] + … + matrix[i,n-1]·in[n-1]",
         inputs: &[
             Port::new(
@@ -28,14 +28,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "in",
                 PortType::Array(REALS, COLUMNS),
                 UnitRule::Var(1),
-                "as many numbers as the matrix has columns",
+                "vector, as long as the matrix has columns",
             ),
         ],
         outputs: &[Port::new(
             "out",
             PortType::Array(REALS, ROWS),
             UnitRule::Product(0, 1),
-            "as many numbers as the matrix has rows",
+            "product, as long as the matrix has rows",
         )],
         examples: &[Example::new(
             "2×3",

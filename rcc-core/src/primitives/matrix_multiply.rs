@@ -1,4 +1,4 @@
-//! `MatrixMultiply`: the product of two matrices, each element summed from the first term to the last.
+//! `MatrixMultiply`: the product of two matrices, with each element summed from the first term to the last.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -14,20 +14,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MatrixMultiply",
         summary: "The product of two matrices.",
-        null: "a null element gives null in every element that it is a term of",
+        null: "a null element gives null in every element that depends on it",
         formula: "out[i,j] = a[i,0]·b[0,j] + … + a[i,m-1]·b[m-1,j]",
         inputs: &[
             Port::new(
                 "a",
                 PortType::Matrix(ROWS, INNER),
                 UnitRule::Var(0),
-                "the left one",
+                "left factor",
             ),
             Port::new(
                 "b",
                 PortType::Matrix(INNER, COLUMNS),
                 UnitRule::Var(1),
-                "the right one, with as many rows as the left one has columns",
+                "right factor, with as many rows as the left one has columns",
             ),
         ],
         outputs: &[Port::new(

@@ -9,7 +9,7 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Max",
-        summary: "The larger of two numbers, of vectors, arrays and matrices element by element.",
+        summary: "The larger of two numbers; for vectors, arrays and matrices, element by element.",
         examples: &[Example::new(
             "numbers",
             "",

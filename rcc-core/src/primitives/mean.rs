@@ -1,4 +1,5 @@
-//! `Mean`: the arithmetic mean of the elements of an array: their sum from the first to the last, divided by their number.
+//! `Mean`: the arithmetic mean of the elements of an array: their sum, from the first to the last, divided by their
+//! number.
 
 use crate::frame::Frame;
 use crate::primitive::{

@@ -1,4 +1,4 @@
-//! `Median`: the middle one of three numbers: one sensor of three that is wrong has no say.
+//! `Median`: the median of three numbers: one faulty sensor of three is outvoted.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -10,7 +10,7 @@ use crate::types::{NULL_INT, Store};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Median",
-        summary: "The middle one of three numbers.",
+        summary: "The median of three numbers.",
         examples: &[
             Example::new(
                 "real numbers",
@@ -38,7 +38,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::number(
             "out",
             UnitRule::Var(0),
-            "one is not above it, and one not below",
+            "the middle one of the three",
         )],
         ..Spec::PLAIN
     },

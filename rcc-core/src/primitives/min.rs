@@ -9,7 +9,7 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Min",
-        summary: "The smaller of two numbers, of vectors, arrays and matrices element by element.",
+        summary: "The smaller of two numbers; for vectors, arrays and matrices, element by element.",
         examples: &[Example::new(
             "numbers",
             "",

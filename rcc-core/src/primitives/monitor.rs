@@ -1,6 +1,6 @@
-//! `Monitor`: makes a value of any type visible outside, as often as asked (paper, section IV-C).
+//! `Monitor`: publishes a value of any type to monitors at a given rate (Vistein et al. 2010, section IV-C).
 //!
-//! It computes nothing in the cycle: after it, the executor copies the slots that it watches.
+//! It computes nothing in the cycle: the executor copies the monitored slots after the cycle.
 
 use crate::primitive::{
     CatalogueEntry, DefaultValue, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
@@ -21,7 +21,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::new(
             "rate",
             ParameterKind::Rate,
-            "how often; the nearest rate that divides the cycle's is taken, at most that",
+            "sampling rate; the nearest rate that divides the cycle rate is used, at most the cycle rate",
         )
         .default(DefaultValue::Real(100.0))
         .above(0.0)],

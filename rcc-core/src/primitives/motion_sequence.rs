@@ -1,7 +1,9 @@
-//! `MotionSequence`: point to point, lines, arcs and splines one after the other, rounded where wanted, with one clock.
+//! `MotionSequence`: point-to-point motions, lines, arcs and splines in sequence, with optional blending and one path
+//! clock.
 //!
-//! A leg without `blend:` ends at rest; with it the path is left so far before its end, and joined so far behind, by a curve
-//! that is smooth to the second derivative. Roundings from and to a `ptp` are made in joint space.
+//! A leg without `blend:` ends at rest. With it, the path is left this distance before its end and joined at the same
+//! distance after it, by a curve that is smooth to the second derivative. Blends from and to a `ptp` are computed in
+//! joint space.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::leg_row::{self, LegRow};
@@ -17,10 +19,10 @@ use super::along::{self, PORTS};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MotionSequence",
-        summary: "Motions one after the other (ptp, lin, circ, spline), rounded where wanted, with a soft stop on the path.",
+        summary: "Motions in sequence (ptp, lin, circ, spline) with optional blending and a soft stop on the path.",
         null: along::NULL,
         null_rule: NullRule::Known,
-        formula: "roundings: polynomials of degree 5 by the path parameter, C2 at both ends",
+        formula: "blends: polynomials of degree 5 in the path parameter, C2 at both ends",
         inputs: along::INPUTS,
         outputs: along::OUTPUTS,
         parameters: &[
@@ -28,7 +30,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "path",
                 ParameterKind::Path(Dim::Var(0)),
-                "legs in order, up to 128 with all points of splines: `- {ptp: {joints: [...]}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`",
+                "legs in order, up to 128 including all points of splines: `- {ptp: {joints: [...]}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`",
             ),
             along::SCALE,
             along::TIME_OPTIMAL,
@@ -40,7 +42,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 )
 .prepared_by(prepare);
 
-/// A path of too many legs.
+/// The fault for a path with too many legs.
 pub(super) fn too_many(motion: u32, count: u32) -> PrepareFault {
     PrepareFault::Motion {
         motion,

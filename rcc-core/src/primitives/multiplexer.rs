@@ -1,4 +1,4 @@
-//! `Multiplexer`: one of any number of values of one type, by an index.
+//! `Multiplexer`: selects one of any number of values of the same type, by an index.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -10,12 +10,12 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Multiplexer",
-        summary: "One of a list of values of any one type, by an index.",
-        null: "a null index gives null; of the values only the chosen one matters",
+        summary: "Selects one of a list of values of any type, by an index.",
+        null: "a null index gives null; among the values, only the selected one matters",
         null_rule: NullRule::FirstAndAnyKnown,
         undefined: "index < 0 or index ≥ the number of values",
         inputs: &[
-            Port::int("index", "which value, counted from 0"),
+            Port::int("index", "index of the value, from 0"),
             Port::new(
                 "in",
                 PortType::Many(Dim::Var(0)),
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "out",
             PortType::Any,
             UnitRule::Var(0),
-            "the chosen value",
+            "selected value",
         )],
         ..Spec::PLAIN
     },
@@ -56,7 +56,7 @@ fn step(
     store: Store,
     [index, input, out, width, count]: [u32; 5],
 ) -> Option<()> {
-    // Null is negative.
+    // A null index is negative.
     match u32::try_from(frame.get_int(index)?) {
         Ok(index) if index < count => copy(frame, store, input + index * width, out, width),
         _ => fill_null(frame, store, out, width),

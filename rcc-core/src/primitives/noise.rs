@@ -1,4 +1,4 @@
-//! `Noise`: evenly distributed random numbers for tests; with the same seed the same ones in every run.
+//! `Noise`: uniformly distributed pseudo-random numbers for tests; the same sequence in every run with the same seed.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -10,13 +10,12 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Noise",
-        summary: "Evenly distributed pseudo-random numbers, in every run the same for a seed.",
-        null: "a null input gives null; the sequence goes on",
+        summary: "Uniformly distributed pseudo-random numbers, the same in every run with the same seed.",
+        null: "a null input gives null; the sequence continues",
         undefined: "overflow",
-        formula: "SplitMix64 of seed and the number of the cycle; its upper 53 bits are the number (Steele, Lea and Flood, \
-                  Fast Splittable Pseudorandom Number Generators, OOPSLA 2014, fig. 16)",
+        formula: "SplitMix64 of the seed and the cycle number; the upper 53 bits give the number (Steele, Lea and Flood, Fast Splittable Pseudorandom Number Generators, OOPSLA 2014, fig. 16)",
         examples: &[Example::new(
-            "the first numbers of seed 1",
+            "first numbers for seed 1",
             "{seed: 1}",
             "amplitude | out
              1.0 | 0.1331231503445618
@@ -32,9 +31,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             UnitRule::Var(0),
             "from -amplitude (included) to amplitude (excluded)",
         )],
-        parameters: &[
-            Parameter::int("seed", "another one makes other numbers").default(DefaultValue::Int(1))
-        ],
+        parameters: &[Parameter::int("seed", "selects the sequence").default(DefaultValue::Int(1))],
         state: StateSpec {
             ints: 1,
             ..StateSpec::NONE
@@ -49,13 +46,13 @@ fn step(frame: &mut Frame<'_>, [amplitude, out, seed, count]: [u32; 4]) -> Optio
     let (amplitude, number) = (frame.get_real(amplitude)?, frame.get_int(count)?);
     let next = number.wrapping_add(1).max(0);
     let bits = mixed(frame.get_int(seed)? as u64, next as u64);
-    // 53 bits are exact in a Real; 2^52 is the middle.
+    // 53 bits are exact in a Real; 2^52 is the middle of their range.
     let even = ((bits >> 11) as f64 - 4_503_599_627_370_496.0) / 4_503_599_627_370_496.0;
     frame.put_real(out, finite(amplitude * even))?;
     frame.put_int(count, next)
 }
 
-/// The `number`th output of SplitMix64.
+/// Returns output `number` of SplitMix64.
 #[inline(always)]
 fn mixed(seed: u64, number: u64) -> u64 {
     let z = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15));

@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "The Euclidean length of a vector or array.",
         null: "a null element gives null",
         undefined: "overflow: an infinite element, a result out of range",
-        formula: "the square root of the sum of the squares, by hypot: no square overflows",
+        formula: "square root of the sum of squares, by hypot, so that no square overflows",
         examples: &[Example::new(
             "any size",
             "",
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             UnitRule::Var(0),
             "vector",
         )],
-        outputs: &[Port::real("out", UnitRule::Var(0), "its length").within(0.0, f64::MAX)],
+        outputs: &[Port::real("out", UnitRule::Var(0), "length").within(0.0, f64::MAX)],
         ..Spec::PLAIN
     },
     &[Kernel::of(Store::Real, |frame, operands| {

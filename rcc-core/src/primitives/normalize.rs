@@ -1,4 +1,4 @@
-//! `Normalize`: the direction of a vector, at length one.
+//! `Normalize`: the unit vector in the direction of a vector.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -10,11 +10,11 @@ use crate::vector;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Normalize",
-        summary: "The direction of a vector: the vector divided by its length.",
+        summary: "The unit vector in the direction of a vector: the vector divided by its length.",
         undefined: "the zero vector; overflow: an infinite input",
         formula: "in / |in|, scaled by its largest element first so that no square overflows",
         examples: &[Example::new(
-            "any length, and none",
+            "any length, and zero",
             "",
             "in | out\n\
              [3, 0, -4] | [0.6, 0, -0.8]\n\
@@ -32,7 +32,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "out",
             PortType::Is(Type::Vector3),
             UnitRule::Is(Unit::ONE),
-            "direction, same axes, length 1",
+            "unit vector, same axes",
         )],
         ..Spec::PLAIN
     },

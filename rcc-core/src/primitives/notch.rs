@@ -1,4 +1,4 @@
-//! `Notch`: a band-stop filter for one frequency. Its coefficients are computed when the net is made ready.
+//! `Notch`: a band-stop filter for one frequency. Its coefficients are computed when the net is prepared.
 
 use crate::filter::{self, Biquad};
 use crate::frame::{Preparation, PrepareFault};
@@ -8,13 +8,13 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Parameter, Port, Spec, U
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Notch",
-        summary: "Takes one frequency out of a number, for instance a resonance.",
+        summary: "Removes one frequency from a number, e.g. a resonance.",
         null: "a null input gives null and holds the state: filtering then continues as if no time had passed",
         undefined: "overflow",
         formula: "(s² + ω²) / (s² + ω s / quality + ω²), ω = 2π frequency; bilinear transform with prewarping \
                   (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.2.2)",
         examples: &[Example::new(
-            "a quarter of the rate: an oscillation with four cycles a turn vanishes, a constant stays",
+            "notch at a quarter of the rate: an oscillation with a period of four cycles vanishes, a constant remains",
             "{frequency: 2.5 Hz, quality: 1}",
             "in | out
              3 | 3
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         .every_ms(100)],
         inputs: &[Port::real("in", UnitRule::Var(0), "number to filter")],
         outputs: &[Port::real("out", UnitRule::Var(0), "filtered number")],
-        parameters: &[Parameter::real("frequency", UnitRule::HERTZ, "what is taken out, below half of the net's rate").above(0.0).below_nyquist(),
+        parameters: &[Parameter::real("frequency", UnitRule::HERTZ, "frequency to remove, below half of the net's rate").above(0.0).below_nyquist(),
             Parameter::real("quality", UnitRule::ONE, "frequency / width of the band between the -3 dB points").above(0.0),],
         state: filter::STATE,
         ..Spec::PLAIN

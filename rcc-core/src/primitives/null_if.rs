@@ -1,6 +1,6 @@
 //! `NullIf`: a value of any type, or null while a condition is true.
 //!
-//! With `OrElse` and `IsNull` it is how a net makes, meets and asks for null.
+//! `NullIf` produces null, `OrElse` replaces it and `IsNull` tests for it.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -16,7 +16,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: "a null value gives null, and so does a null condition",
         undefined: "the condition is true",
         examples: &[Example::new(
-            "a number, unless the condition is true or not known",
+            "a number, unless the condition is true or null",
             "",
             "in | condition | out
                  1.5 | false | 1.5
@@ -26,13 +26,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         inputs: &[
             Port::new("in", PortType::Any, UnitRule::Var(0), "value to pass on"),
-            Port::bool("condition", "while it is true there is no value"),
+            Port::bool("condition", "while true, the output is null"),
         ],
         outputs: &[Port::new(
             "out",
             PortType::Any,
             UnitRule::Var(0),
-            "in, or null",
+            "the input, or null",
         )],
         ..Spec::PLAIN
     },

@@ -1,4 +1,4 @@
-//! `OffDelay`: stays true for a time after its input has become false.
+//! `OffDelay`: off-delay timer: stays true for a time after its input becomes false.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,9 +11,8 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OffDelay",
-        summary: "True while its input is true, and for a time after.",
-        null: "a null `in` gives null and ends the time: then it is false until `in` is true again; a null `time` gives \
-               null, and the time goes on",
+        summary: "True while its input is true, and for a time afterwards.",
+        null: "a null `in` gives null and ends the time, so that the output is false until `in` is true again; a null `time` gives null while the time continues",
         formula: "TOF of IEC 61131-3, table 46: elapsed is 0 in the cycle of the falling edge",
         examples: &[Example::new(
             "2 ms at a period of 1 ms",
@@ -34,18 +33,18 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "time",
                 UnitRule::SECOND,
-                "how long it stays true after; 0 or less: not at all",
+                "time for which the output stays true afterwards; 0 or less: none",
             ),
         ],
         outputs: &[
             Port::bool(
                 "out",
-                "the condition is true, or was until less than `time` ago",
+                "the condition is true, or was true less than `time` ago",
             ),
             Port::real(
                 "elapsed",
                 UnitRule::SECOND,
-                "how long ago it became false, at most `time`",
+                "time since it became false, at most `time`",
             )
             .diagnostic(),
         ],
@@ -58,7 +57,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
 );
 
-/// `age`: 0 before `in` was ever true, 1 while it is, then one more with each cycle.
+/// `age`: 0 before `in` was ever true, 1 while it is true, then incremented every cycle.
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, [input, time, out, passed, age]: [u32; 5]) -> Option<()> {
     let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);

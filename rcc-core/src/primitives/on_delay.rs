@@ -1,4 +1,4 @@
-//! `OnDelay`: true once its input has been true for a time without interruption.
+//! `OnDelay`: on-delay timer: true once its input has been true for a time without interruption.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OnDelay",
         summary: "True once its input has been true for a time; false as soon as it is false.",
-        null: "a null `in` gives null and starts the time anew; a null `time` gives null, and the time goes on",
+        null: "a null `in` gives null and restarts the time; a null `time` gives null while the time continues",
         formula: "TON of IEC 61131-3, table 46: elapsed is 0 in the cycle of the rising edge",
         examples: &[Example::new(
             "2 ms at a period of 1 ms",
@@ -35,7 +35,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "time",
                 UnitRule::SECOND,
-                "how long it must be true; 0 or less: no delay",
+                "time for which the input must be true; 0 or less: no delay",
             ),
         ],
         outputs: &[
@@ -43,7 +43,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "elapsed",
                 UnitRule::SECOND,
-                "how long it has been true, at most `time`",
+                "time for which the input has been true, at most `time`",
             )
             .diagnostic(),
         ],
@@ -56,7 +56,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
 );
 
-/// `age`: cycles in which `in` was true, this one included; 0 when it is not.
+/// `age`: cycles in which `in` has been true, including the current one; 0 while it is not.
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, [input, time, out, passed, age]: [u32; 5]) -> Option<()> {
     let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);

@@ -1,9 +1,9 @@
-//! `OnlineTrajectory`: follows a goal that may jump or move, as fast as limits of speed and acceleration allow, and arrives
-//! without overshoot. The fastest way in discrete time, in closed form: no search, no iteration.
+//! `OnlineTrajectory`: follows a goal that may jump or move, as fast as limits of velocity and acceleration allow, and
+//! arrives without overshoot. Time-optimal in discrete time, in closed form: no search, no iteration.
 //!
-//! With e the way that is left, relative to the moving goal, and a dt² as its unit, z = (e - dt · v / 2) / (a dt²). The
-//! speed from which the goal can just be reached by braking with a is a dt (|z| / m + (m - 1) / 2), with m the number of
-//! cycles that braking takes; the next speed is the nearest to it that the limits allow.
+//! With e the remaining distance, relative to the moving goal, and a dt² as its unit, z = (e - dt · v / 2) / (a dt²).
+//! The velocity from which the goal can just be reached by braking with a is a dt (|z| / m + (m - 1) / 2), with m the
+//! number of cycles that braking takes; the next velocity is the nearest to it that the limits allow.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -16,9 +16,8 @@ use crate::types::{NULL_BOOL, NULL_REAL};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OnlineTrajectory",
-        summary: "Follows a goal as fast as limits of speed and acceleration allow, without overshoot.",
-        null: "a null input gives null and is a stop: afterwards it goes on from the last position, at rest; `reset_to` \
-               may be null",
+        summary: "Follows a goal as fast as limits of velocity and acceleration allow, without overshoot.",
+        null: "a null input gives null and stops: the trajectory then continues from the last position, at rest; `reset_to` may be null",
         null_rule: NullRule::Propagates,
         undefined: "a limit that is not above 0; overflow",
         formula: "the discrete-time second-order filter of Zanasi, Bianco and Tonielli, Nonlinear filters for the generation \
@@ -26,7 +25,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                   Machines and Robots, 2008, 4.6.2; position by the trapezoidal rule",
         examples: &[
             Example::new(
-                "from 0 to 4 and back to 3, every second; it begins at the first goal",
+                "from 0 to 4 and back to 3, one cycle per second; starts at the first goal",
                 "",
                 "goal | max_velocity | max_acceleration | position | velocity
                  0 | 2 | 1 | 0 | 0
@@ -40,7 +39,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .every_ms(1000),
             Example::new(
-                "a goal that moves is followed without lag",
+                "a moving goal is followed without lag",
                 "",
                 "goal | goal_velocity | max_velocity | max_acceleration | position | velocity
                  0 | 1 | 2 | 1 | 0 | 0
@@ -52,39 +51,44 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .every_ms(1000),
         ],
         inputs: &[
-            Port::real("goal", UnitRule::Var(0), "where to be"),
+            Port::real("goal", UnitRule::Var(0), "goal"),
             Port::real(
                 "goal_velocity",
                 UnitRule::PerSecond(0),
-                "how fast the goal moves",
+                "velocity of the goal",
             )
             .default(DefaultValue::Real(0.0)),
             Port::real(
                 "max_velocity",
                 UnitRule::PerSecond(0),
-                "largest speed; when it shrinks, the speed follows as the acceleration allows",
+                "velocity limit; when it is lowered, the velocity follows as the acceleration allows",
             ),
             Port::real(
                 "max_acceleration",
                 UnitRule::PerSecond2(0),
-                "largest acceleration, also for braking",
+                "acceleration limit, also for braking",
             ),
-            Port::bool("reset", "while true it is at `reset_to`, at rest")
+            Port::bool("reset", "while true, the position is `reset_to`, at rest")
                 .default(DefaultValue::Bool(false)),
             Port::real(
                 "reset_to",
                 UnitRule::Var(0),
-                "where it begins, and is after a reset; null: at the goal",
+                "position at the start and after a reset; null: at the goal",
             )
             .default(DefaultValue::Null),
         ],
         outputs: &[
             Port::real("position", UnitRule::Var(0), "set-point"),
-            Port::real("velocity", UnitRule::PerSecond(0), "speed at this position").diagnostic(),
+            Port::real(
+                "velocity",
+                UnitRule::PerSecond(0),
+                "velocity at this position",
+            )
+            .diagnostic(),
             Port::real(
                 "acceleration",
                 UnitRule::PerSecond2(0),
-                "acceleration in the period that led here",
+                "acceleration in the period that led to this position",
             )
             .diagnostic(),
         ],
@@ -120,7 +124,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 10]) -> Option<()> {
     let (now, speed) = if begins {
         (if reset_to.is_nan() { goal } else { reset_to }, 0.0)
     } else {
-        // The goal is where it is now, so that a cycle ago it was behind.
+        // The goal has its current position now, so one cycle ago it was behind by its velocity.
         let left = goal - goal_velocity * dt_s - position;
         let relative = braking_speed(left, velocity - goal_velocity, acceleration, dt_s);
         let wanted = within(goal_velocity + relative, -most, most);
@@ -148,8 +152,8 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 10]) -> Option<()> {
     frame.put_reals(state, if known { [now, speed] } else { [position, 0.0] })
 }
 
-/// The speed towards a goal at rest after one more period, from which braking with `acceleration` ends just there: `left`
-/// is the way to it and `velocity` the speed now.
+/// Returns the velocity towards a goal at rest after one more period, from which braking with `acceleration` ends
+/// exactly at the goal: `left` is the distance to it and `velocity` the current velocity.
 #[inline(always)]
 fn braking_speed(left: f64, velocity: f64, acceleration: f64, dt_s: f64) -> f64 {
     let unit = acceleration * dt_s;
@@ -176,7 +180,7 @@ mod tests {
         bench
     }
 
-    /// Numbers that look random, in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
+    /// Pseudo-random numbers in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
     fn random(state: &mut u64) -> f64 {
         *state = state
             .wrapping_mul(6_364_136_223_846_793_005)
@@ -184,7 +188,7 @@ mod tests {
         (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    /// One cycle, in which the limits hold and position and speed belong together.
+    /// Runs one cycle and checks the limits and the consistency of position and velocity.
     fn checked_step(
         bench: &mut PrimitiveHarness,
         last: &mut [f64; 2],
@@ -224,7 +228,8 @@ mod tests {
 
     #[test]
     fn it_arrives_as_early_as_the_limits_allow_and_not_beyond() {
-        // Time of the fastest way (Biagiotti and Melchiorri 2008, 3.2): with and without a phase at constant speed.
+        // Duration of the fastest motion (Biagiotti and Melchiorri 2008, 3.2): with and without a phase at constant
+        // velocity.
         for (way, velocity, acceleration) in [
             (0.3, 0.5, 4.0),
             (-0.02, 0.5, 4.0),

@@ -1,4 +1,4 @@
-//! `OrElse`: a value, or another one while it is null.
+//! `OrElse`: a value, or a replacement while it is null.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,11 +11,11 @@ use crate::types::{NULL_BOOL, NULL_INT, Store};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OrElse",
-        summary: "A value, or another one while the first is null.",
+        summary: "A value, or a replacement while the first is null.",
         null: "a null `in`, or one with a null element, gives `other`; null only if both are null",
         null_rule: NullRule::AnyKnown,
         examples: &[Example::new(
-            "the other value while there is none",
+            "the replacement while the first is null",
             "",
             "in | other | out
              0.5 | 9.5 | 0.5
@@ -23,19 +23,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              null | null | null",
         )],
         inputs: &[
-            Port::new(
-                "in",
-                PortType::Any,
-                UnitRule::Var(0),
-                "value while it is not null",
-            ),
-            Port::new("other", PortType::Any, UnitRule::Var(0), "value otherwise"),
+            Port::new("in", PortType::Any, UnitRule::Var(0), "primary value"),
+            Port::new("other", PortType::Any, UnitRule::Var(0), "replacement"),
         ],
         outputs: &[Port::new(
             "out",
             PortType::Any,
             UnitRule::Var(0),
-            "in, or other",
+            "`in`, or `other`",
         )],
         ..Spec::PLAIN
     },

@@ -1,7 +1,8 @@
-//! `PathCorrection`: a path that a sensor corrects: an offset added to a pose, bounded and jerk-limited.
+//! `PathCorrection`: sensor-based correction of a path: a bounded, jerk-limited offset that is added to a pose.
 //!
-//! The offset goes to the wish as a goal that may change in any cycle; the path goes on as it is. So a seam tracker or a
-//! conveyor may move the frame that a motion is relative to, and the sum of both limits is the limit of the tool.
+//! The offset follows the requested correction as a goal that may change in any cycle; the path itself continues
+//! unchanged. A seam tracker or a conveyor can thus move the frame that a motion is relative to, and the limits of the
+//! tool are the sums of both limits.
 
 use super::pose_goal::{limits, step_six};
 use crate::axis::{AXIS_WORDS, AxisFollower, rest_at, share_of};
@@ -16,7 +17,7 @@ use crate::types::{NULL_BOOL, Type};
 use crate::unit::Unit;
 use crate::vector::add;
 
-/// A positive number with a unit that may be left out.
+/// An optional positive number with a unit.
 const fn angular(name: &'static str, unit: Unit, value: f64, doc: &'static str) -> Parameter {
     Parameter::real(name, UnitRule::Is(unit), doc)
         .default(DefaultValue::Real(value))
@@ -31,18 +32,14 @@ const fn vector(name: &'static str, unit: Unit, doc: &'static str) -> Port {
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PathCorrection",
-        summary: "Adds an offset that a sensor wishes to the pose of a path, within a bound and within limits of velocity, \
-                  acceleration and jerk.",
-        null: "a null pose gives null; while `pose` or `correction` is null the offset comes to rest and stays, and so does \
-               the turn while `rotation` is; a null `stop` counts as true, a null `speed` as 0",
+        summary: "Adds a sensor's correction to the pose of a path, bounded and within limits of velocity, acceleration and jerk.",
+        null: "a null pose gives null; while `pose` or `correction` is null the offset comes to rest and stays, and so does the rotation while `rotation` is null; a null `stop` counts as true, a null `speed` as 0",
         null_rule: NullRule::FirstAndAnyKnown,
         undefined: "overflow: an infinite pose",
-        formula: "path: p + R·offset, R·exp(turn); not `in_path`: p + offset, exp(turn)·R; each element of both goes to its wish \
-                  as ScalarGoal, after the wish was cut to ± its bound",
+        formula: "in_path: p + R·offset, R·exp(turn); otherwise p + offset, exp(turn)·R; each element of both follows its request as ScalarGoal, after the request has been limited to ± its bound",
         examples: &[
             Example::new(
-                "aside by 12 mm in the path's axes, which are turned by 90° about z; only the jerk counts: four phases of a \
-                 second",
+                "a lateral offset of 12 mm in the path's axes, which are rotated by 90° about z; limited by jerk only: four phases of a second",
                 "{max: 1, velocity: 1, acceleration: 1, jerk: 0.006}",
                 "pose | correction | pose_out | offset | limited
                  {xyz: [1, 0, 0], rpy: [0, 0, deg(90)]} | [0.012, 0, 0] | {xyz: [1, 0.001, 0], rpy: [0, 0, deg(90)]} | [0.001, 0, 0] | false
@@ -52,7 +49,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .every_ms(1000),
             Example::new(
-                "more than the bound is said and not done; without a correction the offset stays",
+                "a request beyond the bound is limited and reported; without a correction the offset stays",
                 "{max: 0.012, velocity: 1, acceleration: 1, jerk: 0.006, in_path: false}",
                 "pose | correction | pose_out | limited
                  {xyz: [1, 0, 0], rpy: [0, 0, 1]} | [0.5, 0, 0] | {xyz: [1.001, 0, 0], rpy: [0, 0, 1]} | true
@@ -65,12 +62,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .every_ms(1000),
         ],
         inputs: &[
-            Port::typed("pose", Type::Pose, "of the path, in any frame"),
-            vector("correction", Unit::METRE, "the offset that is requested"),
+            Port::typed("pose", Type::Pose, "pose of the path, in any frame"),
+            vector("correction", Unit::METRE, "requested offset"),
             vector(
                 "rotation",
                 Unit::RADIAN,
-                "the turn that is requested: a rotation vector",
+                "requested rotation: a rotation vector",
             )
             .default(DefaultValue::Null),
             Port::real(
@@ -79,22 +76,22 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "fraction of the velocity limits to use; computed values above 1 count as 1, values below 0.0001 as 0 (a stop)",
             )
             .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
-            Port::bool("stop", "while true the offset comes to rest and stays")
+            Port::bool("stop", "while true, the offset comes to rest and stays")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::typed("pose_out", Type::Pose, "the corrected pose, in the frame of `pose`"),
-            vector("offset", Unit::METRE, "that is added now").diagnostic(),
-            vector("turn", Unit::RADIAN, "that is added now: a rotation vector").diagnostic(),
-            Port::bool("limited", "the wish is beyond a bound"),
-            Port::bool("settled", "offset and turn rest at what is requested, or at its bound")
+            vector("offset", Unit::METRE, "current offset").diagnostic(),
+            vector("turn", Unit::RADIAN, "current rotation: a rotation vector").diagnostic(),
+            Port::bool("limited", "the request is beyond a bound"),
+            Port::bool("settled", "offset and rotation are at rest at the request, or at its bound")
                 .diagnostic(),
         ],
         parameters: &[
             Parameter::real(
                 "max",
                 UnitRule::Is(Unit::METRE),
-                "largest size of each element of the offset",
+                "bound of each element of the offset",
             )
             .at_least(0.0),
             Parameter::real(
@@ -118,7 +115,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::real(
                 "max_rotation",
                 UnitRule::RADIAN,
-                "largest size of each element of the turn",
+                "bound of each element of the rotation",
             )
             .default(DefaultValue::Real(0.0))
             .at_least(0.0)
@@ -127,24 +124,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "angular_velocity",
                 Unit::RADIAN_PER_SECOND,
                 1.0,
-                "largest rate of each element of the turn",
+                "largest rate of each element of the rotation",
             ),
             angular(
                 "angular_acceleration",
                 Unit::RADIAN_PER_SECOND2,
                 4.0,
-                "largest second derivative of each element of the turn",
+                "largest second derivative of each element of the rotation",
             ),
             angular(
                 "angular_jerk",
                 Unit::RADIAN_PER_SECOND3,
                 40.0,
-                "largest third derivative of each element of the turn",
+                "largest third derivative of each element of the rotation",
             ),
             Parameter::new(
                 "in_path",
                 ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
-                "corrections are in axes of the path's pose (its tool); false: in axes of the frame that `pose` is given in",
+                "true: corrections are in axes of the path's pose (its tool); false: in axes of the frame in which `pose` is given",
             )
             .default(DefaultValue::Bool(true)),
         ],
@@ -168,7 +165,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     Ok(())
 }
 
-/// A wish within ± the bound, and whether it was beyond.
+/// Limits a request to ± the bound; returns the result and whether it was limited.
 fn bounded(wish: [f64; 3], bound: f64) -> ([f64; 3], bool) {
     let cut = wish.map(|element| {
         if element > bound {

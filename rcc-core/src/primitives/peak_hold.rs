@@ -1,4 +1,4 @@
-//! `PeakHold`: the least and the greatest number since the beginning or the last reset.
+//! `PeakHold`: the minimum and maximum of a number since the start or the last reset.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,10 +11,10 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PeakHold",
-        summary: "The least and the largest value of a number since the last reset.",
+        summary: "The minimum and maximum of a number since the last reset.",
         null: "a null input gives null and holds the state",
         examples: &[Example::new(
-            "a reset begins with the number of its own cycle",
+            "a reset includes the number of its own cycle",
             "",
             "in | reset | least | greatest
              2 | false | 2 | 2
@@ -26,21 +26,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              3 | false | 3 | 4",
         )],
         inputs: &[
-            Port::real("in", UnitRule::Var(0), "number to watch"),
-            Port::bool("reset", "forgets what was before this cycle")
+            Port::real("in", UnitRule::Var(0), "number"),
+            Port::bool("reset", "discards everything before this cycle")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
-            Port::real(
-                "least",
-                UnitRule::Var(0),
-                "least value, this cycle included",
-            )
-            .diagnostic(),
+            Port::real("least", UnitRule::Var(0), "minimum, including this cycle").diagnostic(),
             Port::real(
                 "greatest",
                 UnitRule::Var(0),
-                "largest value, this cycle included",
+                "maximum, including this cycle",
             )
             .diagnostic(),
         ],
@@ -59,7 +54,7 @@ fn step(frame: &mut Frame<'_>, [input, reset, least, greatest, state]: [u32; 5])
     let (value, reset) = (frame.get_real(input)?, frame.get_bool(reset)?);
     let [low, high] = frame.get_reals(state)?;
     let null = value.is_nan() | (reset & NULL_BOOL != 0);
-    // `lower` and `higher` pass over NaN, the state in the beginning.
+    // `lower` and `higher` ignore NaN, which is the initial state.
     let known = if reset == 1 {
         [value; 2]
     } else {

@@ -1,8 +1,8 @@
-//! `PID`: a proportional, integral and derivative controller in the standard (ISA) form, with filtered derivative of the
-//! measurement, set-point weight, output limits, anti-windup by back-calculation, and a manual mode without a bump.
+//! `PID`: a proportional, integral and derivative controller in the standard (ISA) form, with filtered derivative of
+//! the measurement, set-point weight, output limits, anti-windup by back-calculation, and bumpless manual mode.
 //!
-//! Everything is discretised by backward differences except the integral, which is forward: what it adds in a cycle acts
-//! in the next one, and the limits of the output are known by then.
+//! Everything is discretised by backward differences except the integral, which is a forward difference: its increment
+//! takes effect in the next cycle, when the limits of the output are known.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -17,8 +17,8 @@ const OUTPUT: ParameterKind = ParameterKind::Value(PortType::Is(Type::Real), Uni
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PID",
-        summary: "A controller: proportional, integral and derivative, with limits, anti-windup and manual mode.",
-        null: "a null input gives null, holds the integral, and is a new beginning for the derivative",
+        summary: "A PID controller with output limits, anti-windup and manual mode.",
+        null: "a null input gives null, holds the integral and resets the derivative",
         undefined: "low above high; overflow",
         formula: "out = limit(P + I + D + feed_forward); P = gain (weight setpoint - measured); I += gain dt / integral_time \
                   (setpoint - measured) + dt / tracking_time (out - unlimited out); D = (Td D - gain Td N Δmeasured) / (Td \
@@ -26,18 +26,18 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                   3.4, 3.5 and 13.3)",
         examples: &[
             Example::new(
-                "proportional: half of the difference",
+                "proportional: half of the control error",
                 "{gain: 0.5}",
                 "setpoint | measured | out\n 4 | 0 | 2\n 4 | 3 | 0.5\n 4 | null | null\n 4 | 5 | -0.5",
             ),
             Example::new(
-                "the integral grows by gain · dt / integral_time · difference, from the second cycle on",
+                "the integral grows by gain · dt / integral_time · error, from the second cycle on",
                 "{gain: 2, integral_time: 1 s}",
                 "setpoint | measured | out\n 1 | 0 | 2\n 1 | 0 | 2.2\n 1 | 0 | 2.4\n 1 | 1 | 0.6\n 1 | 1 | 0.6",
             )
             .every_ms(100),
             Example::new(
-                "at its limit the integral follows instead of growing, so that it comes off the limit at once",
+                "at the limit the integral tracks the output instead of growing, so that it leaves the limit at once",
                 "{gain: 2, integral_time: 1 s, tracking_time: 0.1 s, high: 1}",
                 "setpoint | measured | out | saturated
                  1 | 0 | 1 | true
@@ -47,7 +47,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .every_ms(100),
             Example::new(
-                "the derivative acts on the measurement: a step of the set-point does not kick",
+                "the derivative acts on the measurement: a step of the set-point causes no kick",
                 "{gain: 1, derivative_time: 0.1 s, derivative_gain: 1}",
                 "setpoint | measured | out\n 0 | 0 | 0\n 1 | 0 | 1\n 1 | 0.2 | 0.7\n 1 | 0.2 | 0.75",
             )
@@ -63,44 +63,44 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .every_ms(100),
         ],
         inputs: &[
-            Port::real("setpoint", UnitRule::Var(0), "what is wanted"),
+            Port::real("setpoint", UnitRule::Var(0), "set-point"),
             Port::real("measured", UnitRule::Var(0), "what is"),
-            Port::real("feed_forward", UnitRule::Var(1), "what is known to be needed, added to the output")
+            Port::real("feed_forward", UnitRule::Var(1), "feed-forward, added to the output")
                 .default(DefaultValue::Real(0.0)),
-            Port::bool("manual", "while true, the output is `manual_value` and the integral follows it")
+            Port::bool("manual", "while true, the output is `manual_value` and the integral tracks it")
                 .default(DefaultValue::Bool(false)),
             Port::real("manual_value", UnitRule::Var(1), "output in manual mode").default(DefaultValue::Real(0.0)),
         ],
         outputs: &[
-            Port::real("out", UnitRule::Var(1), "what to do"),
-            Port::bool("saturated", "a limit holds the output back").diagnostic(),
-            Port::real("integral", UnitRule::Var(1), "I as it acted in this cycle").diagnostic(),
+            Port::real("out", UnitRule::Var(1), "controller output"),
+            Port::bool("saturated", "the output is limited").diagnostic(),
+            Port::real("integral", UnitRule::Var(1), "integral term I used in this cycle").diagnostic(),
         ],
         parameters: &[
-            Parameter::real("gain", UnitRule::Quotient(1, 0), "K; negative if more output makes less of what is measured"),
-            Parameter::real("integral_time", UnitRule::SECOND, "Ti, in which the integral does what P does; null: no integral")
+            Parameter::real("gain", UnitRule::Quotient(1, 0), "gain K; negative if more output decreases the measurement"),
+            Parameter::real("integral_time", UnitRule::SECOND, "integral time Ti, in which the integral repeats the proportional action; null: no integral")
                 .default(DefaultValue::Null)
                 .above(0.0),
-            Parameter::real("derivative_time", UnitRule::SECOND, "Td, by which the derivative looks ahead; 0: no derivative")
+            Parameter::real("derivative_time", UnitRule::SECOND, "derivative time Td, the prediction horizon of the derivative; 0: no derivative")
                 .default(DefaultValue::Real(0.0))
                 .at_least(0.0),
             Parameter::real("derivative_gain", UnitRule::ONE, "N: the derivative's filter has the time constant Td / N")
                 .default(DefaultValue::Real(10.0))
                 .above(0.0),
-            Parameter::real("weight", UnitRule::ONE, "b, part of the set-point that P sees; less overshoots less")
+            Parameter::real("weight", UnitRule::ONE, "set-point weight b of the proportional part; lower values overshoot less")
                 .default(DefaultValue::Real(1.0))
                 .at_least(0.0),
             Parameter::real(
                 "tracking_time",
                 UnitRule::SECOND,
-                "Tt, in which the integral follows a limited output; null: √(Ti Td), without derivative Ti",
+                "tracking time Tt, in which the integral follows a limited output; null: √(Ti Td), or Ti without derivative",
             )
             .default(DefaultValue::Null)
             .above(0.0),
             Parameter::new("low", OUTPUT, "minimum output; null: no limit").default(DefaultValue::Null),
             Parameter::new("high", OUTPUT, "maximum output; null: no limit").default(DefaultValue::Null),
         ],
-        // integral, derivative, last measured
+        // integral, derivative, last measurement
         state: StateSpec {
             reals: 3,
             ..StateSpec::NONE
@@ -158,7 +158,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 17]) -> Option<()> {
         others + followed
     };
     let limited = finite(within(unlimited, low, high));
-    // A null anywhere makes it NaN, but for a manual value that is not used.
+    // Any null input makes it NaN, except a manual value that is not used.
     let null =
         limited.is_nan() | (manual & NULL_BOOL != 0) | manual_value.is_nan() | others.is_nan();
     let next = if is_manual {
@@ -192,7 +192,7 @@ struct PidParameters {
 }
 
 impl PidParameters {
-    /// D after a change of the measurement; without a last measurement there is no change.
+    /// Returns D after a change of the measurement; without a previous measurement there is no change.
     fn derivative(&self, rate: f64, change: f64) -> f64 {
         let change = if change.is_nan() { 0.0 } else { change };
         let rate = if rate.is_nan() { 0.0 } else { rate };
@@ -200,7 +200,7 @@ impl PidParameters {
         self.derivative_time * moved / (self.derivative_time + self.derivative_gain * self.dt_s)
     }
 
-    /// I of this cycle: in manual mode what makes the output the manual one; without an integral always 0.
+    /// Returns I of this cycle: in manual mode the value that gives the manual output; always 0 without an integral.
     fn follows(&self, is_manual: bool, wanted: f64, sum: f64) -> f64 {
         if self.integral_time.is_nan() {
             0.0
@@ -211,7 +211,8 @@ impl PidParameters {
         }
     }
 
-    /// What the integral gains in this cycle: from the control error, and from what the limits took off the output.
+    /// Returns the increment of the integral in this cycle: from the control error, and from the part of the output
+    /// that the limits removed.
     fn growth(&self, error: f64, taken_off: f64) -> f64 {
         if self.integral_time.is_nan() {
             return 0.0;
@@ -226,7 +227,7 @@ impl PidParameters {
         } else {
             self.tracking_time
         };
-        // Within one cycle it follows at most all the way.
+        // Within one cycle it tracks at most completely.
         let followed = if tracking > self.dt_s {
             self.dt_s / tracking
         } else {
@@ -257,7 +258,7 @@ mod tests {
         bench
     }
 
-    /// A plant 2 / (1 + 0.5 s)², exact for an input that is constant over a step.
+    /// The plant 2 / (1 + 0.5 s)², exact for an input that is constant over a step.
     #[derive(Clone, Copy, Default)]
     struct Plant([f64; 2]);
 
@@ -288,7 +289,7 @@ mod tests {
     fn the_step_response_is_that_of_the_continuous_controller() {
         let mut bench = bench(&PARAMETERS);
         let mut plant = Plant::default();
-        // The same law as differential equations, by Euler in steps a hundredth as long.
+        // The same control law as differential equations, by Euler integration with steps a hundredth as long.
         const FINE: usize = 100;
         let fine_s = DT_S / FINE as f64;
         let (gain, ti, td, n, weight) = (1.5, 0.8, 0.15, 10.0, 0.7);
@@ -335,7 +336,8 @@ mod tests {
         assert_eq!(bench.bool("saturated"), Some(false));
     }
 
-    /// How many cycles the output stays at its limit after the error has changed its sign, and the integral before.
+    /// Returns for how many cycles the output stays at its limit after the error has changed its sign, and the integral
+    /// before.
     fn wound_up(tracking_time: f64) -> (usize, f64) {
         let mut bench = bench(&PARAMETERS);
         bench
@@ -357,7 +359,7 @@ mod tests {
     fn the_integral_does_not_wind_up_at_a_limit() {
         let (cycles, integral) = wound_up(f64::NAN);
         assert!(cycles == 0, "{cycles}");
-        // P is 1.5 · 0.7 · 3; the integral settles where it adds nothing: Ki e = (v - u) / Tt.
+        // P is 1.5 · 0.7 · 3; the integral settles where its increment is zero: Ki e = (v - u) / Tt.
         let settled = 1.0 - 3.15 + 1.5 / 0.8 * 3.0 * f64::sqrt(0.8 * 0.15);
         assert!(
             (integral - settled).abs() < 1e-6,
@@ -389,7 +391,7 @@ mod tests {
         }
         assert!(bench.set_bool("manual", None).step().real("out").is_nan());
         bench.set_bool("manual", Some(false));
-        // The measurement may have gone far meanwhile: that gives no kick.
+        // The measurement may have changed a lot meanwhile: this must not cause a kick.
         let out = bench.set_real("measured", 0.9).step().real("out");
         assert!((bench.real("integral") - integral).abs() < 2e-3);
         assert!((out - (1.5 * (0.7 - 0.9) + bench.real("integral"))).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! `PoseAddTwist`: where a pose is one cycle later if it moves with a twist.
+//! `PoseAddTwist`: a pose advanced by a twist over one cycle.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
@@ -9,7 +9,7 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseAddTwist",
-summary: "The pose after one period of the net with a constant twist.",
+summary: "The pose after moving for one period of the net with a constant twist.",
 undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
 formula: "p + v T, exp(ω T) R with the period T: exact for a constant twist, inverse of TwistFromPoses",
 examples: &[Example::new("one period of 10 ms (scipy 1.17)", "", "pose | twist | out\n\

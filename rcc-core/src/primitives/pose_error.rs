@@ -1,4 +1,4 @@
-//! `PoseError`: what is missing from one pose to another.
+//! `PoseError`: the difference between an actual and a desired pose.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -11,9 +11,9 @@ use crate::vector;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseError",
-        summary: "The way and the turn that lead from one pose to another, in the outer axes.",
+        summary: "The translation and the rotation that lead from one pose to another, in the outer axes.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized, positions too far apart for a number",
-        formula: "[p_to - p_from, log(R_to R_fromᵀ)]; at 180° one of two vectors is taken",
+        formula: "[p_to - p_from, log(R_to R_fromᵀ)]; at 180° one of the two possible vectors is returned",
         examples: &[Example::new(
             "oblique (scipy 1.17)",
             "",
@@ -22,21 +22,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              null | {xyz: [1, 3, 0.5], rpy: [0, 0, 0]} | null | null",
         )],
         inputs: &[
-            Port::typed("from", Type::Pose, "pose that is, in A"),
-            Port::typed("to", Type::Pose, "pose that shall be, in A"),
+            Port::typed("from", Type::Pose, "actual pose, in A"),
+            Port::typed("to", Type::Pose, "desired pose, in A"),
         ],
         outputs: &[
             Port::new(
                 "translation",
                 PortType::Is(Type::Vector3),
                 UnitRule::Is(Unit::METRE),
-                "from origin to origin, axes of A",
+                "translation from origin to origin, axes of A",
             ),
             Port::new(
                 "rotation",
                 PortType::Is(Type::Vector3),
                 UnitRule::Is(Unit::RADIAN),
-                "axis × angle in axes of A, length at most π",
+                "rotation as axis × angle in axes of A, length at most π",
             ),
         ],
         ..Spec::PLAIN

@@ -12,10 +12,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseFromTransform",
         summary: "The pose of a homogeneous transform.",
-        undefined: "a rotation part that is none, as for RotationFromMatrix; overflow: an infinite input",
+        undefined: "a rotation part that is not a rotation, as for RotationFromMatrix; overflow: an infinite input",
         formula: "the rotation nearest to the upper left 3 × 3 elements (see RotationFromMatrix), the position from the last column",
         examples: &[Example::new(
-            "turned and moved",
+            "rotation and translation",
             "",
             "in | out\n\
              [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]] | {xyz: [1, 2, 3], rpy: [0, 0, deg(90)]}\n\
@@ -26,7 +26,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "in",
             PortType::Is(Type::TRANSFORM),
             UnitRule::Is(Unit::METRE),
-            "transform of B in A, row-major; its last row is 0 0 0 1 and not looked at",
+            "transform of B in A, row-major; its last row is 0 0 0 1 and ignored",
         )],
         outputs: &[Port::typed("out", Type::Pose, "pose of B in A, w ≥ 0")],
         ..Spec::PLAIN

@@ -1,9 +1,9 @@
-//! `PoseGoal`: a flange goes to a pose that may change in any cycle, jerk-limited in six axes.
+//! `PoseGoal`: moves a flange to a pose that may change in any cycle, jerk-limited in six axes.
 //!
-//! Position goes along x, y and z of the arm's base, orientation in the elements of the rotation vector from where it
-//! began: a chart without singularity in this direction, in which the flange never turns faster than the vector changes,
-//! as the left Jacobian of the rotation group shortens or keeps (Solà, Deray and Atchuthan, A micro Lie theory for state
-//! estimation in robotics, arXiv:1812.01537, appendix B).
+//! The position moves along x, y and z of the arm's base, the orientation in the elements of the rotation vector from
+//! its start. This chart has no singularity in this direction, and the flange never rotates faster than the vector
+//! changes, because the left Jacobian of the rotation group never increases lengths (Solà, Deray and Atchuthan, A micro
+//! Lie theory for state estimation in robotics, arXiv:1812.01537, appendix B).
 
 use core::f64::consts::TAU;
 
@@ -24,14 +24,12 @@ use crate::vector::{norm, scale};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseGoal",
-        summary: "A flange goes to a pose that may change in any cycle, as fast as limits of velocity, acceleration and jerk \
-                  of each axis allow.",
-        null: "a null goal or `speed` brings it to rest and keeps it there; a null `stop` counts as true",
+        summary: "Moves a flange to a pose that may change in any cycle, as fast as limits of velocity, acceleration and jerk of each axis allow.",
+        null: "a null goal or `speed` brings the flange to rest and keeps it there; a null `stop` counts as true",
         null_rule: NullRule::Known,
-        formula: "x, y, z and the three elements of the rotation vector from the first orientation, each for itself as \
-                  ScalarGoal; in the first cycle it rests where the arm's hold set-point puts the flange",
+        formula: "x, y, z and the three elements of the rotation vector from the first orientation, each independently as ScalarGoal; in the first cycle the flange is at rest at the arm's hold set-point",
         inputs: &[
-            Port::typed("goal", Type::Pose, "where the flange is to be, in the arm's base"),
+            Port::typed("goal", Type::Pose, "goal of the flange, in the arm's base"),
             Port::real(
                 "speed",
                 UnitRule::ONE,
@@ -47,7 +45,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "flange_speed",
                 UnitRule::Is(Unit::METRE_PER_SECOND),
-                "of the flange's position",
+                "velocity of the flange's position",
             )
             .diagnostic(),
         ],
@@ -119,7 +117,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     Ok(())
 }
 
-/// Where the six axes are in the arena.
+/// Slots of the six axes in the arena.
 pub(super) fn axes(state: u32) -> impl Iterator<Item = u32> {
     (0..6).map(move |axis| state + axis * AXIS_WORDS as u32)
 }
@@ -178,7 +176,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
     frame.set_real(flange_speed, speed.unwrap_or(NULL_REAL));
 }
 
-/// Three limits from their slots, the first one by a share of it.
+/// Reads three limits from their slots, the first one scaled by a share.
 pub(super) fn limits(frame: &Frame<'_>, slots: [u32; 3], share: f64) -> MotionLimits {
     let [velocity, acceleration, jerk] = slots.map(|slot| frame.real(slot));
     MotionLimits {
@@ -188,7 +186,7 @@ pub(super) fn limits(frame: &Frame<'_>, slots: [u32; 3], share: f64) -> MotionLi
     }
 }
 
-/// Steps six axes, three with the first limits and three with the second; `None` while one does not know where it is.
+/// Steps six axes, three with the first limits and three with the second; `None` while the position of one is unknown.
 pub(super) fn step_six(
     frame: &mut Frame<'_>,
     state: u32,
@@ -208,7 +206,7 @@ pub(super) fn step_six(
     known.then_some(all)
 }
 
-/// The rotation vector of the same turn, up to a whole turn longer, that is nearest to another one.
+/// Returns the rotation vector of the same rotation, with up to one extra turn, that is nearest to another one.
 fn nearest_turn(turn: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     let angle = norm(turn);
     if angle < 1e-9 {

@@ -1,4 +1,4 @@
-//! `Power`: one plain number to the power of another.
+//! `Power`: one dimensionless number to the power of another.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_finite};
 
@@ -7,10 +7,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Power",
         summary: "A number to the power of another.",
-        undefined: "a negative base with an exponent that is not whole; 0 to a negative power; overflow",
+        undefined: "a negative base with a fractional exponent; 0 to a negative power; overflow",
         formula: "out = base^exponent; libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
-            "whole and broken exponents, and what has no result",
+            "integer and fractional exponents, and undefined results",
             "",
             "base | exponent | out
              2 | 10 | 1024
@@ -31,7 +31,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::ONE, "result")],
         ..Spec::PLAIN
     },
-    // By itself pow(NaN, 0) is 1, and so is pow(1, NaN).
+    // pow(NaN, 0) and pow(1, NaN) are 1 by definition.
     &[Kernel::new(|frame, operands| {
         each_finite(frame, operands, libm::pow);
     })],

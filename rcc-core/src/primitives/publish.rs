@@ -1,7 +1,7 @@
-//! `Publish`: a value for other nets.
+//! `Publish`: publishes a value for other nets.
 //!
-//! Its kernels are those of `Copy`; after the cycle, the executor copies the output into the nets that subscribe to it. It
-//! is an output, and not the input itself, so that it becomes null with the fragment that it stands in.
+//! Its kernels are those of `Copy`; after the cycle, the executor copies the output into the nets that subscribe to it.
+//! An output is published instead of the input, so that it becomes null when its region is deactivated.
 
 use super::copy;
 use crate::primitive::{
@@ -12,14 +12,14 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Publish",
-        summary: "Gives a value to other nets: they read it with `Subscribe` in the cycle after this one.",
+        summary: "Publishes a value for other nets: they read it with `Subscribe` in the next cycle.",
         null: "null is passed through, element by element",
         inputs: copy::ENTRY.spec.inputs,
         outputs: &[Port::new("out", PortType::Any, UnitRule::Var(0), "the same").diagnostic()],
         parameters: &[Parameter::new(
             "topic",
             ParameterKind::Topic,
-            "the name under which it is published, `tool/force`; one running net at a time publishes a topic",
+            "name of the topic, `tool/force`; only one running net at a time publishes a topic",
         )],
         examples: &[Example::new(
             "any type",

@@ -1,4 +1,4 @@
-//! `Pulse`: true for a time, however short or long its input is true.
+//! `Pulse`: a pulse of fixed length, however long its input is true.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,9 +11,9 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Pulse",
-        summary: "True for a time from when its input becomes true; further edges in that time do not count.",
-        null: "a null input gives null; a pulse that has begun goes on, and the last known value is kept",
-        formula: "TP of IEC 61131-3, table 46, but the first known value is no edge",
+        summary: "True for a time after its input becomes true; further edges in that time are ignored.",
+        null: "a null input gives null; a pulse that has started continues, and the last known value is kept",
+        formula: "TP of IEC 61131-3, table 46, except that the first known value is not an edge",
         examples: &[Example::new(
             "3 ms at a period of 1 ms",
             "",
@@ -30,19 +30,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              true | 3 ms | false | 0 s",
         )],
         inputs: &[
-            Port::bool("in", "signal whose rising edges begin a pulse"),
+            Port::bool("in", "signal whose rising edges start a pulse"),
             Port::real(
                 "time",
                 UnitRule::SECOND,
-                "length of a pulse; 0 or less: there is none",
+                "length of the pulse; 0 or less: no pulse",
             ),
         ],
         outputs: &[
-            Port::bool("out", "a pulse is under way"),
+            Port::bool("out", "a pulse is active"),
             Port::real(
                 "elapsed",
                 UnitRule::SECOND,
-                "how long it has been; 0 without one",
+                "elapsed time of the pulse; 0 without a pulse",
             )
             .diagnostic(),
         ],
@@ -56,7 +56,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
 );
 
-/// `age`: cycles of the pulse, this one included; 0 without one.
+/// `age`: cycles of the pulse, including the current one; 0 without a pulse.
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, [input, time, out, passed, last, age]: [u32; 6]) -> Option<()> {
     let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);

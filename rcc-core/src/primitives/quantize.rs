@@ -1,4 +1,4 @@
-//! `Quantize`: the nearest multiple of a step, as a coarse display or converter gives it.
+//! `Quantize`: rounds to the nearest multiple of a step, like a coarse display or converter.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Quantize",
         summary: "The nearest multiple of a step.",
         undefined: "overflow",
-        formula: "out = step · round(in / step), halves away from 0",
+        formula: "out = step · round(in / step), halves are rounded away from 0",
         examples: &[Example::new(
             "quarters",
             "{step: 0.25}",

@@ -1,7 +1,7 @@
-//! `RateLimit`: follows a number no faster than a given rate.
+//! `RateLimit`: follows a number with a limited rate.
 //!
-//! Each cycle `out += min(max(in - out, -rate·dt), rate·dt)`. The first known input is taken as it is,
-//! so that a net does not start with a ramp from nowhere.
+//! In each cycle `out += min(max(in - out, -rate·dt), rate·dt)`. The output starts at the first known input, so that a
+//! net does not start with an arbitrary ramp.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -14,11 +14,11 @@ use crate::types::{NULL_REAL, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RateLimit",
-        summary: "Follows a number no faster than a given rate.",
+        summary: "Follows a number with a limited rate of change.",
         null: "a null input gives null and holds the state: it then continues from the last output",
-        formula: "out += in - out, at most ±rate · dt",
+        formula: "out += in - out, limited to ±rate · dt",
         examples: &[Example::new(
-            "10 per second, every 0.1 s; the first value is taken as it is",
+            "10 per second, every 0.1 s; starts at the first value",
             "{rate: 10}",
             "in | out
                  5 | 5

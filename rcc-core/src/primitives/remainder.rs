@@ -1,5 +1,5 @@
-//! `Remainder`: what is left of a number after as many whole divisors as fit. It has the sign of the number, as MOD of
-//! IEC 61131-3 and `fmod` of C have it; an angle is brought into one turn by `Wrap`.
+//! `Remainder`: the remainder of a division. It has the sign of the dividend, like MOD of IEC 61131-3 and `fmod` of C;
+//! to bring an angle into one turn use `Wrap`.
 
 use crate::primitive::{
     CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_finite, each_int,
@@ -44,7 +44,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::number(
             "out",
             UnitRule::Var(0),
-            "remainder, nearer to 0 than b",
+            "remainder, smaller than b in magnitude",
         )],
         ..Spec::PLAIN
     },

@@ -1,4 +1,4 @@
-//! `Rotate`: a vector, twist or wrench that is given in axes of an inner frame, in axes of the outer one.
+//! `Rotate`: transforms a vector, twist or wrench from axes of an inner frame to axes of the outer frame.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Kernel, Port, Spec, TypeFamily, UnitRule, each};
@@ -10,9 +10,9 @@ use crate::types::{Store, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Rotate",
-        summary: "A vector, twist or wrench in axes of an inner frame, in axes of the outer one; reference points stay.",
+        summary: "Transforms a vector, twist or wrench from axes of an inner frame to axes of the outer frame; reference points stay.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
-        formula: "R in, of twists and wrenches both vectors; q [in, 0] q⁻¹ as in + 2w (u × in) + 2u × (u × in)",
+        formula: "R in, for twists and wrenches applied to both vectors; q [in, 0] q⁻¹ as in + 2w (u × in) + 2u × (u × in)",
         inputs: &[
             Port::typed("rotation", Type::Rotation, "rotation of B in A"),
             Port::of("in", TypeFamily::Axes, UnitRule::Var(0), "in axes of B"),
@@ -61,7 +61,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
     use crate::types::Store;
 
-    /// Roll 0.3, pitch -0.5, yaw 1.2 rad, and where it takes [1, 2, 3] (scipy 1.17).
+    /// Roll 0.3, pitch -0.5, yaw 1.2 rad, and the image of [1, 2, 3] (scipy 1.17).
     const TURN: [f64; 4] = [
         0.25762853798958335,
         -0.12014247631977643,

@@ -1,4 +1,4 @@
-//! `RotationBezier`: a smooth way between two rotations that begins and ends with given angular velocities.
+//! `RotationBezier`: a smooth curve between two rotations with given angular velocities at its ends.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -16,7 +16,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         formula: "de Casteljau with Slerp of from, exp(v₀/3) from, exp(-v₁/3) to, to (Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985)",
         examples: &[
             Example::new(
-                "an even turn about z is its own curve",
+                "a uniform rotation about z is reproduced",
                 "",
                 "from | to | from_velocity | to_velocity | s | out\n\
              {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 1.2] | [0, 0, 1.2] | 0.25 | {rpy: [0, 0, 0.3]}\n\
@@ -24,7 +24,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 1.2] | [0, 0, 1.2] | 1 | {rpy: [0, 0, 1.2]}",
             ),
             Example::new(
-                "from rest to rest: 3s² - 2s³ of the way",
+                "from rest to rest: fraction 3s² - 2s³ of the rotation",
                 "",
                 "from | to | from_velocity | to_velocity | s | out\n\
              {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 0] | [0, 0, 0] | 0.25 | {rpy: [0, 0, 0.1875]}\n\
@@ -50,7 +50,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "s",
                 UnitRule::Is(Unit::ONE),
-                "progress, 0 to 1; beyond, the curve goes on",
+                "curve parameter, 0 to 1; outside, the curve is extrapolated",
             ),
         ],
         outputs: &[Port::typed("out", Type::Rotation, "rotation at s, in A")],

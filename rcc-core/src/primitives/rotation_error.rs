@@ -1,4 +1,4 @@
-//! `RotationError`: what is missing from one rotation to another, as a rotation vector.
+//! `RotationError`: the difference between an actual and a desired rotation, as a rotation vector.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -10,11 +10,11 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationError",
-        summary: "The turn that leads from one rotation to another, as axis times angle in the outer axes.",
+        summary: "The rotation that leads from one rotation to another, as axis × angle in the outer axes.",
         undefined: "overflow: a quaternion that cannot be normalized",
-        formula: "log(to from⁻¹); at 180° one of two vectors is taken (Caccavale et al., Role of Euler parameters in robot control, Asian J. Control 1(1), 1999)",
+        formula: "log(to from⁻¹); at 180° one of the two possible vectors is returned (Caccavale et al., Role of Euler parameters in robot control, Asian J. Control 1(1), 1999)",
         examples: &[Example::new(
-            "oblique (scipy 1.17), and none",
+            "oblique (scipy 1.17), and zero",
             "",
             "from | to | out\n\
              {quat: [0.18485641079320972, -0.323498718888117, 0.5083551296813268, 0.7763708832723447]} | {rpy: [0.3, -0.5, 1.2]} | [-0.13329337432887994, 0.36527084124707254, 0.22884581650653762]\n\
@@ -22,8 +22,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              null | {rpy: [0, 0, 1]} | null",
         )],
         inputs: &[
-            Port::typed("from", Type::Rotation, "rotation that is, in A"),
-            Port::typed("to", Type::Rotation, "rotation that shall be, in A"),
+            Port::typed("from", Type::Rotation, "actual rotation, in A"),
+            Port::typed("to", Type::Rotation, "desired rotation, in A"),
         ],
         outputs: &[Port::new(
             "out",

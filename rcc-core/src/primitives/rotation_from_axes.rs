@@ -1,4 +1,4 @@
-//! `RotationFromAxes`: a rotation from where its x axis points and on which side its y axis is.
+//! `RotationFromAxes`: a rotation from the direction of its x axis and the side of its y axis.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -26,13 +26,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "x",
                 PortType::Is(Type::Vector3),
                 UnitRule::Var(0),
-                "where the x axis of B points, in axes of A",
+                "direction of the x axis of B, in axes of A",
             ),
             Port::new(
                 "y",
                 PortType::Is(Type::Vector3),
                 UnitRule::Var(1),
-                "on which side of it y is; need not be square to it",
+                "half plane of the y axis of B, in axes of A; need not be perpendicular to x",
             ),
         ],
         outputs: &[Port::typed(

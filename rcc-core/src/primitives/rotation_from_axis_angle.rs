@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "axis",
                 PortType::Is(Type::Vector3),
                 UnitRule::Var(0),
-                "axis of any length but zero",
+                "axis, any length except 0",
             ),
             Port::real("angle", UnitRule::Is(Unit::RADIAN), "angle about it"),
         ],

@@ -1,4 +1,4 @@
-//! `RotationFromMatrix`: the rotation that is nearest to a matrix which is nearly one.
+//! `RotationFromMatrix`: the rotation nearest to an approximate rotation matrix.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -10,11 +10,11 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationFromMatrix",
-        summary: "The rotation nearest to a 3 × 3 matrix, made orthonormal first.",
-        undefined: "a matrix with an element of |MᵀM - 1| above 1e-3; one that mirrors; overflow: an infinite input",
+        summary: "The rotation nearest to a 3 × 3 matrix, which is orthonormalized first.",
+        undefined: "a matrix with an element of |MᵀM - 1| above 1e-3; a reflection; overflow: an infinite input",
         formula: "three steps M ← M (3 - MᵀM) / 2 (Björck and Bowie, SIAM J. Numer. Anal. 8(2), 1971), then Shepperd, J. Guidance and Control 1(3), 1978",
         examples: &[Example::new(
-            "a general one (scipy 1.17), a rounded one, and what is none",
+            "a general, a rounded, and an invalid matrix (scipy 1.17)",
             "",
             "in | out\n\
              [[0.31799884649448174, -0.9417497709439282, 0.10947192587708207], [0.8179412488450797, 0.2141223485536774, -0.533969786867767], [0.4794255386042029, 0.2593433800522307, 0.8383866435942033]] | {quat: [0.25762853798958335, -0.12014247631977643, 0.5714598517275828, 0.7698226806613264]}\n\

@@ -10,11 +10,11 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationFromQuaternion",
-        summary: "A rotation from a quaternion of any length but zero.",
-        undefined: "all four zero (or all so small or large that their squares are 0 or no numbers); overflow: an infinite input",
+        summary: "A rotation from a quaternion of any length except 0.",
+        undefined: "all four zero (or so small or large that their squares underflow or overflow); overflow: an infinite input",
         formula: "q / |q|; Hamilton, ij = k (Solà, arXiv:1711.02508, table 1)",
         examples: &[Example::new(
-            "any length but zero",
+            "normalization",
             "",
             "x | y | z | w | out\n\
              0 | 0 | 0 | 2 | {quat: [0, 0, 0, 1]}\n\
@@ -26,12 +26,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real("x", UnitRule::Is(Unit::ONE), "factor of i"),
             Port::real("y", UnitRule::Is(Unit::ONE), "factor of j"),
             Port::real("z", UnitRule::Is(Unit::ONE), "factor of k"),
-            Port::real("w", UnitRule::Is(Unit::ONE), "the real part"),
+            Port::real("w", UnitRule::Is(Unit::ONE), "real part"),
         ],
         outputs: &[Port::typed(
             "out",
             Type::Rotation,
-            "rotation of B in A, of length 1, with the sign of the input",
+            "rotation of B in A, normalized, with the sign of the input",
         )],
         ..Spec::PLAIN
     },

@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         undefined: "overflow: an infinite input",
         formula: "R = Rz(yaw) Ry(pitch) Rx(roll); the same as A = yaw, B = pitch, C = roll about moving axes z, y, x (KUKA)",
         examples: &[Example::new(
-            "one axis, and all (scipy 1.17)",
+            "one axis, and all axes (scipy 1.17)",
             "",
             "roll | pitch | yaw | out\n\
              0 | 0 | 0 | {quat: [0, 0, 0, 1]}\n\

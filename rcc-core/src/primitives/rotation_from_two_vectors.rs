@@ -1,4 +1,4 @@
-//! `RotationFromTwoVectors`: the shortest turn from one direction to another.
+//! `RotationFromTwoVectors`: the shortest rotation from one direction to another.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -9,9 +9,9 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationFromTwoVectors",
-        summary: "The shortest turn that brings the direction of one vector to that of another.",
-        undefined: "a zero vector; opposite directions (to 1e-9 rad), for every axis square to them would do; overflow: an infinite input",
-        formula: "q = [a × b, |a + b|² / 2] of the directions, at length one",
+        summary: "The shortest rotation that turns the direction of one vector into that of another.",
+        undefined: "a zero vector; opposite directions (to 1e-9 rad), for which every perpendicular axis is valid; overflow: an infinite input",
+        formula: "q = [a × b, |a + b|² / 2] of the directions, normalized",
         examples: &[Example::new(
             "oblique (numpy, scipy 1.17), and opposite",
             "",
@@ -39,7 +39,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed(
             "out",
             Type::Rotation,
-            "turn, in these axes; its axis is square to both",
+            "rotation, in these axes; its axis is perpendicular to both vectors",
         )],
         ..Spec::PLAIN
     },

@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         undefined: "overflow: an infinite input, a result out of range",
         formula: "q = [sin(a/2) in/a, cos(a/2)] with a = |in|, a series near 0 (Grassia, J. Graphics Tools 3(3), 1998)",
         examples: &[Example::new(
-            "oblique (scipy 1.17), and none",
+            "oblique (scipy 1.17), and zero",
             "",
             "in | out\n\
              [0.4, -0.7, 1.1] | {quat: [0.18485641079320972, -0.323498718888117, 0.5083551296813268, 0.7763708832723447]}\n\
@@ -26,7 +26,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "in",
             PortType::Is(Type::Vector3),
             UnitRule::Is(Unit::RADIAN),
-            "axis times angle",
+            "axis × angle",
         )],
         outputs: &[Port::typed(
             "out",

@@ -10,11 +10,11 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToAxisAngle",
-        summary: "The axis, at length one, and the angle of a rotation.",
+        summary: "The unit axis and the angle of a rotation.",
         undefined: "overflow: a quaternion that cannot be normalized",
-        formula: "angle = 2 atan2(|u|, w) for q = [u, w] with w >= 0; at 180° both axes are right, and the one whose last element that is not zero is positive is taken",
+        formula: "angle = 2 atan2(|u|, w) for q = [u, w] with w >= 0; at 180° both axes are valid, and the one with a positive last nonzero element is returned",
         examples: &[Example::new(
-            "oblique (scipy 1.17), 180° and none",
+            "oblique (scipy 1.17), 180° and no rotation",
             "",
             "in | axis | angle\n\
              {rpy: [0.3, -0.5, 1.2]} | [0.4036433731391749, -0.18823502542629336, 0.8953432875291975] | 1.3844660788463787\n\
@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "axis",
                 PortType::Is(Type::Vector3),
                 UnitRule::Is(Unit::ONE),
-                "axis, length 1, the same in A and B; z if nothing turns",
+                "unit axis, the same in A and B; z for no rotation",
             ),
             Port::real("angle", UnitRule::Is(Unit::RADIAN), "angle about it")
                 .within(0.0, core::f64::consts::PI),

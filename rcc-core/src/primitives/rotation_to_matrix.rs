@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         undefined: "overflow: a quaternion that cannot be normalized",
         formula: "Solà, arXiv:1711.02508, section 2",
         examples: &[Example::new(
-            "a general one (scipy 1.17)",
+            "a general rotation (scipy 1.17)",
             "",
             "in | out\n\
              {rpy: [0.3, -0.5, 1.2]} | [[0.31799884649448174, -0.9417497709439282, 0.10947192587708207], [0.8179412488450797, 0.2141223485536774, -0.533969786867767], [0.4794255386042029, 0.2593433800522307, 0.8383866435942033]]\n\

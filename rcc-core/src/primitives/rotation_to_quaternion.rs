@@ -1,4 +1,4 @@
-//! `RotationToQuaternion`: the four numbers of a rotation.
+//! `RotationToQuaternion`: the four elements of a rotation's quaternion.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
@@ -6,16 +6,16 @@ use crate::rotation;
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 
-/// One, and what rounding adds.
+/// 1 plus rounding.
 const BOUND: f64 = 1.0 + 1e-14;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToQuaternion",
-        summary: "The quaternion of a rotation, of the two the one with w ≥ 0.",
+        summary: "The quaternion of a rotation, with w ≥ 0.",
         undefined: "overflow: a quaternion that cannot be normalized",
-        formula: "Hamilton, ij = k; if w = 0 the last element that is not zero is positive",
+        formula: "Hamilton, ij = k; if w = 0, the last nonzero element is positive",
         examples: &[Example::new(
             "the sign",
             "",
@@ -29,7 +29,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real("x", UnitRule::Is(Unit::ONE), "factor of i").within(-BOUND, BOUND),
             Port::real("y", UnitRule::Is(Unit::ONE), "factor of j").within(-BOUND, BOUND),
             Port::real("z", UnitRule::Is(Unit::ONE), "factor of k").within(-BOUND, BOUND),
-            Port::real("w", UnitRule::Is(Unit::ONE), "the real part").within(0.0, BOUND),
+            Port::real("w", UnitRule::Is(Unit::ONE), "real part").within(0.0, BOUND),
         ],
         ..Spec::PLAIN
     },

@@ -12,11 +12,11 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToRpy",
-        summary: "Roll, pitch and yaw of a rotation; where they are not determined, at a pitch of ±90°, yaw is 0.",
+        summary: "Roll, pitch and yaw of a rotation; at the gimbal lock, a pitch of ±90°, yaw is 0.",
         undefined: "overflow: a quaternion that cannot be normalized",
         formula: "Rz(yaw) Ry(pitch) Rx(roll) = R, by half sums and differences (Bernardes and Viollet, PLoS ONE 17(11), 2022); within 1e-10 rad of the gimbal lock yaw is 0",
         examples: &[Example::new(
-            "the angles come back, and the gimbal lock",
+            "the angles are recovered, and the gimbal lock",
             "",
             "in | roll | pitch | yaw\n\
              {rpy: [0.3, -0.5, 1.2]} | 0.3 | -0.5 | 1.2\n\

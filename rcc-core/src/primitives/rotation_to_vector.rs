@@ -10,11 +10,11 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToVector",
-        summary: "The axis of a rotation times its angle: the logarithm.",
+        summary: "The rotation vector of a rotation, axis × angle: the logarithm.",
         undefined: "overflow: a quaternion that cannot be normalized",
-        formula: "2 atan2(|u|, w) u/|u| for q = [u, w] with w >= 0; at 180° one of the two is taken, always the same",
+        formula: "2 atan2(|u|, w) u/|u| for q = [u, w] with w >= 0; at 180° always the same one of the two vectors is returned",
         examples: &[Example::new(
-            "oblique (scipy 1.17), 180° and none",
+            "oblique (scipy 1.17), 180° and no rotation",
             "",
             "in | out\n\
              {rpy: [0.3, -0.5, 1.2]} | [0.5588305580623192, -0.26060500755348875, 1.2395724105069739]\n\
@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "out",
             PortType::Is(Type::Vector3),
             UnitRule::Is(Unit::RADIAN),
-            "axis times angle, at most π long; the same in A and B",
+            "axis × angle, length at most π; the same in A and B",
         )],
         ..Spec::PLAIN
     },

@@ -1,4 +1,4 @@
-//! `ScalarGoal`: one axis that goes to a goal which may change in any cycle, as fast as limits of velocity, acceleration and
+//! `ScalarGoal`: moves one axis to a goal that may change in any cycle, as fast as limits of velocity, acceleration and
 //! jerk allow.
 
 use crate::axis::{AXIS_WORDS, rest_at, share_of, step_axis};
@@ -14,17 +14,14 @@ use crate::types::{NULL_BOOL, NULL_REAL, Type};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ScalarGoal",
-        summary: "Goes to a goal that may change in any cycle, as fast as limits of velocity, acceleration and jerk allow.",
-        null: "a null goal or `speed` brings it to rest and keeps it there, a null `stop` counts as true; null only until the \
-               first goal, if there is no `initial`",
+        summary: "Moves to a goal that may change in any cycle, as fast as limits of velocity, acceleration and jerk allow.",
+        null: "a null goal or `speed` brings the axis to rest and keeps it there, a null `stop` counts as true; null only until the first goal, if there is no `initial`",
         null_rule: NullRule::Remembers,
         undefined: "no goal yet and no `initial`",
-        formula: "the fastest way from any state to rest in phases of constant jerk: Berscheid and Kröger, Jerk-limited \
-                  real-time trajectory generation with arbitrary target states, RSS 2021; from rest the double S of \
-                  Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, 3.4",
+        formula: "the time-optimal motion from any state to rest in phases of constant jerk: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states, RSS 2021; from rest the double S of Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, 3.4",
         examples: &[
             Example::new(
-                "a way on which only the jerk counts: four phases of a second; it begins at the first goal",
+                "a motion limited by jerk only: four phases of a second; starts at the first goal",
                 "{max_velocity: 10, max_acceleration: 10, max_jerk: 6}",
                 "goal | position | velocity | acceleration | done
                  0 | 0 | 0 | 0 | true
@@ -36,7 +33,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .every_ms(1000),
             Example::new(
-                "braked half-way, in two phases of a second, and done where it rests",
+                "braked halfway, in two phases of a second; done at rest",
                 "{max_velocity: 10, max_acceleration: 10, max_jerk: 6, initial: 0}",
                 "goal | stop | position | velocity | done
                  12 | false | 1 | 3 | false
@@ -47,7 +44,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .every_ms(1000),
         ],
         inputs: &[
-            Port::real("goal", UnitRule::Var(0), "where to be"),
+            Port::real("goal", UnitRule::Var(0), "goal"),
             Port::real(
                 "speed",
                 UnitRule::ONE,
@@ -75,7 +72,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "initial",
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0)),
-                "where it begins, at rest; without it at the first goal",
+                "start position, at rest; if omitted, the first goal",
             )
             .default(DefaultValue::Null),
         ],

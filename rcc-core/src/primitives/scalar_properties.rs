@@ -1,5 +1,5 @@
-//! Laws of the scalar primitives, with inputs that look random, extremes and null among them: what comes out is finite or
-//! null and in its range, and nothing that went in stays for ever. Test code only.
+//! Properties of the scalar primitives, tested with pseudo-random inputs that include extremes and null: every output
+//! is finite or null and in its range, and no input has a permanent effect. Test code only.
 
 use std::vec::Vec;
 
@@ -10,7 +10,7 @@ use crate::primitive::{
 use crate::testing::PrimitiveHarness;
 use crate::types::{NULL_INT, Store, Type};
 
-/// What passes an infinite number on, as IEEE 754 has it: primitives that nets have by the hundred.
+/// Primitives that pass infinite numbers on, as defined by IEEE 754: those that occur in nets by the hundred.
 const WITH_INFINITIES: &[&str] = &[
     "Abs",
     "Add",
@@ -73,7 +73,7 @@ impl Random {
     }
 }
 
-/// The arena of the ports of a type, with `open` for those that links decide.
+/// Returns the arena of ports of a type; `open` is the arena of ports whose type is inferred.
 fn store(ty: PortType, open: Store) -> Option<Store> {
     match ty {
         PortType::Is(Type::Real) => Some(Store::Real),
@@ -84,7 +84,7 @@ fn store(ty: PortType, open: Store) -> Option<Store> {
     }
 }
 
-/// The primitives whose ports are all scalars, each with an arena of its open ports.
+/// Returns the primitives whose ports are all scalars, each with an arena for its open ports.
 fn scalars() -> Vec<(&'static CatalogueEntry, Store)> {
     let all = CATALOGUE.iter().flat_map(|entry| {
         let stores = [Store::Real, Store::Int, Store::Bool];
@@ -107,7 +107,7 @@ fn scalars() -> Vec<(&'static CatalogueEntry, Store)> {
     .collect()
 }
 
-/// A bench of the primitive, with parameters in the middle of their ranges.
+/// Returns a harness of the primitive, with parameters in the middle of their ranges.
 fn bench((entry, open): (&'static CatalogueEntry, Store)) -> PrimitiveHarness {
     let spec = &entry.spec;
     let mut bench = PrimitiveHarness::wide(spec.name, Some(open), 1);
@@ -137,7 +137,7 @@ fn usual(parameter: &Parameter) -> f64 {
     }
 }
 
-/// Sets an input to something, and says whether it is null.
+/// Sets an input to a pseudo-random value; returns whether it is null.
 fn set(bench: &mut PrimitiveHarness, port: &Port, store: Store, random: &mut Random) -> bool {
     match store {
         Store::Real => {
@@ -158,7 +158,7 @@ fn set(bench: &mut PrimitiveHarness, port: &Port, store: Store, random: &mut Ran
     }
 }
 
-/// An output as a number, NaN if it is null.
+/// Returns an output as a number, NaN if it is null.
 fn number(bench: &PrimitiveHarness, port: &Port, store: Store) -> f64 {
     match store {
         Store::Real => bench.real(port.name),
@@ -217,7 +217,7 @@ fn nothing_that_went_in_stays_for_ever() {
                 }
                 bench.step();
             }
-            // Simple inputs, in the order of their ports, so that lows are below highs.
+            // Simple inputs, increasing in port order, so that lower bounds are below upper bounds.
             for bench in [&mut bench, &mut fresh] {
                 for (index, port) in spec.inputs.iter().enumerate() {
                     match store(port.ty, open).unwrap() {

@@ -1,5 +1,5 @@
-//! `SecondOrderLowPass`: a second-order low-pass filter by cutoff and damping. Its coefficients are computed when the net is
-//! made ready.
+//! `SecondOrderLowPass`: a second-order low-pass filter given by cutoff and damping. Its coefficients are computed when
+//! the net is prepared.
 
 use core::f64::consts::FRAC_1_SQRT_2;
 
@@ -19,7 +19,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         formula: "ω² / (s² + 2 damping ω s + ω²), ω = 2π cutoff; bilinear transform with prewarping \
                   (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.2.2)",
         examples: &[Example::new(
-            "a step at a quarter of the rate, Butterworth: it begins in the steady state of its first input",
+            "a step, Butterworth, with the cutoff at a quarter of the rate: starts in the steady state of the first input",
             "{cutoff: 2.5 Hz}",
             "in | out
              1 | 1
@@ -34,7 +34,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::real("in", UnitRule::Var(0), "number to filter")],
         outputs: &[Port::real("out", UnitRule::Var(0), "filtered number")],
         parameters: &[Parameter::real("cutoff", UnitRule::HERTZ, "frequency at which the gain is 1 / (2 damping), below half of the net's rate").above(0.0).below_nyquist(),
-            Parameter::real("damping", UnitRule::ONE, "1/√2: as flat as possible (Butterworth); 1: no overshoot")
+            Parameter::real("damping", UnitRule::ONE, "1/√2: maximally flat (Butterworth); 1: no overshoot")
                 .default(DefaultValue::Real(FRAC_1_SQRT_2))
                 .above(0.0),],
         state: filter::STATE,

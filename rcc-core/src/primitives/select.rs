@@ -1,6 +1,6 @@
-//! `Select`: one of two values of any type, by a condition.
+//! `Select`: selects one of two values of any type, by a condition.
 //!
-//! Only the condition and the chosen value matter for null.
+//! Null depends only on the condition and the selected value.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -13,12 +13,12 @@ use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Select",
-        summary: "One of two values, by a condition.",
-        null: "a null condition gives null; of the values only the chosen one matters",
+        summary: "Selects one of two values, by a condition.",
+        null: "a null condition gives null; among the values, only the selected one matters",
         null_rule: NullRule::FirstAndAnyKnown,
         examples: &[
             Example::new(
-                "only the condition and the chosen value matter",
+                "only the condition and the selected value matter",
                 "",
                 "condition | yes | no | out
                  true | 1.5 | 2.5 | 1.5
@@ -36,7 +36,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             ),
         ],
         inputs: &[
-            Port::bool("condition", "which value"),
+            Port::bool("condition", "condition"),
             Port::new(
                 "yes",
                 PortType::Any,
@@ -54,7 +54,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             "out",
             PortType::Any,
             UnitRule::Var(0),
-            "the chosen value",
+            "selected value",
         )],
         ..Spec::PLAIN
     },

@@ -1,5 +1,5 @@
-//! `Shift`: the bits of a whole number moved to the left, or, by a negative number of places, to the right. It is
-//! arithmetic: to the left multiplies by powers of 2, to the right divides and rounds down.
+//! `Shift`: shifts the bits of an integer to the left or, by a negative number of places, to the right. The shift is
+//! arithmetic: left multiplies by powers of 2, right divides and rounds down.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
@@ -7,11 +7,11 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Shift",
-        summary: "The bits of an integer moved to the left; by a negative number of places, to the right.",
-        undefined: "overflow: bits that would be lost; `BitAnd` takes them off before",
+        summary: "Shifts the bits of an integer to the left or, by a negative number of places, to the right.",
+        undefined: "overflow: significant bits that would be lost; remove them with `BitAnd` before",
         formula: "out = ⌊in · 2^by⌋",
         examples: &[Example::new(
-            "to the left and to the right",
+            "left and right",
             "",
             "in | by | out
              5 | 2 | 20
@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         inputs: &[
             Port::int("in", "operand"),
-            Port::int("by", "places to the left"),
+            Port::int("by", "number of places to the left"),
         ],
         outputs: &[Port::int("out", "result")],
         ..Spec::PLAIN
@@ -38,15 +38,15 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     })],
 );
 
-/// The result, and whether it is out of range.
+/// Returns the result and whether it is out of range.
 #[inline(always)]
 fn shifted(value: i64, by: i64) -> (i64, bool) {
     if by < 0 {
-        // 63 places leave nothing but the sign.
+        // A right shift by 63 places leaves only the sign.
         return (value >> by.saturating_neg().min(63), false);
     }
     let left = value << by.min(63);
-    // What was lost does not come back.
+    // Shifting back must restore the input, otherwise bits were lost.
     (
         left,
         (left >> by.min(63) != value) | ((by > 63) & (value != 0)),

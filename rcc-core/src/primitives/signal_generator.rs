@@ -12,12 +12,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SignalGenerator",
         summary: "Periodic test signals: sine, square, triangle and sawtooth.",
-        null: "a null input gives null; a null frequency holds the phase",
+        null: "a null input gives null; a null frequency freezes the phase",
         undefined: "overflow",
-        formula: "phase += frequency · dt (turns): a frequency that changes makes no jump; offset + amplitude times sin(2π \
-                  phase), ±1 by halves, the triangle and the line through the same zero",
+        formula: "phase += frequency · dt (turns), so that a change of frequency causes no jump; offset + amplitude times sin(2π phase), ±1 by half turns, and the triangle and the sawtooth with the same zero crossing",
         examples: &[Example::new(
-            "an eighth of a turn each cycle",
+            "an eighth of a period per cycle",
             "",
             "frequency | amplitude | offset | sine | square | triangle | sawtooth
                  125 Hz | 2.0 | 1.0 | 1.0 | 3.0 | 1.0 | 1.0
@@ -29,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  125 Hz | 2.0 | 1.0 | -1.0 | -1.0 | -1.0 | 0.0",
         )],
         inputs: &[
-            Port::real("frequency", UnitRule::HERTZ, "turns per second"),
+            Port::real("frequency", UnitRule::HERTZ, "frequency"),
             Port::real(
                 "amplitude",
                 UnitRule::Var(0),
@@ -39,27 +38,27 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real("offset", UnitRule::Var(0), "mean").default(DefaultValue::Real(0.0)),
         ],
         outputs: &[
-            Port::real("sine", UnitRule::Var(0), "begins at the mean, upwards").diagnostic(),
+            Port::real("sine", UnitRule::Var(0), "sine; starts at the mean, rising").diagnostic(),
             Port::real(
                 "square",
                 UnitRule::Var(0),
-                "high in the first half of a turn, low in the second",
+                "square wave; high in the first half of the period, low in the second",
             )
             .diagnostic(),
             Port::real(
                 "triangle",
                 UnitRule::Var(0),
-                "begins at the mean, upwards; its peaks are the sine's",
+                "triangle wave; starts at the mean, rising, with the peaks of the sine",
             )
             .diagnostic(),
             Port::real(
                 "sawtooth",
                 UnitRule::Var(0),
-                "begins at the mean, upwards; it falls in the middle of a turn",
+                "sawtooth; starts at the mean, rising; falls in the middle of the period",
             )
             .diagnostic(),
         ],
-        // phase, turns
+        // phase, in turns
         state: StateSpec {
             reals: 1,
             ..StateSpec::NONE
@@ -109,7 +108,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 8]) -> Option<()> {
     }
     let moved = phase + frequency * frame.dt_s;
     let next = moved - libm::floor(moved);
-    // What rounding leaves at a whole turn is the beginning of the next one.
+    // Rounding may leave a full turn: it is the start of the next one.
     let next = if next < 1.0 { next } else { 0.0 };
     frame.put_real(state, if moved.is_finite() { next } else { phase })
 }

@@ -1,7 +1,7 @@
-//! `SplineMotion`: a smooth curve of the flange through poses, jerk-limited, that can be stopped on the path.
+//! `SplineMotion`: a jerk-limited smooth curve of the flange through poses, with a stop on the path.
 //!
-//! A natural spline of the fifth degree in position and orientation: the third derivative has the least mean square of all
-//! curves through the poses. Joints are given as well, by the arm angle and the branch of the start.
+//! A natural spline of degree 5 in position and orientation: among all curves through the poses, it has the least mean
+//! square of the third derivative. Joints are computed as well, with the arm angle and the branch of the start.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::{LEGS_MAX, Leg, MotionLimits, PathRequest, PathSegment};
@@ -16,10 +16,10 @@ use super::along::{self, PORTS};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SplineMotion",
-        summary: "A smooth curve of the flange through poses, jerk-limited, with a soft stop on the path.",
+        summary: "A jerk-limited smooth curve of the flange through poses, with a soft stop on the path.",
         null: along::NULL,
         null_rule: NullRule::Known,
-        formula: "natural spline of degree 5 (de Boor, A Practical Guide to Splines, XIII) by chord length, followed by arc length; orientation in modified Rodrigues parameters",
+        formula: "natural spline of degree 5 (de Boor, A Practical Guide to Splines, XIII) over chord length, followed by arc length; orientation in modified Rodrigues parameters",
         inputs: along::INPUTS,
         outputs: along::OUTPUTS,
         parameters: &[
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "through",
                 ParameterKind::Poses(Dim::Var(0)),
-                "poses of the flange in the arm's base that it goes through, up to 128; the last one is the end",
+                "poses of the flange in the arm's base through which the curve passes, up to 128; the last one is the end",
             ),
             along::FLANGE[0],
             along::FLANGE[1],

@@ -12,7 +12,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "The position and the rotation of a pose.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized",
         examples: &[Example::new(
-            "both, or null",
+            "known, and null",
             "",
             "in | position | rotation\n\
              {xyz: [1, -2, 3.5], rpy: [0.3, -0.5, 1.2]} | [1, -2, 3.5] | {rpy: [0.3, -0.5, 1.2]}\n\

@@ -13,7 +13,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "The two vectors of a twist: velocity of the reference point and angular velocity.",
         undefined: "overflow: an infinite input",
         examples: &[Example::new(
-            "both, or null",
+            "known, and null",
             "",
             "in | linear | angular\n\
              [1, 2, 3, -4, -5, -6] | [1, 2, 3] | [-4, -5, -6]\n\

@@ -13,7 +13,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "The two vectors of a wrench: force and torque.",
         undefined: "overflow: an infinite input",
         examples: &[Example::new(
-            "both, or null",
+            "known, and null",
             "",
             "in | force | torque\n\
              [1, 2, 3, -4, -5, -6] | [1, 2, 3] | [-4, -5, -6]\n\

@@ -1,4 +1,4 @@
-//! `SquareRoot`: correctly rounded; a negative number has none and yields null.
+//! `SquareRoot`: correctly rounded; a negative number gives null.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
@@ -7,11 +7,11 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, ea
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SquareRoot",
-        summary: "The square root of a number; its unit is the root of the number's.",
+        summary: "The square root of a number; its unit is the square root of the number's unit.",
         null: "a null input gives null, and so does a negative one",
         undefined: "in < 0",
         examples: &[Example::new(
-            "a root, and none of a negative number",
+            "a root, and a negative number",
             "",
             "in | out
                  4 | 2

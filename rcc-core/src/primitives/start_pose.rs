@@ -1,4 +1,5 @@
-//! `StartPose`: where an arm's flange was held when the command was prepared: what holds something, holds it there.
+//! `StartPose`: the pose in which an arm's flange was held when the command was prepared, constant while the command
+//! runs.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::pose::Pose;
@@ -9,10 +10,10 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "StartPose",
-        summary: "Where an arm's flange is when the command starts: the pose of its hold set-point, the same in every cycle.",
+        summary: "The pose of an arm's flange when the command starts: that of its hold set-point, the same in every cycle.",
         outputs: &[
             Port::typed("pose", Type::Pose, "flange in the arm's base").diagnostic(),
-            Port::typed("world", Type::Pose, "flange in the world of the cell").diagnostic(),
+            Port::typed("world", Type::Pose, "flange in the world frame of the cell").diagnostic(),
         ],
         parameters: &[Parameter::arm()],
         // both poses

@@ -1,4 +1,4 @@
-//! `StateMachine`: a small table of transitions between numbered states, at most one transition a cycle.
+//! `StateMachine`: a small table of transitions between numbered states, with at most one transition per cycle.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,27 +12,34 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "StateMachine",
-        summary: "A state that changes by a table of transitions, at most once a cycle.",
+        summary: "A state that changes by a table of transitions, at most once per cycle.",
         null: "a null condition counts as false; the outputs are never null",
         null_rule: NullRule::Known,
-        formula: "Moore machine: the first row [from, to, on] of the table with from = state and on[on] true leads to `to`",
+        formula: "Moore machine: the first row [from, to, on] with from = state and on[on] true leads to `to`",
         inputs: &[
             Port::new(
                 "on",
                 PortType::Array(ElementType::Are(Type::Bool), Dim::Var(0)),
                 UnitRule::Typed,
-                "the conditions that rows name by their number",
+                "conditions, referred to by index in the rows",
             ),
-            Port::bool("reset", "back to the initial state, before any transition")
-                .default(DefaultValue::Bool(false)),
+            Port::bool(
+                "reset",
+                "returns to the initial state, before any transition",
+            )
+            .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
-            Port::int("state", "the state after this cycle's transition"),
-            Port::bool("entered", "the state was entered in this cycle").diagnostic(),
+            Port::int("state", "state after this cycle's transition"),
+            Port::bool(
+                "entered",
+                "true in the cycle in which the state was entered",
+            )
+            .diagnostic(),
             Port::real(
                 "time",
                 UnitRule::Is(Unit::SECOND),
-                "since it was entered, 0 in that cycle",
+                "time since the state was entered, 0 in that cycle",
             )
             .within(0.0, f64::INFINITY)
             .diagnostic(),
@@ -44,12 +51,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                     PortType::Matrix(Dim::Var(1), Dim::Is(3)),
                     UnitRule::Is(Unit::ONE),
                 ),
-                "rows of three integers: from which state, to which one, on which condition (from 0); the first that fits wins",
+                "rows of three integers: from state, to state, index of the condition (from 0); the first matching row wins",
             ),
             Parameter::new(
                 "initial",
                 ParameterKind::Value(PortType::Is(Type::Int), UnitRule::Typed),
-                "the state before the first transition",
+                "state before the first transition",
             )
             .default(DefaultValue::Int(0)),
         ],
@@ -95,7 +102,7 @@ fn step(frame: &mut Frame<'_>, group: [u32; 11]) -> Option<()> {
     let mut moved = begins;
     for row in 0..rows {
         let [from, to, condition] = frame.get_reals(table + row * 3)?;
-        // Saturates; what is no whole number of a condition is none.
+        // Saturates; an invalid condition index matches no condition.
         let condition = condition as u32;
         let fits = from == before as f64 && condition < conditions;
         if fits && frame.get_bool(on + condition)? == 1 {

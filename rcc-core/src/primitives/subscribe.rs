@@ -1,7 +1,7 @@
 //! `Subscribe`: a value that another net publishes.
 //!
-//! It has no kernel: the executor copies what was published up to the cycle before into the net before it evaluates any, so
-//! that the order in which nets are evaluated never shows.
+//! It has no kernel: before the executor evaluates any net, it copies the values published up to the previous cycle
+//! into the net, so that the order in which nets are evaluated has no effect.
 
 use super::input::{TYPE, UNIT};
 use crate::primitive::{
@@ -14,9 +14,8 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Subscribe",
-        summary: "A value that another net publishes, as of the cycle before.",
-        null: "null while no running net publishes it, unless an initial value is given and nothing was published yet; a \
-               null that is published is null, and what is too old expires to null",
+        summary: "A value that another net publishes, as of the previous cycle.",
+        null: "null while no running net publishes it, unless an initial value is given and nothing has been published yet; a published null is null, and an old value expires to null",
         null_rule: NullRule::Known,
         undefined: "no running net publishes it, null is published, or what was published has expired",
         outputs: &[
@@ -24,13 +23,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "value",
                 PortType::Any,
                 UnitRule::Var(0),
-                "what was published last",
+                "last published value",
             ),
             Port::real(
                 "age",
                 UnitRule::SECOND,
-                "time since this net could see it first, 0 in that evaluation (the null when its net ends comes too); null if \
-                 nothing ever came",
+                "time since this net could first see the value, 0 in that evaluation (also for the null when the publishing net ends); null if no value ever arrived",
             )
             .diagnostic(),
         ],
@@ -38,20 +36,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new(
                 "topic",
                 ParameterKind::Topic,
-                "the name under which another net publishes it",
+                "name of the topic that another net publishes",
             ),
             TYPE,
             UNIT,
             Parameter::new(
                 "initial",
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
-                "the value before the first one comes; it does not expire, and does not come again when the other net ends",
+                "value before the first one arrives; does not expire, and does not return when the publishing net ends",
             )
             .default(DefaultValue::Null),
             Parameter::new(
                 "expires",
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::SECOND),
-                "what could be seen longer ago than this is null: for a net that publishes more seldom than this one reads",
+                "a value that is older than this becomes null: for a net that publishes less often than this one reads",
             )
             .default(DefaultValue::Null)
             .above(0.0),

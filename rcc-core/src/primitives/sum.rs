@@ -1,4 +1,4 @@
-//! `Sum`: the sum of the elements of an array, from the first to the last, each step rounded once.
+//! `Sum`: the sum of the elements of an array, from the first to the last, with each step rounded once.
 
 use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Kernel, Spec, fold_int, fold_real};
 use crate::types::Store;

@@ -1,4 +1,4 @@
-//! `Tangent`: the tangent of an angle; no Real is exactly a right angle, so that every angle has one.
+//! `Tangent`: the tangent of an angle; defined for every finite angle, because no Real is exactly π/2.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_real};
 
@@ -10,12 +10,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         undefined: "overflow: an infinite angle",
         formula: "out = tan(in); libm (from FreeBSD msun), error below 1 unit in the last place",
         examples: &[Example::new(
-            "half of a right angle, to both sides",
+            "±45°",
             "",
             "in | out\n 0 | 0\n deg(45) | 1\n deg(-45) | -1\n null | null",
         )],
         inputs: &[Port::real("in", UnitRule::RADIAN, "angle")],
-        outputs: &[Port::real("out", UnitRule::ONE, "its tangent")],
+        outputs: &[Port::real("out", UnitRule::ONE, "tangent")],
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| {

@@ -1,4 +1,4 @@
-//! `Tare`: the value of a moment, averaged over a time, becomes zero, as the button of a balance does it.
+//! `Tare`: makes the current value, averaged over a time, the new zero, like the tare button of a scale.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,15 +11,13 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Tare",
-        summary: "A number, vector or wrench relative to what it was when `trigger` became true, averaged over a time.",
-        null: "a null element gives a null element; a cycle with one is not averaged, and `busy` lasts longer; a null \
-               `trigger` starts nothing",
+        summary: "A number, vector or wrench relative to its mean over a time after `trigger` became true.",
+        null: "a null element gives a null element; a cycle with one is not averaged, which prolongs `busy`; a null `trigger` starts nothing",
         undefined: "overflow: an infinite input, a result out of range",
-        formula: "out = in - zero; zero = mean of the n known values from the rising edge of `trigger` on, n · dt ≥ time; \
-                  it is taken over in the cycle of the n-th one",
+        formula: "out = in - zero; zero = mean of the n known values from the rising edge of `trigger` on, n · dt ≥ time; it takes effect in the cycle of the n-th value",
         examples: &[
             Example::new(
-                "the mean of two values; a trigger that stays true does not count again",
+                "mean of two values; a trigger that stays true does not count again",
                 "{time: 2 ms}",
                 "in | trigger | out | zero | busy
                  4.0 | false | 4.0 | 0.0 | false
@@ -32,7 +30,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  1.0 | false | 0.0 | 1.0 | false",
             ),
             Example::new(
-                "a zero that is too far away is refused until the next trigger",
+                "a zero that is too large is refused until the next trigger",
                 "{time: 0, limit: 10.0}",
                 "in | trigger | out | zero | refused
                  3.0 | true | 0.0 | 3.0 | false
@@ -44,28 +42,27 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         inputs: &[
             Port::linear("in", UnitRule::Var(0), "value to tare"),
-            Port::bool("trigger", "begins to average when it becomes true, also in the first cycle")
+            Port::bool("trigger", "starts averaging when it becomes true, also in the first cycle")
                 .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::linear("out", UnitRule::Var(0), "value relative to the zero"),
             Port::linear("zero", UnitRule::Var(0), "the zero: 0 before the first trigger").diagnostic(),
-            Port::bool("busy", "it averages; `out` still has the zero of before").diagnostic(),
-            Port::bool("refused", "the last mean was beyond `limit`, and the zero stayed").diagnostic(),
+            Port::bool("busy", "averaging; `out` still uses the previous zero").diagnostic(),
+            Port::bool("refused", "the last mean exceeded `limit`, and the zero was kept").diagnostic(),
         ],
         parameters: &[
-            Parameter::real("time", UnitRule::SECOND, "how long it averages; 0: one value")
+            Parameter::real("time", UnitRule::SECOND, "averaging time; 0: a single value")
                 .at_least(0.0)
                 .at_most(100.0),
             Parameter::new(
                 "limit",
                 ParameterKind::Value(PortType::Linear, UnitRule::Var(0)),
-                "largest zero, by element; what is beyond, a load for instance, is refused; left out: any",
+                "largest zero, per element; a larger one, e.g. a load, is refused; if omitted, unlimited",
             )
             .default(DefaultValue::Null),
         ],
-        // the trigger of the last cycle, the last mean was refused
-        // 1 + values averaged so far, 0 while it does not average
+        // last trigger; last mean was refused
         state: StateSpec {
             bools: 2,
             ints: 1,
@@ -132,11 +129,11 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 12]) -> Option<()> {
     frame.put_bool(refused, u8::from(beyond))
 }
 
-/// The mean becomes the zero unless an element of it is beyond the limit or no number; says whether it did.
+/// Makes the mean the zero unless an element exceeds the limit or is not finite; returns whether it did.
 fn take(frame: &mut Frame<'_>, [sum, limit, zero, width]: [u32; 4], count: f64) -> Option<bool> {
     for i in 0..width {
         let (mean, most) = (frame.get_real(sum + i)? / count, frame.get_real(limit + i)?);
-        // A null limit is none.
+        // A null limit does not limit.
         if !mean.is_finite() || mean.abs() > most {
             return Some(false);
         }

@@ -1,5 +1,5 @@
-//! `Termination`: ends the command in the cycle in which its input is true. Every net has exactly one
-//! (paper, section IV-C).
+//! `Termination`: ends the command in the cycle in which its input is true. Every net has exactly one (Vistein et al.
+//! 2010, section IV-C).
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Kernel, Port, Role, Spec, each};
@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Termination",
         summary: "Ends the command when its input becomes true.",
         null: "a null input does not end the command",
-        inputs: &[Port::bool("done", "the command is over")],
+        inputs: &[Port::bool("done", "true: the command ends")],
         role: Role::Termination,
         ..Spec::PLAIN
     },

@@ -1,5 +1,5 @@
-//! `Time`: logical time since START, 0 in the first cycle; one period per evaluated cycle, whatever
-//! the wall clock does.
+//! `Time`: logical time since START, 0 in the first cycle; one period per evaluated cycle, independent of the wall
+//! clock.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         formula: "number of the cycle · period",
         examples: &[
             Example::new(
-                "a period a cycle",
+                "one period per cycle",
                 "",
                 "out
                  0 s
@@ -22,7 +22,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  2 ms",
             ),
             Example::new(
-                "of a slower net",
+                "a slower net",
                 "",
                 "out
                  0 s

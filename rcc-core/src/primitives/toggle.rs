@@ -1,4 +1,4 @@
-//! `Toggle`: turns over each time its input becomes true, as a push button for a lamp does.
+//! `Toggle`: inverts its output each time its input becomes true, like the push button of a lamp.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -10,10 +10,10 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Toggle",
-        summary: "Turns over in each cycle in which its input becomes true.",
+        summary: "Inverts its output in each cycle in which its input becomes true.",
         null: "a null input gives null and holds the state; the last known value is kept",
         examples: &[Example::new(
-            "a button pressed twice; the first value is no press",
+            "a button pressed twice; the first value is not an edge",
             "",
             "in | out
              true | false
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::bool("in", "signal whose rising edges count")],
         outputs: &[Port::bool(
             "out",
-            "turned over with each edge, in the same cycle",
+            "state, inverted with each edge in the same cycle",
         )],
         parameters: &[Parameter::bool("initial", "value before the first edge")
             .default(DefaultValue::Bool(false))],

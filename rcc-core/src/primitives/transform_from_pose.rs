@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized",
         formula: "[R p; 0 1]",
         examples: &[Example::new(
-            "turned and moved",
+            "rotation and translation",
             "",
             "in | out\n\
              {xyz: [1, 2, 3], rpy: [0, 0, deg(90)]} | [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]\n\

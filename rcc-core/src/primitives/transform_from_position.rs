@@ -1,4 +1,4 @@
-//! `TransformFromPosition`: the homogeneous transform of a frame that moves without turning.
+//! `TransformFromPosition`: the homogeneous transform of a frame with a variable position and a constant rotation.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,7 +11,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TransformFromPosition",
-        summary: "The transform of a frame at a position, turned by a constant rotation.",
+        summary: "The homogeneous transform of a frame at a position, with a constant rotation.",
         examples: &[Example::new(
             "a translation",
             "{rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}",

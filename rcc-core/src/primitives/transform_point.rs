@@ -1,4 +1,4 @@
-//! `TransformPoint`: a point of an inner frame, seen from the outer one.
+//! `TransformPoint`: a point of an inner frame, expressed in the outer frame.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -11,11 +11,11 @@ use crate::vector;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TransformPoint",
-        summary: "A point given in an inner frame, seen from the outer one.",
+        summary: "A point of an inner frame, expressed in the outer frame.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "R point + p",
         examples: &[Example::new(
-            "turned and moved (scipy 1.17)",
+            "rotation and translation (scipy 1.17)",
             "",
             "pose | point | out\n\
              {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [1, 2, 3] | [-0.8370849177621283, -0.4557234146508664, 4.213272229491274]\n\

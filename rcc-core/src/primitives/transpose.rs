@@ -1,4 +1,4 @@
-//! `Transpose`: a matrix with its rows as columns.
+//! `Transpose`: the transpose of a matrix.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -9,7 +9,7 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Transpose",
-        summary: "A matrix with its rows as columns.",
+        summary: "The transpose of a matrix.",
         null: "null is passed through, element by element",
         inputs: &[Port::new(
             "in",

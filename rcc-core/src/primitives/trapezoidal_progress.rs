@@ -1,4 +1,4 @@
-//! `TrapezoidalProgress`: makes an even progress from 0 to 1 one that speeds up, goes on evenly and slows down.
+//! `TrapezoidalProgress`: turns a uniform progress from 0 to 1 into one that accelerates, cruises and decelerates.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -10,13 +10,13 @@ use crate::primitive::{
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TrapezoidalProgress",
-        summary: "A progress from 0 to 1 with a trapezoidal speed: up, constant and down again.",
+        summary: "A progress from 0 to 1 with a trapezoidal velocity profile: acceleration, constant velocity, deceleration.",
         formula: "t = in within 0 and 1, r = (1 - constant) / 2, v = 1 / (1 - r): v t² / (2 r) for t < r, 1 - v (1 - t)² / \
                   (2 r) for t > 1 - r, else v (t - r / 2) (Biagiotti and Melchiorri, Trajectory Planning for Automatic \
                   Machines and Robots, 2008, 3.2)",
         examples: &[
             Example::new(
-                "half of the time at constant speed",
+                "half of the time at constant velocity",
                 "",
                 "in | out
                  -1 | 0
@@ -30,12 +30,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                  null | null",
             ),
             Example::new(
-                "no constant speed",
+                "triangular velocity profile",
                 "{constant: 0}",
                 "in | out\n 0.25 | 0.125\n 0.5 | 0.5\n 0.75 | 0.875",
             ),
             Example::new(
-                "nothing but constant speed",
+                "constant velocity only",
                 "{constant: 1}",
                 "in | out\n 0 | 0\n 0.25 | 0.25\n 1 | 1",
             ),
@@ -43,18 +43,18 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::real(
             "in",
             UnitRule::ONE,
-            "even progress, from 0 to 1",
+            "uniform progress, from 0 to 1",
         )],
         outputs: &[Port::real(
             "out",
             UnitRule::ONE,
-            "progress that begins and ends at rest",
+            "progress that starts and ends at rest",
         )
         .within(0.0, 1.0)],
         parameters: &[Parameter::real(
             "constant",
             UnitRule::ONE,
-            "part of the time at constant speed; 1: no ramps",
+            "fraction of the time at constant velocity; 1: no ramps",
         )
         .default(DefaultValue::Real(0.5))
         .at_least(0.0)
@@ -68,7 +68,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 fn step(frame: &mut Frame<'_>, [input, out, constant]: [u32; 3]) -> Option<()> {
     let value = frame.get_real(input)?;
     let ramp = (1.0 - frame.get_real(constant)?) / 2.0;
-    // The second half is the first one turned around.
+    // The second half mirrors the first one.
     let (turned, t) = if value > 0.5 {
         (true, 1.0 - value)
     } else {

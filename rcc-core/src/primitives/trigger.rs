@@ -1,5 +1,4 @@
-//! `Trigger`: goes on once and off once; only `reset` makes it ready for another time. It guards what must not happen
-//! twice.
+//! `Trigger`: switches on once and off once; only `reset` re-arms it. It guards actions that must not happen twice.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,10 +10,10 @@ use crate::types::NULL_BOOL;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Trigger",
-        summary: "Goes on once and then off for good, until it is reset.",
+        summary: "Switches on once and then off permanently, until it is reset.",
         null: "a null input gives null and holds the state",
         examples: &[Example::new(
-            "off is final; off wins, and reset wins over both",
+            "off is final; `off` wins over `on`, and `reset` over both",
             "",
             "on | off | reset | out
              false | false | false | false
@@ -28,10 +27,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
              true | true | false | false",
         )],
         inputs: &[
-            Port::bool("on", "switches it on, if it was never switched off"),
-            Port::bool("off", "switches it off for good, even before it was on"),
-            Port::bool("reset", "makes it as it was at the start")
-                .default(DefaultValue::Bool(false)),
+            Port::bool("on", "switches the output on, if it was never switched off"),
+            Port::bool(
+                "off",
+                "switches the output off permanently, even before it was on",
+            ),
+            Port::bool("reset", "restores the initial state").default(DefaultValue::Bool(false)),
         ],
         outputs: &[Port::bool("out", "on")],
         state: StateSpec {

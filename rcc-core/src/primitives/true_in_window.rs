@@ -1,5 +1,5 @@
-//! `TrueInWindow`: how often a condition was true lately, from a ring of the last truth values and their count: the same
-//! work in every cycle.
+//! `TrueInWindow`: counts how often a condition was true recently, with a ring of the last Bools and their count:
+//! constant work in every cycle.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -12,18 +12,18 @@ use crate::types::{NULL_BOOL, NULL_INT, Store};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TrueInWindow",
-        summary: "In how many cycles of a window that ends now a condition was true.",
-        null: "null while a null condition is in the window; before the first cycle it counts as false",
-        inputs: &[Port::bool("in", "the condition")],
+        summary: "Counts the cycles of a sliding window in which a condition was true.",
+        null: "null while the window contains a null condition; before the first cycle the condition counts as false",
+        inputs: &[Port::bool("in", "condition")],
         outputs: &[
-            Port::bool("all", "it was true in all cycles of the window").diagnostic(),
-            Port::bool("any", "it was true in one of them").diagnostic(),
-            Port::int("count", "in how many it was true").diagnostic(),
+            Port::bool("all", "true in all cycles of the window").diagnostic(),
+            Port::bool("any", "true in at least one cycle of the window").diagnostic(),
+            Port::int("count", "number of cycles in which it was true").diagnostic(),
         ],
         parameters: &[Parameter::new(
             "window",
             ParameterKind::Window,
-            "how long the window is, with the cycle of now; 1 to 10 000 cycles of the net",
+            "length of the window, including the current cycle; 1 to 10 000 cycles of the net",
         )
         .above(0.0)],
         state: StateSpec {

@@ -1,4 +1,4 @@
-//! `Truncate`: a number without its fraction.
+//! `Truncate`: a number without its fractional part.
 
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_whole};
 

@@ -1,4 +1,4 @@
-//! `TwistShift`: a twist with another reference point.
+//! `TwistShift`: moves the reference point of a twist.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -10,7 +10,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TwistShift",
-        summary: "The same motion as a twist with another reference point, in the same axes.",
+        summary: "The same motion, as a twist with another reference point, in the same axes.",
         undefined: "overflow: an infinite input, a result out of range",
         formula: "v' = v + ω × by, ω' = ω (Lynch and Park, Modern Robotics, 2017, section 3.3.2)",
         examples: &[Example::new(
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "by",
                 PortType::Is(Type::Vector3),
                 UnitRule::Is(Unit::METRE),
-                "from its reference point to the new one, same axes",
+                "vector from the old reference point to the new one, same axes",
             ),
         ],
         outputs: &[Port::typed(

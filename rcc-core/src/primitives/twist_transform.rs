@@ -1,4 +1,4 @@
-//! `TwistTransform`: a twist in another frame.
+//! `TwistTransform`: a twist, expressed in another frame.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
@@ -9,11 +9,11 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TwistTransform",
-        summary: "A twist that is given in an inner frame, in the outer one: axes and reference point both change.",
+        summary: "A twist of an inner frame, expressed in the outer frame: axes and reference point both change.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "ω_A = R ω_B, v_A = R v_B + p × ω_A (the adjoint: Lynch and Park, Modern Robotics, 2017, section 3.3.2)",
         examples: &[Example::new(
-            "turned and moved (numpy, scipy 1.17)",
+            "rotation and translation (numpy, scipy 1.17)",
             "",
             "pose | in | out\n\
              {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6] | [-0.2553502566625213, 0.45017431028622407, -0.09039058934012492, 0.6013824871510615, 0.0029398128804087216, 0.6390074034377311]\n\

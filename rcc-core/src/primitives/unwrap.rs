@@ -1,4 +1,4 @@
-//! `Unwrap`: an angle that jumps by whole turns, made continuous: the inverse of `Wrap` for signals.
+//! `Unwrap`: makes an angle that jumps by full turns continuous: the inverse of `Wrap` for signals.
 
 use core::f64::consts::TAU;
 
@@ -13,10 +13,10 @@ use crate::types::NULL_INT;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Unwrap",
-        summary: "An angle without the jumps by whole turns: from cycle to cycle it takes the shorter way.",
-        null: "a null input gives null and holds the state: afterwards it is the shorter way from the last known angle",
+        summary: "An angle without jumps by full turns: from cycle to cycle it takes the shorter way.",
+        null: "a null input gives null and holds the state: the next angle takes the shorter way from the last known one",
         undefined: "overflow: more than 2^63 turns",
-        formula: "out = in + 2π · n; n changes by the number of turns that is nearest to in's step",
+        formula: "out = in + 2π · n; n changes by the number of turns nearest to the step of `in`",
         examples: &[Example::new(
             "over 180° and back; null is bridged",
             "",
@@ -32,12 +32,12 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         inputs: &[Port::real(
             "in",
             UnitRule::RADIAN,
-            "angle, for instance within one turn",
+            "angle, e.g. within one turn",
         )],
         outputs: &[Port::real(
             "out",
             UnitRule::RADIAN,
-            "continuous angle; the first one is the input",
+            "continuous angle; starts at the first input",
         )],
         state: StateSpec {
             reals: 1,
@@ -52,7 +52,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 #[inline(always)]
 fn step(frame: &mut Frame<'_>, [input, out, last, turns]: [u32; 4]) -> Option<()> {
     let (angle, before) = (frame.get_real(input)?, frame.get_real(last)?);
-    // In the beginning there is no step, NaN, and no turn.
+    // At the start the step is NaN, and no turn is added.
     let step = whole(libm::round((angle - before) / TAU));
     let change = if step == NULL_INT { 0 } else { step };
     let count = frame.get_int(turns)?.saturating_sub(change);

@@ -1,4 +1,4 @@
-//! `UpDownCounter`: counts the rising edges of one signal up and of another down.
+//! `UpDownCounter`: counts the rising edges of one signal up and those of another down.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -10,12 +10,12 @@ use crate::types::{NULL_BOOL, NULL_INT};
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "UpDownCounter",
-        summary: "Counts rising edges, up and down; it can be reset and loaded.",
+        summary: "Counts rising edges up and down, with reset and load.",
         null: "a null input gives null outputs and holds the count; the last known value of a signal stays remembered",
-        formula: "CTUD of IEC 61131-3, table 45: reset comes before load, load before counting; at ±(2^63 - 1) it stays",
+        formula: "CTUD of IEC 61131-3, table 45: reset comes before load, load before counting; saturates at ±(2^63 - 1)",
         examples: &[
             Example::new(
-                "two steps up, one down, load and reset; the first value is no edge",
+                "two counts up, one down, load and reset; the first value is not an edge",
                 "",
                 "up | down | reset | load | preset | count | full | empty
                  true | false | false | false | 2 | 0 | false | true
@@ -37,9 +37,9 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::bool("up", "signal whose rising edges count up"),
             Port::bool("down", "signal whose rising edges count down")
                 .default(DefaultValue::Bool(false)),
-            Port::bool("reset", "makes the count 0").default(DefaultValue::Bool(false)),
-            Port::bool("load", "makes the count `preset`").default(DefaultValue::Bool(false)),
-            Port::int("preset", "count to load, and from which on it is full")
+            Port::bool("reset", "sets the count to 0").default(DefaultValue::Bool(false)),
+            Port::bool("load", "sets the count to `preset`").default(DefaultValue::Bool(false)),
+            Port::int("preset", "count to load, and threshold of the upper output")
                 .default(DefaultValue::Int(0)),
         ],
         outputs: &[

@@ -1,4 +1,4 @@
-//! `VelocityKinematics`: how the flange of an arm moves while its joints do.
+//! `VelocityKinematics`: the twist of an arm's flange for joint velocities.
 
 use crate::frame::Frame;
 use crate::primitive::{
@@ -11,7 +11,7 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "VelocityKinematics",
-        summary: "The twist of the flange that belongs to joint velocities at joint positions.",
+        summary: "The twist of the flange for joint velocities at joint positions.",
         undefined: "overflow: an infinite input, a result out of range",
         formula: "J(q) q̇ with the geometric Jacobian (Siciliano et al., Robotics, 2009, section 3.1)",
         examples: &[
@@ -47,7 +47,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed(
             "twist",
             Type::Twist,
-            "of the flange, axes of the base, reference point the origin of the flange",
+            "twist of the flange, axes of the base, reference point the origin of the flange",
         )],
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN

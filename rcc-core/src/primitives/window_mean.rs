@@ -1,4 +1,4 @@
-//! `WindowMean`: the mean of the last values.
+//! `WindowMean`: the mean over a sliding window.
 
 use crate::primitive::{
     CatalogueEntry, DefaultValue, Example, Fold, Kernel, MemorySpec, Spec, WINDOW, each_window,
@@ -10,8 +10,8 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WindowMean",
-        summary: "The mean of the values of a window that ends now.",
-        undefined: "overflow: a sum too large for a number",
+        summary: "The mean over a sliding window.",
+        undefined: "overflow: a sum out of range",
         formula: "(in(t) + … + in(t-(n-1)·dt)) / n, summed as a tree, which does not drift: Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015)",
         memory: MemorySpec::window(2).starting(DefaultValue::Real(0.0)),
         examples: &[

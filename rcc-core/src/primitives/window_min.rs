@@ -1,4 +1,4 @@
-//! `WindowMin`: the smallest of the last values.
+//! `WindowMin`: the minimum over a sliding window.
 
 use crate::primitive::{
     CatalogueEntry, DefaultValue, Example, Fold, Kernel, MemorySpec, Spec, WINDOW, each_window,
@@ -9,8 +9,8 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WindowMin",
-        summary: "The smallest value of a window that ends now.",
-        formula: "Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015): a tree, one node a doubling of the window and cycle",
+        summary: "The minimum over a sliding window.",
+        formula: "Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015): a tree, with one node per doubling of the window in each cycle",
         memory: MemorySpec::window(2).starting(DefaultValue::Real(f64::INFINITY)),
         examples: &[
             Example::new(

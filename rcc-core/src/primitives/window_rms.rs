@@ -1,4 +1,4 @@
-//! `WindowRms`: the root of the mean square of the last values.
+//! `WindowRms`: the root mean square over a sliding window.
 
 use crate::primitive::{
     CatalogueEntry, DefaultValue, Example, Fold, Kernel, MemorySpec, Spec, WINDOW, each_window,
@@ -10,8 +10,8 @@ use crate::types::Store;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WindowRms",
-        summary: "The root mean square of the values of a window that ends now.",
-        undefined: "overflow: a sum of squares too large for a number",
+        summary: "The root mean square over a sliding window.",
+        undefined: "overflow: a sum of squares out of range",
         formula: "sqrt((in(t)² + … + in(t-(n-1)·dt)²) / n), summed as a tree: Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015)",
         memory: MemorySpec::window(2).starting(DefaultValue::Real(0.0)),
         examples: &[

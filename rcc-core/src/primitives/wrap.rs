@@ -1,4 +1,4 @@
-//! `Wrap`: the same direction within one turn, from -180° (excluded) to 180°.
+//! `Wrap`: wraps an angle into one turn, from -180° (exclusive) to 180°.
 
 use core::f64::consts::{PI, TAU};
 
@@ -8,7 +8,7 @@ use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, ma
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Wrap",
-        summary: "An angle brought into one turn, above -180° up to 180°.",
+        summary: "An angle wrapped into one turn, above -180° up to 180°.",
         undefined: "overflow: an infinite angle",
         formula: "out = in - 2π · n with the whole number n that brings it into (-π, π]; exact up to the rounding of 2π \
                   (error below |in| · 2^-53)",
@@ -35,10 +35,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     })],
 );
 
-/// The angle in (-π, π] in the same direction, rad.
+/// Returns the equivalent angle in (-π, π], rad.
 #[inline(always)]
 pub fn wrapped(angle: f64) -> f64 {
-    // Exact, in (-2π, 2π); nothing is lost by the difference from 2π, which is at most as large.
+    // Exact, in (-2π, 2π); the subtraction of 2π, which is at most as large, is exact too.
     let rest = libm::fmod(angle, TAU);
     if rest > PI {
         rest - TAU

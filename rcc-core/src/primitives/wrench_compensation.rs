@@ -1,4 +1,4 @@
-//! `WrenchCompensation`: what a wrist sensor reads without the weight of the tool that hangs on it and without its offset.
+//! `WrenchCompensation`: removes the weight of the tool and the sensor's offset from the reading of a wrist sensor.
 //!
 //! The ten numbers (mass, centre, offsets) are identified by `rcc-cli wrench identify` from readings in several orientations.
 
@@ -27,15 +27,12 @@ const fn vector(unit: Unit) -> ParameterKind {
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WrenchCompensation",
-        summary: "The external wrench on a tool from what a wrist sensor reads: without the tool's weight, its inertia in a \
-                  straight acceleration, and the sensor's offset.",
+        summary: "The external wrench on a tool from the reading of a wrist sensor: without the tool's weight, its inertial force under linear acceleration, and the sensor's offset.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
-        formula: "f = f_read - f0 - m (g - a), t = t_read - t0 - c × m (g - a), with g and a turned into the sensor's axes; \
-                  angular acceleration is left out (Siciliano et al., Robotics, 2009, section 9.3; Kubus, Kröger, Wahl, IROS \
-                  2008)",
+        formula: "f = f_read - f0 - m (g - a), t = t_read - t0 - c × m (g - a), with g and a rotated into the sensor's axes; angular acceleration is neglected (Siciliano et al., Robotics, 2009, section 9.3; Kubus, Kröger, Wahl, IROS 2008)",
         examples: &[
             Example::new(
-                "a tool of 1 kg, 0.1 m before the sensor, hanging down, level, and in free fall",
+                "a tool of 1 kg, 0.1 m in front of the sensor: hanging down, horizontal, and in free fall",
                 "{mass: 1 kg, centre: [0, 0, 0.1], gravity: [0, 0, -10]}",
                 "wrench | rotation | acceleration | out
                  [0, 0, 10, 0, 0, 0] | {rpy: [deg(180), 0, 0]} | [0, 0, 0] | [0, 0, 0, 0, 0, 0]
@@ -55,36 +52,36 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             ),
         ],
         inputs: &[
-            Port::typed("wrench", Type::Wrench, "what the sensor reads: what the tool's side exerts on it"),
-            Port::typed("rotation", Type::Rotation, "axes of the sensor in the base"),
+            Port::typed("wrench", Type::Wrench, "reading of the sensor: wrench that the tool's side exerts on it"),
+            Port::typed("rotation", Type::Rotation, "orientation of the sensor in the base"),
             Port::new(
                 "acceleration",
                 PortType::Is(Type::Vector3),
                 ACCELERATION,
-                "of the tool's centre of mass, axes of the base; left out: none",
+                "acceleration of the tool's centre of mass, axes of the base; if omitted, none",
             )
             .default(DefaultValue::Real(0.0)),
         ],
         outputs: &[Port::typed(
             "out",
             Type::Wrench,
-            "what the surroundings exert on the tool, axes and reference point of the sensor",
+            "external wrench on the tool, axes and reference point of the sensor",
         )],
         parameters: &[
-            Parameter::real("mass", KILOGRAM, "of everything behind the sensor").at_least(0.0),
+            Parameter::real("mass", KILOGRAM, "mass of everything mounted on the sensor").at_least(0.0),
             Parameter::new(
                 "centre",
                 vector(Unit::METRE),
                 "its centre of mass, axes and origin of the sensor",
             ),
-            Parameter::new("force_offset", vector(Unit::NEWTON), "what it reads without any load, axes of the sensor")
+            Parameter::new("force_offset", vector(Unit::NEWTON), "force reading without load, axes of the sensor")
                 .default(DefaultValue::Real(0.0)),
-            Parameter::new("torque_offset", vector(Unit::NEWTON_METRE), "the same for the torque")
+            Parameter::new("torque_offset", vector(Unit::NEWTON_METRE), "torque reading without load, axes of the sensor")
                 .default(DefaultValue::Real(0.0)),
             Parameter::new(
                 "gravity",
                 vector(Unit::METRE_PER_SECOND2),
-                "acceleration of a body that falls, axes of the base; left out: 9.80665 m/s² against z, an upright base",
+                "acceleration of gravity, axes of the base; if omitted, 9.80665 m/s² against z, for an upright base",
             )
             .default(DefaultValue::Null),
         ],

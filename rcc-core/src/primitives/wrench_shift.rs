@@ -1,4 +1,4 @@
-//! `WrenchShift`: a wrench with another reference point.
+//! `WrenchShift`: moves the reference point of a wrench.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
@@ -10,11 +10,11 @@ use crate::unit::Unit;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WrenchShift",
-        summary: "The same load as a wrench with another reference point, in the same axes.",
+        summary: "The same load, as a wrench with another reference point, in the same axes.",
         undefined: "overflow: an infinite input, a result out of range",
         formula: "f' = f, t' = t - by × f (Lynch and Park, Modern Robotics, 2017, section 3.4)",
         examples: &[Example::new(
-            "10 N down at the origin turn about a point half a metre along x",
+            "10 N down at the origin has a torque about a point half a metre along x",
             "",
             "in | by | out\n\
              [0, 0, -10, 0, 0, 0] | [0.5, 0, 0] | [0, 0, -10, 0, -5, 0]\n\
@@ -27,7 +27,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "by",
                 PortType::Is(Type::Vector3),
                 UnitRule::Is(Unit::METRE),
-                "from its reference point to the new one, same axes",
+                "vector from the old reference point to the new one, same axes",
             ),
         ],
         outputs: &[Port::typed(

@@ -1,4 +1,4 @@
-//! `WrenchTransform`: a wrench in another frame.
+//! `WrenchTransform`: a wrench, expressed in another frame.
 
 use crate::frame::Frame;
 use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
@@ -9,11 +9,11 @@ use crate::types::Type;
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WrenchTransform",
-        summary: "A wrench that is given in an inner frame, in the outer one: axes and reference point both change.",
+        summary: "A wrench of an inner frame, expressed in the outer frame: axes and reference point both change.",
         undefined: "overflow: an infinite input, a quaternion that cannot be normalized, a result out of range",
         formula: "f_A = R f_B, t_A = R t_B + p × f_A (Lynch and Park, Modern Robotics, 2017, section 3.4)",
         examples: &[Example::new(
-            "turned and moved (numpy, scipy 1.17)",
+            "rotation and translation (numpy, scipy 1.17)",
             "",
             "pose | in | out\n\
              {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [10, -5, 2, 0.3, 0.1, -0.2] | [8.107681171418623, 6.040861171946876, 5.174311772969283, -4.766703705981206, 3.979240677687767, 3.229197256788256]\n\

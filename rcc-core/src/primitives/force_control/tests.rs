@@ -1,4 +1,4 @@
-//! Force control: its limits under any force, a contact that is a spring, and the ways to rest.
+//! Force control: limits under arbitrary forces, contact with a spring, and coming to rest.
 
 use super::{OffsetLimits, OffsetState, follow};
 use crate::testing::PrimitiveHarness;
@@ -11,7 +11,7 @@ const AT_REST: OffsetState = OffsetState {
     held: 0.0,
 };
 
-/// Numbers that look random, in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
+/// Pseudo-random numbers in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
 fn random(state: &mut u64) -> f64 {
     *state = state
         .wrapping_mul(6_364_136_223_846_793_005)
@@ -19,7 +19,7 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// One cycle, in which every limit holds.
+/// Runs one cycle and checks every limit.
 fn checked(before: OffsetState, goal: f64, limits: &OffsetLimits) -> OffsetState {
     let way = follow(before, goal, limits, DT_S);
     let jerk = (way.a - before.a) / DT_S;
@@ -106,7 +106,7 @@ fn bench() -> PrimitiveHarness {
     bench
 }
 
-/// A floor 10 mm below the path, 5000 N/m, felt `delay` cycles later.
+/// A floor 10 mm below the path, 5000 N/m, measured `delay` cycles later.
 fn on_the_floor(bench: &mut PrimitiveHarness, cycles: usize, delay: usize) -> f64 {
     let mut forces = std::collections::VecDeque::from(std::vec![0.0; delay]);
     let mut most = 0.0_f64;
@@ -182,7 +182,7 @@ fn a_contact_that_is_lost_ends_at_the_travel() {
 #[test]
 fn an_axis_of_the_tool_turns_with_the_pose() {
     let mut bench = bench();
-    // Turned by 180 degrees about x: z of the tool points down.
+    // Rotated by 180 degrees about x: z of the tool points down.
     bench
         .set_reals("axis", &[0.0, 0.0, 1.0])
         .set_bool("in_tool", Some(true));
