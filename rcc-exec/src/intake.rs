@@ -575,8 +575,9 @@ impl Intake {
         let mut same = true;
         for device in (0..self.devices.len()).filter(|device| ready.arms >> device & 1 == 1) {
             let rests = snapshot.rest_position(device)?;
-            let begun = ready.origin.begun.holds.get(device).copied().flatten();
-            same &= begun == Some(rests);
+            let conditions = &ready.origin.start_conditions;
+            let built_for = conditions.holds.get(device).copied().flatten();
+            same &= built_for == Some(rests);
         }
         let value = |(input, words): (&u32, &Vec<u64>)| InputValue {
             input: *input,

@@ -1,5 +1,5 @@
-//! How much sooner time-optimal motions are at their end than those of one acceleration, and what it costs to build them:
-//! `cargo run --release -p rcc-motion --example fastest -- 200`. One thread; ratios carry over to other machines.
+//! Compares the duration of time-optimal motions with those of constant acceleration limit, and the cost of building
+//! them: `cargo run --release -p rcc-motion --example fastest -- 200`. One thread; ratios carry over to other machines.
 
 #[path = "../tests/motions/mod.rs"]
 mod motions;

@@ -1,6 +1,5 @@
-//! Random motions of each kind, as many as one likes:
-//! `cargo run --release -p rcc-motion --example random_motions -- 100000 [KIND [ROBOT]]`. One thread;
-//! COUNT is shared out to three robots, so a ROBOT that is named runs a third of it.
+//! Random motions of each kind, in any number: `cargo run --release -p rcc-motion --example random_motions -- 100000
+//! [KIND [ROBOT]]`. One thread; COUNT is divided among three robots, so with a given ROBOT a third of it runs.
 
 #[path = "../tests/motions/mod.rs"]
 mod motions;
@@ -27,7 +26,7 @@ fn main() {
         for robot in (robots.iter()).filter(|of| robot.as_ref().is_none_or(|name| of.name == *name))
         {
             let (mut worst, mut ran, mut refused, mut broken) = (WorstCase::default(), 0, 0, 0);
-            // As many motions as were asked for, whatever is refused on the way.
+            // Refused motions do not count.
             for seed in 0.. {
                 if ran >= count.div_ceil(robots.len() as u64) || refused > 20 * count {
                     break;

@@ -1,5 +1,5 @@
-//! Stepping clocks and coming to rest touches the heap not once, refusals included.
-//! A program of its own, because it replaces the allocator: any heap operation within `assert_no_alloc` aborts it.
+//! Stepping path clocks and stop trajectories never touches the heap, refusals included. A program of its own, because
+//! it replaces the allocator: any heap operation within `assert_no_alloc` aborts it.
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rcc_core::axis::{AxisState, limits_are_valid};
@@ -108,7 +108,7 @@ fn a_motion_runs_stops_and_begins_again_without_the_heap() {
 }
 
 #[test]
-fn joints_come_to_rest_without_the_heap_and_so_do_refusals() {
+fn stops_and_refusals_need_no_heap() {
     let limits = StopLimits {
         velocity_max: [2.0; JOINTS_MAX],
         acceleration_max: [5.0; JOINTS_MAX],
@@ -126,7 +126,7 @@ fn joints_come_to_rest_without_the_heap_and_so_do_refusals() {
     assert!(resting && refused);
 }
 
-/// In -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
+/// A number in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
 fn random(state: &mut u64) -> f64 {
     *state = state
         .wrapping_mul(6_364_136_223_846_793_005)
@@ -134,8 +134,8 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// Limits within a factor of 10^spread of those of a robot's joint; a state within, and one in ten beyond them; a goal at
-/// any distance, down to nothing but rounding.
+/// Limits within a factor of 10^spread of those of a robot's joint; a state within them, and one in ten beyond them; a
+/// goal at any distance, down to rounding.
 fn task(random: &mut impl FnMut() -> f64, spread: f64) -> (AxisState, AxisState, MotionLimits) {
     let mut decade = |middle: f64, spread: f64| 10.0_f64.powf(middle + spread * random());
     let limits = MotionLimits {
@@ -156,10 +156,10 @@ fn task(random: &mut impl FnMut() -> f64, spread: f64) -> (AxisState, AxisState,
 }
 
 #[test]
-fn two_million_ways_to_goals_need_no_heap() {
+fn two_million_motions_to_goals_need_no_heap() {
     let mut state = 7;
     let mut random = || random(&mut state);
-    // Robots and machines; anything.
+    // Robots and machines; then anything.
     for spread in [1.0, 4.0] {
         let (mut asked, mut refused, mut beyond) = (0_u32, 0_u32, 0_u32);
         while asked < 1_000_000 {

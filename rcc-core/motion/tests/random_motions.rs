@@ -1,5 +1,5 @@
-//! Some thousand random motions of each kind, on every robot, under random speeds, pauses and stops, keep every promise.
-//! The example `random_motions` runs as many as one likes.
+//! Some thousand random motions of each kind, on every robot, under random speeds, pauses and stops, keep their path
+//! and limits. The example `random_motions` runs any number.
 
 mod motions;
 
@@ -9,7 +9,7 @@ use motions::{KINDS, MotionKind, RunOutcome, WorstCase, case, compared, robots};
 const EACH: u64 = 100;
 
 #[test]
-fn random_motions_stay_on_their_path_and_within_their_limits_whatever_they_are_told() {
+fn random_motions_stay_on_their_path_and_within_their_limits_under_any_override() {
     for kind in KINDS {
         let (mut ran, mut refused, mut broken) = (0, 0, 0);
         let mut worst = WorstCase::default();
@@ -37,21 +37,23 @@ fn random_motions_stay_on_their_path_and_within_their_limits_whatever_they_are_t
     }
 }
 
-/// Motions that broke a promise once, found among 100,000 of their kind: robot by its place in the list, and seed.
+/// Motions that once failed, found among 100,000 of their kind: kind, index of the robot, and seed.
 const FOUND: [(MotionKind, usize, u64); 5] = [
-    // The joints turned by 75 rad/m where a rounding of 4 mm ends, and their derivatives there were 9 % off.
+    // The joints turned by 75 rad/m at the end of a blend of 4 mm, and their derivatives there were 9 % off.
     (MotionKind::Sequence, 0, 11_383),
-    // Curves so sharp that the reference must look at them from nearer than a micrometre.
+    // Curves so sharp that the reference must sample them at less than a micrometre.
     (MotionKind::Spline, 0, 34_427),
     (MotionKind::Sequence, 1, 34_269),
-    // Where the joints' third derivatives rose by 2.8 from one of 4,096 steps to the next, and the law did not know it.
+    // The joints' third derivatives rose by 2.8 from one of 4,096 steps to the next, which the time law did not take
+    // into account.
     (MotionKind::Fastest, 0, 46_223),
-    // A leg of the wrist: the flange goes 230 m for one of s, and the reference's places were 0.1 mm apart.
+    // A leg that moves the wrist only: the flange covers 230 m per unit of s, and the points of the reference were 0.1
+    // mm apart.
     (MotionKind::Elbow, 0, 60_092),
 ];
 
 #[test]
-fn what_was_broken_once_is_kept() {
+fn motions_that_once_failed_are_kept() {
     let robots = robots();
     for (kind, robot, seed) in FOUND {
         let outcome = case(kind, &robots[robot], seed);
@@ -64,7 +66,7 @@ fn what_was_broken_once_is_kept() {
 }
 
 #[test]
-fn time_optimal_motions_are_never_later_at_their_end_and_most_are_sooner() {
+fn time_optimal_motions_never_take_longer_and_most_are_faster() {
     for kind in [MotionKind::Spline, MotionKind::Sequence] {
         let (mut sooner, mut ran) = (0, 0);
         for robot in robots() {

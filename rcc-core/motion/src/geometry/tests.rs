@@ -1,4 +1,4 @@
-//! Geometry against independent judges: difference quotients, points that must be met, smoothness at joints.
+//! Geometry against independent checks: difference quotients, points that must be met, smoothness where shapes join.
 
 use proptest::prelude::*;
 use rcc_core::pose::Pose;
@@ -28,7 +28,7 @@ fn numbers(at: ShapePoint<Jet>) -> Vec<Jet> {
     }
 }
 
-/// Every derivative is the difference quotient of the one below it.
+/// Asserts that every derivative is the difference quotient of the one below it.
 fn derivatives_are_right(shape: &Shape, s: f64) {
     let h = 1e-5 * shape.length().max(1e-3);
     let s = s.clamp(2.0 * h, shape.length() - 2.0 * h);
@@ -82,9 +82,9 @@ fn a_full_circle_ends_where_it_began_and_turns_with_its_tangent() {
     let path = circle(CircleOrientation::Path, Some(whole));
     let (start, end) = (path.at(0.0).pose(), path.at(path.length()).pose());
     assert!(start.distance_to(&end) < 1e-14 && start.angle_to(&end) < 1e-14);
-    // The turn leads: its radius is longer than that of the circle.
+    // Rotation dominates: its radius is greater than that of the circle.
     assert!((path.length() - whole * path.radius_m().max(METRIC.radius_m)).abs() < 1e-12);
-    // The tangent in axes of the flange stays the same.
+    // The tangent is constant in the flange frame.
     let tangent = |s: f64| {
         let place = path.at(Jet::variable(s));
         let back = rcc_core::rotation::inverse(place.pose().orientation);
@@ -97,7 +97,7 @@ fn a_full_circle_ends_where_it_began_and_turns_with_its_tangent() {
 }
 
 #[test]
-fn points_on_a_line_or_on_each_other_are_no_circle() {
+fn collinear_or_coincident_points_do_not_define_a_circle() {
     let from = pose([0.0; 3], [0.0; 3]);
     let to = pose([0.2, 0.0, 0.0], [0.0; 3]);
     let mode = (CircleOrientation::Even, None);
@@ -191,7 +191,7 @@ fn a_spline_is_smooth_to_the_second_derivative_at_its_points() {
 }
 
 #[test]
-fn a_spline_that_turns_on_the_spot_or_turns_back_is_made_without_arc_length() {
+fn a_spline_that_rotates_on_the_spot_or_reverses_is_not_parameterized_by_arc_length() {
     let turn = |yaw| pose([0.4, 0.0, 0.3], [0.0, 0.0, yaw]);
     let spline = Spline::new(&[turn(0.0), turn(0.5), turn(0.7)], METRIC).unwrap();
     assert!((spline.length() - 0.7 * 0.25).abs() < 1e-12);
@@ -214,7 +214,7 @@ fn a_spline_that_turns_on_the_spot_or_turns_back_is_made_without_arc_length() {
     ));
 }
 
-/// Line, line, arc, spline and joints, with roundings.
+/// Line, line, arc, spline and joints, with blends.
 fn chain(zone: f64) -> Chain {
     let poses = bends();
     let line = |a: usize, b: usize| Shape::Line(Line::new(&poses[a], &poses[b], METRIC).unwrap());
@@ -267,7 +267,7 @@ fn a_chain_is_smooth_at_every_joint_and_rests_where_it_is_not() {
 }
 
 #[test]
-fn a_rounding_takes_at_most_half_of_the_shorter_shape_and_stays_near_the_corner() {
+fn a_blend_takes_at_most_half_of_the_shorter_shape_and_stays_near_the_corner() {
     let wide = chain(1.0);
     let shortest = wide
         .pieces()
@@ -288,7 +288,7 @@ fn a_rounding_takes_at_most_half_of_the_shorter_shape_and_stays_near_the_corner(
 }
 
 #[test]
-fn a_rounding_of_two_lines_is_never_faster_than_they_are() {
+fn a_blend_of_two_lines_is_never_faster_than_they_are() {
     let at = |x, y| pose([x, y, 0.0], [0.0; 3]);
     for corner in [[0.3, 0.2], [0.2, 0.3], [0.0, 0.0], [0.1, -0.1]] {
         let line = |a: &Pose, b: &Pose| Shape::Line(Line::new(a, b, METRIC).unwrap());
@@ -349,7 +349,7 @@ proptest! {
 }
 
 #[test]
-fn a_rounding_between_joints_and_a_line_is_one_of_joints() {
+fn a_blend_between_joint_space_and_a_line_is_made_in_joint_space() {
     let line = JointLine::new(&[0.0; 8], &[0.5; 8], 1.0).unwrap();
     let other = JointLine::new(&[0.5; 8], &[0.1, 0.9, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5], 1.0).unwrap();
     let links = [line, other].map(|line| ChainLink {

@@ -1,4 +1,4 @@
-//! Random goals, stops and speeds: what an axis does is judged by its states alone.
+//! Random goals, stops and speeds: the motion of an axis is checked by its states alone.
 
 use rcc_core::axis::AxisFollower;
 
@@ -10,7 +10,7 @@ const DT_S: f64 = 1e-3;
 struct Random(u64);
 
 impl Random {
-    /// In 0 to 1.
+    /// A number in 0 to 1.
     fn unit(&mut self) -> f64 {
         self.0 = self
             .0
@@ -28,7 +28,8 @@ impl Random {
     }
 }
 
-/// One cycle in which velocity, acceleration and jerk keep the limits and position follows from them.
+/// Runs one cycle and asserts that velocity, acceleration and jerk keep the limits and that the position follows from
+/// them.
 fn checked(follower: &mut AxisFollower, goal: Option<f64>, speed: f64, limits: &MotionLimits) {
     let before = follower.state();
     let scaled = MotionLimits {
@@ -91,7 +92,7 @@ fn a_hundred_thousand_sequences_of_goals_keep_every_limit_and_arrive() {
         }
         let goal = random.within(-2.0, 2.0);
         let longest_s = stop_and_go(&follower.state(), goal, &limits).duration_s();
-        // Not every arrival is waited for: the ways are long.
+        // Do not always wait for the arrival: the distances are long.
         if random.unit() < 0.05 {
             for _ in 0..(longest_s / DT_S) as usize + 2 {
                 checked(&mut follower, Some(goal), 1.0, &limits);
@@ -102,7 +103,7 @@ fn a_hundred_thousand_sequences_of_goals_keep_every_limit_and_arrive() {
 }
 
 #[test]
-fn planning_again_on_the_way_does_not_make_it_longer() {
+fn replanning_on_the_way_does_not_make_the_motion_longer() {
     let mut random = Random(14);
     for _ in 0..200_000 {
         let limits = limits(&mut random);
@@ -133,7 +134,7 @@ fn planning_again_on_the_way_does_not_make_it_longer() {
         }
         let again_s = plan(&state, goal, &limits).duration_s();
         let longer_s = again_s - (way.duration_s() - gone_s);
-        // What rounding leaves beside the goal takes the cube root of it.
+        // A residual distance of rounding takes its cube root in time.
         assert!(
             longer_s <= 1e-4,
             "{longer_s} s: {state:?} {goal} {limits:?} {way:?}"
@@ -179,7 +180,7 @@ fn a_speed_that_changes_leads_neither_back_nor_beyond_the_goal() {
 }
 
 #[test]
-fn limits_and_states_that_are_no_use_give_no_way() {
+fn invalid_limits_and_states_give_a_motion_without_phases() {
     let fine = MotionLimits {
         velocity: 1.0,
         acceleration: 10.0,

@@ -89,7 +89,7 @@ fn a_line_from_elsewhere_begins_there_with_the_joints_near_the_hold() {
     let [hold, there] = [START, first.joints].map(|joints| arm.configuration(&joints));
     assert_eq!(there.branch, hold.branch);
     assert!((there.arm_angle - hold.arm_angle).abs() < 1e-9);
-    // It goes to the hold pose, and so to the joints of the hold.
+    // It goes to the hold pose, and so to the hold joints.
     let last = (0..10_000).map(|_| step(&mut motions, false));
     let last = last.into_iter().find(|state| state.path.done).unwrap();
     for (joint, hold) in last.joints.iter().zip(START).take(7) {
@@ -192,7 +192,7 @@ fn the_limits_of_line_and_turn_both_hold() {
 }
 
 #[test]
-fn turning_by_half_a_turn_is_refused() {
+fn a_rotation_by_half_a_turn_is_refused() {
     let half = Pose::from_xyz_rpy([0.1, 0.0, 0.0], [core::f64::consts::PI, 0.0, 0.0]);
     let refused = line(from().compose(&half)).unwrap_err();
     let fault = MotionFault::AmbiguousRotation;
@@ -201,7 +201,7 @@ fn turning_by_half_a_turn_is_refused() {
 }
 
 #[test]
-fn motions_go_on_from_their_words() {
+fn motions_continue_from_their_saved_words() {
     let to = from().compose(&Pose::from_xyz_rpy([0.1, -0.15, 0.1], [0.2, 0.0, 0.1]));
     let mut motions = line(to).unwrap();
     let fresh = motions.clone();
@@ -230,7 +230,7 @@ fn a_line_is_never_too_short_for_the_speed_that_is_given() {
     }
 }
 
-/// Over an obstacle: up, aside, down, with rounded corners.
+/// Over an obstacle: up, aside, down, with blended corners.
 fn over(pace: SpeedProfile) -> MotionSet {
     let (models, holds) = ([lwr()], [Some(START)]);
     let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);
@@ -270,7 +270,7 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
         for _ in 1..cycles {
             begun = step(&mut motions, false);
         }
-        // What jerk still adds to the speed while the acceleration goes to 0.
+        // Increase of the speed while the jerk limit reduces the acceleration to 0.
         let rise = begun.acceleration * begun.acceleration / (2.0 * 2.0);
         let mut words = Vec::new();
         let mut state = step(&mut motions, true);

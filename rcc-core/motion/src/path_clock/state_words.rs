@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_goes_on_from_its_words_as_if_nothing_had_happened() {
+    fn a_clock_continues_from_its_words_without_a_difference() {
         for bounds in [line(), stairs()] {
             for stop_at in [50, 200, 10_000] {
                 let mut clock = PathClock::new();
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn no_words_make_a_clock_that_fails() {
+    fn a_clock_from_arbitrary_words_cannot_fail() {
         for word in [0, u64::MAX, 0x7ff8_0000_0000_0000, 1, 0x3ff0_0000_0000_0010] {
             let mut clock = PathClock::from_words(&[word; CLOCK_WORDS]);
             for step in 0..10 {

@@ -1,5 +1,5 @@
-//! The clock keeps its limits, never goes back, ends exactly, and is as fast as rsruckig's plans from rest to rest.
-//! Tests only.
+//! The path clock keeps its limits, never goes back, ends exactly, and is as fast as rsruckig's plans from rest to
+//! rest.
 
 use super::*;
 use proptest::prelude::*;
@@ -40,18 +40,18 @@ fn pieces(pieces: &[(f64, f64)]) -> Vec<PathPiece> {
     pieces.iter().map(piece).collect()
 }
 
-/// Faster, slower, much slower, faster again.
+/// Fast, slower, much slower, fast again.
 pub(super) fn stairs() -> PathBounds {
     let pieces = pieces(&[(0.2, 0.2), (0.5, 0.4), (0.7, 0.1), (0.8, 0.02), (1.0, 0.3)]);
     PathBounds::new(&pieces, 1.0, 10.0, DT).unwrap()
 }
 
-/// A number whose logarithm is even over `low`..`high`.
+/// A number whose logarithm is uniformly distributed over `low`..`high`.
 fn log_even(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.ln()..high.ln()).prop_map(f64::exp)
 }
 
-/// Steps until done, with what `drive` says in each; at most `steps`.
+/// Steps until done with the override that `drive` returns in each cycle; at most `steps`.
 fn run(
     bounds: &PathBounds,
     steps: usize,
@@ -98,11 +98,11 @@ fn the_first_step_is_the_start_at_rest() {
 }
 
 #[test]
-fn a_rolling_clock_that_crawls_is_not_watched_for_days() {
+fn a_rolling_clock_that_crawls_is_not_simulated_for_days() {
     let bounds = |velocity| PathBounds::new(&pieces(&[(1.0, velocity)]), 1.0, 10.0, 1e-3).unwrap();
     let took = rolling_duration_s(&bounds(0.5), 0.9);
     assert!(took > 1.8 && took < 3.0, "{took}");
-    // A thousand hours.
+    // It would take a thousand hours.
     assert_eq!(rolling_duration_s(&bounds(2.5e-7), 0.9), f64::INFINITY);
 }
 
@@ -226,7 +226,7 @@ fn half_the_speed_cruises_at_half_of_every_limit() {
 }
 
 #[test]
-fn a_speed_above_all_is_all() {
+fn a_speed_override_above_1_counts_as_1() {
     assert_eq!(
         run(&stairs(), 100_000, |_| at(7.0)),
         run(&stairs(), 100_000, |_| RUN)
@@ -280,7 +280,7 @@ fn a_piece_that_is_passed_in_less_than_a_step_takes_the_lower_limit() {
 }
 
 #[test]
-fn limits_that_cannot_be_meant_are_refused_by_name() {
+fn invalid_limits_are_refused_by_name() {
     let refusal = |limits: PathLimits| PathBounds::of_limits(&limits, DT).unwrap_err();
     let of = |velocity, acceleration, jerk| PathLimits {
         velocity,
@@ -318,7 +318,7 @@ fn limits_that_cannot_be_meant_are_refused_by_name() {
     );
 }
 
-/// rsruckig's duration from rest to rest, in units in which length and jerk are 1: its tolerances are absolute.
+/// rsruckig's duration from rest to rest, in units in which length and jerk are 1, because its tolerances are absolute.
 fn ruckig_duration_s(limits: &PathLimits) -> f64 {
     let unit_s = libm::cbrt(limits.length / limits.jerk);
     let mut input = InputParameter::<1>::new(None);
@@ -341,7 +341,7 @@ proptest! {
         length in log_even(1e-5, 10.0), velocity in log_even(1e-3, 10.0),
         acceleration in log_even(1e-2, 100.0), jerk in log_even(1e-1, 1e4),
     ) {
-        // Where a²/j is beyond 1000 v rsruckig fails now and then.
+        // If a²/j exceeds 1000 v, rsruckig sometimes fails.
         let jerk = jerk.max(acceleration * acceleration / (1000.0 * velocity));
         let limits = PathLimits { length, velocity, acceleration, jerk };
         let ours = duration_s(&PathBounds::of_limits(&limits, DT).unwrap());

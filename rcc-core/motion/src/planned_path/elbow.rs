@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn where_the_arm_angle_cannot_stay_the_middle_of_its_range_goes_on() {
+    fn where_the_arm_angle_cannot_stay_the_middle_of_its_range_is_reachable() {
         let (mut refused, mut went_on) = (0, 0);
         let mut random = Random(11);
         for _ in 0..1000 {
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn roundings_that_leave_no_way_are_told() {
+    fn blends_that_leave_no_room_for_the_elbow_are_reported() {
         let corner = start().compose(&Pose::from_xyz_rpy([0.0, 0.1, 0.0], [0.0; 3]));
         let end = corner.compose(&Pose::from_xyz_rpy([0.1, 0.0, 0.0], [0.0; 3]));
         let goal = path::ElbowMotion::To(angle(&START) + 0.3);

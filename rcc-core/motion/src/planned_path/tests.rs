@@ -1,4 +1,4 @@
-//! Motions of joints judged from outside: by differences of what comes out, cycle by cycle, and by forward kinematics.
+//! Motions of joints checked from outside: by differences of the set-points, cycle by cycle, and by forward kinematics.
 
 use rcc_core::frame::{DeviceModel, PrepareFault};
 use rcc_core::guard::JointLimits;
@@ -78,7 +78,7 @@ fn paced(legs: &[Leg<'_>], pace: SpeedProfile) -> Result<MotionSet, (u32, Motion
     }
 }
 
-/// A little random generator: the same numbers everywhere.
+/// A linear congruential generator; reproducible from a seed.
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
@@ -103,12 +103,12 @@ impl Random {
     }
 }
 
-/// What a motion did, from rest to rest.
+/// The states of a motion from rest to rest.
 pub(super) struct FinishedRun {
     pub(super) states: Vec<MotionState>,
 }
 
-/// Runs a motion to its end; `drive` says what it is told in each cycle.
+/// Runs a motion to its end; `drive` returns the override of each cycle.
 pub(super) fn run(
     mut set: MotionSet,
     mut drive: impl FnMut(usize) -> SpeedOverride,
@@ -118,7 +118,7 @@ pub(super) fn run(
         let state = set.step(0, drive(cycle)).unwrap();
         states.push(state);
         if state.path.done {
-            // It stays so.
+            // It stays done.
             let again = set.step(0, SpeedOverride::RUN).unwrap();
             assert!(again.path.done && again.joints == state.joints);
             return FinishedRun { states };
@@ -132,7 +132,8 @@ impl FinishedRun {
         self.states.last().unwrap()
     }
 
-    /// Joints keep velocity, acceleration and jerk between cycles and stay in their range; joints and pose agree.
+    /// Asserts that joints keep velocity, acceleration and jerk between cycles and stay in their range, and that joints
+    /// and pose agree.
     pub(super) fn judge(&self, scale: f64) {
         let (model, arm) = (lwr(), lwr().arm.unwrap());
         let limits = model.limits;
@@ -184,7 +185,7 @@ fn point_to_point_goes_as_fast_as_its_slowest_joint_and_ends_exactly() {
     done.judge(1.0);
     assert_eq!(done.last().joints[..7], to[..7]);
     assert_eq!(done.last().progress, 1.0);
-    // J1 leads with 0.7 rad at 110°/s: at least 0.36 s, and not much more than with its ramps.
+    // J1 dominates with 0.7 rad at 110°/s: at least 0.36 s, and not much more with its ramps.
     let time = done.states.len() as f64 * DT;
     assert!(time > 0.46 && time < 0.60, "{time}");
     let slow = Leg {
@@ -199,7 +200,7 @@ fn point_to_point_goes_as_fast_as_its_slowest_joint_and_ends_exactly() {
 #[test]
 fn point_to_point_to_a_pose_takes_the_nearest_branch_or_the_one_that_is_given() {
     let arm = lwr().arm.unwrap();
-    // Turned so that both ways to hold the wrist are within the limits.
+    // Rotated so that both wrist configurations are within the limits.
     let to = start().compose(&Pose::from_xyz_rpy([0.05, 0.1, 0.0], [0.2, 0.0, -0.8]));
     let to_pose = |branch| {
         Leg::new(PathSegment::JointsToPose {
@@ -263,7 +264,7 @@ fn a_given_speed_is_kept_on_an_arc_and_refused_where_a_joint_cannot_follow() {
     };
     assert!(possible > 0.01 && possible < 1.0);
     assert!(value > limit, "{fault:?}");
-    // What is said to be possible is.
+    // The speed that is reported as possible is possible.
     run(motion(&[arc(5.0 * possible * 0.999)]).unwrap(), free).judge(1.0);
     let slow = Leg {
         line: MotionLimits::of([0.1, 0.1, f64::NAN]),
@@ -288,7 +289,7 @@ fn a_given_speed_is_kept_on_an_arc_and_refused_where_a_joint_cannot_follow() {
 }
 
 #[test]
-fn a_greater_velocity_makes_no_line_slower_even_if_the_way_is_too_short_for_it() {
+fn a_greater_velocity_makes_no_line_slower_even_if_it_is_too_short_to_reach_it() {
     let from = start();
     for (way, turn) in [(0.05, 0.0), (0.05, 0.3), (0.2, 0.2), (0.4, 0.0)] {
         let line = |velocity: f64| {
@@ -315,7 +316,7 @@ fn a_greater_velocity_makes_no_line_slower_even_if_the_way_is_too_short_for_it()
             );
             let cycles = done.states.len();
             assert!(
-                // The speeds that are tried are 15 % apart.
+                // The speeds that are tried differ by 15 %.
                 cycles as f64 <= 1.02 * before,
                 "{way} m at {velocity}: {before} {cycles}"
             );
@@ -327,7 +328,7 @@ fn a_greater_velocity_makes_no_line_slower_even_if_the_way_is_too_short_for_it()
 }
 
 #[test]
-fn a_velocity_that_cannot_be_kept_is_a_limit_if_the_soonest_way_is_wanted() {
+fn a_velocity_that_cannot_be_kept_is_a_limit_for_a_time_optimal_motion() {
     let from = start();
     let arc = |velocity| Leg {
         line: MotionLimits {
@@ -446,7 +447,7 @@ fn a_whole_circle_comes_back_and_a_spline_passes_its_poses() {
     }
 }
 
-/// Legs of every kind, rounded.
+/// Legs of every kind, with blends.
 fn all_kinds(blend: f64, through: &[Pose; 2]) -> [Leg<'_>; 5] {
     let from = start();
     let at = |x, y, z| from.compose(&Pose::from_xyz_rpy([x, y, z], [0.1, 0.0, 0.0]));
@@ -495,7 +496,7 @@ fn a_sequence_rests_at_every_end_without_zones_and_nowhere_with_them() {
 }
 
 #[test]
-fn a_rounded_rectangle_is_gone_along_at_the_given_speed_and_sooner_than_one_with_corners() {
+fn a_blended_rectangle_keeps_the_given_speed_and_is_faster_than_one_with_corners() {
     let at = |x, y| start().compose(&Pose::from_xyz_rpy([x, y, 0.0], [0.0; 3]));
     let time = |blend, velocity| {
         let corners = [at(0.1, 0.0), at(0.1, 0.15), at(-0.05, 0.15), at(-0.05, 0.0)];
@@ -513,7 +514,7 @@ fn a_rounded_rectangle_is_gone_along_at_the_given_speed_and_sooner_than_one_with
 }
 
 #[test]
-fn a_rounding_stays_within_its_zone_of_the_corner() {
+fn a_blend_stays_within_its_zone_of_the_corner() {
     let from = start();
     let at = |x, y| from.compose(&Pose::from_xyz_rpy([x, y, 0.0], [0.0; 3]));
     let line = |to, blend| Leg {
@@ -537,7 +538,7 @@ fn a_rounding_stays_within_its_zone_of_the_corner() {
 }
 
 #[test]
-fn a_rounding_that_is_smaller_than_asked_for_is_told() {
+fn a_blend_that_is_smaller_than_requested_is_reported() {
     let from = start();
     let at = |x, y| from.compose(&Pose::from_xyz_rpy([x, y, 0.0], [0.0; 3]));
     let line = |to, blend| Leg {
@@ -580,7 +581,7 @@ fn relative_goals_begin_where_the_leg_before_ended() {
 }
 
 #[test]
-fn what_cannot_be_followed_is_refused_with_its_place() {
+fn a_path_that_the_arm_cannot_follow_is_refused_with_the_position() {
     let line = |to| [Leg::new(PathSegment::Line { to })];
     let away = start().compose(&Pose::from_xyz_rpy([0.0, 0.0, 2.0], [0.0; 3]));
     let fault = motion(&line(away)).unwrap_err();

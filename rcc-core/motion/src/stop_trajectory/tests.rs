@@ -1,5 +1,4 @@
-//! Joints come to rest within their limits, together, and on the line if they were on one.
-//! Tests only.
+//! Joints come to rest within their limits, together, and stay on a straight line if they were on one.
 
 use super::*;
 use proptest::prelude::*;
@@ -25,7 +24,7 @@ fn begun(velocity: &[f64; N], acceleration: &[f64; N]) -> StopTrajectory {
     rest
 }
 
-/// Positions of all steps until rest, the beginning included.
+/// Positions of all steps until rest, including the beginning.
 fn run(rest: &mut StopTrajectory) -> Vec<[f64; JOINTS_MAX]> {
     let mut begin = [0.0; JOINTS_MAX];
     begin[..N].fill(0.5);
@@ -42,14 +41,14 @@ fn sevenfold(range: std::ops::Range<f64>) -> impl Strategy<Value = [f64; N]> {
 }
 
 #[test]
-fn it_rests_nowhere_before_it_begins() {
+fn positions_are_nan_before_a_stop_begins() {
     let mut rest = StopTrajectory::new(limits(), DT).unwrap();
     let (position, resting) = rest.step();
     assert!(resting && rest.is_resting() && position.iter().all(|q| q.is_nan()));
 }
 
 #[test]
-fn what_rests_stays_where_it_is() {
+fn joints_at_rest_stay_where_they_are() {
     let mut rest = begun(&[0.0; N], &[0.0; N]);
     assert!(!rest.is_resting());
     let (position, resting) = rest.step();
@@ -57,7 +56,7 @@ fn what_rests_stays_where_it_is() {
 }
 
 #[test]
-fn the_way_without_acceleration_is_half_of_velocity_and_time() {
+fn without_acceleration_the_distance_is_half_of_velocity_times_time() {
     let velocity = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let position = *run(&mut begun(&velocity, &[0.0; N])).last().unwrap();
     let duration = 1.0 / 5.0 + 5.0 / 100.0;
@@ -68,7 +67,7 @@ fn the_way_without_acceleration_is_half_of_velocity_and_time() {
 }
 
 #[test]
-fn a_state_that_is_no_number_is_refused_and_changes_nothing() {
+fn a_state_that_is_not_finite_is_refused_and_changes_nothing() {
     let mut rest = begun(&[0.3; N], &[0.0; N]);
     let twin = &mut rest.clone();
     let mut bad = [0.0; N];
@@ -84,7 +83,7 @@ fn a_state_that_is_no_number_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn limits_that_cannot_be_meant_are_refused_by_joint() {
+fn invalid_limits_are_refused_by_joint() {
     let mut bad = limits();
     bad.jerk_max[3] = 0.0;
     let refusal = StopTrajectory::new(bad, DT).unwrap_err();
@@ -140,9 +139,9 @@ proptest! {
     }
 
     #[test]
-    fn what_moves_straight_stops_straight(velocity in sevenfold(-1.5..1.5), ratio in -1.0..1.0f64) {
+    fn joints_on_a_straight_line_stop_on_it(velocity in sevenfold(-1.5..1.5), ratio in -1.0..1.0f64) {
         prop_assume!(velocity[0].abs() > 0.1);
-        // The acceleration along the velocity, within every joint's limit.
+        // Acceleration parallel to the velocity, within every joint's limit.
         let acceleration = velocity.map(|v| v * ratio * 5.0 / 2.0);
         let positions = run(&mut begun(&velocity, &acceleration));
         for position in positions {

@@ -1,4 +1,4 @@
-//! Judges the set-points of one motion: on its path, forward only, within the limits, finite, done once.
+//! Checks the set-points of one motion: on its path, forward only, within the limits, finite, done once.
 
 use std::f64::consts::TAU;
 
@@ -6,29 +6,29 @@ use rcc_core::rotation::{self, Quaternion};
 
 use super::*;
 
-/// More than this off the path is off the path, m or rad.
+/// Greatest deviation from the path, m or rad.
 const OFF_MAX: f64 = 1e-9;
 
-/// A reference's places are at most so many of its steps apart on the flange's way: s of joints is no way, and of a leg of the
-/// wrist the flange goes 300 m for one of s.
+/// Points of a reference are at most this many of its steps apart along the flange: s of a line in joint space is not a
+/// distance, and on a leg that moves the wrist only the flange covers up to 300 m per unit of s.
 const WAY: f64 = 10.0;
 
-/// Poses that a third difference takes.
+/// Number of poses in a third difference.
 const WINDOW: usize = 4;
 
-/// How close a motion came to what it must keep.
+/// How close a motion came to its limits.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct WorstCase {
-    /// Off the path, m.
+    /// Deviation from the path, m.
     pub off_m: f64,
-    /// Velocity, acceleration and jerk, the greatest of all joints or of the flange: parts of their limits.
+    /// Velocity, acceleration and jerk, the greatest of all joints and of the flange, as fractions of their limits.
     pub parts: [f64; 3],
-    /// Cycles that it took.
+    /// Number of cycles.
     pub cycles: usize,
 }
 
 impl WorstCase {
-    /// The worse of both.
+    /// Combines two results: the worse of each.
     pub fn and(&mut self, other: WorstCase) {
         self.off_m = self.off_m.max(other.off_m);
         for (part, other) in self.parts.iter_mut().zip(other.parts) {
@@ -38,35 +38,35 @@ impl WorstCase {
     }
 }
 
-/// Where the path is, computed without the code that went along it.
+/// The expected path, computed independently of the tested code.
 pub enum Geometry {
-    /// From pose to pose.
+    /// A line from pose to pose.
     Line(Pose, Pose),
-    /// From a pose through a point to a pose.
+    /// An arc from a pose through a point to a pose.
     Circle(Pose, [f64; 3], Pose, ArcOrientation),
-    /// From joints to joints.
+    /// A line in joint space.
     Joints(Joints, Joints),
-    /// As it is when nobody disturbs it.
+    /// An undisturbed run of the same motion.
     Reference(Box<Reference>),
 }
 
-/// Position and orientation, the orientation near that of the place before.
+/// Position and orientation; the sign of the quaternion is continuous.
 type Values = [f64; 7];
 
-/// Places of an undisturbed, slow run, by s: one list for each part from rest to rest, where the path may have a corner.
+/// Points of an undisturbed, slow run by s: one list per section from rest to rest, where the path may have a corner.
 pub struct Reference(Vec<Vec<(f64, Values)>>);
 
-/// How closely a reference looks.
+/// Resolution of a reference.
 #[derive(Debug, Clone, Copy)]
 pub struct ReferenceResolution {
-    /// Part of the speed, in cycles of 1 ms.
+    /// Speed override, for cycles of 1 ms.
     pub speed: f64,
     /// Least step in s.
     pub step: f64,
 }
 
 impl ReferenceResolution {
-    /// As many places in longer cycles.
+    /// Adapts the speed for the same number of points with longer cycles.
     pub fn in_cycles_of(self, dt_s: f64) -> Self {
         Self {
             speed: self.speed * 1e-3 / dt_s,
@@ -76,7 +76,7 @@ impl ReferenceResolution {
 }
 
 impl Reference {
-    /// Runs a motion; `None` if it does not end.
+    /// Runs a motion slowly; `None` if it does not end.
     pub fn run(mut motion: MotionSet, resolution: ReferenceResolution) -> Option<Self> {
         let drive = SpeedOverride {
             speed: resolution.speed,
@@ -92,7 +92,7 @@ impl Reference {
             let places = parts.last_mut()?;
             let rests = state.path.velocity == 0.0 && !places.is_empty();
             if rests {
-                // A place nearer than this would make the polynomial one of rounding.
+                // With points closer than this, rounding would dominate the polynomial.
                 places.retain(|(s, _)| here.0 - s > resolution.step / 20.0);
             }
             let far = places.last().is_none_or(|(s, [px, py, pz, ..])| {
@@ -112,7 +112,7 @@ impl Reference {
         None
     }
 
-    /// How far a pose is off the curve at s: of the polynomial through the six nearest places.
+    /// Deviation of a pose from the curve at s, by the polynomial through the six nearest points.
     fn off(&self, s: f64, pose: &Pose) -> f64 {
         let begun = |part: &Vec<(f64, Values)>| part.first().is_none_or(|(at, _)| *at <= s);
         let part = self.0.partition_point(begun).saturating_sub(1);
@@ -139,13 +139,13 @@ impl Reference {
     }
 }
 
-/// The quaternion of the same orientation that is nearer.
+/// The quaternion of the same orientation with the sign that is closer to `to`.
 fn nearest(orientation: Quaternion, to: Quaternion) -> Quaternion {
     let product: f64 = orientation.iter().zip(to).map(|(a, b)| a * b).sum();
     orientation.map(|x| if product < 0.0 { -x } else { x })
 }
 
-/// The angle between orientations that are nearly the same, rad.
+/// The angle between two nearly equal orientations, rad.
 fn turned(a: Quaternion, b: Quaternion) -> f64 {
     let b = nearest(b, a);
     let squares: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
@@ -191,7 +191,7 @@ impl Geometry {
                 let radial = norm(since) - norm(to_centre);
                 let axial = dot(since, axis);
                 let whole = around(c).1.rem_euclid(TAU);
-                // What rounding puts before the start is the start.
+                // Rounding may put the start slightly before 0.
                 let angle = if angle < -1e-6 { angle + TAU } else { angle };
                 let want = match orientation {
                     ArcOrientation::Even => from.slerp(to, angle / whole).unwrap_or(Pose::NULL),
@@ -229,17 +229,17 @@ impl Geometry {
     }
 }
 
-/// The judge of one motion.
+/// Checks one motion.
 pub struct MotionJudge<'a> {
-    /// The arm whose joints are judged.
+    /// The arm whose joints are checked.
     model: &'a DeviceModel,
     scale: f64,
     line: MotionLimits,
     turn: MotionLimits,
     dt_s: f64,
-    /// The legs which limits of the flange do not bind.
+    /// Per leg: the limits of the flange do not apply.
     unbound: Vec<bool>,
-    /// Cycles for which they have bound it.
+    /// Number of consecutive cycles in which they apply.
     bound: usize,
     geometry: Geometry,
     joints: [Joints; WINDOW],
@@ -271,7 +271,7 @@ impl<'a> MotionJudge<'a> {
         }
     }
 
-    /// Judges the set-points of one cycle.
+    /// Checks the set-points of one cycle.
     pub fn see(&mut self, state: &MotionState) -> Result<(), String> {
         self.worst.cycles += 1;
         if !state.pose.is_finite() || !state.path.s.is_finite() {
@@ -291,7 +291,7 @@ impl<'a> MotionJudge<'a> {
         self.joints.rotate_left(1);
         self.joints[3] = state.joints;
         let leg = state.leg as usize;
-        // A leg's rounding into the next one belongs to it.
+        // The blend from a leg into the next one belongs to the leg.
         let unbound = self.unbound.get(leg..).unwrap_or(&[]);
         self.bound = match unbound.iter().take(2).any(|unbound| *unbound) {
             true => 0,
@@ -304,7 +304,7 @@ impl<'a> MotionJudge<'a> {
     }
 
     fn part(&mut self, order: usize, value: f64, limit: f64) -> Result<(), String> {
-        // What rounding makes of small limits is not their breach.
+        // Rounding errors relative to small limits are not violations.
         let part = (value - 1e-3).max(0.0) / limit;
         self.worst.parts[order] = self.worst.parts[order].max(part);
         if value <= limit * 1.001 + 1e-3 {
@@ -314,7 +314,7 @@ impl<'a> MotionJudge<'a> {
         }
     }
 
-    /// The flange's own limits: of its way, and of its turning.
+    /// Checks the flange's own limits, of translation and rotation.
     fn flange(&mut self) -> Result<(), String> {
         let pairs = [[0, 1], [1, 2], [2, 3]].map(|pair| pair.map(|at| self.poses[at]));
         let dt = self.dt_s;
@@ -339,7 +339,7 @@ impl<'a> MotionJudge<'a> {
         Ok(())
     }
 
-    /// Range, velocity, acceleration and jerk of every joint, and that they agree with the pose.
+    /// Checks range, velocity, acceleration and jerk of every joint, and that joints and pose agree.
     fn joints(&mut self, model: &DeviceModel, state: &MotionState) -> Result<(), String> {
         let limits = &model.limits;
         let dt = self.dt_s;
@@ -372,7 +372,7 @@ impl<'a> MotionJudge<'a> {
         Ok(())
     }
 
-    /// Judges the end.
+    /// Checks the end of the motion.
     pub fn at_end(self, state: &MotionState, stopped: bool) -> Result<WorstCase, String> {
         let path = state.path;
         if path.stopping != stopped || path.velocity != 0.0 || path.acceleration != 0.0 {

@@ -1,6 +1,6 @@
-//! Random motions of each kind and robot under random drives, judged from outside: by differences of the set-points, cycle
-//! by cycle, and by geometry that is computed here. Used by the test `random_motions` and by the example of that name,
-//! which counts higher.
+//! Random motions of each kind and robot under random speed overrides, checked from outside: by differences of the
+//! set-points, cycle by cycle, and by independently computed geometry. Used by the test `random_motions` and by the
+//! example of that name, which runs more.
 #![allow(dead_code)] // Each of those who use it uses a part of it.
 
 use rcc_core::frame::DeviceModel;
@@ -26,7 +26,7 @@ use random::Random;
 /// Most cycles of a motion; the slowest ones take a tenth of it.
 const CYCLES_MAX: usize = 400_000;
 
-/// How closely the references look, one after the other.
+/// Resolutions of the references that are tried, one after the other.
 const RESOLUTIONS: [ReferenceResolution; 4] = [
     ReferenceResolution {
         speed: 0.25,
@@ -51,21 +51,21 @@ const RESOLUTIONS: [ReferenceResolution; 4] = [
 pub enum MotionKind {
     /// A line.
     Line,
-    /// An arc.
+    /// An arc of a circle.
     Circle,
     /// A curve through poses.
     Spline,
-    /// A line of the joints.
+    /// A line in joint space.
     PointToPoint,
-    /// Some of all of them, rounded or not.
+    /// Several legs of all kinds, with and without blends.
     Sequence,
-    /// The same, as fast as can be.
+    /// A time-optimal sequence.
     Fastest,
-    /// The same as a sequence, the elbow turning.
-    ElbowMotion,
+    /// A sequence in which the arm angle turns.
+    Elbow,
 }
 
-/// All of them.
+/// All kinds.
 pub const KINDS: [MotionKind; 7] = [
     MotionKind::Line,
     MotionKind::Circle,
@@ -76,15 +76,15 @@ pub const KINDS: [MotionKind; 7] = [
     MotionKind::Elbow,
 ];
 
-/// An arm, where it begins, and what it is called.
+/// An arm, its start, and its name.
 pub struct TestRobot {
-    /// What it is called.
+    /// Name for reports.
     pub name: &'static str,
     model: DeviceModel,
     home: Joints,
 }
 
-/// Ranges, velocities and accelerations in degrees; the jerk is ten times the acceleration.
+/// A robot with ranges, velocities and accelerations in degrees; its jerk limit is ten times the acceleration.
 fn robot<const N: usize>(
     name: &'static str,
     arm: Arm,
@@ -187,34 +187,34 @@ pub fn robots() -> [TestRobot; 3] {
     ]
 }
 
-/// What became of a random motion.
+/// Result of a random motion.
 #[derive(Debug)]
 pub enum RunOutcome {
-    /// It was refused when it was built.
+    /// Refused when it was built.
     Refused,
-    /// It ran, and what came closest to its limits.
+    /// It ran; how close it came to its limits.
     Ran(WorstCase),
-    /// It broke a rule.
+    /// It violated a rule.
     Broken(String),
 }
 
-/// One motion as drawn by lot.
+/// The random parameters of a motion.
 struct DrawnMotion {
     start: Joints,
     from: Pose,
     scale: f64,
-    /// At the start, rad.
+    /// Arm angle at the start, rad.
     arm_angle: f64,
     /// Targets of legs, and points of splines.
     poses: Vec<Pose>,
     joints: Vec<Joints>,
-    /// Of the flange, if it has any.
+    /// Limits of the flange, if it has any.
     line: MotionLimits,
     turn: MotionLimits,
     dt_s: f64,
 }
 
-/// Builds, runs and judges the motion of this seed.
+/// Builds, runs and checks the motion of this seed.
 #[must_use]
 pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
     let mut random = Random::new(seed ^ (kind as u64) << 60);
@@ -246,7 +246,7 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
         }
         _ => {
             let mut outcome = RunOutcome::Refused;
-            // A curve so sharp that the polynomial of the first reference is off it needs a closer one.
+            // A curve so sharp that the polynomial of the first reference deviates needs a finer reference.
             for resolution in RESOLUTIONS {
                 let reference = Reference::run(motion.clone(), resolution.in_cycles_of(drawn.dt_s));
                 let Some(reference) = reference else {
@@ -267,14 +267,14 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
     run(motion, judge(geometry), &mut random)
 }
 
-/// True for a motion that nobody waits for: a curve that grazes a singular position, evenly at some micrometres a second.
+/// Returns true for a motion that grazes a singular position at some micrometres per second and takes too long to test.
 fn crawls(mut motion: MotionSet) -> bool {
     let mut states = (0..CYCLES_MAX).map(|_| motion.step(0, SpeedOverride::RUN));
     states.all(|state| state.is_some_and(|state| !state.path.done))
 }
 
-/// How long the motion of this seed takes evenly and as fast as can be, s, and how long each took to build; `None` if it
-/// cannot be built.
+/// Durations of the motion of this seed with the even and the time-optimal profile, s, and the time to build each, s;
+/// `None` if it cannot be built.
 #[must_use]
 pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
     let (drawn, mut random) = unbound(kind, robot, seed)?;
@@ -294,7 +294,7 @@ pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64;
     Some((times_s, built_s))
 }
 
-/// As drawn by lot, limited by the joints alone, in cycles of 1 ms.
+/// Random parameters limited by the joints alone, in cycles of 1 ms.
 fn unbound(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<(DrawnMotion, Random)> {
     let mut random = Random::new(seed ^ (kind as u64) << 60);
     let mut drawn = draw(robot, &mut random)?;
@@ -320,7 +320,7 @@ fn build(
     builder.finish().ok()
 }
 
-/// Where it begins and what it goes to; `None` if that is no place to begin from.
+/// Draws the start and the targets; `None` if the start is not valid.
 fn draw(robot: &TestRobot, random: &mut Random) -> Option<DrawnMotion> {
     let arm = robot.model.arm?;
     let limits = &robot.model.limits;
@@ -335,7 +335,7 @@ fn draw(robot: &TestRobot, random: &mut Random) -> Option<DrawnMotion> {
         Some(joints)
     };
     let start = near(&robot.home, 0.5)?;
-    // Null where the arm has no joint.
+    // NaN where the arm has no joint.
     let mut joints = (0..5)
         .map(|_| near(&start, 0.5))
         .collect::<Option<Vec<_>>>()?;
@@ -447,7 +447,7 @@ fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut Random) -> Ve
     }
 }
 
-/// Runs a motion under drives drawn by lot until it is done, and three cycles more.
+/// Runs a motion under random overrides until it is done, and three cycles more.
 fn run(mut motion: MotionSet, mut judge: MotionJudge, random: &mut Random) -> RunOutcome {
     let mut drive = SpeedOverride::RUN;
     let often = random.log_even(2.0, 500.0);

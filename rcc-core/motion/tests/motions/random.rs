@@ -1,8 +1,8 @@
-//! Random numbers from a seed, the same everywhere (splitmix64).
+//! Random numbers from a seed, reproducible everywhere (splitmix64).
 
 use rcc_core::path::SpeedOverride;
 
-/// A source of random numbers.
+/// A random number generator.
 #[derive(Debug, Clone)]
 pub struct Random(u64);
 
@@ -11,7 +11,7 @@ impl Random {
         Self(seed)
     }
 
-    /// Even over [0, 1).
+    /// Uniformly distributed over [0, 1).
     pub fn even(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -32,7 +32,7 @@ impl Random {
         (self.even() * n as f64) as usize
     }
 
-    /// A pause, full speed, or any other.
+    /// A random override: a pause, full speed, or any other speed.
     pub fn drive(&mut self) -> SpeedOverride {
         let at = |speed| SpeedOverride {
             speed,

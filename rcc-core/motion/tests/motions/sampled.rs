@@ -1,29 +1,29 @@
-//! The joint path of a random motion as samples, with how it is gone along: for others who go along the same path.
+//! The joint path of a random motion as samples, and the tested timing along it, for comparison with other planners.
 
 use super::*;
 
-/// Cycles in which a path is gone along once, about.
+/// Approximate number of cycles for sampling a path.
 const CYCLES: f64 = 4000.0;
 
-/// Of a path from rest to rest, the least way from one sample to the next.
+/// Least distance between samples, as a fraction of a section from rest to rest.
 const STEP: f64 = 1e-5;
 
-/// What a clock has counted, and the joints there.
+/// A clock value and the joints there.
 pub type Sample = (f64, Joints);
 
-/// A path and how ours goes along it.
+/// A path with the tested timing.
 pub struct Sampled {
-    /// Joints of the arm.
+    /// Number of joints of the arm.
     pub joints: usize,
-    /// Velocity, acceleration and jerk of each joint that were kept, rad and s.
+    /// Velocity, acceleration and jerk limit of each joint, in rad and s.
     pub limits: [Joints; 3],
-    /// s of the path and the joints there, for each part from rest to rest.
+    /// s of the path and the joints there, for each section from rest to rest.
     pub path: Vec<Vec<Sample>>,
-    /// What its clock has counted and the joints in each cycle of the same parts, as fast as can be.
+    /// Clock value and joints in each cycle of the same sections, time-optimal.
     pub fastest: Vec<Vec<Sample>>,
-    /// Evenly and as fast as can be, s.
+    /// Duration with the even and the time-optimal profile, s.
     pub times_s: [f64; 2],
-    /// The same with a jerk limit that is as many times as high as was asked for, s.
+    /// The same with a jerk limit that is `jerk` times as high, s.
     pub loose_s: [f64; 2],
 }
 
@@ -42,15 +42,18 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         let cycles = run.iter().map(|part| part.len() - 1).sum::<usize>();
         Some((cycles as f64 * drawn.dt_s, run))
     };
-    let (even_s, _) = run(robot, Pace::Even)?;
-    let (fastest_s, fastest) = run(robot, Pace::Fastest)?;
-    let loose_s = [run(&loose, Pace::Even)?.0, run(&loose, Pace::Fastest)?.0];
+    let (even_s, _) = run(robot, SpeedProfile::Even)?;
+    let (fastest_s, fastest) = run(robot, SpeedProfile::Fastest)?;
+    let loose_s = [
+        run(&loose, SpeedProfile::Even)?.0,
+        run(&loose, SpeedProfile::Fastest)?.0,
+    ];
     let slowly = SpeedOverride {
         speed: (even_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
     };
-    // Slower where it is bent, as the pace is even.
-    let path = build(robot, (&drawn, &legs), Pace::Even)?;
+    // The even profile is slower in bends, which gives more samples there.
+    let path = build(robot, (&drawn, &legs), SpeedProfile::Even)?;
     let path = self::run(path, slowly)?;
     let limits = &robot.model.limits;
     let rows = [
@@ -68,8 +71,8 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
     })
 }
 
-/// Every cycle of a motion, for each part from rest to rest: the first cycle is at the start, and the first sample of each
-/// further part is the last one before it.
+/// Every cycle of a motion, per section from rest to rest: the first cycle is at the start, and each further section
+/// begins with the last sample of the previous one.
 fn run(mut motion: MotionSet, drive: SpeedOverride) -> Option<Vec<Vec<Sample>>> {
     let (mut parts, mut part) = (Vec::new(), Vec::new());
     loop {
@@ -84,7 +87,7 @@ fn run(mut motion: MotionSet, drive: SpeedOverride) -> Option<Vec<Vec<Sample>>> 
     }
 }
 
-/// Without the samples that are next to others, as they are at both ends.
+/// Removes samples that are too close to others, as they are at both ends.
 fn apart(samples: Vec<Sample>) -> Vec<Sample> {
     let (Some(first), Some(last)) = (samples.first().copied(), samples.last().copied()) else {
         return samples;

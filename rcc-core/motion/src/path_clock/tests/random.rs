@@ -1,5 +1,5 @@
-//! Random paths under random drives, judged from the phases of what was really made, not from its samples.
-//! `RCC_MOTION_CASES` sets how many. Tests only.
+//! Random paths under random overrides, checked on the executed phases themselves, not on samples. `RCC_MOTION_CASES`
+//! sets the number of cases.
 
 use super::*;
 
@@ -45,8 +45,8 @@ impl Random {
     }
 }
 
-/// Judges every part of a motion that was made, and every state that was told.
-struct Judge<'a> {
+/// Checks every executed segment of a motion, and every returned state.
+struct SegmentChecker<'a> {
     pieces: &'a [PathPiece],
     acceleration: f64,
     jerk: f64,
@@ -56,7 +56,7 @@ struct Judge<'a> {
 
 const TOLERANCE: f64 = 1e-9;
 
-impl Judge<'_> {
+impl SegmentChecker<'_> {
     fn length(&self) -> f64 {
         self.pieces.last().unwrap().end_s
     }
@@ -83,7 +83,7 @@ impl Judge<'_> {
         self.last = end;
     }
 
-    /// The velocity in every piece that the part touches: at its ends there, and where it has an extremum.
+    /// Checks the velocity in every piece that the segment touches: at its ends there, and at its extremum.
     fn velocities(&self, start: KinematicState, jerk: f64, duration_s: f64) {
         let end = start.after(duration_s, jerk);
         let (mut begin_s, mut from) = (0.0, 0.0);
@@ -99,7 +99,7 @@ impl Judge<'_> {
             for t_s in [from, vertex, to] {
                 let state = start.after(t_s, jerk);
                 let slow = state.velocity >= -TOLERANCE * piece.velocity;
-                // A part that only touches the end of a piece, by rounding, is not in it.
+                // A segment that only touches the end of a piece, by rounding, is not in it.
                 let inside = to - from > 1e-9 * duration_s || state.acceleration <= 0.0;
                 let kept = state.velocity <= piece.velocity * (1.0 + TOLERANCE) || !inside;
                 assert!(
@@ -135,7 +135,7 @@ impl Judge<'_> {
     }
 }
 
-/// When a part of a motion passes a position, found by halving.
+/// Time at which a segment passes a position, by bisection.
 fn crossing(start: KinematicState, jerk: f64, duration_s: f64, position: f64) -> f64 {
     if start.after(duration_s, jerk).position <= position {
         return duration_s;
@@ -152,7 +152,7 @@ fn crossing(start: KinematicState, jerk: f64, duration_s: f64, position: f64) ->
     early
 }
 
-/// Runs one random path; the number of cycles that it took.
+/// Runs one random path; returns the number of cycles.
 fn case(seed: u64) -> usize {
     let mut random = Random(seed);
     let pieces = random.path();
@@ -160,7 +160,7 @@ fn case(seed: u64) -> usize {
     let new = |dt_s| PathBounds::new(&pieces, acceleration, jerk, dt_s).unwrap();
     let full_s = duration_s(&new(1e-9));
     let bounds = new(full_s / random.log_even(20.0, 400.0));
-    let mut judge = Judge {
+    let mut judge = SegmentChecker {
         pieces: &pieces,
         acceleration,
         jerk,
@@ -175,7 +175,7 @@ fn case(seed: u64) -> usize {
     } else {
         random.drive()
     };
-    // At rest at every boundary, and once more at the beginning and after the last pause.
+    // At rest at every boundary, at the beginning and after the last pause.
     let rests = (bounds.pieces() + 4) as f64;
     let change_s = 2.0 * (2.0 / jerk).sqrt() + 2.0 / acceleration + acceleration / jerk;
     let slowest = pieces
@@ -214,7 +214,7 @@ fn case(seed: u64) -> usize {
 }
 
 #[test]
-fn every_path_under_every_drive_keeps_its_limits_and_ends() {
+fn every_path_under_every_override_keeps_its_limits_and_ends() {
     let cases = std::env::var("RCC_MOTION_CASES").map_or(20_000, |cases| cases.parse().unwrap());
     let mut cycles = 0;
     for seed in 0..cases {

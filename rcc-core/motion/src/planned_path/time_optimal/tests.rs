@@ -1,8 +1,8 @@
-//! Profiles against what is known of them by hand, and what their mean keeps.
+//! Profiles against results known by hand, and the limits of their moving average.
 
 use super::*;
 
-/// Places of one quantity that goes evenly along a way of 2, with these limits.
+/// Constraints of one quantity that moves uniformly over a length of 2, with these limits.
 fn even(velocity: f64, acceleration: f64) -> Vec<PathConstraints> {
     let mut slopes = [[0.0; 3]; QUANTITIES];
     slopes[2] = [1.0, 0.0, 0.0];
@@ -14,19 +14,20 @@ fn even(velocity: f64, acceleration: f64) -> Vec<PathConstraints> {
 }
 
 #[test]
-fn an_even_way_is_gone_with_the_greatest_acceleration_and_as_great_a_deceleration() {
+fn a_uniform_path_uses_the_greatest_acceleration_and_deceleration() {
     let profile = AccelerationProfile::new(&even(f64::INFINITY, 4.5)).unwrap();
     let want = 2.0 * (2.0 / 4.5_f64).sqrt();
     assert!((profile.duration_s() - want).abs() < 1e-9 * want);
-    // With a limit of the velocity: two ramps and what is between them.
+    // With a velocity limit: two ramps and a constant speed between them.
     let profile = AccelerationProfile::new(&even(1.5, 4.5)).unwrap();
     let want = 2.0 / 1.5 + 1.5 / 4.5;
     assert!((profile.duration_s() - want).abs() < 2e-3 * want);
 }
 
 #[test]
-fn a_circle_is_gone_as_fast_as_its_bend_allows() {
-    // Two joints that go around a circle of radius 1 once: |y''| ≤ a asks for s'² ≤ a, and there it stays for nearly all of it.
+fn a_circle_is_followed_as_fast_as_its_curvature_allows() {
+    // Two joints that follow a circle of radius 1 once: |y''| ≤ a requires s'² ≤ a, and nearly all of it is at that
+    // speed.
     let acceleration = 3.0;
     let constraints: Vec<PathConstraints> = (0..=4000)
         .map(|number| {
@@ -46,7 +47,7 @@ fn a_circle_is_gone_as_fast_as_its_bend_allows() {
             assert!(a * u + b * v * v <= c + 2e-2, "{a} {b} {c}: {v} {u}");
         }
     }
-    // Each joint alone may use all of its acceleration, so it is faster than with one limit for both, by less than √2.
+    // Each joint may use all of its acceleration, so it is faster than with one limit for both, by less than √2.
     let even = core::f64::consts::TAU / acceleration.sqrt();
     let time = profile.duration_s();
     assert!(
@@ -56,7 +57,7 @@ fn a_circle_is_gone_as_fast_as_its_bend_allows() {
 }
 
 #[test]
-fn the_mean_goes_from_rest_to_rest_forward_only_in_the_time_of_a_window_more() {
+fn the_moving_average_goes_forward_from_rest_to_rest_and_takes_one_window_longer() {
     let profile = AccelerationProfile::new(&even(1.5, 4.5)).unwrap();
     let window_s = 0.2;
     let (knots, step_s) = profile.smooth(window_s).unwrap();
@@ -72,7 +73,7 @@ fn the_mean_goes_from_rest_to_rest_forward_only_in_the_time_of_a_window_more() {
             s >= last - 1e-12 && v <= 1.5 * 1.001 && a.abs() <= 4.5 * 1.1,
             "{s} {v} {a}"
         );
-        // The quintics between the knots overshoot a little where the acceleration begins to change.
+        // The quintics between the knots overshoot slightly where the acceleration begins to change.
         hardest = hardest.max(j.abs());
         last = s;
     }
