@@ -150,7 +150,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             UNAUTHENTICATED.0, UNAUTHENTICATED.1
         ),
         format!(
-            "| connections of a door without a whole head | {HEADS_MAX} | {} |",
+            "| connections of a listener without a complete head | {HEADS_MAX} | {} |",
             seconds(HEAD_TIME)
         ),
         format!(
@@ -211,7 +211,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             rcc_ipc::stream::SUBSCRIBERS_MAX
         ),
         format!(
-            "| log lines about one kind of nuisance | 1 | each {} |",
+            "| log lines about one kind of refusal | 1 | each {} |",
             seconds(rcc_ipc::log_throttle::LOG_INTERVAL)
         ),
     ] {

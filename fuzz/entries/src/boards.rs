@@ -1,5 +1,5 @@
-//! Target `boards`: any bytes on the boards that cross processes. Whoever reads them takes them as hostile: no panic, and
-//! no set-point outside of the limits. Run by the thread of the target.
+//! Target `boards`: arbitrary bytes on the boards shared between processes. Readers must treat them as hostile: no
+//! panic, and no set-point outside the limits. Run by the thread of the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use bytemuck::bytes_of_mut;
@@ -15,14 +15,14 @@ use crate::shipped::{HOLD, shipped};
 const MS: u64 = 1_000_000;
 const STEPS_MAX: usize = 200;
 
-/// The first byte says whose board it is.
+/// The first byte selects whose board is corrupted.
 pub fn run(data: &[u8]) {
     let mut bytes = Unstructured::new(data);
-    // Bytes that end early end the input.
+    // When the bytes run out, the input ends.
     let _ = match bool::arbitrary(&mut bytes) {
         Ok(true) => measurements(&mut bytes),
         Ok(false) => {
-            // The same for a device that the executor's clock follows.
+            // Runs the same for a device that the executor's clock follows.
             let rest = bytes.peek_bytes(bytes.len()).unwrap_or_default();
             let _ = images(&mut Unstructured::new(rest), true);
             images(&mut bytes, false)
@@ -31,7 +31,8 @@ pub fn run(data: &[u8]) {
     };
 }
 
-/// Writes some bytes into a record; its beginning stays ours, or nothing would be read at all.
+/// Overwrites some words of a record. The caller restores the magic number, because otherwise nothing would be read at
+/// all.
 fn corrupt(record: &mut [u8], bytes: &mut Unstructured<'_>) -> Result<()> {
     for _ in 0..bytes.int_in_range(0..=6)? {
         let at = bytes.int_in_range(0..=record.len() / 8 - 1)? * 8;
@@ -46,7 +47,7 @@ fn corrupt(record: &mut [u8], bytes: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A driver that writes anything, while a net moves its arm.
+/// Simulates a driver that writes arbitrary measurements while a net moves its arm.
 fn measurements(bytes: &mut Unstructured<'_>) -> Result<()> {
     let plans = &shipped().plans;
     let mut harness = EngineHarness::new();
@@ -65,7 +66,7 @@ fn measurements(bytes: &mut Unstructured<'_>) -> Result<()> {
         }
         let device = bytes.int_in_range(0..=harness.measured.len() - 1)?;
         corrupt(bytes_of_mut(&mut harness.measured[device]), bytes)?;
-        // An honest driver counts on; a number that wraps is no rule of the executor's.
+        // A real driver only counts up; the executor has no rule for a counter that wraps.
         harness.measured[device].sequence >>= 1;
         if bytes.ratio(7, 8)? {
             harness.measured[device].magic = MAGIC;
@@ -76,7 +77,7 @@ fn measurements(bytes: &mut Unstructured<'_>) -> Result<()> {
     Ok(())
 }
 
-/// An executor that writes anything, at a driver whose arm can be commanded.
+/// Simulates an executor that writes arbitrary images to a driver whose arm can be commanded.
 fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
     let (_, device) = shipped()
         .cell
@@ -149,7 +150,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
                     .take(JOINTS_MAX)
                     .all(|q| q.is_finite())
             );
-            // That they return is the rule.
+            // The only rule is that they return.
             let _ = (player.played_ns(), player.settled_ns(), player.margin());
         }
     }

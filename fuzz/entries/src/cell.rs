@@ -1,5 +1,5 @@
-//! Target `cell`: any text as the configuration of a cell. Never a panic, every fault has a place, and what is accepted
-//! can be worked with. Run by the thread of the target.
+//! Target `cell`: arbitrary text as the configuration of a cell. It must not panic, every fault must have a position,
+//! and an accepted configuration must be usable. Run by the thread of the target.
 
 use std::collections::BTreeMap;
 
@@ -8,12 +8,12 @@ use rcc_language::devices::DeviceTable;
 
 use crate::shipped::repository;
 
-/// Reads the bytes as a cell's text.
+/// Parses the bytes as a cell's text.
 pub fn run(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
-    // Any other robot's file would be one of this machine.
+    // Any other path would read a file of this machine.
     let elsewhere = text
         .lines()
         .any(|line| line.contains("robot:") && !line.contains("../robots/lwr4plus.yaml"));

@@ -1,12 +1,12 @@
-//! Target `directionet`: any text in the predecessor's form. As for `net`; and what is accepted is the same net when it is
-//! written as YAML and read again. Run by the thread of the target.
+//! Target `directionet`: arbitrary text in the predecessor's form. The rules of `net` apply; and an accepted net must
+//! remain the same when it is written as YAML and read again. Run by the thread of the target.
 
 use rcc_language::{compile, directionet, write};
 
 use crate::net;
 use crate::shipped::shipped;
 
-/// Reads the bytes as DirectIONet, runs what is accepted, and writes it in our form.
+/// Parses the bytes as DirectIONet, runs an accepted net, and writes it as YAML.
 pub fn run(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
@@ -21,7 +21,7 @@ pub fn run(data: &[u8]) {
     };
     let mut faults = Vec::new();
     let Some(model) = compile::read(text, "net.net", table, &mut faults) else {
-        panic!("what compiles cannot be read");
+        panic!("a text that compiles cannot be read");
     };
     let yaml = write::yaml(&model);
     match compile::compile_for(&yaml, "net.yaml", table) {

@@ -1,5 +1,5 @@
-//! The executor's engine in virtual time, with a driver that is imitated and may do anything, and a judge of what it
-//! commands. Run by the thread of the target.
+//! Runs the executor's engine in virtual time, with a simulated driver that may do anything, and checks every set-point
+//! that the engine commands. Run by the thread of the target.
 
 use bytemuck::Zeroable;
 use rcc_core::message::{
@@ -16,23 +16,23 @@ use crate::shipped::{HOLD, shipped};
 
 const PERIOD_NS: u64 = 1_000_000;
 
-/// The engine of the demo's cell.
+/// The engine of the demo cell.
 pub struct EngineHarness {
     engine: Engine,
     ends: HelperRingEnds,
-    /// What each device measures; the arm is the first.
+    /// Measurement of each device; the arm is the first.
     pub measured: Vec<Measurement>,
-    /// The devices have a board.
+    /// True if the devices have a board.
     pub attached: bool,
-    /// They exchange; otherwise their measurements age.
+    /// True if the drivers exchange data; otherwise their measurements age.
     pub alive: bool,
-    /// They measure what a good driver would; otherwise only what the target sets.
+    /// True if they measure what a correct driver would; otherwise only what the target sets.
     pub honest: bool,
     now_ns: u64,
     next_ticket: u64,
     checker: SetPointChecker,
     owner: u64,
-    /// Set-points that commanded anything.
+    /// Number of set-points that commanded anything.
     pub commanded: u64,
 }
 
@@ -43,7 +43,7 @@ impl Default for EngineHarness {
 }
 
 impl EngineHarness {
-    /// Every device is ready, and the engine has run a cycle.
+    /// Creates an engine whose devices are all ready, and runs one cycle.
     #[must_use]
     pub fn new() -> EngineHarness {
         let models = shipped().models.clone();
@@ -91,7 +91,7 @@ impl EngineHarness {
         harness
     }
 
-    /// One cycle: the devices exchange, then the engine; what it commands is judged.
+    /// Runs one cycle: the devices exchange data, then the engine runs, and its commands are checked.
     pub fn step(&mut self) {
         self.now_ns += PERIOD_NS;
         self.exchange();
@@ -118,7 +118,7 @@ impl EngineHarness {
         newest.copied().unwrap_or(SetPoint::NONE)
     }
 
-    /// As the host of a driver does it, without its delay.
+    /// Exchanges data as a driver's host does, without its delay.
     fn exchange(&mut self) {
         if !self.alive {
             return;
@@ -144,7 +144,7 @@ impl EngineHarness {
         }
     }
 
-    /// What the arm is told must be within its limits, whatever was measured.
+    /// Checks that the arm's set-points are within its limits, whatever was measured.
     fn check_arm(&mut self) {
         for index in 0..self.measured.len() {
             let newest = self.newest(index);
@@ -162,7 +162,7 @@ impl EngineHarness {
                 self.checker.in_range(&newest.position);
                 self.checker.follow(&newest.position, 1e-3);
             } else {
-                assert_ne!(newest.owner, 0, "a set-point belongs to somebody");
+                assert_ne!(newest.owner, 0, "a set-point has an owner");
                 let model = &shipped().models[0];
                 let hold = self.measured[0].hold;
                 self.checker
@@ -172,10 +172,10 @@ impl EngineHarness {
         }
     }
 
-    /// Builds a net as the executor's intake thread does.
+    /// Builds a net as the executor's net-builder thread does.
     ///
     /// # Errors
-    /// What the executor refuses.
+    /// Returns the executor's refusal.
     pub fn build(&self, plan: PlanData) -> Result<Box<Net>, Refusal> {
         let known = |measured: &Measurement| {
             let finite = measured.hold.iter().all(|value| value.is_finite());
@@ -192,7 +192,7 @@ impl EngineHarness {
         )
     }
 
-    /// Gives an order and runs a cycle; its answer, if there is one by then.
+    /// Submits an order and runs a cycle; returns the answer, if there is one by then.
     pub fn ask(&mut self, order: impl FnOnce(u64) -> EngineRequest) -> Option<Answer> {
         let wanted = self.next_ticket;
         self.next_ticket += 1;
@@ -212,7 +212,7 @@ impl EngineHarness {
         found
     }
 
-    /// A command with this net, ready.
+    /// Loads a net as a ready command, and returns its id.
     pub fn install(&mut self, net: Box<Net>) -> Option<u64> {
         let Some(Answer::Reserved { id }) = self.ask(|ticket| EngineRequest::Reserve { ticket })
         else {
@@ -222,7 +222,7 @@ impl EngineHarness {
         Some(id)
     }
 
-    /// The row of a command.
+    /// Returns the row of a command.
     #[must_use]
     pub fn row(&self, id: u64) -> Option<&CommandEntry> {
         self.engine
@@ -232,7 +232,7 @@ impl EngineHarness {
             .find(|row| row.id == id)
     }
 
-    /// The command is over, or never was.
+    /// Returns true if the command has ended or never existed.
     #[must_use]
     pub fn is_over(&self, id: u64) -> bool {
         let state = self.row(id).map(|row| CommandState::from_number(row.state));

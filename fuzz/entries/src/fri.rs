@@ -1,5 +1,5 @@
-//! Target `fri`: any datagrams at the FRI driver, and any command image beside them. Never a panic, and while the robot
-//! follows, no set-point outside of its limits. Run by the thread of the target.
+//! Target `fri`: arbitrary datagrams to the FRI driver, and arbitrary command images. It must not panic, and while the
+//! robot follows, no set-point may leave its limits. Run by the thread of the target.
 
 use std::sync::LazyLock;
 
@@ -17,12 +17,12 @@ use crate::set_point_checker::SetPointChecker;
 use crate::shipped::{HOLD, shipped};
 
 const MS: u64 = 1_000_000;
-/// Exchanges of one input.
+/// Maximum number of steps per input.
 const STEPS_MAX: usize = 400;
-/// Rounding of a joint position to binary32, rad.
+/// Rounding error of a joint position in binary32, rad.
 const BINARY32: f64 = 2.0e-7;
 
-/// Controller, driver and executor.
+/// A simulated controller, the driver under test, and a simulated executor.
 #[derive(Clone)]
 struct FriHarness {
     session: FriSession,
@@ -32,14 +32,14 @@ struct FriHarness {
     executor: bool,
     now_ns: u64,
     checker: SetPointChecker,
-    /// What the net moves joint 1 with each cycle, rad; `None`: no command.
+    /// Motion of joint 1 per cycle, rad; `None` if nothing is commanded.
     step_rad: Option<f64>,
     set_point: Joints,
-    /// Set-points come in the order of time, one a cycle.
+    /// True if the executor writes one set-point per cycle, in order.
     regular: bool,
 }
 
-/// A driver that has just been let into command mode, with an executor that commands nothing.
+/// A driver that has just entered command mode, with an executor that commands nothing.
 static READY: LazyLock<FriHarness> = LazyLock::new(|| {
     let (_, device) = shipped()
         .cell
@@ -77,7 +77,7 @@ static READY: LazyLock<FriHarness> = LazyLock::new(|| {
     harness
 });
 
-/// Each step is one byte that says what happens, and its bytes.
+/// Each step is one byte that selects an event, followed by the event's bytes.
 pub fn run(data: &[u8]) {
     if let Ok(datagram) = MeasurementDatagram::decode(data) {
         let again = MeasurementDatagram::decode(&datagram.encode());
@@ -140,7 +140,7 @@ impl FriHarness {
         Ok(())
     }
 
-    /// Bytes instead of a datagram, or in the midst of one.
+    /// Sends a datagram with some bytes overwritten.
     fn exchange_corrupted(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
         let mut datagram = self.datagram.encode();
         let at = bytes.int_in_range(0..=datagram.len() - 1)?;
@@ -176,7 +176,7 @@ impl FriHarness {
         Ok(())
     }
 
-    /// One millisecond: the executor's cycle, and a datagram of the controller that mirrors what it was told.
+    /// Runs one millisecond: the executor's cycle, and a datagram of the controller.
     fn step(&mut self) {
         self.now_ns = self.now_ns.saturating_add(MS);
         if self.regular {
@@ -221,7 +221,7 @@ impl FriHarness {
             let dt_s = exchange.ticks as f64 * exchange.period_ns as f64 * 1e-9;
             self.checker.follow(&told, dt_s);
         } else {
-            // It holds itself where it says, and begins there.
+            // While it is not commandable, the controller holds its own position, and motions start there.
             assert_eq!(told.map(|q| q as f32), exchange.mirror.map(|q| q as f32));
             self.checker.rests(&told);
         }

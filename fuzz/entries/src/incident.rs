@@ -1,5 +1,6 @@
-//! Incident files from anywhere: bytes as a file, or a real one with some words changed and a checksum that fits. It comes
-//! back with words or with a result, whatever it says. Run by libFuzzer's one thread, and by the corpus test.
+//! Target `incident`: arbitrary bytes as an incident file, or a real file with some words changed and a matching
+//! checksum. Parsing and replay must end with a result or an error message. Run by libFuzzer's one thread, and by the
+//! corpus test.
 
 use std::sync::OnceLock;
 
@@ -17,7 +18,7 @@ use rcc_ipc::events;
 
 use crate::shipped::{HOLD, shipped};
 
-/// A real file with the plans of the shipped nets and a few records.
+/// Returns a real incident file with the plans of the shipped nets and a few records.
 fn real() -> &'static [u64] {
     static REAL: OnceLock<Vec<u64>> = OnceLock::new();
     REAL.get_or_init(make)
@@ -91,7 +92,7 @@ fn words(bytes: &[u8]) -> Vec<u64> {
     words.iter().map(|word| u64::from_le_bytes(*word)).collect()
 }
 
-/// One file.
+/// Checks one input.
 pub fn run(data: &[u8]) {
     if let Ok(file) = changed(&mut Unstructured::new(data)) {
         look(&file);
@@ -99,7 +100,7 @@ pub fn run(data: &[u8]) {
     look(&words(data));
 }
 
-/// The real file with some words changed, its checksum right.
+/// Returns the real file with some words changed and a correct checksum.
 fn changed(bytes: &mut Unstructured<'_>) -> Result<Vec<u64>> {
     let mut file = real().to_vec();
     let last = file.len() - 1;

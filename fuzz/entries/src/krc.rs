@@ -1,5 +1,5 @@
-//! Target `krc`: any answers and any lines at the simulators and their control ports. Never a panic, and the simulated
-//! arm obeys physics whatever it is told. Run by the thread of the target.
+//! Target `krc`: arbitrary answers and lines to the simulators and their control ports. They must not panic, and the
+//! simulated state must remain finite. Run by the thread of the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, flags};
@@ -12,7 +12,7 @@ use crate::plan::real;
 
 const STEPS_MAX: usize = 300;
 
-/// The input is a line of a control port, and also a sequence of steps.
+/// Uses the input as lines for a control port, and then as a sequence of steps.
 pub fn run(data: &[u8]) {
     let mut krc = Krc::new(Settings {
         script: KrlProgram::Auto,
@@ -55,7 +55,7 @@ fn next_measurement(krc: &mut Krc, line: &str) {
 fn send_io_line(line: &str) {
     let mut image = ProcessImage::new(Vec::new());
     if let Ok(io_control::Command::Set(input)) = serde_json::from_str(line) {
-        // Refused or done; that it returns is the rule.
+        // The only rule is that it returns.
         let _ = image.set(&input);
     }
 }

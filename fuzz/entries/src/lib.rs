@@ -1,8 +1,8 @@
-//! What the fuzz targets run: one module a target, each with one function from bytes to nothing, which panics when a
-//! rule is broken. Run by libFuzzer's one thread, and by the test that replays the kept corpus.
+//! Entry points of the fuzz targets: one module per target, each with one function that takes bytes and panics when a
+//! rule is violated. Run by libFuzzer's one thread, and by the test that replays the kept corpus.
 //!
-//! Nothing here is used by a program of ours. A rule that a target checks is computed here anew, not with the code that
-//! it judges.
+//! No program uses this package. A rule that a target checks is computed here independently, not with the code under
+//! test.
 
 pub mod boards;
 pub mod cell;
@@ -20,10 +20,10 @@ pub mod set_point_checker;
 pub mod shipped;
 pub mod wire;
 
-/// A target by its name.
+/// Name and entry point of a target.
 pub type Target = (&'static str, fn(&[u8]));
 
-/// All targets; each has a program of its name in `fuzz/fuzz_targets` and a folder in `fuzz/corpus`.
+/// All targets; each has a program of the same name in `fuzz/fuzz_targets` and a folder in `fuzz/corpus`.
 pub const TARGETS: &[Target] = &[
     ("boards", boards::run),
     ("cell", cell::run),

@@ -1,5 +1,6 @@
-//! Target `modbus`: a server on loopback that answers the Modbus driver with any bytes. Never a panic, an answer within
-//! its time, and nothing known that was not configured. Run by the thread of the target; a second one is the server.
+//! Target `modbus`: a loopback server that answers the Modbus driver with arbitrary bytes. The driver must not panic,
+//! must answer within its time, and must report no value that is not configured. Run by the thread of the target; a
+//! second thread is the server.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -17,14 +18,14 @@ use rcc_drivers::drivers::modbus::Modbus;
 
 use crate::plan::real;
 
-/// Exchanges of one input.
+/// Number of exchanges per input.
 const EXCHANGES: usize = 4;
 
 struct Server {
     address: SocketAddr,
-    /// What the next connection is answered with.
+    /// Bytes with which the next connection is answered.
     answers: Sender<Vec<u8>>,
-    /// A connection has ended.
+    /// Signals the end of a connection.
     ended: Receiver<()>,
 }
 
@@ -38,7 +39,7 @@ static SERVER: LazyLock<Mutex<Server>> = LazyLock::new(|| {
     std::thread::spawn(move || {
         for data in to_answer {
             if let Ok((stream, _)) = listener.accept() {
-                // A connection that breaks is one that has ended.
+                // A broken connection counts as an ended one.
                 let _ = serve(stream, &data);
             }
             if end.send(()).is_err() {
@@ -53,7 +54,7 @@ static SERVER: LazyLock<Mutex<Server>> = LazyLock::new(|| {
     })
 });
 
-/// The last part of the input says what is written, the rest what the server answers.
+/// The last eighth of the input selects the outputs to write, the rest is what the server answers.
 pub fn run(data: &[u8]) {
     let server = SERVER.lock().unwrap_or_else(PoisonError::into_inner);
     let device = device(server.address);
@@ -99,12 +100,12 @@ pub fn run(data: &[u8]) {
     }
     drop(driver);
     if met {
-        // The server ends with its connection.
+        // The server thread is finished with this connection when it ends.
         let _ = server.ended.recv_timeout(Duration::from_secs(5));
     }
 }
 
-/// Every kind of point, and everything that a driver does besides.
+/// A device with every kind of Modbus point.
 const CELL: &str = "
 cell: fuzz
 period: 1 ms
@@ -147,7 +148,7 @@ fn device(server: SocketAddr) -> DeviceConfig {
     }
 }
 
-/// Answers requests: a byte says how, the bytes after it are the answer.
+/// Answers requests: one byte selects how, the bytes after it are the answer.
 fn serve(mut stream: TcpStream, data: &[u8]) -> std::io::Result<()> {
     stream.set_read_timeout(Some(Duration::from_secs(2)))?;
     stream.set_nodelay(true)?;
@@ -162,18 +163,18 @@ fn serve(mut stream: TcpStream, data: &[u8]) -> std::io::Result<()> {
         let size = usize::from(u8::arbitrary(&mut bytes).unwrap_or(0)).min(bytes.len());
         let said = bytes.bytes(size).unwrap_or(&[]);
         let answer = match how % 8 {
-            // Raw.
+            // Raw bytes.
             0 if size > 0 => said.to_vec(),
-            // Any function and data behind a good header.
+            // Any function code and data after a correct header.
             1 => framed(&header, said),
             // An exception.
             2 => framed(
                 &header,
                 &[header[7] | 0x80, said.first().copied().unwrap_or(2)],
             ),
-            // The right function with any data.
+            // The right function code with any data.
             3 => framed(&header, &[&[header[7]], said].concat()),
-            // As asked.
+            // A correct answer.
             _ => framed(&header, &good(header[7], &request, said)),
         };
         if size == 0 && how % 8 == 0 && bytes.is_empty() {
@@ -192,7 +193,7 @@ fn framed(header: &[u8; 8], pdu: &[u8]) -> Vec<u8> {
     answer
 }
 
-/// What a good server would say, with these values.
+/// Builds a correct answer with these values.
 fn good(function: u8, request: &[u8], said: &[u8]) -> Vec<u8> {
     let count = usize::from(u16::from_be_bytes([
         request.get(2).copied().unwrap_or(0),

@@ -1,5 +1,5 @@
-//! Target `net`: any text at the loader. Never a panic, every fault has a place in the text, and what the loader accepts
-//! the executor accepts and runs. Run by the thread of the target.
+//! Target `net`: arbitrary text as a net. The loader must not panic, every fault must have a position in the text, and
+//! the executor must accept and run what the loader accepts. Run by the thread of the target.
 
 use rcc_config::diagnostic::{Faults, Severity};
 use rcc_engine::queue::EngineRequest;
@@ -8,10 +8,10 @@ use rcc_ipc::control::Refusal;
 use crate::engine::EngineHarness;
 use crate::shipped::shipped;
 
-/// Cycles that an accepted net runs.
+/// Number of cycles that an accepted net runs, before and after CANCEL.
 const CYCLES: usize = 30;
 
-/// Compiles the bytes as a text and runs it for some cycles.
+/// Compiles the bytes as a text and runs an accepted net for some cycles.
 pub fn run(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
@@ -41,21 +41,18 @@ pub fn run(data: &[u8]) {
                 .iter()
                 .filter(|fault| fault.severity == Severity::Error);
             for fault in errors {
-                assert!(
-                    fault.help.is_some(),
-                    "it does not say what to do: {fault:?}"
-                );
+                assert!(fault.help.is_some(), "an error without a remedy: {fault:?}");
             }
         }
     }
 }
 
-/// Faults can be drawn, say something, and lie in their texts.
+/// Checks that faults can be rendered, have a message, and lie within their texts.
 pub(crate) fn check_faults(faults: &Faults, refused: bool) {
     assert_eq!(
         faults.has_errors(),
         refused,
-        "refused by faults, accepted without"
+        "a text is refused exactly if it has errors"
     );
     for fault in &faults.diagnostics {
         let text = &faults.sources[fault.file as usize].text;

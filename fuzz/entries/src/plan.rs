@@ -1,6 +1,6 @@
-//! Target `plan`: plans of shipped nets, changed at will, at the executor's door; then cycles with devices that measure
-//! what they like. Never a panic, no set-point outside of the limits, no command from a refused plan.
-//! Run by the thread of the target.
+//! Target `plan`: plans of shipped nets with arbitrary changes, offered to the executor, then run with devices that
+//! measure anything. It must not panic, no set-point may leave the limits, and a refused plan must command nothing. Run
+//! by the thread of the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::message::DeviceState;
@@ -15,10 +15,10 @@ use crate::shipped::shipped;
 const CYCLES: usize = 100;
 const CHANGES_MAX: usize = 12;
 
-/// A plan from the bytes, and what happens while it runs.
+/// Derives a plan from the bytes, and the events while it runs.
 pub fn run(data: &[u8]) {
     let mut bytes = Unstructured::new(data);
-    // Bytes that end early end the changes, not the run.
+    // When the bytes run out, the changes end, not the run.
     let plan = changed(&mut bytes);
     run_plan(plan, &mut bytes);
 }
@@ -33,7 +33,7 @@ pub(crate) fn run_plan(plan: PlanData, bytes: &mut Unstructured<'_>) {
     harness.ask(|ticket| EngineRequest::Start { ticket, id });
     for _ in 0..CYCLES {
         if !bytes.is_empty() {
-            // What is missing reads as 0: nothing happens.
+            // Missing bytes read as 0: no event.
             let _ = apply_event(&mut harness, id, bytes);
         }
         harness.step();
@@ -49,7 +49,7 @@ pub(crate) fn run_plan(plan: PlanData, bytes: &mut Unstructured<'_>) {
     harness.step();
     assert_eq!(
         harness.commanded, before,
-        "a net that is over commands nothing"
+        "a net that has ended commands nothing"
     );
 }
 
@@ -148,7 +148,7 @@ fn insert<'a, T>(all: &mut Vec<T>, make: Make<'a, T>, bytes: &mut Unstructured<'
     Ok(())
 }
 
-/// Numbers with which arithmetic goes wrong, numbers of usual size, and any other.
+/// Returns a number: a special value, a number of usual size, or any other.
 pub(crate) fn real(bytes: &mut Unstructured<'_>) -> Result<f64> {
     const ODD: [f64; 12] = [
         0.0,
@@ -209,7 +209,7 @@ fn a_region(bytes: &mut Unstructured<'_>) -> Result<PlanRegion> {
     })
 }
 
-/// Puts some runs at the end under a condition, so that the blocks still are the runs.
+/// Puts some of the last runs under a condition, so that the blocks still cover all runs.
 fn a_region_more(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
     let region = a_region(bytes)?;
     for _ in 0..region.blanks {
@@ -266,7 +266,7 @@ fn a_monitor(bytes: &mut Unstructured<'_>) -> Result<MonitorPoint> {
     })
 }
 
-/// Something that a cycle may bring.
+/// Applies an event that may happen before a cycle.
 pub(crate) fn apply_event(
     harness: &mut EngineHarness,
     id: u64,

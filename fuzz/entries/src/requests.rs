@@ -1,5 +1,6 @@
-//! Target `connection`: any bytes as requests to the executor, as announcements and as files of commands. What is no call is
-//! refused; what is one is carried out and commands nothing outside of the limits. Run by the thread of the target.
+//! Target `requests`: arbitrary bytes as requests to the executor, as announcements and as command files. Malformed
+//! requests must be refused; valid ones are carried out and must command nothing outside the limits. Run by the thread of
+//! the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::plan::ValuePoint;
@@ -12,10 +13,10 @@ use rcc_loader::server::store::CommandFile;
 use crate::engine::EngineHarness;
 use crate::shipped::shipped;
 
-/// Requests of one input.
+/// Maximum number of requests per input.
 const CALLS_MAX: usize = 32;
 
-/// Each request is made of bytes, or a good one of which some bytes are changed.
+/// Each request consists of arbitrary bytes, or of a valid request with some bytes changed.
 pub fn run(data: &[u8]) {
     if let Ok(announcement) = serde_json::from_slice::<Announcement>(data) {
         let _ = announcement.liveness();
@@ -23,7 +24,7 @@ pub fn run(data: &[u8]) {
             serde_json::to_vec(&announcement).and_then(|text| serde_json::from_slice(&text));
         assert!(again.is_ok_and(|again: Announcement| again == announcement));
     }
-    // Readers take what they find or leave it.
+    // Parsing may succeed or fail, but must not panic.
     let _ = serde_json::from_slice::<CommandFile>(data);
     let _ = wire::decode::<Answer>(data);
     let mut harness = EngineHarness::new();
@@ -33,10 +34,7 @@ pub fn run(data: &[u8]) {
             break;
         };
         if let Ok(call) = wire::decode::<Call>(&call) {
-            assert!(
-                wire::encode(&call).is_ok(),
-                "what was decoded can be encoded"
-            );
+            assert!(wire::encode(&call).is_ok(), "a decoded call can be encoded");
             obey(&mut harness, call);
         }
         if crate::plan::apply_event(&mut harness, 1, &mut bytes).is_err() {
@@ -98,7 +96,7 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
     Ok(call)
 }
 
-/// As the executor's intake thread does it.
+/// Carries out a call as the executor's intake thread does.
 fn obey(harness: &mut EngineHarness, call: Call) {
     let answer = match call {
         Call::Reserve => harness.ask(|ticket| EngineRequest::Reserve { ticket }),

@@ -1,6 +1,6 @@
-//! Target `rest`: any method, address and body at the loader's REST interface, with an executor that answers and shows
-//! whatever it is told to. Every answer is one of ours. Run by the thread of the target, the loader's runtime, and a
-//! thread that plays the executor.
+//! Target `rest`: arbitrary methods, addresses and bodies to the loader's REST interface, with a fake executor whose
+//! boards and answers are arbitrary. Every answer must be one of the interface. Run by the thread of the target, the
+//! loader's runtime, and the thread of the fake executor.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -28,24 +28,24 @@ use tower_service::Service as _;
 
 use crate::shipped::shipped;
 
-/// Requests of one input.
+/// Maximum number of requests per input.
 const REQUESTS: usize = 3;
-/// Longer answers are a mistake.
+/// Maximum size of an answer, bytes; a longer one is a bug.
 const ANSWER_MAX: usize = 16 << 20;
-/// Files of commands that are gone are swept this often.
+/// Number of inputs after which the files of old commands are removed.
 const MAINTAIN_EVERY: u32 = 5_000;
 
-/// What the executor shows and says next.
+/// What the fake executor shows on its boards and answers next.
 struct FakeExecutorState {
     tables: Box<Tables>,
     status: CycleStatus,
     timing: Box<CycleTiming>,
-    /// Instead of good answers.
+    /// Answers to give instead of correct ones.
     answers: VecDeque<Vec<u8>>,
-    /// The boards do not show this yet.
+    /// True if the boards do not show this state yet.
     changed: bool,
     next_id: u64,
-    /// The thread ends.
+    /// Set to end the thread.
     over: bool,
 }
 
@@ -69,7 +69,8 @@ fn good<T, E: std::fmt::Display>(result: std::result::Result<T, E>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A cell in memory; those of targets that have ended are removed first, as libFuzzer ends without a word.
+/// Creates a cell in memory. Cells of targets that have ended are removed first, because libFuzzer ends without
+/// cleaning up.
 fn new_cell() -> Cell {
     let memory = Path::new("/dev/shm");
     let parent = if memory.is_dir() {
@@ -102,7 +103,7 @@ fn new_cell() -> Cell {
     ))
 }
 
-/// Ends what the first input has set up, and leaves nothing behind.
+/// Stops everything that the first input set up, and removes its files.
 pub fn tear_down() {
     let Some(harness) = locked(&HARNESS).take() else {
         return;
@@ -116,7 +117,7 @@ pub fn tear_down() {
         folder,
         ..
     } = harness;
-    // What is being compiled is finished first.
+    // Pending compilations finish first.
     drop((router, runtime, service));
     locked(&fake).over = true;
     assert!(executor.join().is_ok(), "the executor does not panic");
@@ -125,7 +126,7 @@ pub fn tear_down() {
 
 fn remove_cell(folder: &Path) {
     if let Ok(cell) = Cell::at("fuzz", folder) {
-        // What cannot be removed now is tried again by the next one.
+        // What cannot be removed now is removed by the next run.
         let _ = rcc_ipc::clean::remove_cell(&cell);
     }
     let _ = std::fs::remove_dir_all(folder);
@@ -184,7 +185,7 @@ fn set_up() -> RestHarness {
     }
 }
 
-/// The executor.
+/// Runs the fake executor.
 fn play_executor(
     server: &Server,
     boards: (
@@ -211,7 +212,7 @@ fn play_executor(
                 let answer = match (now.answers.pop_front(), call) {
                     (Some(bytes), _) => bytes,
                     (None, Ok(call)) => good(wire::encode(&now.answer(&call))),
-                    (None, Err(error)) => panic!("the loader sends calls: {error}"),
+                    (None, Err(error)) => panic!("the loader sent a malformed call: {error}"),
                 };
                 tables.write(&now.tables);
                 // The client may have given up.
@@ -263,7 +264,7 @@ impl FakeExecutorState {
     }
 }
 
-/// What the executor shows and says, then some requests.
+/// Derives the fake executor's state from the bytes, then sends some requests.
 pub fn run(data: &[u8]) {
     let mut harness = locked(&HARNESS);
     let harness = harness.get_or_insert_with(set_up);
@@ -271,7 +272,7 @@ pub fn run(data: &[u8]) {
     {
         let mut fake = locked(&harness.fake);
         prepare(&mut fake);
-        // Bytes that end early leave the rest as it is.
+        // When the bytes run out, the rest stays unchanged.
         let _ = corrupt(&mut fake, &mut bytes);
         fake.changed = true;
     }
@@ -289,7 +290,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-/// As after a start: two commands and the devices.
+/// Resets the fake executor to its initial state: two commands and the devices.
 fn prepare(fake: &mut FakeExecutorState) {
     *fake.tables = Tables::zeroed();
     fake.tables.magic = MAGIC;
@@ -394,7 +395,7 @@ fn word(bytes: &mut Unstructured<'_>) -> Result<String> {
     Ok(String::from_utf8_lossy(bytes.bytes(length.min(bytes.len()))?).into_owned())
 }
 
-/// An answer is of ours: a known status; an error is JSON with a code of the table.
+/// Checks that an answer is one of the interface: a known status, and JSON with a code of the table for an error.
 fn check_answer(harness: &mut RestHarness, request: Request<Body>) {
     let (shown, head) = (format!("{request:?}"), request.method() == "HEAD");
     let call = harness.router.call(request);

@@ -1,23 +1,23 @@
-//! Judges set-points by the robot's limits, by arithmetic of its own: finite, range, velocity, acceleration.
-//! Run by the thread of the target.
+//! Checks set-points against the robot's limits, with arithmetic of its own: finite, range, velocity, acceleration. Run
+//! by the thread of the target.
 
 use rcc_core::guard::JointLimits;
 use rcc_core::message::{JOINTS_MAX, Joints};
 
-/// Rounding, and what the guard excuses of it.
+/// Relative tolerance for rounding and for the guard's own tolerance.
 const TOLERANCE: f64 = 2e-3;
 
-/// The set-points that a device was sent, as far as the next one depends on them.
+/// The set-points sent to a device, as far as the next check depends on them.
 #[derive(Clone, Copy, Debug)]
 pub struct SetPointChecker {
     limits: JointLimits,
     last: Option<(Joints, Option<(Joints, f64)>)>,
-    /// Rounding of a position on the way here, rad: binary32 on the wire, 0 in memory.
+    /// Rounding error of a transmitted position, rad: that of binary32 on the wire, 0 in memory.
     rounding: f64,
 }
 
 impl SetPointChecker {
-    /// Nothing was sent yet.
+    /// Creates a checker for a device that has received no set-point yet.
     #[must_use]
     pub fn new(limits: JointLimits, rounding: f64) -> SetPointChecker {
         SetPointChecker {
@@ -27,15 +27,15 @@ impl SetPointChecker {
         }
     }
 
-    /// The device is not commanded: the next set-point is a first one.
+    /// Marks the device as not commanded: the next set-point is a first one.
     pub fn forget(&mut self) {
         self.last = None;
     }
 
-    /// The first set-point of a motion from `hold`.
+    /// Checks the first set-point of a motion from `hold`.
     ///
     /// # Panics
-    /// It is further than `tolerance` from there, or outside of the range.
+    /// Panics if it is further than `tolerance` from `hold`, or out of range.
     pub fn begin(&mut self, hold: &Joints, tolerance: f64, asked: &Joints) {
         self.in_range(asked);
         for joint in 0..self.limits.joints {
@@ -48,15 +48,15 @@ impl SetPointChecker {
         self.last = Some((*asked, None));
     }
 
-    /// Holds here at rest, wherever that is.
+    /// Marks the device as at rest at this position, wherever it is.
     pub fn rests(&mut self, at: &Joints) {
         self.last = Some((*at, None));
     }
 
-    /// Is the set-point inside of the range?
+    /// Checks that a set-point is within the range.
     ///
     /// # Panics
-    /// It is not, or is no number.
+    /// Panics if it is not, or is not a number.
     pub fn in_range(&self, asked: &Joints) {
         let slack = self.rounding + 1e-8;
         for (joint, &q) in asked.iter().enumerate().take(self.limits.joints) {
@@ -66,10 +66,10 @@ impl SetPointChecker {
         }
     }
 
-    /// A further set-point, `dt_s` of the device's time after the last one.
+    /// Checks a further set-point, `dt_s` of the device's time after the last one.
     ///
     /// # Panics
-    /// It is no number, too fast, or begins or ends too suddenly.
+    /// Panics if it is not a number, or exceeds the limits of velocity or acceleration.
     pub fn follow(&mut self, asked: &Joints, dt_s: f64) {
         let Some((last, before)) = self.last else {
             return self.rests(asked);

@@ -1,5 +1,5 @@
-//! What is shipped, as a starting point: the demo's cell, its devices as the core knows them, and plans of good nets.
-//! Read once; run by the thread of the target.
+//! The shipped files as fixtures: the demo cell, its devices as the core knows them, and the plans of valid nets. Read
+//! once; used by the thread of the target.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,19 +11,19 @@ use rcc_core::message::Joints;
 use rcc_ipc::control::PlanData;
 use rcc_language::devices::DeviceTable;
 
-/// The demo's cell, with the loader's view of it.
+/// The demo cell, as the loader sees it.
 pub struct ShippedFixtures {
     /// Its configuration.
     pub cell: CellConfig,
-    /// What nets may know of it.
+    /// Its device table for the compiler.
     pub table: DeviceTable,
     /// Its devices; the arm is the first.
     pub models: Vec<DeviceModel>,
-    /// Plans of all nets that are shipped and fit this cell, in the order of their files.
+    /// Plans of all shipped nets that fit this cell, sorted by file name.
     pub plans: Vec<PlanData>,
 }
 
-/// Where the arm of the demo is held, rad.
+/// Hold position of the demo's arm, rad.
 pub const HOLD: Joints = [
     0.0,
     -std::f64::consts::FRAC_PI_6,
@@ -35,13 +35,13 @@ pub const HOLD: Joints = [
     0.0,
 ];
 
-/// The repository's folder.
+/// Returns the root folder of the repository.
 #[must_use]
 pub fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// What is shipped.
+/// Returns the fixtures.
 #[must_use]
 pub fn shipped() -> &'static ShippedFixtures {
     static SHIPPED: LazyLock<ShippedFixtures> = LazyLock::new(read);

@@ -1,10 +1,11 @@
-//! Target `wire`: any bytes as each message between loader and executor. What is none is refused; what is one is the same
-//! after it was sent again; a message that is cut or continued is none. Run by the thread of the target.
+//! Target `wire`: arbitrary bytes as each message between loader and executor. Malformed messages must be refused; a
+//! decoded message must stay the same when it is encoded and decoded again; a truncated or extended message must be
+//! refused. Run by the thread of the target.
 
 use rcc_ipc::control::{Answer, Call};
 use rcc_ipc::wire::{Message, decode, encode};
 
-/// As each type.
+/// Decodes the bytes as each message type.
 pub fn run(data: &[u8]) {
     message::<Call>(data);
     message::<Answer>(data);
@@ -15,17 +16,17 @@ fn message<T: Message>(data: &[u8]) {
         return;
     };
     let Ok(once) = encode(&value) else {
-        panic!("what was decoded can be encoded");
+        panic!("a decoded message can be encoded");
     };
     let twice = decode::<T>(&once)
         .ok()
         .and_then(|value| encode(&value).ok());
-    assert_eq!(twice.as_ref(), Some(&once), "it is the same again");
+    assert_eq!(twice.as_ref(), Some(&once), "encoding is stable");
     let longer = [&once[..], &[0]].concat();
-    assert!(decode::<T>(&longer).is_err(), "nothing follows it");
+    assert!(decode::<T>(&longer).is_err(), "trailing bytes are refused");
     let shorter = once.len().saturating_sub(1);
     assert!(
         decode::<T>(&once[..shorter]).is_err(),
-        "its last byte counts"
+        "a truncated message is refused"
     );
 }

@@ -1,5 +1,5 @@
-//! Replays the kept corpus of every fuzz target through the function that the target runs: what was found once is found
-//! again, on stable Rust. Run by the threads of the test harness.
+//! Replays the kept corpus of every fuzz target on stable Rust, so that a fault found once is found again. Run by the
+//! threads of the test harness.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ fn folder(target: &str) -> PathBuf {
         .join(target)
 }
 
-/// The inputs of a target, in the order of their names.
+/// Returns the inputs of a target, sorted by name.
 fn inputs(target: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder(target)).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
@@ -53,21 +53,21 @@ macro_rules! replayed {
 }
 
 replayed! {
-    boards_of_any_bytes_harm_nobody: "boards";
-    texts_as_cells_are_accepted_or_refused_with_a_place: "cell";
-    texts_of_the_predecessor_are_accepted_or_refused_with_a_place: "directionet";
-    requests_of_any_bytes_are_carried_out_or_refused: "requests";
-    datagrams_of_any_bytes_move_nothing_out_of_its_limits: "fri";
-    incidents_of_any_words_are_refused_or_replayed: "incident";
-    answers_of_any_bytes_leave_the_simulators_alive: "krc";
-    servers_that_say_anything_leave_the_modbus_driver_alive: "modbus";
-    texts_as_nets_are_accepted_or_refused_with_a_place: "net";
-    messages_of_any_bytes_are_refused_or_come_back: "wire";
+    arbitrary_boards_cause_no_panic_and_no_unsafe_set_point: "boards";
+    arbitrary_cell_texts_are_accepted_or_refused_with_a_position: "cell";
+    arbitrary_directionet_texts_are_accepted_or_refused_with_a_position: "directionet";
+    arbitrary_requests_are_carried_out_or_refused: "requests";
+    arbitrary_datagrams_move_nothing_beyond_its_limits: "fri";
+    arbitrary_incident_files_are_refused_or_replayed: "incident";
+    arbitrary_answers_do_not_crash_the_simulators: "krc";
+    arbitrary_servers_do_not_crash_the_modbus_driver: "modbus";
+    arbitrary_net_texts_are_accepted_or_refused_with_a_position: "net";
+    arbitrary_messages_are_refused_or_round_trip: "wire";
     changed_plans_are_refused_or_keep_the_limits: "plan";
 }
 
 #[test]
-fn requests_of_any_kind_get_an_answer_of_ours() {
+fn arbitrary_rest_requests_get_an_answer_of_the_interface() {
     replay("rest");
     rest::tear_down();
 }
