@@ -25,11 +25,11 @@ pub mod requirements;
 pub enum FindingLevel {
     /// As it should be.
     Ok,
-    /// Worth knowing; nothing is wrong because of it.
+    /// Worth knowing, but not a problem.
     Note,
-    /// It works, but worse than it could.
+    /// Works, but worse than possible.
     Warn,
-    /// It prevents a cell from running.
+    /// Prevents cells from running.
     Fail,
 }
 

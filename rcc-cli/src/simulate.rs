@@ -1,5 +1,5 @@
-//! A net in virtual time, without a cell: the executor's own engine against simple models of the devices. A cycle is a step,
-//! so that the same net and the same inputs give the same values, as fast as the machine computes. The caller's thread.
+//! Runs a net in virtual time without a cell: the executor's own engine against simple device models. One cycle is one
+//! step, so the same net and inputs give the same values, as fast as the machine computes. Runs on the caller's thread.
 
 use std::io::{self, Write};
 
@@ -27,60 +27,60 @@ use device::SimulatedDevice;
 use script::ScriptStep;
 use trace::MonitorTrace;
 
-/// The one command's id: the engine counts from 1.
+/// Id of the only command; the engine counts from 1.
 const ID: u64 = 1;
 /// Tickets of LOAD's second half and of START.
 const INSTALL: u64 = 1;
 const START: u64 = 2;
 
-/// What happens meanwhile.
+/// Events and limits of a simulation.
 #[derive(Clone, Debug, Default)]
 pub struct SimulationOptions {
     /// Longest logical time, ns.
     pub limit_ns: u64,
-    /// CANCEL (ABORT of a net that has no Cancel) after this logical time, ns.
+    /// Logical time of CANCEL (ABORT for a net without Cancel), ns.
     pub cancel_at_ns: Option<u64>,
-    /// Inputs that are set.
+    /// Inputs to set.
     pub steps: Vec<ScriptStep>,
-    /// Run it even if its rehearsal breaks a limit: to see how.
+    /// Run the net even if its rehearsal breaks a limit, to show how.
     pub despite_refusal: bool,
 }
 
-/// What came of it.
+/// Result of a simulation.
 #[derive(Debug)]
 pub struct SimulationResult {
-    /// The command's row at the end.
+    /// Final row of the command.
     pub command: CommandEntry,
     /// Cycles since START.
     pub cycles: u64,
     /// Period, ns.
     pub period_ns: u64,
-    /// What monitors said.
+    /// Values recorded by monitors.
     pub trace: MonitorTrace,
-    /// What its rehearsal came to; `None`: it commands no arm.
+    /// Result of the rehearsal; `None` if the net commands no arm.
     pub rehearsed: Option<RehearsalReport>,
-    /// The limit that it broke in its rehearsal, if it was run despite_refusal that came to.
+    /// The limit broken in the rehearsal, if the net was run regardless.
     pub foreseen: Option<Refusal>,
 }
 
-/// Somebody who looks at the engine after each cycle; the time is that since START, s.
+/// Called with the time since START (s) and the engine after each cycle.
 pub type CycleObserver<'w> = &'w mut dyn FnMut(f64, &Engine);
 
-/// Why a net cannot be simulated.
+/// Reason why a net cannot be simulated.
 #[derive(Debug, Error)]
 pub enum SimulateError {
-    /// It is refused, as an executor would.
+    /// Refused as by an executor.
     #[error("the net is refused: {0:?}")]
     Refused(Refusal),
-    /// The table cannot be written.
+    /// The table of values cannot be written.
     #[error("cannot write the values: {0}")]
     Write(#[from] io::Error),
-    /// The engine did not answer; it always does.
+    /// The engine did not answer; this never happens.
     #[error("the engine gave no answer")]
     Silent,
 }
 
-/// The engine and its devices in one virtual time.
+/// The engine and its devices in a common virtual time.
 struct VirtualCell {
     engine: Engine,
     ends: HelperRingEnds,
@@ -115,7 +115,7 @@ impl VirtualCell {
         }
     }
 
-    /// One cycle: every device exchanges, then the engine.
+    /// Runs one cycle: first every device exchanges, then the engine.
     fn step(&mut self) {
         self.now_ns += self.period_ns;
         let begun = self.engine.status().cycle > 0;
@@ -138,7 +138,7 @@ impl VirtualCell {
     }
 
     fn order(&mut self, order: EngineRequest) -> Result<(), SimulateError> {
-        // The ring is empty before each step: its room is only used up by what is asked here.
+        // The ring is empty before each step; only orders made here take space.
         self.ends
             .requests
             .push(order)
@@ -160,7 +160,7 @@ impl VirtualCell {
         })
     }
 
-    /// Why LOAD or START was refused.
+    /// Returns the refusal of LOAD or START, if any.
     fn refusal(&self) -> Option<Refusal> {
         self.answers.iter().find_map(|answer| match answer {
             Some(Answer::Refused(refusal)) => Some(*refusal),
@@ -169,11 +169,11 @@ impl VirtualCell {
     }
 }
 
-/// Runs a net until it is terminated or the time is over; `table` takes what monitors show, a line for each cycle in which
-/// they show something.
+/// Runs a net until it is terminated or the time is over. `table` receives the monitored values, one line per cycle in
+/// which a monitor is due.
 ///
 /// # Errors
-/// The net is refused, or the table cannot be written.
+/// Fails if the net is refused or if the table cannot be written.
 pub fn run(
     config: &CellConfig,
     plan: PlanData,
@@ -184,7 +184,7 @@ pub fn run(
 ) -> Result<SimulationResult, SimulateError> {
     let mut cell = VirtualCell::new(config);
     apply(&options.steps, 0, 0, &mut cell.devices);
-    // Once without a net, so that the engine has seen the devices.
+    // One cycle without a net, so that the engine has seen the devices.
     cell.step();
     let dt_s = config.period_ns as f64 / 1e9;
     let holds = cell.holds();
@@ -252,10 +252,10 @@ pub fn run(
     })
 }
 
-/// Makes a net ready where the simulators of a cell begin, and rehearses it, as an executor does at LOAD.
+/// Builds a net at the start positions of the cell's simulators and rehearses it, as an executor does at LOAD.
 ///
 /// # Errors
-/// Its start values cannot be computed there, or it would break a limit.
+/// Fails if its start values cannot be computed there, or if it would break a limit.
 pub fn rehearse_at_start(
     config: &CellConfig,
     plan: PlanData,
@@ -268,7 +268,7 @@ pub fn rehearse_at_start(
 }
 
 impl VirtualCell {
-    /// As an executor does before a net is ready.
+    /// Rehearses a net, as an executor does before it becomes ready.
     fn rehearse(
         &self,
         net: &mut Net,
@@ -299,7 +299,7 @@ impl VirtualCell {
     }
 }
 
-/// Sets the inputs whose time is between the two, both included; in the order in which they were given.
+/// Sets the inputs whose time is in the closed range `from_ns` to `to_ns`, in the order given.
 fn apply(steps: &[ScriptStep], from_ns: u64, to_ns: u64, devices: &mut [SimulatedDevice]) {
     for step in steps
         .iter()

@@ -1,5 +1,5 @@
-//! The supervisor of a cell in development: starts its processes, starts again what died (never a motion), and ends
-//! all of them without leaving a process or a file. Run by one thread; the children die with that thread.
+//! Supervisor of a cell in development: starts its processes, restarts dead ones (never a motion), and ends all of them
+//! without leaving a process or a file behind. Run by one thread; the children die with that thread.
 
 pub mod child;
 pub mod processes;
@@ -29,31 +29,31 @@ use child::{Child, ProcessState};
 use processes::{PreparedCell, ProcessKind};
 use policy::RestartDecision;
 
-/// How often the processes are looked at.
+/// Interval between two polls of the processes.
 pub const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// How often the devices are asked for.
+/// Interval between two queries of the devices.
 const DEVICES_EVERY: Duration = Duration::from_millis(250);
-/// How often the configuration's files are looked at.
+/// Interval between two checks of the configuration files.
 const FILES_EVERY: Duration = Duration::from_secs(1);
-/// How long one answer of the loader may take; nobody waits for it.
+/// Longest time for one answer of the loader.
 const ANSWER_LIMIT: Duration = Duration::from_millis(500);
-/// How long a cell, and each of its processes, may take to be up.
+/// Longest time for a cell, and for each of its processes, to become ready.
 const START_LIMIT: Duration = Duration::from_secs(30);
-/// Pause before a janitor that did not succeed runs again.
+/// Pause before a failed janitor runs again.
 const CLEAN_AGAIN: Duration = Duration::from_secs(1);
-/// Shared memory that a cell takes: executor, loader and a few monitors, and each device. Measured: 8.4 MB in all with
-/// two devices and a monitor.
+/// Shared memory of a cell, bytes: executor, loader and a few monitors, plus each device. Measured: 8.4 MB in total
+/// with two devices and a monitor.
 const ROOM_CELL: u64 = 14 << 20;
 const ROOM_DEVICE: u64 = 1 << 20;
 
-/// Something that changed.
+/// A change reported by the supervisor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SupervisorEvent {
     /// Time since the supervisor's start.
     pub at: Duration,
-    /// Which process or device.
+    /// Process or device.
     pub who: String,
-    /// What became of it.
+    /// What happened to it.
     pub what: String,
 }
 
@@ -61,7 +61,7 @@ pub struct SupervisorEvent {
 pub struct Supervisor {
     /// The cell.
     pub cell: Cell,
-    /// Its configuration.
+    /// Its configuration and ports.
     pub prepared: PreparedCell,
     children: Vec<Child>,
     begun: Instant,
@@ -72,22 +72,22 @@ pub struct Supervisor {
     grade_pid: u32,
     files: FileWatch,
     files_polled_at: Instant,
-    /// When the janitor has to run again, on the supervisor's clock.
+    /// Time at which the janitor must run again, since the supervisor's start.
     clean_due: Option<Duration>,
     polled_at: Instant,
     failed: bool,
     executor_failed: bool,
     logs: PathBuf,
-    // Held to the end: a second supervisor of this cell is refused.
+    // Held until the end, so that a second supervisor of this cell is refused.
     presence: Announced,
 }
 
 impl Supervisor {
-    /// Takes the cell `name` and starts its processes; a living cell of that name is refused, a dead one is cleaned.
-    /// Changes are told to `tell`.
+    /// Claims the cell `name` and starts its processes. Refuses a living cell of that name; cleans up a dead one.
+    /// Changes are passed to `on_event`.
     ///
     /// # Errors
-    /// The cell lives, there is too little shared memory, or a program is not there.
+    /// Fails if the cell is alive, if shared memory is short, or if a program is missing.
     pub fn start(
         name: &str,
         prepared: PreparedCell,
@@ -99,7 +99,7 @@ impl Supervisor {
         let presence = claim(&cell, &prepared.config)?;
         let logs = cell.runtime_dir().join("logs");
         let client = set_up(&cell, &prepared, &logs).inspect_err(|_| {
-            // Nothing of ours stays; what cannot be removed, the next `up` removes.
+            // Removes our own files; what remains, the next `up` removes.
             let _ = std::fs::remove_dir_all(&logs);
             let _ = ownership::release(&cell, &presence);
         })?;
@@ -130,10 +130,10 @@ impl Supervisor {
         Ok(supervisor)
     }
 
-    /// Waits until every process is ready and every device is reached by its driver, and keeps supervising meanwhile.
+    /// Waits until every process is ready and every driver has reached its device; supervises the cell meanwhile.
     ///
     /// # Errors
-    /// Interrupted, a process failed, or it takes too long.
+    /// Fails on an interrupt, if a process fails, or if it takes too long.
     pub fn wait_until_up(&mut self, interrupts: &Interrupts) -> Result<(), Failure> {
         let limit = Instant::now() + START_LIMIT;
         loop {
@@ -162,7 +162,7 @@ impl Supervisor {
         }
     }
 
-    /// One look at everything; call it at least every [`POLL_INTERVAL`].
+    /// Polls everything once; call it at least every [`POLL_INTERVAL`].
     pub fn poll(&mut self) {
         self.reset_watchdogs();
         for index in 0..self.children.len() {
@@ -185,7 +185,7 @@ impl Supervisor {
         self.polled_at = Instant::now();
     }
 
-    /// Says once what the files of the configuration say that is not in force; the loader writes it to the event log.
+    /// Reports each change of the configuration files that is not in force; the loader writes it to the event log.
     fn poll_files(&mut self) {
         let words = match self.files.poll() {
             None => return,
@@ -196,25 +196,27 @@ impl Supervisor {
         self.report("configuration", &words);
     }
 
-    /// True once a process failed for good.
+    /// Returns true once a process has failed permanently.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.failed
     }
 
-    /// True once the executor failed for good: without it there is no cell. The others are no reason to end it.
+    /// Returns true once the executor has failed permanently: the cell cannot continue without it. Failures of other
+    /// processes do not end the cell.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.executor_failed
     }
 
-    /// How long a process that was asked to end may take.
+    /// Returns the longest time for a process to end after it was asked to.
     fn patience(&self) -> Duration {
         Duration::from_nanos(self.prepared.config.supervision.stop_timeout_ns)
     }
 
-    /// A supervisor that was not there for long (a busy or suspended machine) calls nobody silent. Time that it spends in
-    /// a look, waiting for a janitor or a loader that hangs, does not count: what is told meanwhile waits in the sockets.
+    /// Resets the watchdogs if the supervisor itself did not run for long (a busy or suspended machine). Time spent
+    /// within a poll, such as waiting for a hung janitor or loader, does not count: heartbeats wait in the sockets
+    /// meanwhile.
     fn reset_watchdogs(&mut self) {
         let away = self.polled_at.elapsed();
         if away > Duration::from_nanos(self.prepared.config.supervision.watchdog_ns) / 2 {
@@ -226,13 +228,13 @@ impl Supervisor {
         }
     }
 
-    /// The folder for logs and other files that end with the cell.
+    /// Returns the folder for logs and other files that are removed with the cell.
     #[must_use]
     pub fn logs(&self) -> &std::path::Path {
         &self.logs
     }
 
-    /// The process id of a child, by its name.
+    /// Returns the process id of a child, by its name.
     #[must_use]
     pub fn pid(&self, name: &str) -> Option<u32> {
         let child = self.children.iter().find(|child| child.spec.name == name)?;
@@ -296,7 +298,7 @@ impl Supervisor {
         }
     }
 
-    /// A process is dead: its last words, the janitor, and what becomes of it.
+    /// Handles the death of a process: logs its last lines, runs the janitor, and restarts it or gives up.
     fn handle_death(&mut self, index: usize, now: Duration, words: &str, remedy: Option<&str>) {
         let Some(child) = self.children.get_mut(index) else {
             return;
@@ -314,7 +316,7 @@ impl Supervisor {
             RestartDecision::Failed => ProcessState::Failed,
         };
         self.report(&name, &format!("died: {words}"));
-        // What it did before is in the log; only an error or a panic tells why it died.
+        // Earlier activity is in the log; only an error or panic explains the death.
         let usual = |line: &&String| line.contains(" INFO ") || line.contains(" WARN ");
         let said = last_words.iter().rfind(|line| !usual(line));
         self.record(EventKind::ProcessDied {
@@ -345,7 +347,7 @@ impl Supervisor {
         }
     }
 
-    /// A process has failed for good: why, what becomes of the others, what to do.
+    /// Reports that a process has failed permanently, the effect on the cell, and the remedy.
     fn fail(&mut self, name: String, is_executor: bool, words: &str, remedy: Option<&str>) {
         self.failed = true;
         self.executor_failed |= is_executor;
@@ -366,7 +368,7 @@ impl Supervisor {
         });
     }
 
-    /// So many starts again in so many seconds.
+    /// Returns the allowed number of restarts and the time window, s.
     fn allowed(&self) -> (usize, u64) {
         let supervision = &self.prepared.config.supervision;
         (
@@ -375,8 +377,8 @@ impl Supervisor {
         )
     }
 
-    /// Runs the janitor; `again` after a death, because what a process left half-made is removed only when it is old
-    /// enough. One that does not succeed runs again in any case.
+    /// Runs the janitor. After a death it runs again after `again`, because half-created resources are removed only at
+    /// a certain age. A failed janitor runs again in any case.
     fn clean(&mut self, again: Option<Duration>) {
         let done = clean::run_janitor(&self.cell, JANITOR_TIMEOUT);
         let pause = done.as_ref().map_or(Some(CLEAN_AGAIN), |_| again);
@@ -394,7 +396,7 @@ impl Supervisor {
         if !serving {
             return;
         }
-        // No executor at present: the table says so already.
+        // Without an executor the table shows it anyway.
         let Ok(devices) = self.client.get::<Vec<DeviceView>>("/devices") else {
             return;
         };
@@ -420,7 +422,7 @@ impl Supervisor {
         self.report_grade();
     }
 
-    /// The RT grade, once for each life of the executor.
+    /// Reports the real-time grade once per incarnation of the executor.
     fn report_grade(&mut self) {
         let pid = self.pid("executor").unwrap_or(0);
         if pid == self.grade_pid {
@@ -434,7 +436,7 @@ impl Supervisor {
         }
     }
 
-    /// Into the cell's event log.
+    /// Adds an entry to the cell's event log.
     fn record(&self, what: EventKind) {
         events::tell(&self.cell, EventOrigin::Supervisor, "up", what);
     }
@@ -448,7 +450,7 @@ impl Supervisor {
     }
 }
 
-/// Makes what the processes of a cell find there.
+/// Creates the files that the processes of a cell expect.
 fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<Client, Failure> {
     room::require(ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64)
         .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
@@ -463,7 +465,7 @@ fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<Client, F
     Client::new(cell.name(), &cell.socket(), ANSWER_LIMIT)
 }
 
-/// Takes the cell for this process, if nobody has it; what somebody has is not touched.
+/// Claims the cell for this process unless somebody else has it; then nothing is changed.
 fn claim(cell: &Cell, config: &CellConfig) -> Result<Announced, Failure> {
     let supervisor = Announcement::supervisor()
         .map_err(|error| Failure::new(codes::PROCESS_FAILED, error.to_string(), ""))?

@@ -1,5 +1,5 @@
-//! systemd units of a cell: the ones that are the same everywhere, and drop-ins made from the cell's configuration.
-//! Pure text, but for [`disk`]; used by the main thread of `install-units`.
+//! systemd units of a cell: the units common to all cells, and drop-ins generated from the cell's configuration. Pure
+//! apart from [`disk`]; used by the main thread of `install-units`.
 
 pub mod addresses;
 pub mod cores;
@@ -14,24 +14,24 @@ use rcc_config::{AccessConfig, CellConfig};
 use crate::supervisor::processes;
 use cores::Cores;
 
-/// What begins every file of ours; only such files are ever replaced or removed.
+/// First characters of every file written by RCC; only such files are replaced or removed.
 pub const MARK: &str = "# RCC:";
-/// Units of an administrator.
+/// Folder of the administrator's units.
 pub const UNITS: &str = "etc/systemd/system";
-/// Units of a package.
+/// Folder of packaged units.
 pub const PACKAGED: &str = "usr/lib/systemd/system";
-/// The name of our drop-in in each folder.
+/// Name of the drop-in in each folder.
 pub const DROP_IN: &str = "50-cell.conf";
-/// Where the programs of a package lie; the units say so.
+/// Folder of packaged programs, as named in the shipped units.
 pub const PROGRAMS: &str = "/usr/bin";
-/// Where the folders of cells lie; the units say so (`RCC_RUNTIME_DIR`).
+/// Runtime folder of the cells, as named in the shipped units (`RCC_RUNTIME_DIR`).
 const RUNTIME: &str = "/run/rcc";
-/// The executor's nets have so long to end after they have been cancelled (as `rcc_exec::rt` has it).
+/// Time for the executor's nets to end after CANCEL, ms (as in `rcc_exec::rt`).
 const NETS_END_MS: u64 = 5000;
 
 macro_rules! shipped {
     ($($path:literal = $file:literal;)*) => {
-        /// The files that are the same for every cell: where they go, below the root, and what they say.
+        /// Files common to all cells: destination below the root, and content.
         pub const SHIPPED: &[(&str, &str)] = &[
             $(($path, include_str!(concat!("../../configs/systemd/", $file)))),*
         ];
@@ -52,35 +52,35 @@ shipped! {
     "etc/security/limits.d/rcc.conf" = "limits.conf";
 }
 
-/// A file that is to be written.
+/// A file to be written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnitFile {
-    /// Below the root.
+    /// Path below the root.
     pub path: PathBuf,
-    /// Its text.
+    /// Content.
     pub text: String,
 }
 
-/// One cell and how it shall run.
+/// Units of one cell.
 #[derive(Clone, Copy, Debug)]
 pub struct CellUnits<'a> {
     /// Name of the cell.
     pub cell: &'a str,
-    /// Its configuration.
+    /// Configuration of the cell.
     pub config: &'a CellConfig,
-    /// Its file, absolute.
+    /// File of the configuration, absolute.
     pub path: &'a Path,
-    /// Numbers for its automatic ports.
+    /// Numbers of its automatic ports.
     pub ports: &'a BTreeMap<String, u16>,
     /// Cores for everything but the cycle.
     pub cores: Option<&'a Cores>,
-    /// Where the programs lie.
+    /// Folder of the programs.
     pub programs: &'a Path,
-    /// Simulators get units too.
+    /// Whether simulators get units as well.
     pub simulators: bool,
 }
 
-/// The files of [`SHIPPED`] for programs in this folder.
+/// Returns the files of [`SHIPPED`] for programs in this folder.
 #[must_use]
 pub fn shipped(programs: &Path) -> Vec<UnitFile> {
     let programs = programs.display().to_string();
@@ -92,7 +92,7 @@ pub fn shipped(programs: &Path) -> Vec<UnitFile> {
 }
 
 impl CellUnits<'_> {
-    /// The drop-ins of the cell.
+    /// Returns the drop-ins of the cell.
     #[must_use]
     pub fn drop_ins(&self) -> Vec<UnitFile> {
         let mut all = vec![self.target(), self.executor(), self.loader(), self.setup()];
@@ -104,7 +104,7 @@ impl CellUnits<'_> {
         all
     }
 
-    /// Names of the units of the drivers, and of the simulators that are asked for.
+    /// Returns the names of the drivers' units, and of the simulators' units if requested.
     #[must_use]
     pub fn instances(&self) -> Vec<String> {
         let cell = self.cell;
@@ -224,7 +224,8 @@ impl CellUnits<'_> {
         )
     }
 
-    /// Which core is the cycle's: interrupts are kept away from it. One drop-in a cell, so that several add up.
+    /// Names the core of the cycle, from which interrupts are kept away. One drop-in per cell, so that several cells
+    /// add up.
     fn setup(&self) -> UnitFile {
         let name = format!("50-cell-{}.conf", self.cell);
         let cores = self
@@ -260,7 +261,7 @@ impl CellUnits<'_> {
     }
 }
 
-/// How often it is started again: the first start counts as well.
+/// Sets the restart limits; systemd counts the first start as well.
 fn limits(supervision: &SupervisionConfig) -> String {
     let SupervisionConfig {
         restarts,
@@ -274,7 +275,7 @@ fn limits(supervision: &SupervisionConfig) -> String {
     )
 }
 
-/// What the loader needs for the listeners that are asked for.
+/// Returns the permissions that the loader needs for its configured listeners.
 fn listeners(access: &AccessConfig) -> String {
     let group = access.group.as_ref();
     let group = group.map_or(String::new(), |group| {
@@ -298,7 +299,7 @@ fn times(supervision: &SupervisionConfig, more_ms: u64) -> String {
     )
 }
 
-/// A word of a unit file, whatever is in it.
+/// Quotes a word for a unit file, with any content.
 fn quoted(word: &str) -> String {
     let word = word.replace('\\', "\\\\").replace('"', "\\\"");
     format!("\"{}\"", word.replace('%', "%%").replace('$', "$$"))

@@ -1,4 +1,4 @@
-//! A primitive as a box: its lines of text, its ports and where they are. Pure.
+//! A primitive as a box: lines of text, ports and their positions. Pure.
 
 use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole, PortInfo, SourceInfo};
 
@@ -6,11 +6,11 @@ use super::layout::{LayerConstraint, NodeShape};
 use super::text::{fit, lines, width};
 use super::{Values, constant, is_label, links, shown};
 
-/// Sizes of letters.
+/// Font size of ids.
 pub const ID_SIZE: f64 = 13.0;
-/// Of types, parameters and ports.
+/// Font size of types, parameters and ports.
 pub const PORT_SIZE: f64 = 11.0;
-/// Of types and units of ports.
+/// Font size of the ports' types and units.
 pub const SMALL_SIZE: f64 = 9.5;
 
 const HEAD: f64 = 40.0;
@@ -22,41 +22,41 @@ const PARAMETERS_MAX: usize = 6;
 const LEAST: f64 = 108.0;
 const MOST: f64 = 340.0;
 
-/// One side of a line of ports.
+/// Label of one port.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PortLabel {
-    /// Place of the port in the spec.
+    /// Index of the port in the primitive's type.
     pub port: usize,
-    /// Its name, and what feeds it if that is a constant.
+    /// Name, with the value if a constant feeds the port.
     pub name: String,
-    /// Type and unit, or the value.
+    /// Type and unit, or the current value.
     pub small: String,
-    /// It can be null.
+    /// True if the port can be null.
     pub null: bool,
-    /// A link ends or begins here.
+    /// True if a link starts or ends here.
     pub linked: bool,
-    /// Height of its dot from the top of the box.
+    /// Distance of its dot from the top of the box.
     pub y: f64,
 }
 
 /// A primitive as a box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimitiveBox {
-    /// Place of the primitive in the net.
+    /// Index of the primitive in the net.
     pub part: usize,
-    /// What stands in its head.
+    /// Text of the heading.
     pub id: String,
-    /// Its type, and its device.
+    /// Type and device.
     pub kind: String,
-    /// Its colour.
+    /// Role, which gives the colour.
     pub role: PrimitiveRole,
-    /// Lines below the head.
+    /// Lines below the heading.
     pub parameters: Vec<String>,
-    /// On the left.
+    /// Inputs, on the left.
     pub inputs: Vec<PortLabel>,
-    /// On the right.
+    /// Outputs, on the right.
     pub outputs: Vec<PortLabel>,
-    /// What watches it, and what nobody reads.
+    /// Monitors of this primitive, and unread outputs.
     pub notes: Vec<String>,
     /// Width.
     pub width: f64,
@@ -65,22 +65,22 @@ pub struct PrimitiveBox {
 }
 
 impl PrimitiveBox {
-    /// Height of the first of the lines below the head.
+    /// Returns the y position of the first line below the heading.
     #[must_use]
     pub const fn first_line() -> f64 {
         HEAD + 14.0
     }
 
-    /// Height of the first of the notes.
+    /// Returns the y position of the first note.
     #[must_use]
     pub fn first_note(&self) -> f64 {
         self.height - 6.0 - LINE * (self.notes.len() as f64 - 1.0)
     }
 
-    /// From line to line.
+    /// Line spacing.
     pub const LINE: f64 = LINE;
 
-    /// As the layout sees it.
+    /// Returns size and ports for the layout.
     #[must_use]
     pub fn shape(&self) -> NodeShape {
         NodeShape {
@@ -92,14 +92,14 @@ impl PrimitiveBox {
         }
     }
 
-    /// Where a port is among the labels of its side.
+    /// Returns the index of a port among the labels of its side.
     #[must_use]
     pub fn label(ports: &[PortLabel], port: usize) -> Option<usize> {
         ports.iter().position(|label| label.port == port)
     }
 }
 
-/// The boxes of a net: every primitive but for those that are labels of others.
+/// Returns the boxes of a net: all primitives except those drawn as labels of others.
 #[must_use]
 pub fn boxes(net: &NetStructure, values: Option<&Values>) -> Vec<PrimitiveBox> {
     let mut read: Vec<Vec<bool>> = net
@@ -125,7 +125,7 @@ pub fn boxes(net: &NetStructure, values: Option<&Values>) -> Vec<PrimitiveBox> {
         .collect()
 }
 
-/// "watch_pose: pose, 100 Hz".
+/// Formats a monitor: "watch_pose: pose, 100 Hz".
 fn watch(net: &NetStructure, part: &PrimitiveInfo) -> String {
     let link = shown(net, part);
     let output = link.and_then(|link| {
@@ -152,7 +152,7 @@ fn watch(net: &NetStructure, part: &PrimitiveInfo) -> String {
     format!("◉ {}: {}", short_id(&part.id), parts.join(", "))
 }
 
-/// The id without the fragments that it is in: their frames say them.
+/// Returns the id without its fragments, which are shown by the frames.
 fn short_id(id: &str) -> &str {
     id.rsplit('/').next().unwrap_or(id)
 }
@@ -255,7 +255,7 @@ fn kind(pin: &PortInfo) -> String {
     }
 }
 
-/// Powers of units as they are printed.
+/// Replaces powers in units by superscripts.
 fn raised(words: &str) -> String {
     words.replace("^2", "²").replace("^3", "³")
 }
@@ -275,7 +275,7 @@ fn parameters(net: &NetStructure, part: &PrimitiveInfo) -> Vec<String> {
     shown
 }
 
-/// Finds the size and where the ports are; texts that are too long for any box are cut.
+/// Computes the size and the positions of the ports; truncates texts that are too long for any box.
 fn measure(it: &mut PrimitiveBox) {
     let cut = |text: &mut String, size: f64, most: f64| *text = fit(text, size, most);
     cut(&mut it.id, ID_SIZE, MOST - 2.0 * SIDE);

@@ -1,5 +1,5 @@
-//! A net for Graphviz: every primitive a record with its ports, constants as text, delayed links dashed, fragments as
-//! clusters. Pure.
+//! Draws a net for Graphviz: each primitive is a record with its ports, constants are text, delayed links are dashed,
+//! and fragments are clusters. Pure.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole, PortIn
 
 use super::{Values, constant, frame_title, links};
 
-/// Draws a net.
+/// Returns the DOT source of a net.
 #[must_use]
 pub fn dot(net: &NetStructure, values: Option<&Values>) -> String {
     let mut out = format!(
@@ -34,7 +34,7 @@ pub fn dot(net: &NetStructure, values: Option<&Values>) -> String {
     out
 }
 
-/// The nodes, those of a fragment within its frame.
+/// Writes the nodes; those of a fragment within its cluster.
 fn clusters(out: &mut String, net: &NetStructure, values: Option<&Values>) {
     let mut parts: Vec<(Vec<&str>, usize)> = net
         .primitives
@@ -43,7 +43,7 @@ fn clusters(out: &mut String, net: &NetStructure, values: Option<&Values>) {
         .filter(|(_, part)| part.role != PrimitiveRole::Constant)
         .map(|(number, part)| (part.frames().collect(), number))
         .collect();
-    // Those of one frame together, whatever the order of the file is.
+    // Groups the primitives of a frame, whatever the order of the file.
     parts.sort();
     let mut open: Vec<&str> = Vec::new();
     for (frames, number) in &parts {
@@ -136,7 +136,7 @@ fn kind(pin: &PortInfo) -> String {
     }
 }
 
-/// What stands at an input: constants as they are, links by name and type.
+/// Returns the text of an input: constants with their values, links with name and type.
 fn input(net: &NetStructure, pin: &PortInfo, value: Option<String>) -> String {
     let constants: Vec<String> = pin
         .sources
@@ -153,12 +153,12 @@ fn input(net: &NetStructure, pin: &PortInfo, value: Option<String>) -> String {
     }
 }
 
-/// A quoted string of the DOT language: only the quote and the backslash are special.
+/// Quotes a string for DOT, where only quote and backslash are special.
 fn quoted(words: &str) -> String {
     format!("\"{}\"", words.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// Text of an HTML-like label.
+/// Escapes text for an HTML-like label.
 fn html(words: &str) -> String {
     super::svg::escaped(words)
 }

@@ -1,8 +1,8 @@
-//! LayeredGraph drawing of boxes with ports, from left to right: K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual
-//! understanding of hierarchical system structures", IEEE SMC 11 (1981). The same boxes and links give the same drawing.
-//! Pure; run by the command line.
+//! Layered drawing of boxes with ports, from left to right: K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual
+//! understanding of hierarchical system structures", IEEE SMC 11 (1981). The same boxes and links give the same
+//! drawing. Pure; run by the command line.
 //!
-//! No layout crate: those that need no foreign program know neither ports at fixed heights nor frames within frames.
+//! No layout crate is used: those without an external program support neither ports at fixed heights nor nested frames.
 
 mod coordinates;
 mod layers;
@@ -16,56 +16,56 @@ pub struct NodeShape {
     pub width: f64,
     /// Height.
     pub height: f64,
-    /// Heights of its inputs, on its left side, from its top.
+    /// Positions of its inputs on the left side, from the top.
     pub inputs: Vec<f64>,
-    /// Heights of its outputs, on its right side.
+    /// Positions of its outputs on the right side, from the top.
     pub outputs: Vec<f64>,
-    /// Where it must be.
+    /// Constraint on its layer.
     pub constraint: LayerConstraint,
 }
 
-/// A place that is prescribed.
+/// Constraint on the layer of a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerConstraint {
-    /// None.
+    /// No constraint.
     Free,
-    /// On the left border.
+    /// In the first layer, on the left border.
     First,
-    /// On the right border.
+    /// In the last layer, on the right border.
     Last,
 }
 
-/// A link from an output of one shape to an input of another one.
+/// A link from an output of one box to an input of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Edge {
-    /// NodeShape and output.
+    /// Box and output.
     pub from: (usize, usize),
-    /// NodeShape and input.
+    /// Box and input.
     pub to: (usize, usize),
-    /// It does not say what comes first.
+    /// True if the link does not constrain the order.
     pub delayed: bool,
 }
 
-/// A point; y grows downwards.
+/// A point; y points downwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanePoint {
-    /// To the right.
+    /// Horizontal position, to the right.
     pub x: f64,
-    /// Down.
+    /// Vertical position, downwards.
     pub y: f64,
 }
 
-/// How a link goes.
+/// Course of a link.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LinkRoute {
-    /// Forwards: level at each of these points, in a curve from height to height.
+    /// Forward: through these points, horizontal at each, with curves between different heights.
     Curve(Vec<PlanePoint>),
-    /// Backwards below the boxes: level and upright by turns, with rounded corners.
+    /// Backward, below the boxes: alternating horizontal and vertical lines with rounded corners.
     Around(Vec<PlanePoint>),
 }
 
 impl LinkRoute {
-    /// Its points.
+    /// Returns its points.
     #[must_use]
     pub fn points(&self) -> &[PlanePoint] {
         match self {
@@ -73,7 +73,7 @@ impl LinkRoute {
         }
     }
 
-    /// The same way elsewhere.
+    /// Returns the same course, moved by `by`.
     #[must_use]
     pub fn moved(self, by: PlanePoint) -> LinkRoute {
         let moved = |points: Vec<PlanePoint>| {
@@ -92,29 +92,29 @@ impl LinkRoute {
     }
 }
 
-/// Where everything is.
+/// Result of the layout.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
-    /// Left upper corners, by shape.
+    /// Top left corners, by box.
     pub places: Vec<PlanePoint>,
-    /// By edge.
+    /// Courses of the links, by edge.
     pub routes: Vec<LinkRoute>,
-    /// Width of all.
+    /// Total width.
     pub width: f64,
-    /// Height of all.
+    /// Total height.
     pub height: f64,
 }
 
-/// What stands in a layer: a shape, or a link that dummies.
+/// A vertex of a layer: a box, or a dummy vertex of a link that crosses the layer.
 #[derive(Clone, Debug)]
 struct Vertex {
     layer: usize,
     height: f64,
-    /// `None`: a link that dummies.
+    /// `None` for a dummy vertex.
     shape: Option<usize>,
 }
 
-/// A part of a link from one layer to the next: vertices, heights within them, and what it counts.
+/// Part of a link between neighbouring layers: its vertices, and the positions of its ends within them.
 #[derive(Clone, Copy, Debug)]
 struct EdgeSegment {
     from: usize,
@@ -123,20 +123,20 @@ struct EdgeSegment {
     to_y: f64,
 }
 
-/// Shapes and passing links in layers.
+/// Boxes and dummy vertices in layers.
 #[derive(Debug, Default)]
 struct LayeredGraph {
     vertices: Vec<Vertex>,
     segments: Vec<EdgeSegment>,
-    /// By layer: vertices from top to bottom.
+    /// Vertices of each layer from top to bottom.
     layers: Vec<Vec<usize>>,
-    /// By edge: the vertices where it dummies, in order; `None`: it goes backwards.
+    /// Dummy vertices of each edge in order; `None` for a backward edge.
     dummies: Vec<Option<Vec<usize>>>,
-    /// By shape: its layer.
+    /// Layer of each box.
     layer_of: Vec<usize>,
 }
 
-/// Places shapes and leads edges.
+/// Places boxes and routes edges.
 #[must_use]
 pub fn layout(shapes: &[NodeShape], edges: &[Edge]) -> Layout {
     let mut layered = layers::layered_graph(shapes, edges);

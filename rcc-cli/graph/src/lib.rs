@@ -1,6 +1,6 @@
-//! Pictures of nets: SVG with a layout of our own, DOT for Graphviz, Mermaid for texts. No foreign program is needed; the
-//! same net gives the same bytes. Pure; run by the command line. A package of its own: it needs the language only, and is
-//! tested without the rest of the system.
+//! Diagrams of nets: SVG with its own layout, DOT for Graphviz, Mermaid for Markdown. Needs no external program; the
+//! same net gives the same bytes. Pure; run by the command line. A separate package, because it depends only on the
+//! language and is tested without the rest of the system.
 
 pub mod dot;
 pub mod layout;
@@ -14,10 +14,10 @@ use std::collections::BTreeMap;
 
 use rcc_language::structure::{NetStructure, LinkInfo, PrimitiveInfo, PrimitiveRole, SourceInfo};
 
-/// Values of a running net by `primitive.port`, as words.
+/// Values of a running net, as text, by `primitive.port`.
 pub type Values = BTreeMap<String, String>;
 
-/// The links of a net: the reading primitive, its input, the element of a list of links, and what is read.
+/// Returns the links of a net: the reading primitive, its input, the element within a list of links, and the link.
 pub fn links(net: &NetStructure) -> impl Iterator<Item = (usize, usize, Option<usize>, &LinkInfo)> {
     let parts = net.primitives.iter().enumerate();
     parts.flat_map(|(number, part)| {
@@ -39,7 +39,8 @@ pub fn links(net: &NetStructure) -> impl Iterator<Item = (usize, usize, Option<u
     })
 }
 
-/// True for a primitive that is drawn as a label of others: a constant at its readers, a monitor at what it shows.
+/// Returns true for primitives that are drawn as labels of others: constants at their readers, monitors at the output
+/// that they show.
 #[must_use]
 pub fn is_label(net: &NetStructure, part: &PrimitiveInfo) -> bool {
     match part.role {
@@ -49,7 +50,7 @@ pub fn is_label(net: &NetStructure, part: &PrimitiveInfo) -> bool {
     }
 }
 
-/// What a monitor shows, if that is an output of a box.
+/// Returns the output that a monitor shows, if it is the output of a box.
 #[must_use]
 pub fn shown<'n>(net: &'n NetStructure, part: &'n PrimitiveInfo) -> Option<&'n LinkInfo> {
     if part.role != PrimitiveRole::Shows {
@@ -64,7 +65,7 @@ pub fn shown<'n>(net: &'n NetStructure, part: &'n PrimitiveInfo) -> Option<&'n L
     }
 }
 
-/// What stands in the frame of an instance: its name, and what it depends on if it is not always active.
+/// Returns the title of an instance's frame: its name, and its condition if it is not always active.
 #[must_use]
 pub fn frame_title(net: &NetStructure, path: &str) -> String {
     let name = path.rsplit('/').next().unwrap_or_default();
@@ -74,7 +75,7 @@ pub fn frame_title(net: &NetStructure, path: &str) -> String {
     }
 }
 
-/// The value of a constant that a link reads, with its name; `None`: it reads something else.
+/// Returns value and name of the constant that a link reads; `None` if it reads something else.
 #[must_use]
 pub fn constant(net: &NetStructure, link: &LinkInfo) -> Option<String> {
     let part = net.primitives.get(link.primitive)?;

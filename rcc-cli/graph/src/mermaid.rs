@@ -1,5 +1,5 @@
-//! A net as a Mermaid flow chart, which many sites draw in their texts: boxes with name and type, links with the names of
-//! their ports, delayed ones dotted, fragments as subgraphs. Pure.
+//! Draws a net as a Mermaid flow chart for Markdown: boxes with name and type, links labelled with their ports, delayed
+//! links dotted, fragments as subgraphs. Pure.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -8,7 +8,7 @@ use rcc_language::structure::{NetStructure, PrimitiveRole, SourceInfo};
 
 use super::{Values, constant, frame_title, links};
 
-/// Draws a net.
+/// Returns the Mermaid source of a net.
 #[must_use]
 pub fn mermaid(net: &NetStructure, values: Option<&Values>) -> String {
     let mut out = "flowchart LR\n".to_owned();
@@ -70,7 +70,7 @@ fn nodes(out: &mut String, net: &NetStructure) {
     for (number, part) in net.primitives.iter().enumerate() {
         if part.role != PrimitiveRole::Constant {
             let frames: Vec<&str> = part.frames().collect();
-            // A frame that holds only frames is there, too.
+            // Adds frames that contain only frames, too.
             for depth in 0..=frames.len() {
                 parts.entry(frames[..depth].to_vec()).or_default();
             }
@@ -128,7 +128,7 @@ fn node(out: &mut String, net: &NetStructure, number: usize) {
     let _ = writeln!(out, "  n{number}[\"{words}\"]{class}");
 }
 
-/// Text within quotes: entities for what Mermaid or HTML would read.
+/// Escapes a quoted text: entities for characters special to Mermaid or HTML.
 fn escaped(words: &str) -> String {
     let mut out = String::new();
     for letter in words.chars() {

@@ -1,5 +1,5 @@
-//! A net laid out: boxes, links, and frames around fragments, each frame a drawing of its own within the outer one, so
-//! that frames never meet. Pure.
+//! Layout of a net with boxes, links and frames around fragments. Each frame is laid out separately within the outer
+//! one, so frames never overlap. Pure.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,22 +9,22 @@ use super::layout::{Edge, LayerConstraint, PlanePoint, LinkRoute, NodeShape, lay
 use super::boxes::{PrimitiveBox, boxes};
 use super::{Values, frame_title, is_label, links};
 
-/// More boxes are no picture any more.
+/// Largest number of boxes that is drawn.
 pub const BOXES_MAX: usize = 400;
 
-/// Above what a frame encloses.
+/// Height of a frame's title.
 const TITLE: f64 = 30.0;
-/// Around what a frame encloses.
+/// Margin within a frame.
 const MARGIN: f64 = 18.0;
 
-/// A net with a place for everything.
+/// A laid-out net.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// Boxes and their left upper corners.
+    /// Boxes and their top left corners.
     pub boxes: Vec<(PrimitiveBox, PlanePoint)>,
-    /// Fragments, outer ones first.
+    /// Frames of fragments, outer ones first.
     pub frames: Vec<FragmentFrame>,
-    /// Links, in pieces from frame to frame.
+    /// Links, in segments from frame to frame.
     pub links: Vec<LinkSegment>,
     /// Width.
     pub width: f64,
@@ -32,12 +32,12 @@ pub struct Scene {
     pub height: f64,
 }
 
-/// An instance of a fragment.
+/// Frame of an instance of a fragment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FragmentFrame {
-    /// Its name.
+    /// Title.
     pub title: String,
-    /// Left upper corner.
+    /// Top left corner.
     pub at: PlanePoint,
     /// Width.
     pub width: f64,
@@ -45,31 +45,31 @@ pub struct FragmentFrame {
     pub height: f64,
 }
 
-/// What a link carries: primitive, output, and whether it is of the cycle before.
+/// Source of a link: primitive, output, and true if delayed by a cycle.
 pub type Signal = (usize, usize, bool);
 
-/// A piece of a link.
+/// Segment of a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinkSegment {
-    /// What it carries.
+    /// Source of the link.
     pub signal: Signal,
-    /// The primitive and input that it ends at; `None`: at a frame.
+    /// Primitive and input at its end; `None` if it ends at a frame.
     pub to: Option<(usize, usize)>,
-    /// Its way.
+    /// Course of the segment.
     pub route: LinkRoute,
 }
 
-/// A net with too many boxes for a picture.
+/// A net with too many boxes for a diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooManyBoxes {
-    /// How many it has.
+    /// Number of its boxes.
     pub boxes: usize,
 }
 
-/// Lays a net out.
+/// Lays out a net.
 ///
 /// # Errors
-/// The net has more than [`BOXES_MAX`] boxes.
+/// Fails if the net has more than [`BOXES_MAX`] boxes.
 pub fn scene(net: &NetStructure, values: Option<&Values>) -> Result<Scene, TooManyBoxes> {
     let boxes = boxes(net, values);
     if boxes.len() > BOXES_MAX {
@@ -100,7 +100,7 @@ pub fn scene(net: &NetStructure, values: Option<&Values>) -> Result<Scene, TooMa
     })
 }
 
-/// What is read by whom, of boxes only.
+/// A link between two boxes: source, and reading primitive and input.
 type DrawnLink = (Signal, (usize, usize));
 
 fn drawn_links(net: &NetStructure) -> Vec<DrawnLink> {
@@ -115,7 +115,7 @@ fn drawn_links(net: &NetStructure) -> Vec<DrawnLink> {
     drawn_links.filter(|wire| seen.insert(*wire)).collect()
 }
 
-/// Boxes and groups that are in one instance of a fragment.
+/// Boxes and groups within one instance of a fragment.
 #[derive(Default)]
 struct FrameGroup {
     path: String,
@@ -124,7 +124,7 @@ struct FrameGroup {
 }
 
 impl FrameGroup {
-    /// `path`: the names of all groups from the outermost to the one that the box is in.
+    /// Adds a box; `path` names all groups from the outermost to the one that contains the box.
     fn insert(&mut self, path: &[&str], place: usize) {
         let Some((first, rest)) = path.split_first() else {
             self.boxes.push(place);
@@ -142,7 +142,7 @@ impl FrameGroup {
     }
 }
 
-/// A group with a place for everything in it.
+/// Layout of a group.
 #[derive(Default)]
 struct GroupLayout {
     width: f64,
@@ -165,7 +165,7 @@ impl GroupLayout {
         }
     }
 
-    /// Takes over what is in an inner group.
+    /// Adds the contents of an inner group, moved by `by`.
     fn take(&mut self, inner: GroupLayout, by: PlanePoint) {
         let add = |at: PlanePoint| PlanePoint {
             x: at.x + by.x,
@@ -192,21 +192,21 @@ struct SceneBuilder<'a> {
     links: Vec<DrawnLink>,
 }
 
-/// The ends of a group's edges while they are found.
+/// Builds the edges of a group.
 struct EdgeBuilder<'a> {
     builder: &'a SceneBuilder<'a>,
     group: &'a FrameGroup,
     inner: &'a [GroupLayout],
     /// By primitive: the box or group of this group that it is in.
     owner: BTreeMap<usize, usize>,
-    /// What comes in and goes out, by signal: the shape on the border.
+    /// Shapes on the border for each incoming and outgoing signal.
     coming: BTreeMap<Signal, usize>,
     going: BTreeMap<Signal, usize>,
     shapes: Vec<NodeShape>,
 }
 
 impl SceneBuilder<'_> {
-    /// Lays out what is in a group; `title`: the name in its frame.
+    /// Lays out a group; `title` is the title of its frame.
     fn arrange(&self, group: &FrameGroup, title: Option<&str>) -> GroupLayout {
         let inner: Vec<GroupLayout> = group
             .groups
@@ -286,7 +286,7 @@ impl SceneBuilder<'_> {
         out
     }
 
-    /// The piece of a link that an edge is, led on to the border of the frame where it comes from or goes there.
+    /// Creates the link segment of an edge, extended to the border of the frame where the link enters or leaves.
     #[allow(clippy::too_many_arguments)]
     fn piece(
         &self,
@@ -306,7 +306,7 @@ impl SceneBuilder<'_> {
             }
             None => match inner.get(from - group.boxes.len()) {
                 Some(inner) => inner.outputs[output].0,
-                // It comes in: there is one shape for each signal.
+                // An incoming signal: there is one shape per signal.
                 None => coming
                     .iter()
                     .find(|(_, shape)| **shape == from)
@@ -367,7 +367,7 @@ impl<'a> EdgeBuilder<'a> {
         }
     }
 
-    /// What a link is in this group; `None`: nothing, or a matter of a group in it.
+    /// Returns the edge of a link in this group; `None` if the link is outside of the group or within an inner group.
     fn edge(&mut self, signal: Signal, to: (usize, usize)) -> Option<Edge> {
         let owner = |part: usize| self.owner.get(&part).copied();
         let (source, reader) = (owner(signal.0), owner(to.0));
@@ -412,7 +412,7 @@ impl<'a> EdgeBuilder<'a> {
         Some(Edge {
             from,
             to,
-            // What comes in or goes out is in order, whatever it carries.
+            // Incoming and outgoing links always constrain the order, even if delayed.
             delayed: signal.2 && source.is_some() && reader.is_some(),
         })
     }

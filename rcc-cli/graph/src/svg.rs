@@ -1,4 +1,4 @@
-//! A laid-out net as SVG 1.1 with a style sheet for light and dark schemes; nothing is loaded from elsewhere. Pure.
+//! Draws a laid-out net as SVG 1.1 with a style sheet for light and dark schemes; loads nothing external. Pure.
 
 use std::fmt::Write as _;
 
@@ -20,7 +20,7 @@ const SIDE: f64 = 12.0;
 const LEGEND: f64 = 44.0;
 const LEAST_WIDTH: f64 = 420.0;
 
-/// Name of a colour, in the legend, and its tint and line in light and dark.
+/// Style class of each role, its text in the legend, and fill and stroke colours for light and dark schemes.
 const ROLES: [(PrimitiveRole, &str, &str, [&str; 4]); 7] = [
     (
         PrimitiveRole::Plain,
@@ -83,7 +83,7 @@ text{fill:#e4e9ef}.paper{fill:#151a21}.words{fill:#9aa5b3}
 .frame{fill:#8793a3;stroke:#5d6979}.frame-title{fill:#b4bdc9}
 ";
 
-/// Draws a net.
+/// Returns the SVG of a net.
 #[must_use]
 pub fn svg(net: &NetStructure, scene: &Scene) -> String {
     let wide = (scene.width + 2.0 * MARGIN).max(LEAST_WIDTH).ceil();
@@ -208,7 +208,7 @@ fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
     );
 }
 
-/// A way as commands of a path.
+/// Converts a course to SVG path commands.
 fn path(route: &LinkRoute) -> String {
     let mut out = String::new();
     let points = route.points();
@@ -258,7 +258,7 @@ fn path(route: &LinkRoute) -> String {
     out
 }
 
-/// A little from one point to another.
+/// Returns a point near `from` on the way to `to`, for a rounded corner.
 fn towards(from: PlanePoint, to: PlanePoint) -> PlanePoint {
     let (x, y) = (to.x - from.x, to.y - from.y);
     let length = x.abs().max(y.abs());
@@ -369,7 +369,7 @@ fn draw_output(out: &mut String, port: &PortLabel, at: PlanePoint, why: Option<&
     port_words(out, port, at.x - SIDE, at.y, " text-anchor=\"end\"");
 }
 
-/// Name, and type and unit or value, at the height of a port.
+/// Writes a port's name, and its type and unit or value.
 fn port_words(out: &mut String, port: &PortLabel, x: f64, y: f64, more: &str) {
     text(out, "port", x, y + 1.0, &port.name, more);
     text(out, "small", x, y + 12.0, &port.small, more);
@@ -391,14 +391,14 @@ fn text(out: &mut String, class: &str, x: f64, y: f64, words: &str, more: &str) 
     );
 }
 
-/// A tenth is finer than any screen; the same number gives the same text everywhere.
+/// Rounds to a tenth, which is finer than any screen, so that the text is the same everywhere.
 fn short(value: f64) -> String {
     let tenths = (value * 10.0).round() / 10.0;
-    // No minus before 0.
+    // Avoids "-0".
     format!("{}", tenths + 0.0)
 }
 
-/// Text that may stand in an element or in an attribute.
+/// Escapes text for an element or an attribute.
 #[must_use]
 pub fn escaped(words: &str) -> String {
     let mut out = String::with_capacity(words.len());
@@ -409,7 +409,7 @@ pub fn escaped(words: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
-            // XML has no other control characters.
+            // XML allows no other control characters.
             letter if letter.is_control() && letter != '\n' && letter != '\t' => {
                 out.push('\u{fffd}')
             }

@@ -1,14 +1,14 @@
-//! How wide a text is at most, without knowing the reader's fonts: widths of DejaVu Sans, one of the widest that browsers
-//! fall back on. Pure.
+//! Upper bounds of text widths without knowing the reader's fonts: widths of DejaVu Sans, one of the widest fallback
+//! fonts of browsers. Pure.
 
-/// Width of a text at a size, in the unit of the size.
+/// Returns the width of a text, in the unit of `size`.
 #[must_use]
 pub fn width(text: &str, size: f64) -> f64 {
     let sum: f64 = text.chars().map(em).sum();
     sum * size
 }
 
-/// A letter's part of the size.
+/// Returns the width of a character, relative to the size.
 fn em(letter: char) -> f64 {
     match letter {
         'i' | 'j' | 'l' | '\'' | '|' => 0.30,
@@ -22,7 +22,7 @@ fn em(letter: char) -> f64 {
     }
 }
 
-/// The text, or its beginning that fits with a mark.
+/// Returns the text, truncated with an ellipsis if it is wider than `most`.
 #[must_use]
 pub fn fit(text: &str, size: f64, most: f64) -> String {
     if width(text, size) <= most {
@@ -41,7 +41,7 @@ pub fn fit(text: &str, size: f64, most: f64) -> String {
     kept
 }
 
-/// The text in lines of at most this width, broken at blanks; at most so many lines.
+/// Breaks the text at blanks into at most `count` lines of at most this width.
 #[must_use]
 pub fn lines(text: &str, size: f64, most: f64, count: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_too_long_ends_with_a_mark_and_fits() {
+    fn a_text_that_is_too_long_ends_with_an_ellipsis_and_fits() {
         assert_eq!(fit("short", 10.0, 100.0), "short");
         let cut = fit("a very long name indeed", 10.0, 60.0);
         assert!(cut.ends_with('…') && width(&cut, 10.0) <= 60.0, "{cut}");

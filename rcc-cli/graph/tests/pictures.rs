@@ -1,5 +1,5 @@
-//! Pictures of the example nets: those in docs/pictures are current, everything is in them once, and they are well formed.
-//! `RCC_BLESS=1 cargo test -p rcc-graph --test pictures` writes docs/pictures anew. A thread of the test harness.
+//! Diagrams of the example nets: those in docs/pictures are current, complete and well formed. `RCC_BLESS=1 cargo test
+//! -p rcc-graph --test pictures` regenerates docs/pictures. Run by a thread of the test harness.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ fn structure(text: &str, name: &str) -> NetStructure {
     net.unwrap_or_else(|faults| panic!("{faults}")).1
 }
 
-/// The example nets by name.
+/// Returns the example nets by name.
 fn nets() -> BTreeMap<String, NetStructure> {
     let entries = std::fs::read_dir(folder("configs/nets")).unwrap();
     let paths = entries.map(|entry| entry.unwrap().path());
@@ -42,7 +42,7 @@ fn nets() -> BTreeMap<String, NetStructure> {
         .collect()
 }
 
-/// Boxes do not meet, are within their picture, and links end at the ports of their boxes.
+/// Checks that boxes do not overlap, lie within the diagram, and that links end at the ports of their boxes.
 fn check(net: &NetStructure, scene: &Scene) {
     for (number, (a, at)) in scene.boxes.iter().enumerate() {
         for (b, other) in &scene.boxes[number + 1..] {
@@ -95,7 +95,7 @@ fn check(net: &NetStructure, scene: &Scene) {
     }
 }
 
-/// Every element is closed in order, attributes are quoted, and entities are those of XML.
+/// Checks that elements are closed in order, attributes are quoted, and entities are those of XML.
 fn check_xml(text: &str) {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = text;
@@ -131,7 +131,7 @@ fn check_entities(words: &str) {
 }
 
 #[test]
-fn everything_is_in_a_picture_once_and_in_its_place() {
+fn every_part_of_a_net_is_drawn_once_and_in_place() {
     for (name, net) in nets() {
         let scene = scene(&net, None).unwrap_or_else(|many| panic!("{name}: {many:?}"));
         check(&net, &scene);
@@ -139,7 +139,7 @@ fn everything_is_in_a_picture_once_and_in_its_place() {
     }
 }
 
-/// Those of the docs; a new example net needs none.
+/// The nets with a diagram in the docs; a new example net needs none.
 const PICTURES: [&str; 4] = ["feedback", "guarded-line", "line", "welding-line"];
 
 #[test]
@@ -215,7 +215,7 @@ fn mermaid_has_boxes_links_and_nothing_that_it_would_read() {
 }
 
 #[test]
-fn what_is_null_for_a_reason_says_it_and_texts_are_escaped() {
+fn reasons_for_null_are_shown_and_texts_are_escaped() {
     let net = structure(SMALL, "small");
     let text = svg(&net, &scene(&net, None).unwrap());
     check_xml(&text);
@@ -234,7 +234,7 @@ fn what_is_null_for_a_reason_says_it_and_texts_are_escaped() {
 }
 
 #[test]
-fn a_net_of_too_many_boxes_is_no_picture() {
+fn a_net_with_too_many_boxes_is_refused() {
     let mut text = "net: large\nprimitives:\n  p0: {type: Time}\n".to_owned();
     for number in 1..500 {
         text += &format!(
@@ -322,7 +322,7 @@ fn fragments_are_frames_that_hold_what_is_in_them() {
 }
 
 #[test]
-fn what_is_not_always_active_says_what_it_depends_on() {
+fn conditional_parts_show_their_condition() {
     let text = "net: regions\nfragments:\n  half:\n    inputs: {x: {}}\n    outputs: {y: out.out}\n    primitives: {out: {type: Multiply, inputs: {a: x, b: 0.5}}}\n\
         primitives:\n  arc: {type: DigitalInput, parameters: {device: lwr, channel: arc}}\n  time: {type: Time}\n  \
         a: {fragment: half, inputs: {x: time.out}, active: arc.out}\n  twice: {type: Add, inputs: {a: a.y, b: a.y}, active: arc.out}\n  \

@@ -1,5 +1,5 @@
-//! The hinges of a URDF from one link to another, and where they are with all joints 0.
-//! Plain data and mathematics; run once by whoever imports a robot.
+//! The revolute joints of a URDF between two links, and their pose with all joints at 0. Plain data and mathematics;
+//! runs once per import.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,49 +10,49 @@ use rcc_core::pose::Pose;
 use crate::ImportError;
 use crate::urdf::{UrdfJoint, JointKind, UrdfRobot};
 
-/// Names that a message lists.
+/// Largest number of names in a message.
 const LISTED_MAX: usize = 20;
 
-/// Links that are flanges by custom, where a robot has several leaves (REP 199).
+/// Conventional names of the flange link, used if a robot has several leaves (REP 199).
 const TIPS: [&str; 4] = ["tool0", "flange", "ee_link", "ee"];
 
-/// A revolute.
+/// A revolute joint of the chain.
 #[derive(Clone, Debug)]
 pub struct RevoluteJoint {
-    /// The joint's name.
+    /// Name of the joint.
     pub name: String,
-    /// From the revolute before it (or from the base) to its own frame with the joint 0.
+    /// Transformation from the previous revolute joint (or the base) to this joint's frame, with this joint at 0.
     pub origin: Isometry3<f64>,
-    /// Its axis in its frame, unit.
+    /// Unit axis in the joint's frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Smallest and largest position, rad; `None` if it turns without end or says none.
+    /// Smallest and largest position, rad; `None` if continuous or not given.
     pub range: Option<[f64; 2]>,
-    /// Largest speed, rad/s; `None` if it says none.
+    /// Largest speed, rad/s; `None` if not given.
     pub velocity: Option<f64>,
 }
 
-/// The hinges from a base to a tip.
+/// Chain of revolute joints from a base to a tip.
 #[derive(Clone, Debug)]
 pub struct Chain {
-    /// The link that stands.
+    /// Name of the base link.
     pub base: String,
-    /// The link that is the flange.
+    /// Name of the flange link.
     pub tip: String,
-    /// The hinges in order.
+    /// Joints in order.
     pub revolute_joints: Vec<RevoluteJoint>,
-    /// From the last revolute to the tip.
+    /// Transformation from the last joint to the tip.
     pub end: Isometry3<f64>,
 }
 
 impl Chain {
-    /// The chain between two links of a robot.
+    /// Returns the chain between two links of a robot.
     pub(crate) fn of(
         robot: &UrdfRobot,
         base: Option<&str>,
         tip: Option<&str>,
     ) -> Result<Chain, ImportError> {
-        // Each table once: a robot of very many links is looked at in proportion to their number. Of several joints to one
-        // link the first counts.
+        // Builds the tables once, so that the effort grows linearly with the number of links. If several joints have
+        // the same child link, the first one counts.
         let parents: HashSet<&str> = robot.joints.iter().map(|joint| &*joint.parent).collect();
         let mut above: HashMap<&str, &UrdfJoint> = HashMap::new();
         let mut names: HashMap<&str, usize> = HashMap::new();
@@ -62,7 +62,7 @@ impl Chain {
         }
         let base = find(robot, base, "base", |link| !above.contains_key(link))?;
         let tip = find(robot, tip, "tip", |link| !parents.contains(link))?;
-        // From the tip to the base: every link has one parent at most, and no way is longer than the robot.
+        // Walks from the tip to the base: each link has at most one parent, and no path is longer than the robot.
         let (mut upwards, mut link) = (Vec::new(), tip.as_str());
         while link != base {
             let joint = above.get(link).copied();
@@ -115,7 +115,7 @@ impl Chain {
         })
     }
 
-    /// Where the tip is in the base, by the URDF.
+    /// Returns the pose of the tip in the base frame, according to the URDF.
     #[must_use]
     pub fn forward(&self, joints: &Joints) -> Pose {
         let mut at = Isometry3::identity();
@@ -129,7 +129,7 @@ impl Chain {
         Pose::from_rotation_matrix(at.translation.vector.into(), &rows)
     }
 
-    /// Axis and origin of each revolute in the base, and the tip, with all joints 0.
+    /// Returns axis and origin of each joint, and the pose of the tip, in the base frame with all joints at 0.
     pub(crate) fn at_zero(&self) -> (Vec<[Vector3<f64>; 2]>, Isometry3<f64>) {
         let mut at = Isometry3::identity();
         let axes = self.revolute_joints.iter().map(|revolute| {
@@ -141,7 +141,7 @@ impl Chain {
     }
 }
 
-/// Nothing that is said of a joint is passed over.
+/// Checks all properties of a joint, so that none is ignored silently.
 fn check_usable(joint: &UrdfJoint, is_only_one: bool) -> Result<(), ImportError> {
     let unusable = |what: String| {
         Err(ImportError::Unusable {
@@ -177,7 +177,7 @@ fn check_usable(joint: &UrdfJoint, is_only_one: bool) -> Result<(), ImportError>
     Ok(())
 }
 
-/// The range that soft limits leave, if there are any.
+/// Returns the range limited by the soft limits, if given.
 fn within_soft_limits(
     joint: &UrdfJoint,
     range: Option<[f64; 2]>,
@@ -186,7 +186,7 @@ fn within_soft_limits(
         return Ok(range);
     };
     let [from, to] = soft;
-    // Without them in the URDF both are 0.
+    // Both are 0 if the URDF does not give them.
     if from == 0.0 && to == 0.0 {
         return Ok(range);
     }
@@ -231,7 +231,7 @@ fn find(
     }
 }
 
-/// Names with commas between them; of very many the first ones.
+/// Joins names with commas; long lists are truncated.
 pub(crate) fn listed<'a>(mut names: impl Iterator<Item = &'a str>) -> String {
     let first: Vec<&str> = names.by_ref().take(LISTED_MAX).collect();
     let others = match names.count() {

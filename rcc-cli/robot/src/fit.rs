@@ -1,5 +1,5 @@
-//! From the axes of a chain with all joints 0 to the lengths, directions and zeros of an arm, or to what does not fit.
-//! Pure mathematics; run once by whoever imports a robot.
+//! Derives lengths, directions and zero positions of an arm from the axes of a chain with all joints at 0, or reports
+//! what does not fit. Pure mathematics; runs once per import.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use crate::chain::listed;
 use crate::{Chain, ImportError};
 
-/// Axes may be off by this, rad or m; the comparison of forward kinematics is sharper.
+/// Tolerance of the axes, rad or m; the comparison of forward kinematics is stricter.
 const SLACK: f64 = 1e-6;
 
 type Vector = Vector3<f64>;
@@ -19,21 +19,21 @@ type Vector = Vector3<f64>;
 pub enum GeometryMismatch {
     /// The axis has another direction.
     Direction {
-        /// The axis, base frame, all joints 0.
+        /// Axis in the base frame, with all joints at 0.
         axis: [f64; 3],
-        /// What it should be, in words.
+        /// Required direction.
         wanted: &'static str,
     },
-    /// The axis does not go through a point where others meet.
+    /// The axis misses a point in which others meet.
     Beside {
-        /// How far it misses it, m.
+        /// Distance from the point, m.
         by: f64,
-        /// The point, in words.
+        /// Description of the point.
         point: &'static str,
     },
-    /// Nothing is between two points that must be apart.
+    /// Two points coincide that must be apart.
     NoLength {
-        /// Which, in words.
+        /// Description of the points.
         between: &'static str,
     },
 }
@@ -56,7 +56,7 @@ impl fmt::Display for GeometryMismatch {
     }
 }
 
-/// One line in space.
+/// The axis of a joint as a line in space.
 #[derive(Clone, Copy)]
 struct AxisLine {
     axis: Vector,
@@ -64,7 +64,8 @@ struct AxisLine {
 }
 
 impl AxisLine {
-    /// The point of this line that is nearest to another one, and how far they are apart; `None` if they are parallel.
+    /// Returns the point of this line nearest to another line, and the distance of the lines, m; `None` if they are
+    /// parallel.
     fn nearest_point(&self, other: &AxisLine) -> Option<(Vector, f64)> {
         let across = self.axis.cross(&other.axis);
         let square = across.norm_squared();
@@ -84,14 +85,14 @@ impl AxisLine {
     }
 }
 
-/// Words of a fit: which joint or link they are about.
+/// A chain and its axes, while an arm is fitted to it.
 struct ChainFit<'c> {
     chain: &'c Chain,
     lines: Vec<AxisLine>,
     tip: Isometry3<f64>,
 }
 
-/// The arm that a chain is.
+/// Recognises the arm of a chain.
 pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
     let (axes, tip) = chain.at_zero();
     let lines = axes
@@ -132,7 +133,7 @@ impl ChainFit<'_> {
         }
     }
 
-    /// The sign of an axis along a direction.
+    /// Returns the sign of an axis along a direction.
     fn sign(
         &self,
         number: usize,
@@ -161,7 +162,7 @@ impl ChainFit<'_> {
         Err(self.joint(number, GeometryMismatch::Beside { by, point }))
     }
 
-    /// Seven hinges along z y z y z y z, all 0 with the arm straight up.
+    /// Fits seven joints along z y z y z y z, all at 0 with the arm straight up.
     fn srs(&self, lines: [AxisLine; 7]) -> Result<SrsArm, ImportError> {
         const Z: &str = "along the base's z axis (upright, all joints 0)";
         const Y: &str = "along the base's y axis (upright, all joints 0)";
@@ -220,13 +221,15 @@ impl ChainFit<'_> {
         })
     }
 
-    /// Six hinges: upright, two parallel ones, and three that meet; in any position with all joints 0.
+    /// Fits six joints: a vertical one, two parallel ones, and three that meet in a point; in any position with all
+    /// joints at 0.
     fn ortho_parallel(&self, lines: [AxisLine; 6]) -> Result<OrthoParallelArm, ImportError> {
         let [l1, l2, l3, l4, l5, l6] = &lines;
         let up = Vector::z();
         let sign1 = self.sign(1, l1, &up, "along the base's z axis")?;
         self.require_through(1, l1, &Vector::zeros(), "the base's z axis")?;
-        // Joint 2 to the left of where joint 1 = 0 looks: forwards is nearer to x than to −x.
+        // The axis of joint 2 points to the left of the forward direction at joint 1 = 0, which is closer to x than to
+        // −x.
         let left = l2.axis - up * l2.axis.z;
         if l2.axis.z.abs() > SLACK {
             let wanted = "square to axis 1";
@@ -239,7 +242,7 @@ impl ChainFit<'_> {
         let sign2 = self.sign(2, l2, &left, "square to axis 1")?;
         let sign3 = self.sign(3, l3, &left, "parallel to axis 2")?;
 
-        // Where the wrist is: axes 4, 5 and 6 meet.
+        // The wrist: axes 4, 5 and 6 meet there.
         let wrist = l4.nearest_point(l5).filter(|(_, by)| *by < SLACK);
         let Some((wrist, _)) = wrist else {
             let by = l4.nearest_point(l5).map_or(0.0, |(_, by)| by);

@@ -1,5 +1,5 @@
-//! Robot files from URDF: the chain between two links is recognised as one of the arms that the core knows, by its geometry,
-//! and nothing is written before forward kinematics of both agree. Runs once, on the main thread of a program; no real time.
+//! Creates robot files from URDF: recognises the chain between two links as one of the supported arms by its geometry,
+//! and verifies the result by comparing forward kinematics. Runs once, on the main thread of a program; not real time.
 
 mod chain;
 mod fit;
@@ -14,56 +14,56 @@ pub use fit::GeometryMismatch;
 pub use urdf::{BYTES_MAX, UrdfError};
 pub use yaml::yaml;
 
-/// Both forward kinematics may differ by this, m and rad.
+/// Tolerance between the two forward kinematics, m and rad.
 pub const TOLERANCE: f64 = 1e-9;
 
-/// How many random joint positions are compared.
+/// Number of random joint positions that are compared.
 const SAMPLES: usize = 1000;
 
-/// What was recognised.
+/// A recognised robot.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// The robot's name in the URDF.
+    /// Name of the robot in the URDF.
     pub name: String,
-    /// The chain that was looked at.
+    /// Chain of its joints.
     pub chain: Chain,
-    /// Its kinematics.
+    /// Kinematics of the arm.
     pub arm: Arm,
-    /// The largest difference of both forward kinematics, m or rad.
+    /// Largest difference between the two forward kinematics, m or rad.
     pub difference: f64,
 }
 
-/// Why a URDF gives no robot.
+/// Reason why a URDF is not a supported robot.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
-    /// The text is no URDF.
+    /// The text is not a URDF.
     #[error("invalid URDF: {0}")]
     NotUrdf(#[from] UrdfError),
-    /// A link is not there.
+    /// The link does not exist.
     #[error("link `{link}` not found; available links: {links}")]
     UnknownLink {
-        /// The link.
+        /// Name of the link.
         link: String,
-        /// Those that are there.
+        /// Names of the existing links.
         links: String,
     },
-    /// Several links may be meant.
+    /// Several links could be the base or the tip.
     #[error("several links could be the {what}: {links}; name one")]
     Ambiguous {
-        /// "base" or "tip".
+        /// `base` or `tip`.
         what: &'static str,
-        /// Which.
+        /// Names of these links.
         links: String,
     },
     /// Base and tip are not on one chain.
     #[error("no chain of joints leads from link `{base}` to link `{tip}`")]
     NoChain {
-        /// The base.
+        /// Name of the base.
         base: String,
-        /// The tip.
+        /// Name of the tip.
         tip: String,
     },
-    /// No link begins or ends the robot.
+    /// The robot has no first or last link.
     #[error(
         "no link can be the {what}: the joints form a loop; an arm is a chain from its base to its flange"
     )]
@@ -71,77 +71,79 @@ pub enum ImportError {
         /// `base` or `tip`.
         what: &'static str,
     },
-    /// A text from which URDF is made.
+    /// The text is a xacro file.
     #[error("this is a xacro file: expand it first (`xacro FILE -o robot.urdf`)")]
     Xacro,
-    /// A joint of the chain that is no hinge.
+    /// A joint of the chain is not revolute.
     #[error("joint `{joint}` is {kind}; an arm has revolute joints only")]
     NotRevolute {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// What it is.
+        /// Type of the joint.
         kind: String,
     },
-    /// A joint of which the URDF says what no arm can be.
+    /// A joint has values that no arm can have.
     #[error("joint `{joint}` {what}")]
     Unusable {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// What is said, and what to do.
+        /// The problem and the remedy.
         what: String,
     },
-    /// The range of a joint ends before it begins.
+    /// The range of a joint is reversed.
     #[error(
         "joint `{joint}`: its range goes from {lower} to {upper} rad: swap `lower` and `upper` in the URDF"
     )]
     Reversed {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
         /// `lower`, rad.
         lower: f64,
-        /// `upper`, rad; less than it.
+        /// `upper`, rad; less than `lower`.
         upper: f64,
     },
-    /// The number of hinges fits no arm.
+    /// No supported arm has this number of revolute joints.
     #[error(
         "the chain has {count} revolute joints ({joints}); supported arms have 6 (ortho-parallel) or 7 (S-R-S)"
     )]
     Count {
-        /// How many.
+        /// Number of revolute joints.
         count: usize,
         /// Their names.
         joints: String,
     },
-    /// A joint does not fit.
+    /// The axis of a joint does not fit.
     #[error("joint `{joint}`: {mismatch}")]
     Joint {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// What it lacks.
+        /// The mismatch.
         mismatch: GeometryMismatch,
     },
     /// The base or the tip does not fit.
     #[error("link `{link}`: {mismatch}")]
     Link {
-        /// The link.
+        /// Name of the link.
         link: String,
-        /// What it lacks.
+        /// The mismatch.
         mismatch: GeometryMismatch,
     },
-    /// Everything fits, but not exactly enough.
+    /// The arm fits, but not exactly enough.
     #[error(
         "the recognised arm differs from the URDF by up to {difference:.1e} m or rad (allowed: {TOLERANCE:.0e}): the URDF's numbers are rounded; write them with all digits (π/2 is 1.5707963267948966)"
     )]
     Differs {
-        /// By so much.
+        /// Largest difference, m or rad.
         difference: f64,
     },
 }
 
-/// Recognises the arm between two links; without names from the root to the only leaf (or to `tool0`, `flange`, `ee`).
+/// Recognises the arm between two links; by default from the root to the only leaf (or to `tool0`, `flange`, `ee_link`,
+/// `ee`).
 ///
 /// # Errors
-/// The text is no URDF, or xacro, or the chain is no arm that the core knows, with the joint that does not fit.
+/// Fails if the text is not a URDF or is xacro, or if the chain is not a supported arm; names the joint that does not
+/// fit.
 pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Imported, ImportError> {
     if text.len() <= BYTES_MAX && text.contains("<xacro:") {
         return Err(ImportError::Xacro);
@@ -161,14 +163,14 @@ pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Impor
     })
 }
 
-/// The largest difference of both forward kinematics at many joint positions, m or rad.
+/// Returns the largest difference between the two forward kinematics at random joint positions, m or rad.
 fn difference(chain: &Chain, arm: &Arm) -> f64 {
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut worst = 0.0_f64;
     for _ in 0..SAMPLES {
         let mut joints: Joints = [0.0; JOINTS_MAX];
         for joint in joints.iter_mut().take(chain.revolute_joints.len()) {
-            // xorshift64*: the same positions every time.
+            // xorshift64* with a fixed seed: the same positions in each run.
             seed ^= seed >> 12;
             seed ^= seed << 25;
             seed ^= seed >> 27;

@@ -1,5 +1,4 @@
-//! URDFs that are arms, and URDFs that are not, with the joint that does not fit.
-//! Tests only.
+//! URDFs of supported arms, and unsupported ones with the joint that does not fit. Tests only.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)]
 
 use super::*;
@@ -52,7 +51,7 @@ fn the_golden_kr6_is_recognised() {
     }
 }
 
-/// What is said of a URDF in which a text was replaced.
+/// Returns the error for a URDF in which a text was replaced.
 fn refusal(file: &str, from: &str, to: &str) -> String {
     let text = data(file);
     assert!(text.contains(from), "{from}");
@@ -64,7 +63,7 @@ fn refusal(file: &str, from: &str, to: &str) -> String {
 #[test]
 fn a_joint_that_does_not_fit_is_named() {
     let cases = [
-        // The elbow beside the line from shoulder to wrist.
+        // The elbow is off the line from shoulder to wrist.
         (
             "lwr4plus.urdf",
             "<child link=\"l4\"/><origin xyz=\"0 0 0\"",
@@ -84,7 +83,7 @@ fn a_joint_that_does_not_fit_is_named() {
             "<origin xyz=\"0.09 0.02 0\"",
             "joint `j6`: its axis misses the point where axes 4 and 5 meet by 20.000000 mm",
         ),
-        // A range that ends before it begins is not "no range".
+        // A reversed range is not "no range".
         (
             "kr6_r900_2.urdf",
             "lower=\"-2.0943951023931953\" upper=\"2.0943951023931953\"",
@@ -112,7 +111,7 @@ fn a_joint_that_does_not_fit_is_named() {
 
 #[test]
 fn a_robot_turned_mirrored_and_with_other_zeros_is_recognised() {
-    // Another position with all joints 0, other directions, an arm beside axis 1.
+    // Another pose with all joints at 0, other directions, an arm offset from axis 1.
     let turned = data("kr6_r900_2.urdf")
         .replacen("xyz=\"0.025 0 0\"", "xyz=\"0.025 0.07 0\"", 1)
         .replacen(
@@ -131,7 +130,7 @@ fn a_robot_turned_mirrored_and_with_other_zeros_is_recognised() {
 }
 
 #[test]
-fn nothing_that_is_said_of_a_joint_is_passed_over() {
+fn no_property_of_a_joint_is_ignored() {
     let text = data("kr6_r900_2.urdf");
     let refused = |from: &str, to: &str| {
         let changed = text.replacen(from, to, 1);
@@ -162,7 +161,7 @@ fn nothing_that_is_said_of_a_joint_is_passed_over() {
 }
 
 #[test]
-fn links_are_named_where_it_is_not_clear_which() {
+fn ambiguous_and_unknown_links_are_named() {
     let text = data("kr6_r900_2.urdf");
     let refusal = import(&text, Some("nowhere"), None)
         .unwrap_err()
@@ -187,9 +186,9 @@ fn links_are_named_where_it_is_not_clear_which() {
 }
 
 #[test]
-fn deep_long_and_crowded_texts_are_refused_with_words() {
+fn deep_long_and_crowded_texts_are_refused_with_a_reason() {
     let said = |text: &str| import(text, None, None).unwrap_err().to_string();
-    // 600 kB, which took seconds when every element was looked at for each one below it.
+    // 600 kB, which took seconds when each element was compared with all open ones.
     let deep = said(&format!("<robot name=\"x\">{}", "<a>".repeat(200_000)));
     assert!(deep.contains("nested more than 32 deep"), "{deep}");
     let long = said(&" ".repeat(BYTES_MAX + 1));
@@ -229,7 +228,7 @@ fn a_robot_of_very_many_links_is_refused_with_a_short_message() {
 }
 
 #[test]
-fn what_a_urdf_lacks_is_told_with_its_line() {
+fn missing_parts_of_a_urdf_are_reported_with_their_line() {
     let said = |joint: &str| {
         let text = format!("<robot name=\"x\">\n<link name=\"a\"/>\n{joint}</robot>");
         import(&text, None, None).unwrap_err().to_string()
@@ -262,7 +261,7 @@ fn what_a_urdf_lacks_is_told_with_its_line() {
 }
 
 #[test]
-fn a_quaternion_takes_the_place_of_angles_from_1_1_on() {
+fn a_quaternion_replaces_angles_from_version_1_1_on() {
     let text = data("kr6_r900_2.urdf");
     let name = "<robot name=";
     let with = |version: &str| {

@@ -1,5 +1,5 @@
-//! Links and joints of a URDF text, with the defaults of URDF 1.0 to 1.2; everything else of it is passed over.
-//! The text may come from anywhere: size, depth and attributes are bounded before it is parsed. Run once, by whoever imports.
+//! Reads links and joints of a URDF text, with the defaults of URDF 1.0 to 1.2; other elements are ignored. The text
+//! may come from anywhere: size, depth and attributes are bounded before parsing. Runs once per import.
 
 mod bounds;
 
@@ -8,59 +8,59 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 pub use bounds::{ATTRIBUTES_MAX, BYTES_MAX, DEPTH_MAX};
 
-/// Most nodes (elements, texts, comments) of a text.
+/// Largest number of nodes (elements, texts, comments).
 const NODES_MAX: u32 = 500_000;
 
-/// Why a text is no URDF.
+/// Reason why a text is not a URDF.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UrdfError {
-    /// It is too long.
+    /// The text is too long.
     #[error("it has {size} bytes; at most {BYTES_MAX} are allowed")]
     TooLarge {
-        /// Its bytes.
+        /// Length, bytes.
         size: usize,
     },
-    /// Elements within elements within elements.
+    /// Elements are nested too deep.
     #[error("line {line}: elements are nested more than {DEPTH_MAX} deep")]
     TooDeep {
-        /// Where.
+        /// Line of the element.
         line: usize,
     },
-    /// An element with very many attributes.
+    /// An element has too many attributes.
     #[error("line {line}: an element has more than {ATTRIBUTES_MAX} attributes")]
     TooManyAttributes {
-        /// Where.
+        /// Line of the element.
         line: usize,
     },
-    /// It is not XML.
+    /// The text is not XML.
     #[error("{0}")]
     NotXml(#[from] roxmltree::Error),
-    /// Another kind of XML.
+    /// Another XML format.
     #[error("the root element is `{root}`; a URDF starts with `<robot name=…>`")]
     NotRobot {
-        /// Its root element.
+        /// Name of the root element.
         root: String,
     },
-    /// Something that must be there.
+    /// A required element or attribute is missing.
     #[error("line {line}: `{element}` has no `{what}`")]
     Missing {
-        /// Where.
+        /// Line of the element.
         line: u32,
-        /// The element.
+        /// Name of the element.
         element: String,
-        /// An element or attribute.
+        /// Missing element or attribute.
         what: &'static str,
     },
-    /// Something that has another form.
+    /// An attribute has an invalid value.
     #[error("line {line}: {attribute}=\"{value}\" is not {what}")]
     Malformed {
-        /// Where.
+        /// Line of the element.
         line: u32,
-        /// The attribute.
+        /// Name of the attribute.
         attribute: &'static str,
-        /// Its value, or the beginning of it.
+        /// Value, truncated if long.
         value: String,
-        /// What it should be.
+        /// Required form.
         what: &'static str,
     },
 }
@@ -73,33 +73,33 @@ pub(crate) struct UrdfRobot {
     pub joints: Vec<UrdfJoint>,
 }
 
-/// A joint, as the URDF says it.
+/// A joint as given in the URDF.
 #[derive(Clone, Debug)]
 pub(crate) struct UrdfJoint {
     pub name: String,
     pub kind: JointKind,
     pub parent: String,
     pub child: String,
-    /// From the parent's frame to the joint's with the joint 0.
+    /// Transformation from the parent's frame to the joint's frame, with the joint at 0.
     pub origin: Isometry3<f64>,
     pub axis: [f64; 3],
     /// `[lower, upper]`, rad.
     pub range: [f64; 2],
     /// Largest speed, rad/s.
     pub velocity: f64,
-    /// The joint that it follows.
+    /// Joint that this one mimics.
     pub mimic: Option<String>,
     /// `[soft_lower_limit, soft_upper_limit]`, rad.
     pub soft: Option<[f64; 2]>,
 }
 
-/// How a joint moves.
+/// Type of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum JointKind {
     Fixed,
     Revolute,
     Continuous,
-    /// No hinge; as it is written.
+    /// Not revolute; the type as written.
     Other(&'static str),
 }
 
@@ -113,7 +113,7 @@ const KINDS: [(&str, JointKind); 7] = [
     ("spherical", JointKind::Other("spherical")),
 ];
 
-/// Reads a text.
+/// Parses a URDF text.
 pub(crate) fn read(text: &str) -> Result<UrdfRobot, UrdfError> {
     bounds::check(text)?;
     let options = ParsingOptions {
@@ -162,7 +162,7 @@ fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<UrdfJoint, UrdfError
         of.map_or(Ok(without), |of| scalar(of, name, without))
     };
     let limit = element(node, "limit");
-    // From 1.2 on what is not given is no limit; before, it is 0.
+    // From version 1.2 on, a missing bound is unlimited; before, it is 0.
     let endless = limit.is_some() && version >= (1, 2);
     let bound = |value: f64| if endless { value } else { 0.0 };
     let soft = element(node, "safety_controller");
@@ -193,7 +193,8 @@ fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<UrdfJoint, UrdfError
     })
 }
 
-/// `rpy` are angles about the fixed axes x, y, z in that order; from 1.1 on a quaternion may take its place.
+/// Reads an `origin`: `rpy` are angles about the fixed axes x, y, z in that order; from 1.1 on a quaternion may replace
+/// them.
 fn origin(node: Node<'_, '_>, version: (u32, u32)) -> Result<Isometry3<f64>, UrdfError> {
     let at = Translation3::from(Vector3::from(vector(node, "xyz", [0.0; 3])?));
     let quaternion = node.attribute("quat_xyzw").filter(|_| version >= (1, 1));
@@ -247,7 +248,7 @@ fn vector(
     numbers(text).ok_or_else(|| malformed(node, name, text, "three numbers"))
 }
 
-/// Exactly so many numbers with white space between them.
+/// Parses exactly `COUNT` numbers separated by white space.
 fn numbers<const COUNT: usize>(text: &str) -> Option<[f64; COUNT]> {
     let mut all = [0.0; COUNT];
     let mut parts = text.split_whitespace();
@@ -285,7 +286,7 @@ fn line(node: Node<'_, '_>) -> u32 {
     node.document().text_pos_at(node.range().start).row
 }
 
-/// Nothing of a text makes a message long or steers a terminal.
+/// Truncates a text and removes control characters, for use in a message.
 fn shortened(text: &str) -> String {
     let clean = text
         .chars()

@@ -1,5 +1,5 @@
-//! The robot file of what was imported, with a comment for everything that the URDF does not say.
-//! Run once by whoever imports a robot.
+//! Writes the robot file of an imported robot, with a comment for everything that the URDF does not give. Runs once per
+//! import.
 
 use std::fmt::Write;
 
@@ -7,19 +7,19 @@ use rcc_core::kinematics::Arm;
 
 use crate::Imported;
 
-/// Acceleration that brings a joint to its speed in this time, s.
+/// Time in which the chosen acceleration reaches full speed, s.
 const SPEED_UP_S: f64 = 0.3;
-/// Jerk that brings a joint to its acceleration in this time, s.
+/// Time in which the chosen jerk reaches full acceleration, s.
 const JERK_S: f64 = 0.1;
-/// Where the URDF gives no speed, rad/s.
+/// Speed if the URDF gives none, rad/s.
 const VELOCITY: f64 = 1.0;
 
-/// Writing to a String cannot fail.
+/// Writes a line; writing to a String cannot fail.
 macro_rules! put {
     ($text:expr, $($more:tt)*) => { { let _ = writeln!($text, $($more)*); } };
 }
 
-/// The text of a robot file, see docs/robots.md.
+/// Returns the text of a robot file, see docs/robots.md.
 #[must_use]
 pub fn yaml(imported: &Imported, source: &str) -> String {
     let Imported {
@@ -106,12 +106,12 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
     text
 }
 
-/// Without what the conversion of angles and sums of lengths leave in the last digits: 12 digits behind the point.
+/// Rounds to 12 decimals, to remove the rounding errors of angle conversions and sums.
 fn tidy(value: f64) -> f64 {
     (value * 1e12).round() / 1e12 + 0.0
 }
 
-/// A name as YAML takes it.
+/// Quotes a name for YAML if necessary.
 fn quoted(name: &str) -> String {
     let plain = name
         .chars()

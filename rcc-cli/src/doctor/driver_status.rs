@@ -18,15 +18,15 @@ const STALE_AFTER: u64 = 5;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SecondStats {
-    /// Smallest quality, thousandths.
+    /// Lowest quality, thousandths.
     pub quality_min: u32,
     /// Mean quality, thousandths.
     pub quality_mean: u32,
-    /// Exchanges.
+    /// Number of exchanges.
     pub exchanges: u64,
-    /// Answers that came too late or got lost.
+    /// Late or lost answers.
     pub late: u64,
-    /// Datagrams refused.
+    /// Refused datagrams.
     pub refused: u64,
 }
 

@@ -1,24 +1,24 @@
-//! A simple model of an arm and its driver: it plays set-points a fixed number of cycles after they were made, exactly,
-//! within the robot's limits, and comes to rest by itself when they end. Virtual time, the caller's thread.
+//! Model of an arm and its driver: follows set-points exactly after a fixed delay in cycles, within the robot's limits,
+//! and stops by itself when they end. Runs in virtual time on the caller's thread.
 
 use rcc_core::guard::{Guard, SLOW};
 use rcc_core::message::{CommandImage, DeviceState, Joints, SetPoint};
 use rcc_motion::{StopTrajectory, StopLimits};
 
-/// Where playing is.
+/// State of following set-points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum FollowPhase {
     /// At rest.
     Holding,
-    /// At rest; the set-points from `first` on are played when the delay is over.
+    /// At rest; follows the set-points from `first` on after the delay.
     Waiting { first: u64 },
-    /// The set-point of this cycle was sent last.
+    /// Following; `entry` is the last set-point sent.
     Following { entry: u64 },
-    /// On the way to rest.
+    /// Braking to rest.
     Stopping,
 }
 
-/// The arm.
+/// A simulated arm.
 #[derive(Debug)]
 pub struct FollowingArm {
     limits: StopLimits,
@@ -27,9 +27,9 @@ pub struct FollowingArm {
     dt_s: f64,
     phase: FollowPhase,
     rest: Option<StopTrajectory>,
-    /// Who commands now is not followed, 0 = everybody is.
+    /// Command that is not followed although it still commands; 0 for none.
     refused: u64,
-    /// Newest cycle that was looked at for somebody who begins.
+    /// Newest cycle checked for the start of a command.
     cursor: u64,
     /// The last three positions, newest first, rad.
     positions: [Joints; 3],
@@ -38,7 +38,7 @@ pub struct FollowingArm {
 }
 
 impl FollowingArm {
-    /// An arm at rest at `position` (rad) whose driver waits `delay` cycles of `dt_s` (s).
+    /// Creates an arm at rest at `position` (rad); its driver waits `delay` cycles of `dt_s` (s).
     #[must_use]
     pub fn new(limits: StopLimits, guard: Guard, position: Joints, delay: u64, dt_s: f64) -> FollowingArm {
         FollowingArm {
@@ -56,7 +56,7 @@ impl FollowingArm {
         }
     }
 
-    /// One cycle of the device.
+    /// Simulates one cycle of the device.
     pub fn exchange(&mut self, image: &CommandImage) {
         self.newest = image
             .at(image.head.sequence)
@@ -77,19 +77,19 @@ impl FollowingArm {
         }
     }
 
-    /// Where it is, and where its driver holds it at rest, rad.
+    /// Returns the position, which is also the hold position at rest, rad.
     #[must_use]
     pub fn position(&self) -> &Joints {
         &self.positions[0]
     }
 
-    /// The set-point whose outputs hold now.
+    /// Returns the set-point whose outputs are in effect.
     #[must_use]
     pub fn outputs(&self) -> &SetPoint {
         &self.outputs
     }
 
-    /// As its driver tells.
+    /// Returns the state reported by its driver.
     #[must_use]
     pub fn state(&self) -> DeviceState {
         match self.phase {
@@ -100,7 +100,7 @@ impl FollowingArm {
         }
     }
 
-    /// Logical time up to which everything is played and the arm rests, ns; 0 while that is not so.
+    /// Returns the logical time up to which all set-points are played and the arm is at rest, ns; 0 if it is not.
     #[must_use]
     pub fn settled_ns(&self) -> u64 {
         match self.phase {
@@ -109,7 +109,7 @@ impl FollowingArm {
         }
     }
 
-    /// Logical time of the set-point that was sent last, ns.
+    /// Returns the logical time of the last set-point sent, ns; 0 if none is followed.
     #[must_use]
     pub fn played_ns(&self) -> u64 {
         match self.phase {
@@ -126,7 +126,8 @@ impl FollowingArm {
                 self.move_to(point.position);
                 (self.phase, self.outputs) = (FollowPhase::Following { entry }, point);
             }
-            // The end of the set-points: what comes later may be followed. A broken limit: its owner is not any more.
+            // The set-points ended: a later command may be followed. Or a limit is broken: that command is no longer
+            // followed.
             None => {
                 self.cursor = entry;
                 self.refused = point.map_or(self.refused, |point| point.owner);
@@ -158,7 +159,7 @@ impl FollowingArm {
             self.phase = FollowPhase::Holding;
             return;
         }
-        // Whoever commands while the arm is being stopped is not followed.
+        // A command that is active while the arm brakes is not followed.
         if commands(&self.newest) {
             self.refused = self.newest.owner;
         }
@@ -225,7 +226,7 @@ impl FollowingArm {
     }
 }
 
-/// True if somebody commands the joints.
+/// Returns true if the set-point commands the joints.
 fn commands(point: &SetPoint) -> bool {
     point.has_position == 1 && point.owner != 0
 }
@@ -284,7 +285,7 @@ mod tests {
         }
     }
 
-    /// Rest to rest, 0.1 rad in 0.3 s.
+    /// Returns a motion from rest to rest: 0.1 rad in 0.3 s.
     fn motion() -> Vec<f64> {
         let part = |x: f64| x * x * x * (10.0 - x * (15.0 - 6.0 * x));
         (0..=300)

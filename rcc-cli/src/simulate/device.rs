@@ -1,5 +1,5 @@
-//! A simple model of a device: an arm or none, inputs that a script sets or that are wired to outputs, and outputs that
-//! follow what is commanded or are released. Virtual time, the caller's thread.
+//! Model of a device: an optional arm, inputs set by a script or wired to outputs, and outputs that follow commands or
+//! are released. Runs in virtual time on the caller's thread.
 
 use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease, RobotConfig, SimulatorConfig};
@@ -14,7 +14,7 @@ use rcc_motion::StopLimits;
 use super::arm::FollowingArm;
 use super::wall::ElasticWall;
 
-/// An output that the device's surroundings feed back into an input; indices among the channels of their kinds.
+/// A connection from an output to an input of the device; indices among the channels of their kinds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutputWire {
     digital: bool,
@@ -25,10 +25,10 @@ pub struct OutputWire {
     offset: f64,
 }
 
-/// The driver whose arm needs no simulator, and begins where its own settings say.
+/// Driver whose arm needs no simulator; its settings give the start position.
 pub(super) const IDEAL_ARM: &str = "ideal-arm";
 
-/// What an output does when nobody commands it: `None` keeps its value.
+/// Value of an output that is not commanded; `None` keeps the last value.
 type ReleaseValue = Option<f64>;
 
 /// A device in virtual time.
@@ -38,7 +38,7 @@ pub struct SimulatedDevice {
     kinematics: Option<Kinematics>,
     wall: Option<ElasticWall>,
     limits: Option<ImpedanceLimits>,
-    /// How softly the arm is held now.
+    /// Current impedance of the arm.
     impedance: Impedance,
     measurement: Measurement,
     wires: Vec<OutputWire>,
@@ -49,8 +49,8 @@ pub struct SimulatedDevice {
 }
 
 impl SimulatedDevice {
-    /// A device at rest, as the configuration and the simulators in it describe it. Digital inputs are false, analog ones
-    /// are what raw 0 means.
+    /// Creates a device at rest, as described by the configuration and its simulators. Digital inputs are false, analog
+    /// inputs have the value of raw 0.
     #[must_use]
     pub fn new(config: &DeviceConfig, simulators: &[SimulatorConfig], period_ns: u64) -> SimulatedDevice {
         let arguments = arguments_of(config, simulators);
@@ -93,7 +93,7 @@ impl SimulatedDevice {
         }
     }
 
-    /// One exchange at `now_ns`; `image` is what the executor wrote in its last cycle.
+    /// Simulates one exchange at `now_ns`; `image` is what the executor wrote in its last cycle.
     pub fn exchange(&mut self, image: Option<&CommandImage>, now_ns: u64) {
         let newest = image.and_then(|image| image.at(image.head.sequence));
         let mut outputs = newest.copied().unwrap_or(SetPoint::NONE);
@@ -122,7 +122,7 @@ impl SimulatedDevice {
         self.touch();
     }
 
-    /// What the arm meets pushes its flange.
+    /// Computes the contact force of the flange with the wall.
     fn touch(&mut self) {
         let m = &mut self.measurement;
         if let (Some(arm), Some(wall)) = (&self.kinematics, &mut self.wall) {
@@ -138,7 +138,7 @@ impl SimulatedDevice {
         }
     }
 
-    /// The springs of the net that is followed; without one those that were, and nothing on top.
+    /// Sets the impedance: that of the followed set-point, or else the last one without added force.
     fn soften(&mut self, outputs: &SetPoint) {
         let strategy = self.measurement.strategy;
         let asked = &outputs.impedance;
@@ -156,32 +156,32 @@ impl SimulatedDevice {
         self.impedance.added = Impedance::NONE.added;
     }
 
-    /// What its driver would tell now.
+    /// Returns the measurement that its driver would publish.
     #[must_use]
     pub fn measurement(&self) -> &Measurement {
         &self.measurement
     }
 
-    /// Where its arm is held, `None` without one.
+    /// Returns the hold position of its arm; `None` without an arm.
     #[must_use]
     pub fn hold(&self) -> Option<Joints> {
         self.arm.as_ref().map(|arm| *arm.position())
     }
 
-    /// Sets a digital input, or makes it unknown.
+    /// Sets a digital input; `None` makes it unknown.
     pub fn set_digital(&mut self, index: usize, value: Option<bool>) {
         set_bit(&mut self.measurement.digital, index, value == Some(true));
         set_bit(&mut self.measurement.digital_known, index, value.is_some());
     }
 
-    /// Sets an analog input, SI; NaN makes it unknown.
+    /// Sets an analog input, SI units; NaN makes it unknown.
     pub fn set_analog(&mut self, index: usize, value: f64) {
         if let Some(place) = self.measurement.analog.get_mut(index) {
             *place = value;
         }
     }
 
-    /// The outputs take what is commanded, or are released.
+    /// Sets the outputs to commanded values, or releases them.
     fn drive(&mut self, outputs: &SetPoint) {
         for (index, release) in self.digital_release.iter().enumerate() {
             let commanded = outputs.digital_commanded >> index & 1 == 1;
@@ -215,22 +215,22 @@ impl SimulatedDevice {
     }
 }
 
-/// How a flange on springs gives way.
+/// Compliance of a flange on springs.
 struct FlangeCompliance {
-    /// Along a direction, m/N.
+    /// Compliance along a direction, m/N.
     compliance: f64,
-    /// By what is pressed with on top, m, base axes.
+    /// Displacement by the added force, m, base axes.
     shift: Vector,
 }
 
-/// The springs of an arm at `joints` as the flange has them, along `normal`; `None` in position control.
+/// Returns the compliance of the flange along `normal` for an arm at `joints` (rad); `None` in position control.
 fn springs(
     arm: &Kinematics,
     joints: &Joints,
     impedance: &Impedance,
     normal: Vector,
 ) -> Option<FlangeCompliance> {
-    // How the flange moves with each spring.
+    // Displacement of the flange per displacement of each spring.
     let columns: Vec<Vector> = match ControlMode::from_number(impedance.strategy)? {
         ControlMode::Position => return None,
         ControlMode::CartesianImpedance => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -253,7 +253,7 @@ fn springs(
     Some(yielding)
 }
 
-/// The arguments of the simulators of a device.
+/// Returns the arguments of the simulators of a device.
 pub(super) fn arguments_of<'a>(
     config: &DeviceConfig,
     simulators: &'a [SimulatorConfig],
@@ -265,7 +265,7 @@ pub(super) fn arguments_of<'a>(
         .collect()
 }
 
-/// What a simulator's arguments give for an option such as `--start=`.
+/// Returns the value of an option such as `--start=` among a simulator's arguments.
 pub(super) fn value_of<'a>(arguments: &[&'a str], option: &str) -> Option<&'a str> {
     let mut values = arguments
         .iter()
@@ -273,21 +273,21 @@ pub(super) fn value_of<'a>(arguments: &[&'a str], option: &str) -> Option<&'a st
     values.next()
 }
 
-/// Control strategies as `--strategy=` names them.
+/// Control strategies as named by `--strategy=`.
 pub(super) const STRATEGIES: [(&str, ControlMode); 3] = [
     ("position", ControlMode::Position),
     ("cartesian-impedance", ControlMode::CartesianImpedance),
     ("joint-impedance", ControlMode::JointImpedance),
 ];
 
-/// The control strategy that a simulator's arguments choose.
+/// Returns the control strategy selected by a simulator's arguments.
 fn strategy(arguments: &[&str]) -> ControlMode {
     let chosen = value_of(arguments, "--strategy=");
     let row = STRATEGIES.iter().find(|(word, _)| Some(*word) == chosen);
     row.map_or(ControlMode::Position, |(_, strategy)| *strategy)
 }
 
-/// The lowest bits, so many of them.
+/// Returns a mask of the `count` lowest bits.
 fn ones(count: usize) -> u64 {
     1u64.checked_shl(count as u32)
         .map_or(u64::MAX, |bit| bit - 1)
@@ -298,7 +298,8 @@ fn set_bit(bits: &mut u64, index: usize, value: bool) {
     *bits = if value { *bits | bit } else { *bits & !bit };
 }
 
-/// Where an arm begins: where its simulator is told to (`--start=`) or its driver, else in the middle of its ranges.
+/// Returns the start position of an arm: that of its simulator (`--start=`) or driver, or else the middle of its
+/// ranges, rad.
 fn start(config: &DeviceConfig, robot: &RobotConfig, arguments: &[&str]) -> Joints {
     if config.driver == IDEAL_ARM {
         let given = config.settings.get("start");
@@ -320,7 +321,7 @@ fn start(config: &DeviceConfig, robot: &RobotConfig, arguments: &[&str]) -> Join
     position
 }
 
-/// The arm of a device.
+/// Creates the arm of a device, if it has one.
 fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<FollowingArm> {
     let robot = config.robot.as_ref()?;
     let limits = robot.limits();
@@ -346,8 +347,8 @@ fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Foll
     ))
 }
 
-/// The wires among a simulator's arguments that are simple: from one output of the device to one input of it.
-/// `--wire-bool=1=2` and `--wire-real=1=2` name addresses, `--wire=coil:0=discrete:0` kinds and addresses.
+/// Returns the wires among a simulator's arguments that connect one output to one input of the device.
+/// `--wire-bool=1=2` and `--wire-real=1=2` name addresses; `--wire=coil:0=discrete:0` names kinds and addresses.
 fn wires(config: &DeviceConfig, arguments: &[&str]) -> Vec<OutputWire> {
     let plain = |address: &serde_json::Value| match address {
         serde_json::Value::String(text) => text.replace(' ', ":"),
@@ -374,7 +375,7 @@ fn wires(config: &DeviceConfig, arguments: &[&str]) -> Vec<OutputWire> {
                 (ChannelKind::AnalogOutput, ChannelKind::AnalogInput)
             };
             let (output, input) = (of(output, from)?, of(input, to)?);
-            // Both are the same raw number.
+            // Both channels share the same raw number.
             let scale = input.scale / output.scale;
             Some(OutputWire {
                 digital,

@@ -1,4 +1,4 @@
-//! What happens to inputs while a net is simulated: `io.door_closed=true@2s`. Pure.
+//! Scripted inputs of a simulation: `io.door_closed=true@2s`. Pure.
 
 use std::time::Duration;
 
@@ -8,10 +8,10 @@ use thiserror::Error;
 
 use super::device::SimulatedDevice;
 
-/// One input that is set once.
+/// Sets one input once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScriptStep {
-    /// From this logical time on, ns.
+    /// Logical time from which the value applies, ns.
     pub at_ns: u64,
     device: usize,
     index: usize,
@@ -24,52 +24,52 @@ enum InputValue {
     Analog(f64),
 }
 
-/// Why an `--input` is not understood.
+/// Reason why an `--input` is invalid.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ScriptError {
-    /// It is not of the form.
+    /// It has another form.
     #[error("`{text}`: write device.channel=value, or device.channel=value@time")]
     Form {
-        /// As given.
+        /// The argument as given.
         text: String,
     },
-    /// There is no such device.
+    /// The device does not exist.
     #[error("`{text}`: device `{device}` not found; available devices: {known}")]
     SimulatedDevice {
-        /// As given.
+        /// The argument as given.
         text: String,
-        /// What it names.
+        /// Name in the argument.
         device: String,
-        /// The devices.
+        /// Names of the devices.
         known: String,
     },
     /// The device has no such input.
     #[error("`{text}`: device `{device}` has no input `{channel}`; available inputs: {known}")]
     Channel {
-        /// As given.
+        /// The argument as given.
         text: String,
         /// The device.
         device: String,
-        /// What it names.
+        /// Name in the argument.
         channel: String,
-        /// Its inputs.
+        /// Names of its inputs.
         known: String,
     },
-    /// The value does not fit the channel.
+    /// The value does not suit the channel.
     #[error("`{text}`: {cause}")]
     Value {
-        /// As given.
+        /// The argument as given.
         text: String,
-        /// What fits.
+        /// What is wrong with the value.
         cause: String,
     },
 }
 
 impl ScriptStep {
-    /// Reads one, for the devices of a cell. Without `@time` it holds from the beginning.
+    /// Parses an argument for the devices of a cell. Without `@time` the value applies from the start.
     ///
     /// # Errors
-    /// Form, device, channel, value or time.
+    /// Fails if form, device, channel, value or time are invalid.
     pub fn parse(text: &str, config: &CellConfig) -> Result<ScriptStep, ScriptError> {
         let form = || ScriptError::Form {
             text: text.to_owned(),

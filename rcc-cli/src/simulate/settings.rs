@@ -1,5 +1,5 @@
-//! What a simulation takes from a cell's drivers and simulators is refused where their programs would refuse it: a start or
-//! a wall that is passed over would be another cell than the one that is written. Pure.
+//! Validates the settings of drivers and simulators that a simulation uses, like their programs do: ignoring a start
+//! position or a wall would simulate another cell than the configured one. Pure.
 
 use rcc_config::{CellConfig, DeviceConfig, RobotConfig};
 
@@ -9,7 +9,7 @@ use super::wall::ElasticWall;
 /// Settings of `ideal-arm`.
 const KNOWN: [&str; 2] = ["period", "start"];
 
-/// The first setting that its program would not take, with what is wrong.
+/// Returns a message about the first setting that its program would refuse.
 #[must_use]
 pub fn first_invalid_setting(config: &CellConfig) -> Option<String> {
     config.devices.iter().find_map(|device| {
@@ -91,7 +91,7 @@ mod tests {
         CellConfig::load_offline(&path).unwrap_or_else(|faults| panic!("{faults}"))
     }
 
-    /// Of the cell with a table, whose arm's simulator has this argument before the others.
+    /// Returns the message for the cell `table.yaml` with this argument before the others of the arm's simulator.
     fn told(argument: &str) -> String {
         let mut cell = cell("table.yaml");
         cell.simulators[0].arguments.insert(0, argument.to_owned());
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_program_would_not_take_is_told() {
+    fn settings_that_a_program_would_refuse_are_reported() {
         for name in [
             "demo.yaml",
             "table.yaml",
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ideal_arm_begins_where_it_is_told_or_nowhere() {
+    fn an_ideal_arm_requires_a_valid_start() {
         for (name, value) in [
             ("start", "[0, -90, 90, 0, 45, 0]"),
             ("start", "[0, 0, 0]"),

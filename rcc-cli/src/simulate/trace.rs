@@ -1,5 +1,5 @@
-//! What monitors said while a net was simulated: the last values, a table of values by time, and bounded series to plot.
-//! The caller's thread.
+//! Monitored values of a simulated net: last values, a table over time, and bounded series for plots. Used on the
+//! caller's thread.
 
 use std::io::{self, Write};
 
@@ -9,42 +9,42 @@ use rcc_language::names::{MonitorNames, Names};
 
 use crate::plot::{PlotCurve, PlotPanel};
 
-/// Buckets of a series before two neighbours are merged; at least two for each point of a plot.
+/// Number of buckets of a series from which pairs are merged; at least two per pixel of a plot.
 const BUCKETS_MAX: usize = 4096;
 
 /// One column: an element of a monitored value.
 #[derive(Clone, Debug)]
 pub struct MonitorColumn {
-    /// `net/primitive.port`, with `[index]` for elements.
+    /// Name `net/primitive.port`, with `[index]` for elements.
     pub name: String,
-    /// Its unit; empty if it has none.
+    /// Unit; empty if none.
     pub unit: String,
     monitor: usize,
     element: usize,
     store: Store,
-    /// The newest value, `None` = null.
+    /// Newest value; `None` is null.
     pub last: Option<f64>,
-    /// It has been shown.
+    /// True once a value was recorded.
     pub seen: bool,
-    /// What to plot.
+    /// Values over time, for plots.
     pub series: BucketedSeries,
 }
 
-/// Values over time, kept as smallest and largest of equal segments.
+/// Values over time, stored as the range of values in equal intervals.
 #[derive(Clone, Debug, Default)]
 pub struct BucketedSeries {
     buckets: Vec<SeriesBucket>,
-    /// Values that a bucket takes.
+    /// Number of values per bucket.
     each: u32,
     filled: u32,
 }
 
-/// One stretch of a series.
+/// One interval of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeriesBucket {
-    /// Its first time, s.
+    /// Start of the interval, s.
     pub time_s: f64,
-    /// Smallest and largest value; `None`: some value was null.
+    /// Smallest and largest value; `None` if any value was null.
     pub range: Option<[f64; 2]>,
 }
 
@@ -79,14 +79,14 @@ impl BucketedSeries {
         self.each = self.each.saturating_mul(2);
     }
 
-    /// The segments in order of time.
+    /// Returns the intervals in order of time.
     #[must_use]
     pub fn buckets(&self) -> &[SeriesBucket] {
         &self.buckets
     }
 }
 
-/// A null in either makes a gap of both.
+/// Merges two ranges; a null in either gives a null.
 fn merged(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> Option<[f64; 2]> {
     let ([a, b], [c, d]) = (one?, other?);
     Some([a.min(c), b.max(d)])
@@ -99,7 +99,7 @@ pub struct MonitorTrace {
 }
 
 impl MonitorTrace {
-    /// No values yet. What one monitor shows twice has one column.
+    /// Creates the columns of a net. Values shown by several monitors get one column.
     #[must_use]
     pub fn new(names: &Names) -> MonitorTrace {
         let mut columns: Vec<MonitorColumn> = Vec::new();
@@ -124,13 +124,13 @@ impl MonitorTrace {
         MonitorTrace { columns }
     }
 
-    /// The columns in the order of the net's monitors.
+    /// Returns the columns in the order of the net's monitors.
     #[must_use]
     pub fn columns(&self) -> &[MonitorColumn] {
         &self.columns
     }
 
-    /// Takes the records of one cycle at `time_s` (s since the beginning); true if there was one.
+    /// Records the values of one cycle at `time_s` (s since the start); returns true if there were any.
     pub fn take(&mut self, time_s: f64, records: &[MonitorRecord]) -> bool {
         for column in &mut self.columns {
             let record = records
@@ -146,10 +146,10 @@ impl MonitorTrace {
         !records.is_empty()
     }
 
-    /// The first line of the table.
+    /// Writes the header line of the table.
     ///
     /// # Errors
-    /// The writer's.
+    /// Returns the writer's error.
     pub fn write_head(&self, out: &mut dyn Write) -> io::Result<()> {
         write!(out, "time [s]")?;
         for MonitorColumn { name, unit, .. } in &self.columns {
@@ -161,10 +161,10 @@ impl MonitorTrace {
         writeln!(out)
     }
 
-    /// A line with what the records of one cycle show: null is `null`, and what was not due is empty.
+    /// Writes one line with the values of a cycle: null is `null`, and values not due are empty.
     ///
     /// # Errors
-    /// The writer's.
+    /// Returns the writer's error.
     pub fn write_line(
         &self,
         out: &mut dyn Write,
@@ -186,7 +186,8 @@ impl MonitorTrace {
     }
 }
 
-/// A panel for each unit, with a line for each column that was shown: through smallest and largest of each stretch.
+/// Returns one panel per unit, with a curve through the smallest and largest value of each interval of every recorded
+/// column.
 #[must_use]
 pub fn panels(columns: &[MonitorColumn]) -> Vec<PlotPanel> {
     let mut panels: Vec<PlotPanel> = Vec::new();
@@ -239,7 +240,7 @@ fn column_name(net: &str, row: &MonitorNames, element: usize) -> String {
     }
 }
 
-/// A monitored element as a number; `None` is null. Int travels as its bits.
+/// Converts a monitored element to a number; `None` is null. Int is transmitted as its bits.
 fn number(store: Store, value: f64) -> Option<f64> {
     match store {
         Store::Int => {

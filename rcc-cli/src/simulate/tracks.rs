@@ -1,5 +1,5 @@
-//! What arms are told while a net is simulated, and panels of it: the path of the flange, and positions, velocities,
-//! accelerations and jerks of the joints in parts of their limits. The caller's thread.
+//! Set-points of the arms during a simulation, and panels of them: the path of the flange, and positions, velocities,
+//! accelerations and jerks of the joints relative to their limits. Used on the caller's thread.
 
 use rcc_config::CellConfig;
 use rcc_core::frame::DeviceModel;
@@ -8,14 +8,14 @@ use rcc_engine::engine::Engine;
 
 use crate::plot::{PlotCurve, PlotPanel};
 
-/// One arm's set-points.
+/// Set-points of one arm.
 #[derive(Clone, Debug)]
 struct ArmTrack {
     device: usize,
     name: String,
     joints: Vec<String>,
     model: DeviceModel,
-    /// Stretches of cycles in which it is commanded: time (s) and set-point (rad).
+    /// Intervals in which it is commanded: time (s) and set-point (rad) per cycle.
     segments: Vec<Vec<(f64, Joints)>>,
     commanded: bool,
 }
@@ -27,13 +27,13 @@ pub struct ArmTracks {
     dt_s: f64,
 }
 
-/// Limits are shown when a value comes nearer to them than this, %.
+/// Limits are drawn if a value exceeds this part of them, percent.
 const SHOWN: f64 = 40.0;
-/// Quantities of joints in the order of their panels.
+/// Derivatives of the joint positions and their orders, one panel each.
 const RATES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
 
 impl ArmTracks {
-    /// Nothing was told yet.
+    /// Creates empty tracks for the arms of a cell.
     #[must_use]
     pub fn new(config: &CellConfig) -> ArmTracks {
         let arms = config.devices.iter().enumerate();
@@ -58,7 +58,7 @@ impl ArmTracks {
         }
     }
 
-    /// Takes what the engine tells in this cycle.
+    /// Records the set-points of this cycle.
     pub fn take(&mut self, time_s: f64, engine: &Engine) {
         for track in &mut self.tracks {
             let image = engine.image(track.device);
@@ -76,7 +76,7 @@ impl ArmTracks {
         }
     }
 
-    /// The panels of every arm that was commanded; `marks`: times at which something happens, s.
+    /// Returns the panels of every commanded arm; `marks` are times of events, s.
     #[must_use]
     pub fn panels(&self, marks: &[f64]) -> Vec<PlotPanel> {
         let told = self
@@ -111,7 +111,7 @@ impl ArmTrack {
         panels
     }
 
-    /// Where the flange is, and its speed.
+    /// Returns panels of the flange's path and speed.
     fn places(&self, dt_s: f64) -> Vec<PlotPanel> {
         let Some(arm) = self.model.arm else {
             return Vec::new();
@@ -165,7 +165,7 @@ impl ArmTrack {
         vec![projection(0, 1), projection(0, 2), projection(1, 2), speed]
     }
 
-    /// Where each joint is between its limits.
+    /// Returns a panel of the joint positions within their ranges.
     fn positions(&self) -> PlotPanel {
         let limits = self.model.limits;
         let share = |joint: usize, value: f64| {
@@ -184,7 +184,7 @@ impl ArmTrack {
         self.joints_panel("position [% of the range from its middle]", curve)
     }
 
-    /// A difference of the set-points in parts of its limit.
+    /// Returns a panel of a derivative of the set-points, relative to its limit.
     fn rates(&self, name: &str, order: usize, dt_s: f64) -> PlotPanel {
         let limits = self.model.limits;
         let limit = [
@@ -201,7 +201,7 @@ impl ArmTrack {
                     .map(|(time_s, row)| (*time_s, row[joint]))
                     .collect();
                 for _ in 0..order {
-                    // From rest: before the first set-point the arm was there, too.
+                    // Starts from rest: the arm was at the first set-point before.
                     let mut last = points.first().map_or(0.0, |(_, first)| *first);
                     for (_, value) in &mut points {
                         (last, *value) = (*value, *value - last);
@@ -221,7 +221,7 @@ impl ArmTrack {
             .flat_map(|curve| curve.segments.iter().flatten());
         let most = values.fold(0.0, |most: f64, (_, value)| most.max(value.abs()));
         if most < SHOWN {
-            // Far from the limits: as large as can be seen.
+            // Far from the limits: scaled to the values instead.
             panel.limits.clear();
         }
         panel

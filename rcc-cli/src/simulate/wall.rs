@@ -1,5 +1,5 @@
-//! An elastic wall that an arm's flange meets in virtual time, as `lwr-sim --wall=` has it. In position control the arm
-//! feels it and does not give way, in impedance control two springs share the way at once. The caller's thread.
+//! An elastic wall in virtual time, like `lwr-sim --wall=`. In position control the arm feels it and does not yield; in
+//! impedance control the two springs share the displacement at once. Used on the caller's thread.
 
 use rcc_core::vector::{self, Vector};
 
@@ -8,20 +8,20 @@ use super::device::value_of;
 /// A plane that pushes back and never pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElasticWall {
-    /// A point of it, base frame, m.
+    /// Point of the plane, base frame, m.
     point: Vector,
-    /// To the free side, length 1.
+    /// Unit normal towards the free side.
     normal: Vector,
-    /// N/m.
+    /// Stiffness, N/m.
     stiffness: f64,
-    /// Against the velocity into the wall, N·s/m.
+    /// Damping of the velocity into the wall, N·s/m.
     damping: f64,
-    /// Where the flange was in the cycle before, m.
+    /// Position of the flange in the previous cycle, m.
     last: Option<Vector>,
 }
 
 impl ElasticWall {
-    /// Reads `--wall=PX,PY,PZ,NX,NY,NZ,K,D` among a simulator's arguments; `None` without one that its program would take.
+    /// Parses `--wall=PX,PY,PZ,NX,NY,NZ,K,D` among a simulator's arguments; `None` if absent or invalid.
     #[must_use]
     pub fn of(arguments: &[&str]) -> Option<ElasticWall> {
         let given = value_of(arguments, "--wall=")?;
@@ -38,14 +38,14 @@ impl ElasticWall {
         })
     }
 
-    /// To the free side, length 1.
+    /// Returns the unit normal towards the free side.
     #[must_use]
     pub fn normal(&self) -> Vector {
         self.normal
     }
 
-    /// The force on a flange that hangs on springs: unpressed it would be at `position` (m), and along the normal it gives
-    /// way by `compliance` (m/N, 0 or more). At rest, without damping; N, base axes.
+    /// Returns the force on a flange that is held by springs, N, base axes: without contact it would be at `position`
+    /// (m), and it yields by `compliance` (m/N, 0 or more) along the normal. Static, without damping.
     #[must_use]
     pub fn force_of_springs(&self, position: Vector, compliance: f64) -> Vector {
         let depth = vector::dot(self.normal, vector::subtract(self.point, position));
@@ -53,7 +53,7 @@ impl ElasticWall {
         vector::scale(self.normal, push)
     }
 
-    /// The force on a flange that is at `position` (m) now, one period (s) after the last call; N, base axes.
+    /// Returns the force on a flange at `position` (m), one period (s) after the last call; N, base axes.
     pub fn force(&mut self, position: Vector, period_s: f64) -> Vector {
         let last = self.last.replace(position).unwrap_or(position);
         let speed = vector::dot(self.normal, vector::subtract(position, last)) / period_s;
@@ -71,28 +71,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_pushes_to_its_free_side_with_the_depth_and_against_the_speed() {
+    fn the_force_grows_with_depth_and_speed_into_the_wall() {
         let mut wall = ElasticWall::of(&["--start=0", "--wall=0,0,0.3,0,0,2,1000,50"]).expect("a wall");
         assert_eq!(wall.force([0.1, 0.0, 0.31], 1e-3), [0.0; 3]);
         let [x, y, z] = wall.force([0.1, 0.0, 0.29], 0.1);
         assert!((z - 20.0).abs() < 1e-9 && x == 0.0 && y == 0.0, "{z}");
         let [_, _, z] = wall.force([0.1, 0.0, 0.29], 0.1);
         assert!((z - 10.0).abs() < 1e-9, "{z}");
-        // Drawn out quickly it does not pull.
+        // Pulled out quickly, the wall does not pull.
         assert_eq!(wall.force([0.1, 0.0, 0.299], 1e-3), [0.0; 3]);
     }
 
     #[test]
-    fn springs_share_the_way_into_it() {
+    fn springs_share_the_displacement() {
         let wall = ElasticWall::of(&["--wall=0,0,0.3,0,0,1,1500,50"]).expect("a wall");
-        // 500 N/m and 1500 N/m one behind the other: 375 N/m.
+        // 500 N/m and 1500 N/m in series give 375 N/m.
         let [_, _, z] = wall.force_of_springs([0.1, 0.0, 0.28], 1.0 / 500.0);
         assert!((z - 7.5).abs() < 1e-12, "{z}");
         assert_eq!(wall.force_of_springs([0.1, 0.0, 0.31], 0.002), [0.0; 3]);
     }
 
     #[test]
-    fn what_the_simulator_refuses_is_no_wall() {
+    fn walls_that_the_simulator_refuses_are_invalid() {
         for text in [
             "--wall=1,2",
             "--wall=0,0,0,0,0,0,1,1",

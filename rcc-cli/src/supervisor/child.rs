@@ -1,5 +1,5 @@
-//! One process under supervision: started in its own process group, watched, ended.
-//! Started by the supervisor's thread, and by no other: its children die with that thread.
+//! One supervised process: started in its own process group, watched, ended. Always started by the supervisor's thread,
+//! because children die with the thread that started them.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom};
@@ -19,36 +19,36 @@ use super::processes::{LOADER_ENVIRONMENT, ReadySignal, ProcessSpec, ProcessKind
 use super::notify::NotifySocket;
 use super::policy::RestartPolicy;
 
-/// A log longer than this is emptied.
+/// Length from which a log is emptied, bytes.
 const LOG_MAX: u64 = 8 << 20;
-/// Lines of a log that are shown after a death.
+/// Lines of the log shown after a death.
 const LINES_SHOWN: usize = 6;
 
-/// Where a process is in its life.
+/// State of a supervised process.
 #[derive(Debug)]
 pub enum ProcessState {
-    /// Not started, or started again at that time since the supervisor's start.
+    /// Not running; to be started at this time since the supervisor's start.
     Down(Duration),
-    /// Runs, not yet ready.
+    /// Running, not ready yet.
     Starting(Process),
-    /// Runs.
+    /// Running and ready.
     Up(Process),
-    /// Ended for good: it is not started again, whatever happens.
+    /// Failed permanently: it is not restarted.
     Failed,
 }
 
-/// One process under supervision.
+/// A supervised process.
 #[derive(Debug)]
 pub struct Child {
-    /// What it is.
+    /// Program, arguments and kind.
     pub spec: ProcessSpec,
-    /// Where it is in its life.
+    /// State.
     pub state: ProcessState,
-    /// Its deaths.
+    /// Restart policy, with its previous deaths.
     pub restarts: RestartPolicy,
-    /// What it tells; `None` while it does not run, and for programs that tell nothing.
+    /// Notifications; `None` while it does not run, and for programs that send none.
     pub notices: Option<NotifySocket>,
-    /// It hung for so long and has been asked to abort; when.
+    /// Set when it hung: length of the silence, and the time at which it was asked to abort.
     pub hung: Option<(Duration, Instant)>,
     watchdog: Duration,
     log: PathBuf,
@@ -57,14 +57,14 @@ pub struct Child {
 }
 
 impl Child {
-    /// A process that is not started yet; its output goes to files in `logs`.
+    /// Creates a process that is not started yet; its output goes to files in `logs`.
     #[must_use]
     pub fn new(spec: ProcessSpec, number: usize, supervision: &SupervisionConfig, logs: &Path) -> Child {
         let file = spec.name.replace('/', "-");
         Child {
             log: logs.join(format!("{file}.log")),
             output: logs.join(format!("{file}.out")),
-            // Shorter than the cell's own socket, whose length has been checked.
+            // Shorter than the cell's own socket path, whose length was checked.
             notify_path: logs.join(format!("n{number}")),
             state: ProcessState::Down(Duration::ZERO),
             restarts: RestartPolicy::new(supervision),
@@ -75,16 +75,16 @@ impl Child {
         }
     }
 
-    /// Starts it.
+    /// Starts the process.
     ///
     /// # Errors
-    /// What the system says, with the program or file.
+    /// Returns the system's error with the program or file.
     pub fn start(&mut self) -> io::Result<()> {
         let named = |path: &Path, error: io::Error| {
             io::Error::new(error.kind(), format!("{}: {error}", path.display()))
         };
         let create = |path: &Path| {
-            // Appending, so that emptying the file leaves no hole.
+            // Append mode, so that emptying the file leaves no hole.
             let mut options = OpenOptions::new();
             let options = options.create(true).append(true).mode(0o600).open(path);
             let file = options.map_err(|error| named(path, error))?;
@@ -92,14 +92,14 @@ impl Child {
             Ok::<File, io::Error>(file)
         };
         let mut command = Command::new(&self.spec.program);
-        // Of a supervisor of ours they are not meant for our children.
+        // If set for the supervisor itself, these are not meant for its children.
         for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
             command.env_remove(name);
         }
         if self.spec.kind == ProcessKind::Loader {
             command.envs(LOADER_ENVIRONMENT);
         }
-        // One that starts while we die must not outlive us.
+        // A child that starts while the supervisor dies must not outlive it.
         command.env(PARENT, std::process::id().to_string());
         self.hung = None;
         if self.spec.ready == ReadySignal::Notified {
@@ -116,13 +116,13 @@ impl Child {
             .process_group(0)
             .spawn()
             .map_err(|error| named(&self.spec.program, error))?;
-        // An ordinary user may only raise it: then the loader and the simulators go first, which is what counts.
+        // Ordinary users may only raise the score: then loader and simulators are killed first, which is what matters.
         let _ = oom::set(process.id(), self.spec.kind.oom_score());
         self.state = ProcessState::Starting(process);
         Ok(())
     }
 
-    /// Its process id while it runs.
+    /// Returns the process id while it runs.
     #[must_use]
     pub fn pid(&self) -> Option<u32> {
         match &self.state {
@@ -131,7 +131,7 @@ impl Child {
         }
     }
 
-    /// How it ended, if it just did.
+    /// Returns the exit status once the process has ended.
     pub fn ended(&mut self) -> Option<ExitStatus> {
         match &mut self.state {
             ProcessState::Starting(process) | ProcessState::Up(process) => process.try_wait().ok().flatten(),
@@ -139,7 +139,7 @@ impl Child {
         }
     }
 
-    /// True if it runs and is ready.
+    /// Returns true if the process runs and is ready.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         match &self.spec.ready {
@@ -148,8 +148,9 @@ impl Child {
         }
     }
 
-    /// Looks for a hang: no READY within `start`, or no heartbeat within the watchdog's time. Such a process is asked to
-    /// abort, as systemd does, and killed if it does not within `patience`. How long it hung, when it was just found.
+    /// Detects a hang: no READY within `start`, or no heartbeat within the watchdog's time. Aborts such a process, like
+    /// systemd, and kills it if it does not end within `patience`. Returns the length of the silence when a hang is
+    /// detected.
     pub fn watch(&mut self, start: Duration, patience: Duration) -> Option<Duration> {
         self.pid()?;
         if let Some((_, since)) = self.hung {
@@ -163,20 +164,20 @@ impl Child {
         let silence = notices.hung_for(start, self.watchdog)?;
         self.hung = Some((silence, Instant::now()));
         self.signal(Signal::SIGABRT);
-        // A process that was stopped aborts only when it goes on.
+        // A stopped process aborts only after it continues.
         self.signal(Signal::SIGCONT);
         Some(silence)
     }
 
-    /// Asks it to end, or kills it. One that ended meanwhile is no error.
+    /// Sends a signal; does nothing if the process has ended meanwhile.
     pub fn signal(&self, signal: Signal) {
         if let Some(pid) = self.pid().and_then(|pid| i32::try_from(pid).ok()) {
-            // It is our child and not yet waited for: the id is still its own.
+            // The child has not been waited for, so its id is still its own.
             let _ = kill(Pid::from_raw(pid), signal);
         }
     }
 
-    /// The last lines that it wrote to stderr.
+    /// Returns the last lines of its stderr.
     #[must_use]
     pub fn last_log_lines(&self) -> Vec<String> {
         let text = tail(&self.log);
@@ -188,24 +189,24 @@ impl Child {
             .collect()
     }
 
-    /// Empties a log that has grown too long.
+    /// Empties logs that have grown too long.
     pub fn trim_log(&self) {
         for path in [&self.log, &self.output] {
             if std::fs::metadata(path).is_ok_and(|found| found.len() > LOG_MAX) {
-                // Not being able to leaves a long log.
+                // If this fails, the log stays long.
                 let _ = OpenOptions::new().write(true).truncate(true).open(path);
             }
         }
     }
 }
 
-/// True if starting again cannot help.
+/// Returns true if a restart cannot help.
 #[must_use]
 pub fn is_final(status: ExitStatus) -> bool {
     remedy(status).is_some()
 }
 
-/// What to do about a process that ended for good.
+/// Returns the remedy for a process that ended permanently.
 #[must_use]
 pub fn remedy(status: ExitStatus) -> Option<&'static str> {
     final_ending(status).map(|(_, _, remedy)| *remedy)
@@ -218,7 +219,7 @@ fn final_ending(status: ExitStatus) -> Option<&'static (u8, &'static str, &'stat
         .find(|(row, ..)| i32::from(*row) == code)
 }
 
-/// How a process ended, in words.
+/// Describes how a process ended.
 #[must_use]
 pub fn describe(status: ExitStatus) -> String {
     if let Some((code, meaning, _)) = final_ending(status) {
@@ -234,7 +235,7 @@ pub fn describe(status: ExitStatus) -> String {
     }
 }
 
-/// The end of a file, at most 8 KiB; empty when it cannot be read.
+/// Returns the end of a file, at most 8 KiB; empty if it cannot be read.
 fn tail(path: &Path) -> String {
     let read = || -> io::Result<Vec<u8>> {
         let mut file = File::open(path)?;

@@ -1,17 +1,17 @@
-//! What a process tells its supervisor over `NOTIFY_SOCKET`, as it would tell systemd: ready, status, heartbeat.
-//! Listened to by the supervisor's thread, which never waits for it.
+//! Notifications of a process over `NOTIFY_SOCKET`, as to systemd: ready, status, heartbeat. Read by the supervisor's
+//! thread without blocking.
 
 use std::io;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Longer words are cut.
+/// Longest datagram, bytes; longer ones are truncated.
 const DATAGRAM_MAX: usize = 4096;
-/// So many words are read in one look; a process that talks more is listened to again in the next one.
+/// Datagrams read per poll; the rest is read in the next one.
 const DATAGRAMS_PER_POLL: usize = 64;
 
-/// The ear for one life of one process.
+/// Notification socket for one incarnation of a process.
 #[derive(Debug)]
 pub struct NotifySocket {
     socket: UnixDatagram,
@@ -23,10 +23,10 @@ pub struct NotifySocket {
 }
 
 impl NotifySocket {
-    /// Listens at `path`; what was told to it before, by an earlier life, is gone.
+    /// Opens the socket at `path`; replaces the socket of an earlier incarnation.
     ///
     /// # Errors
-    /// The socket cannot be made.
+    /// Fails if the socket cannot be created.
     pub fn listen(path: &Path) -> io::Result<NotifySocket> {
         match std::fs::remove_file(path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
@@ -45,7 +45,7 @@ impl NotifySocket {
         })
     }
 
-    /// Takes what has come.
+    /// Reads the waiting notifications.
     pub fn take(&mut self) {
         let mut buffer = [0; DATAGRAM_MAX];
         for _ in 0..DATAGRAMS_PER_POLL {
@@ -72,30 +72,30 @@ impl NotifySocket {
         }
     }
 
-    /// The process said that it is ready.
+    /// Returns true once the process has reported that it is ready.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.ready
     }
 
-    /// What it said last about how it does.
+    /// Returns the last reported status.
     #[must_use]
     pub fn status(&self) -> &str {
         &self.status
     }
 
-    /// For how long it has made no progress, if that is longer than it may: `watchdog` once it is ready, `start` before.
+    /// Returns the time without progress if it exceeds the limit: `watchdog` once the process is ready, `start` before.
     #[must_use]
     pub fn hung_for(&self, start: Duration, watchdog: Duration) -> Option<Duration> {
         let (since, limit) = match self.ready {
             true => (self.last_heartbeat, watchdog),
             false => (self.begun, start),
         };
-        // Who stops has another limit, which whoever stopped it watches over.
+        // A stopping process has another limit, which is watched by whoever stops it.
         Some(since.elapsed()).filter(|silence| *silence > limit && !self.stopping)
     }
 
-    /// Nobody could listen for a while: that is nobody's silence.
+    /// Restarts the watchdog after a time in which nobody could read the socket.
     pub fn reset_watchdog(&mut self) {
         self.last_heartbeat = Instant::now();
     }
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn words_are_heard_in_any_combination() {
+    fn notifications_are_read_in_any_combination() {
         let (mut notices, sender, path) = connected("words");
         sender
             .send(b"READY=1\nSTATUS=1000 Hz, a=b\nWATCHDOG=1\nMAINPID=7\n\xff")
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_is_a_hang_only_beyond_the_limit_of_its_time() {
+    fn silence_is_a_hang_only_beyond_its_limit() {
         let (mut notices, sender, path) = connected("silence");
         assert!(
             notices.hung_for(Duration::ZERO, NEVER).is_some(),

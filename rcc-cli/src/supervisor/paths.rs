@@ -1,5 +1,4 @@
-//! Where our programs and configurations lie.
-//! Used by the main thread before it starts anything.
+//! Locates RCC's programs and configurations. Used by the main thread before it starts anything.
 
 use std::path::{Path, PathBuf};
 
@@ -10,11 +9,11 @@ use crate::failure::Failure;
 /// Configurations of an installed package.
 const INSTALLED: &str = "/usr/share/rcc/configs";
 
-/// A program of ours, or one that a configuration names: a path, or a name beside this program (or one folder up,
-/// where a test's program lies in a folder of its own).
+/// Returns the path of a program: a path is taken as it is, a name is searched beside this program and one folder up
+/// (where tests find it).
 ///
 /// # Errors
-/// It is not there.
+/// Fails if it does not exist.
 pub fn program(name: &str) -> Result<PathBuf, Failure> {
     if name.contains('/') {
         return Ok(PathBuf::from(name));
@@ -35,11 +34,11 @@ pub fn program(name: &str) -> Result<PathBuf, Failure> {
     })
 }
 
-/// A file among the configurations: `$RCC_CONFIGS`, else those of the source tree that this program was built in,
-/// else the installed ones.
+/// Returns the path of a configuration file: below `$RCC_CONFIGS`, or else in the source tree of this program, or else
+/// in the installed package.
 ///
 /// # Errors
-/// It is not there.
+/// Fails if it does not exist.
 pub fn config(relative: &str) -> Result<PathBuf, Failure> {
     let named = std::env::var_os("RCC_CONFIGS").filter(|value| !value.is_empty());
     let looked: Vec<PathBuf> = match named {

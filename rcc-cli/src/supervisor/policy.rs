@@ -1,17 +1,16 @@
-//! How often a process that dies is started again.
-//! Pure; the supervisor's thread tells it the time.
+//! Restart policy of a process. Pure; the supervisor's thread passes the time.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use rcc_config::cell::SupervisionConfig;
 
-/// Pause before the first start again; it doubles with each within the window …
+/// Pause before the first restart; it doubles with each restart within the window …
 const PAUSE_FIRST: Duration = Duration::from_millis(50);
 /// … up to this.
 const PAUSE_MAX: Duration = Duration::from_secs(5);
 
-/// The deaths of one process.
+/// Restart limits and deaths of one process.
 #[derive(Clone, Debug)]
 pub struct RestartPolicy {
     most: usize,
@@ -19,34 +18,34 @@ pub struct RestartPolicy {
     deaths: VecDeque<Duration>,
 }
 
-/// What follows a death.
+/// Decision after a death.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RestartDecision {
-    /// Start it again at this time; it is the `nth` time within the window.
+    /// Restart at this time; the `nth` restart within the window.
     Again {
-        /// When, on the supervisor's clock.
+        /// Time on the supervisor's clock.
         at: Duration,
-        /// 1 to the number that is allowed.
+        /// Number of the restart, from 1 to the limit.
         nth: usize,
     },
-    /// It has failed for good.
+    /// Failed permanently.
     Failed,
 }
 
 impl RestartPolicy {
-    /// As the configuration of its cell has it: so many starts again within this time; one more death and the process
-    /// has failed for good.
+    /// Creates the policy of a cell's configuration: this many restarts within the window; at the next death the
+    /// process has failed permanently.
     #[must_use]
     pub fn new(supervision: &SupervisionConfig) -> RestartPolicy {
         RestartPolicy {
-            // A u32 fits.
+            // A u32 fits into usize.
             most: supervision.restarts as usize,
             window: Duration::from_nanos(supervision.within_ns),
             deaths: VecDeque::new(),
         }
     }
 
-    /// It died at `now` (time since the supervisor's start).
+    /// Records a death at `now` (time since the supervisor's start).
     pub fn died(&mut self, now: Duration) -> RestartDecision {
         while self
             .deaths
@@ -85,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sixth_death_within_the_window_is_the_last() {
+    fn the_sixth_death_within_the_window_is_a_failure() {
         let mut restarts = usual();
         for second in 0..5 {
             let verdict = restarts.died(Duration::from_secs(second));

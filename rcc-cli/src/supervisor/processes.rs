@@ -1,5 +1,5 @@
-//! Which processes a cell consists of, with their programs and arguments.
-//! Pure but for looking where the programs are; used by the main thread.
+//! The processes of a cell with their programs and arguments. Pure apart from locating the programs; used by the main
+//! thread.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -14,24 +14,24 @@ use super::paths;
 use crate::context::of_cell;
 use crate::failure::Failure;
 
-/// A driver's SCHED_FIFO priority, where it is granted, is this much below the executor's.
+/// Difference between the SCHED_FIFO priorities of the executor and of the drivers.
 const BELOW_EXECUTOR: u8 = 10;
 
-/// What a process is in its cell. At the end they stop in this order.
+/// Kind of a process of a cell; processes are stopped in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ProcessKind {
-    /// The cycle.
+    /// Runs the cycle.
     Executor,
-    /// REST.
+    /// Serves REST and compiles nets.
     Loader,
-    /// One device; it brings the device to rest when the executor is gone.
+    /// Drives one device; brings it to rest when the executor is gone.
     Driver,
-    /// A robot-side program.
+    /// Simulates a device.
     Simulator,
 }
 
 impl ProcessKind {
-    /// All, in the order in which they stop.
+    /// All kinds, in the order in which they are stopped.
     pub const ALL: [ProcessKind; 4] = [
         ProcessKind::Executor,
         ProcessKind::Loader,
@@ -40,7 +40,7 @@ impl ProcessKind {
     ];
 }
 
-/// What the loader's memory is asked with: what a long text took goes back to the system (mallopt(3)).
+/// Environment of the loader: returns the memory of long texts to the system (mallopt(3)).
 pub const LOADER_ENVIRONMENT: [(&str, &str); 3] = [
     ("MALLOC_ARENA_MAX", "2"),
     ("MALLOC_TRIM_THRESHOLD_", "131072"),
@@ -48,7 +48,7 @@ pub const LOADER_ENVIRONMENT: [(&str, &str); 3] = [
 ];
 
 impl ProcessKind {
-    /// How gladly the kernel ends it when memory runs out.
+    /// Returns the OOM score adjustment: how readily the kernel kills it when memory runs out.
     #[must_use]
     pub fn oom_score(self) -> i32 {
         match self {
@@ -59,45 +59,45 @@ impl ProcessKind {
     }
 }
 
-/// How one tells that a process is ready.
+/// How a process signals that it is ready.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ReadySignal {
-    /// It says so to its supervisor, as to systemd.
+    /// By a notification to its supervisor, as to systemd.
     Notified,
-    /// It wrote a line.
+    /// By writing a line.
     Line,
 }
 
 /// One process of a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProcessSpec {
-    /// What it is.
+    /// Kind.
     pub kind: ProcessKind,
-    /// For people and for the name of its log: `executor`, `driver-lwr`.
+    /// Name in messages and of its log: `executor`, `driver/lwr`.
     pub name: String,
-    /// Its program.
+    /// Program.
     pub program: PathBuf,
-    /// Its arguments.
+    /// Arguments.
     pub arguments: Vec<OsString>,
-    /// How one tells that it is ready.
+    /// How it signals that it is ready.
     pub ready: ReadySignal,
 }
 
 /// A configuration with the ports of this run.
 #[derive(Clone, Debug)]
 pub struct PreparedCell {
-    /// The configuration.
+    /// Configuration.
     pub config: CellConfig,
     /// Its file, absolute.
     pub path: PathBuf,
-    /// Ports that were chosen now.
+    /// Numbers of the automatic ports.
     pub ports: BTreeMap<String, u16>,
 }
 
 /// Reads a configuration and chooses its automatic ports.
 ///
 /// # Errors
-/// Every fault of the configuration, or no free port.
+/// Fails with all faults of the configuration, or if no port is free.
 pub fn prepare(path: &Path) -> Result<PreparedCell, Failure> {
     let name = path.display().to_string();
     let path = path
@@ -123,17 +123,17 @@ pub fn prepare(path: &Path) -> Result<PreparedCell, Failure> {
     })
 }
 
-/// A driver's SCHED_FIFO priority: below the executor's, above everything ordinary, because a driver that is late costs
-/// the robot's connection.
+/// Returns a driver's SCHED_FIFO priority: below the executor's, but above ordinary threads, because a late driver
+/// costs the robot's connection.
 #[must_use]
 pub fn driver_priority(executor: u8) -> u8 {
     executor.saturating_sub(BELOW_EXECUTOR).max(1)
 }
 
-/// The processes of a cell, in the order in which they are started.
+/// Returns the processes of a cell, in the order in which they are started.
 ///
 /// # Errors
-/// A program is not there, or the path of a control port is too long.
+/// Fails if a program is missing or if the path of a control port is too long.
 pub fn specs(name: &str, prepared: &PreparedCell) -> Result<Vec<ProcessSpec>, Failure> {
     let mut common: Vec<OsString> = vec!["--cell".into(), name.into(), "--config".into()];
     common.push(prepared.path.clone().into());

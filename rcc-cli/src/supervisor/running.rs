@@ -1,5 +1,5 @@
-//! What a running cell was started with: configuration and ports, in a file of its runtime folder, because automatic
-//! ports are in no other. Written by the supervisor's thread, read by verbs.
+//! Configuration and ports of a running cell, in a file of its runtime folder, because automatic ports are stored
+//! nowhere else. Written by the supervisor's thread, read by verbs.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -16,22 +16,22 @@ use serde::{Deserialize, Serialize};
 use super::processes::PreparedCell;
 use crate::failure::Failure;
 
-/// Longest file that is read, bytes: a path and some ports.
+/// Longest file that is read, bytes; it holds a path and some ports.
 const RUNNING_MAX: u64 = 1 << 20;
 
-/// The file's content.
+/// Content of the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Running {
-    /// The configuration's file, absolute.
+    /// File of the configuration, absolute.
     pub config: PathBuf,
-    /// The numbers of its automatic ports.
+    /// Numbers of its automatic ports.
     pub ports: BTreeMap<String, u16>,
 }
 
-/// Tells what the cell was started with.
+/// Writes the file of a cell.
 ///
 /// # Errors
-/// The file cannot be written.
+/// Fails if the file cannot be written.
 pub fn write(cell: &Cell, prepared: &PreparedCell) -> Result<(), Failure> {
     let running = Running {
         config: prepared.path.clone(),
@@ -50,10 +50,10 @@ pub fn write(cell: &Cell, prepared: &PreparedCell) -> Result<(), Failure> {
         .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))
 }
 
-/// What the cell was started with; its configuration is read again.
+/// Reads the file and loads the configuration again.
 ///
 /// # Errors
-/// Nobody has told, or the configuration is not valid any more.
+/// Fails if the file does not exist or if the configuration has become invalid.
 pub fn read(cell: &Cell) -> Result<CellConfig, Failure> {
     let path = cell.running_file();
     let text = file::read(&path, RUNNING_MAX).map_err(|_| {

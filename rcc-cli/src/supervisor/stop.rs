@@ -1,4 +1,4 @@
-//! How a cell ends: commands are cancelled, devices come to rest, processes end in order, nothing is left behind.
+//! Ends a cell: cancels commands, waits until devices are at rest, ends the processes in order, and removes all files.
 //! Run by the supervisor's thread.
 
 use std::time::{Duration, Instant};
@@ -15,23 +15,24 @@ use super::{POLL_INTERVAL, Supervisor};
 use crate::follow;
 use crate::interrupt::Interrupts;
 
-/// How long nets may take to end in their own way.
+/// Longest time for nets to end after CANCEL.
 const CANCEL_LIMIT: Duration = Duration::from_secs(10);
-/// How long devices may take to come to rest.
+/// Longest time for devices to come to rest.
 const REST_LIMIT: Duration = Duration::from_secs(5);
-/// How long others that only look at the cell may take to leave it.
+/// Longest time for monitors to leave the cell.
 const LEAVE_LIMIT: Duration = Duration::from_secs(2);
 
 impl Supervisor {
-    /// Ends the cell: cancel, wait for rest, stop executor, loader, drivers, simulators; remove all files. A second
-    /// Ctrl-C does not wait. True when nothing was left behind and no process had to be killed.
+    /// Ends the cell: cancels the nets, waits for rest, stops executor, loader, drivers and simulators, and removes all
+    /// files. A second Ctrl-C skips the waiting. Returns true if nothing was left behind and no process had to be
+    /// killed.
     pub fn stop(mut self, interrupts: &Interrupts) -> bool {
         self.record(EventKind::CellStopping {
             why: "requested (Ctrl-C, SIGTERM, or end of its task)".to_owned(),
         });
         let asked = interrupts.count();
         let is_impatient = || interrupts.count() > asked;
-        // Whatever runs on another executor is not this supervisor's to end.
+        // Commands of an executor that this supervisor did not start are left alone.
         if self.has_own_executor() {
             self.end_commands(&is_impatient);
             self.wait_for_rest(&is_impatient);
@@ -43,7 +44,7 @@ impl Supervisor {
         clean_end & self.remove_files()
     }
 
-    /// True unless the loader serves an executor that this supervisor did not start.
+    /// Returns true unless the loader serves an executor that this supervisor did not start.
     fn has_own_executor(&self) -> bool {
         let own = self.pid("executor");
         let served = self.client.get::<StatusView>("/status").ok();
@@ -73,7 +74,7 @@ impl Supervisor {
                 canceled.push(command.id);
                 let what = if gently { "cancel" } else { "abort" };
                 self.report(&follow::title(command), what);
-                // It may have ended meanwhile; the next look tells.
+                // It may have ended meanwhile; the next poll shows that.
                 let _ = follow::operate(&self.client, &command.id.to_string(), what);
             }
             if begun.elapsed() > CANCEL_LIMIT * 2 {
@@ -98,7 +99,7 @@ impl Supervisor {
         }
     }
 
-    /// SIGTERM to all of a stage, then SIGKILL to those that stay.
+    /// Sends SIGTERM to all processes of a kind, then SIGKILL to those that remain. Returns true if none was killed.
     fn end_stage(&mut self, stage: ProcessKind) -> bool {
         let of_stage = |child: &&mut child::Child| child.spec.kind == stage;
         for child in self.children.iter_mut().filter(of_stage) {
@@ -118,7 +119,7 @@ impl Supervisor {
             if let ProcessState::Starting(mut process) | ProcessState::Up(mut process) =
                 std::mem::replace(&mut child.state, ProcessState::Failed)
             {
-                // Ended or killed: this returns at once and leaves no zombie.
+                // It has ended or was killed: this returns at once and leaves no zombie.
                 let _ = process.wait();
             }
         }
@@ -129,17 +130,17 @@ impl Supervisor {
     }
 
     fn remove_files(mut self) -> bool {
-        // The logs were only for the time of the cell.
+        // The logs are kept only while the cell exists.
         let _ = std::fs::remove_dir_all(&self.logs);
         let limit = Instant::now() + LEAVE_LIMIT;
-        // Announced until all is gone: nobody takes the cell in between, and has his files removed.
+        // The cell stays claimed until its files are gone, so that nobody can claim it in between and lose files.
         let mut removed = ownership::release(&self.cell, &self.presence);
-        // A monitor leaves the cell a moment after the executor did.
+        // Monitors leave the cell a moment after the executor.
         while matches!(removed, Err(WipeError::InUse { .. })) && Instant::now() < limit {
             std::thread::sleep(POLL_INTERVAL);
             removed = ownership::release(&self.cell, &self.presence);
         }
-        // Given back, it may have its next life already, and what is found there is not ours.
+        // Once released, the cell may already have a new owner, whose files are not ours.
         let Err(error) = &removed else { return true };
         self.report("cell", &error.to_string());
         for path in self.cell.leftovers().unwrap_or_default() {

@@ -1,12 +1,11 @@
-//! Which addresses a driver may talk to, from its settings.
-//! Pure; used by the main thread of `install-units`.
+//! Addresses that a driver may communicate with, from its settings. Pure; used by the main thread of `install-units`.
 
 use std::net::{IpAddr, SocketAddr};
 
 use serde_json::Value;
 
-/// The lines of a unit for these settings. An address that the driver calls (`server`) or expects (`peer`) is allowed
-/// alone; with nothing but an address to listen on, its subnet is, taken as /24 or /64.
+/// Returns the lines of a unit. If the driver connects to an address (`server`) or expects one (`peer`), only those are
+/// allowed; if it only listens, the subnet of its address is allowed, assumed as /24 or /64.
 #[must_use]
 pub fn allowed(settings: &Value) -> String {
     let mut own = Vec::new();
@@ -99,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn who_listens_everywhere_is_not_filtered_and_the_unit_says_so() {
+    fn a_driver_that_listens_everywhere_is_not_filtered() {
         let lines = allowed(&json!({"listen": "0.0.0.0:49938"}));
         assert!(
             lines.ends_with("IPAddressAllow=any\n") && lines.starts_with('#'),

@@ -1,40 +1,40 @@
-//! A list of cores, as systemd and the kernel write it: `0-2,5`.
-//! Pure; used by the main thread of `install-units` and `rt-setup`.
+//! A list of cores in the notation of systemd and the kernel: `0-2,5`. Pure; used by the main thread of `install-units`
+//! and `rt-setup`.
 
 use std::collections::BTreeSet;
 use std::fmt;
 use std::str::FromStr;
 
-/// Far beyond any machine.
+/// Largest core number, far beyond any machine.
 const CORE_MAX: usize = 4095;
 
-/// Cores by number, at least one.
+/// A non-empty set of core numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cores(BTreeSet<usize>);
 
-/// Text that is no list of cores.
+/// A text that is not a list of cores.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("invalid list of cores `{given}`: write numbers and ranges, for example 0-2,5")]
 pub struct CoresError {
-    /// What was given.
+    /// The text as given.
     pub given: String,
 }
 
 impl Cores {
-    /// The cores 0 to `count` - 1 without these; `None` if there is none left.
+    /// Returns the cores 0 to `count` - 1 except `taken`; `None` if none remain.
     #[must_use]
     pub fn all_but(count: usize, taken: &BTreeSet<usize>) -> Option<Cores> {
         let rest: BTreeSet<usize> = (0..count).filter(|core| !taken.contains(core)).collect();
         (!rest.is_empty()).then_some(Cores(rest))
     }
 
-    /// True if it is among them.
+    /// Returns true if the core is in the list.
     #[must_use]
     pub fn contains(&self, core: usize) -> bool {
         self.0.contains(&core)
     }
 
-    /// Their numbers.
+    /// Returns the core numbers.
     #[must_use]
     pub fn numbers(&self) -> &BTreeSet<usize> {
         &self.0

@@ -1,5 +1,4 @@
-//! Writes and removes unit files; never touches one that does not bear our mark.
-//! Used by the main thread of `install-units`.
+//! Writes and removes unit files; never changes a file without RCC's mark. Used by the main thread of `install-units`.
 
 use std::fs;
 use std::io;
@@ -10,29 +9,29 @@ use rcc_loader::server::codes;
 use super::{DROP_IN, MARK, PACKAGED, SHIPPED, UNITS, UnitFile};
 use crate::failure::Failure;
 
-/// Longest unit that is read, bytes.
+/// Longest unit file that is read, bytes.
 const UNIT_MAX: u64 = 1 << 20;
 
-/// What became of a file.
+/// Change of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FileChange {
-    /// It was not there.
+    /// It did not exist.
     Written,
-    /// It said something else.
+    /// It had another content.
     Replaced,
-    /// It says so already.
+    /// It had this content already.
     Unchanged,
-    /// A package has it.
+    /// A package provides it.
     Packaged,
-    /// It is gone.
+    /// It was removed.
     Removed,
 }
 
-/// What is done to each file, and if `dry` is false, does it. Nothing is written if one of them is not ours.
+/// Determines the change of each file and, unless `dry`, applies it. Nothing is written if one of them is not RCC's.
 ///
 /// # Errors
-/// A file of somebody else's is in the place of ours, or the system refuses.
+/// Fails if a file was not written by RCC, or if the system refuses.
 pub fn write(root: &Path, files: &[UnitFile], dry: bool) -> Result<Vec<(FileChange, PathBuf)>, Failure> {
     let plan: Result<Vec<_>, Failure> = files
         .iter()
@@ -69,10 +68,10 @@ fn judge(root: &Path, file: &UnitFile) -> Result<FileChange, Failure> {
     }
 }
 
-/// Removes the drop-ins of a cell, and with the last cell everything else of ours.
+/// Removes the drop-ins of a cell; with the last cell, all of RCC's files.
 ///
 /// # Errors
-/// The system refuses.
+/// Fails if the system refuses.
 pub fn remove(root: &Path, cell: &str, dry: bool) -> Result<Vec<(FileChange, PathBuf)>, Failure> {
     let (own, others) = drop_ins(root, cell)?;
     let mut paths = own;
@@ -87,7 +86,7 @@ pub fn remove(root: &Path, cell: &str, dry: bool) -> Result<Vec<(FileChange, Pat
         if !dry {
             fs::remove_file(&path).map_err(|error| refused(&path, &error))?;
             if let Some(folder) = path.parent().filter(|folder| is_drop_in_folder(folder)) {
-                // Not empty: somebody else's drop-ins.
+                // Fails if the folder holds other drop-ins, and keeps them.
                 let _ = fs::remove_dir(folder);
             }
         }
@@ -101,7 +100,7 @@ fn is_drop_in_folder(folder: &Path) -> bool {
         && folder.to_string_lossy().contains("systemd/system")
 }
 
-/// Our drop-ins of this cell, and how many other cells have some.
+/// Returns the drop-ins of this cell, and the number of drop-ins of other cells.
 fn drop_ins(root: &Path, cell: &str) -> Result<(Vec<PathBuf>, usize), Failure> {
     let units = root.join(UNITS);
     let entries = match fs::read_dir(&units) {
@@ -123,7 +122,7 @@ fn drop_ins(root: &Path, cell: &str) -> Result<(Vec<PathBuf>, usize), Failure> {
         if !kind.starts_with("rcc") || !path.is_file() {
             continue;
         }
-        // CELL.target.d, CELL.service.d or CELL.DEVICE.service.d; no dot is in a cell's name.
+        // CELL.target.d, CELL.service.d or CELL.DEVICE.service.d; cell names contain no dot.
         let of = instance.split('.').next().unwrap_or_default();
         if of == cell {
             own.push(path);
@@ -163,10 +162,10 @@ fn refused(path: &Path, error: &io::Error) -> Failure {
     Failure::new(code, format!("{}: {error}", path.display()), help)
 }
 
-/// Our drop-ins of this cell that are not among `files`: of devices that it has no more.
+/// Removes drop-ins of this cell that are not among `files`: those of removed devices.
 ///
 /// # Errors
-/// The system refuses.
+/// Fails if the system refuses.
 pub fn remove_stale(
     root: &Path,
     cell: &str,
@@ -183,7 +182,7 @@ pub fn remove_stale(
         if !dry {
             fs::remove_file(&path).map_err(|error| refused(&path, &error))?;
             if let Some(folder) = path.parent() {
-                // Not empty: somebody else's drop-ins.
+                // Fails if the folder holds other drop-ins, and keeps them.
                 let _ = fs::remove_dir(folder);
             }
         }

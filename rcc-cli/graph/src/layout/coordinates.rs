@@ -1,28 +1,29 @@
-//! The heights: each box where its links are as level as the order and the distances in its column allow. Column by column
-//! to and fro; within a column the nearest heights in the sense of least squares, by pooling adjacent violators (M. Ayer et
-//! al., "An empirical distribution function for sampling with incomplete information", 1955). Pure.
+//! Vertical coordinates: places each box where its links are as horizontal as the order and the distances in its layer
+//! allow. Sweeps over the layers in both directions; within a layer it finds the least-squares positions by pooling
+//! adjacent violators (M. Ayer et al., "An empirical distribution function for sampling with incomplete information",
+//! 1955). Pure.
 
 use super::{LayeredGraph, NodeShape};
 
-/// Distance of two boxes.
+/// Distance between two boxes.
 const BOXES_APART: f64 = 26.0;
-/// Distance of two links that pass.
+/// Distance between two dummy vertices.
 const LINKS_APART: f64 = 13.0;
-/// Distance of a box and a link that is_dummy.
+/// Distance between a box and a dummy vertex.
 const APART: f64 = 18.0;
-/// How often all columns are gone through.
+/// Number of sweeps over all layers.
 const ROUNDS: usize = 16;
-/// A part of a long link counts so much more: long links shall be level.
+/// Weight of segments between dummy vertices, to keep long links horizontal.
 const LONG: f64 = 6.0;
 
-/// What a vertex is linked with: the other one, and how much lower that should be to be level.
+/// A linked vertex, and how much lower its top should be for a horizontal link.
 struct Neighbour {
     vertex: usize,
     offset: f64,
     weight: f64,
 }
 
-/// The heights of the tops of all vertices; the least is 0.
+/// Returns the positions of the tops of all vertices; the least is 0.
 pub fn tops(layered: &LayeredGraph, shapes: &[NodeShape]) -> Vec<f64> {
     let (before, after) = neighbours(layered);
     let mut tops = stacked(layered, shapes);
@@ -70,7 +71,7 @@ fn neighbours(layered: &LayeredGraph) -> (Vec<Vec<Neighbour>>, Vec<Vec<Neighbour
     (before, after)
 }
 
-/// How far the top of the second vertex must be below that of the first.
+/// Returns the least distance from the top of the upper vertex to the top of the lower one.
 fn distance(layered: &LayeredGraph, shapes: &[NodeShape], upper: usize, lower: usize) -> f64 {
     let [upper, lower] = [upper, lower].map(|vertex| &layered.vertices[vertex]);
     let border = |shape: Option<usize>| shape.is_some_and(|shape| shapes[shape].height == 0.0);
@@ -93,14 +94,14 @@ fn stacked(layered: &LayeredGraph, shapes: &[NodeShape]) -> Vec<f64> {
     tops
 }
 
-/// A group of vertices that touch: sum of weighted desired_tops, of weights, and how many.
+/// A block of touching vertices: sum of weighted desired positions, sum of weights, and number.
 struct Pool {
     sum: f64,
     weight: f64,
     count: usize,
 }
 
-/// Puts a column to the heights nearest to what its links desired.
+/// Places the vertices of a layer as close as possible to their desired positions.
 fn place_layer(
     layered: &LayeredGraph,
     shapes: &[NodeShape],
@@ -141,7 +142,7 @@ fn place_layer(
     }
 }
 
-/// Where a vertex wants to be: at the weighted median of what makes its links level; and how much.
+/// Returns the desired top of a vertex, the weighted median that makes its links horizontal, and its weight.
 fn desired(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64, f64) {
     let all = sides.iter().flat_map(|side| &side[vertex]);
     let mut desired_tops: Vec<(f64, f64)> = all
@@ -160,6 +161,6 @@ fn desired(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64,
             return ((desired + next) / 2.0, total);
         }
     }
-    // Without a link it stays, if nobody else needs the place.
+    // An unlinked vertex keeps its position unless others need the space.
     (tops[vertex], 0.01)
 }

@@ -1,11 +1,11 @@
-//! Which box is in which column: as far left as what it reads allows, sources next to their readers. Links over several
-//! columns pass between the boxes of those; one dummies for all links of an output. Pure.
+//! Assigns boxes to layers: as far left as their inputs allow, and sources next to their readers. Links across several
+//! layers get dummy vertices, which all links of an output share. Pure.
 
 use std::collections::BTreeMap;
 
 use super::{Edge, LayeredGraph, LayerConstraint, EdgeSegment, NodeShape, Vertex};
 
-/// Puts shapes into layers, and passing links between them.
+/// Assigns boxes to layers and inserts dummy vertices.
 pub fn layered_graph(shapes: &[NodeShape], edges: &[Edge]) -> LayeredGraph {
     let layer_of = layers(shapes, edges);
     let count = layer_of.iter().max().map_or(0, |last| last + 1);
@@ -40,7 +40,8 @@ impl LayeredGraph {
         vertex
     }
 
-    /// The vertices through which an edge dummies, made where no other edge of its output has made them.
+    /// Adds an edge; returns its dummy vertices, created where no other edge of the same output has them. `None` for a
+    /// backward edge.
     fn add_edge(
         &mut self,
         edge: &Edge,
@@ -52,7 +53,7 @@ impl LayeredGraph {
             return None;
         }
         let mut dummies = Vec::new();
-        // Shapes are the first vertices, in their order.
+        // Boxes are the first vertices, in their order.
         let (mut from, mut from_y) = (edge.from.0, shapes[edge.from.0].outputs[edge.from.1]);
         for layer in first + 1..last {
             let key = (edge.from, edge.delayed, layer);
@@ -83,7 +84,7 @@ impl LayeredGraph {
     }
 }
 
-/// By shape: its layer.
+/// Returns the layer of each box.
 fn layers(shapes: &[NodeShape], edges: &[Edge]) -> Vec<usize> {
     let forward = without_cycles(shapes.len(), edges);
     let has_first = shapes.iter().any(|shape| shape.constraint == LayerConstraint::First);
@@ -101,7 +102,7 @@ fn layers(shapes: &[NodeShape], edges: &[Edge]) -> Vec<usize> {
             layers[*reader] = layers[*reader].max(layers[*shape] + 1);
         }
     }
-    // What reads nothing stands next to the first of its readers.
+    // Boxes without inputs are placed next to the first of their readers.
     for (shape, readers) in readers.iter().enumerate() {
         let nearest = readers.iter().map(|reader| layers[*reader]).min();
         if let (Some(nearest), false, LayerConstraint::Free) = (nearest, is_read_late[shape], shapes[shape].constraint)
@@ -120,7 +121,7 @@ fn layers(shapes: &[NodeShape], edges: &[Edge]) -> Vec<usize> {
     layers
 }
 
-/// The edges that say what comes first, but for those that close a circle.
+/// Returns the edges that constrain the order, without those that close a cycle.
 fn without_cycles(shapes: usize, edges: &[Edge]) -> Vec<Edge> {
     let mut out = vec![Vec::new(); shapes];
     for edge in edges
@@ -129,7 +130,7 @@ fn without_cycles(shapes: usize, edges: &[Edge]) -> Vec<Edge> {
     {
         out[edge.from.0].push(*edge);
     }
-    // 0 = not seen, 1 = on the way, 2 = done.
+    // 0 = not visited, 1 = on the current path, 2 = finished.
     let mut state = vec![0_u8; shapes];
     let mut kept = Vec::new();
     for root in 0..shapes {

@@ -1,16 +1,16 @@
-//! The order within the columns: sweeps that sort each column by where its neighbours are, and exchanges of two
-//! neighbours, while fewer links cross. A bounded number of times; the best order is kept. Pure.
+//! Order within the layers: sweeps that sort each layer by the mean position of its neighbours, then exchanges of
+//! adjacent vertices, while crossings decrease. Bounded in number; the best order is kept. Pure.
 
 use super::{LayeredGraph, EdgeSegment, NodeShape};
 
-/// Sweeps in both directions.
+/// Number of sweeps, in both directions.
 const SWEEPS: usize = 24;
-/// Passes of exchanges.
+/// Number of passes of exchanges.
 const EXCHANGES: usize = 8;
-/// Layers with more vertices are not improved by exchanges.
+/// Largest layer that is improved by exchanges.
 const EXCHANGED_MAX: usize = 60;
 
-/// Orders every layer.
+/// Orders all layers.
 pub fn reduce_crossings(layered: &mut LayeredGraph, shapes: &[NodeShape]) {
     let between = by_layer(layered);
     let mut rank = Ranks::new(layered);
@@ -38,7 +38,7 @@ pub fn reduce_crossings(layered: &mut LayeredGraph, shapes: &[NodeShape]) {
     exchange(layered, &between, &mut rank, fewest);
 }
 
-/// By layer: the segments that begin in it.
+/// Returns the segments that start in each layer.
 fn by_layer(layered: &LayeredGraph) -> Vec<Vec<EdgeSegment>> {
     let mut between = vec![Vec::new(); layered.layers.len()];
     for segment in &layered.segments {
@@ -47,7 +47,7 @@ fn by_layer(layered: &LayeredGraph) -> Vec<Vec<EdgeSegment>> {
     between
 }
 
-/// By vertex: its place in its layer.
+/// Position of each vertex in its layer.
 struct Ranks(Vec<usize>);
 
 impl Ranks {
@@ -65,7 +65,7 @@ impl Ranks {
         }
     }
 
-    /// Sorts a layer by the mean place of what its vertices are linked with in the fixed layer beside it.
+    /// Sorts a layer by the mean position of its neighbours in the fixed layer beside it.
     fn sort(
         &mut self,
         layered: &mut LayeredGraph,
@@ -103,15 +103,15 @@ impl Ranks {
     }
 }
 
-/// Crossings of links, all layers.
+/// Counts the crossings of all layers.
 fn count(layered: &LayeredGraph, between: &[Vec<EdgeSegment>], rank: &Ranks) -> usize {
     (0..layered.layers.len())
         .map(|layer| crossings(layered, &between[layer], rank, layer + 1))
         .sum()
 }
 
-/// Crossings between a layer and the next one, of so many vertices: inversions, counted with a Fenwick tree (W. Barth, P.
-/// Mutzel, M. Jünger, "Simple and efficient bilayer cross counting", JGAA 8 (2004)).
+/// Counts the crossings between a layer and the next one: inversions, counted with a Fenwick tree (W. Barth, P. Mutzel,
+/// M. Jünger, "Simple and efficient bilayer cross counting", JGAA 8 (2004)).
 fn crossings(layered: &LayeredGraph, segments: &[EdgeSegment], rank: &Ranks, next: usize) -> usize {
     if next >= layered.layers.len() {
         return 0;
@@ -129,7 +129,7 @@ fn crossings(layered: &LayeredGraph, segments: &[EdgeSegment], rank: &Ranks, nex
     let (mut seen, mut sum) = (0, 0);
     for (_, to) in ends {
         let place = targets.partition_point(|known| by(known, &to).is_lt()) + 1;
-        // Those seen so far that end above or at the same place do not cross.
+        // Earlier segments that end above or at the same position do not cross.
         let (mut at, mut before) = (place, 0);
         while at > 0 {
             before += tree[at];
@@ -146,7 +146,7 @@ fn crossings(layered: &LayeredGraph, segments: &[EdgeSegment], rank: &Ranks, nex
     sum
 }
 
-/// Exchanges neighbours while that makes fewer crossings.
+/// Exchanges adjacent vertices while that reduces crossings.
 fn exchange(layered: &mut LayeredGraph, between: &[Vec<EdgeSegment>], rank: &mut Ranks, mut fewest: usize) {
     let around = |layered: &LayeredGraph, rank: &Ranks, layer: usize| {
         let before = match layer.checked_sub(1) {

@@ -1,15 +1,15 @@
-//! The columns' places and the links' ways: level through columns, in curves between them; backwards in lanes below the
-//! boxes that they pass. Pure.
+//! Horizontal positions of the layers and courses of the links: forward links are horizontal through layers and curved
+//! between them; backward links run in lanes below the boxes. Pure.
 
 use super::{Edge, LayeredGraph, Layout, PlanePoint, LinkRoute, NodeShape};
 
-/// Least distance of two columns.
+/// Least distance between two layers.
 const COLUMNS_APART: f64 = 56.0;
-/// Most.
+/// Greatest distance between two layers.
 const COLUMNS_APART_MAX: f64 = 150.0;
-/// A curve takes this part of its height in width.
+/// Width of a curve relative to its height.
 const SLOPE: f64 = 0.3;
-/// Between two lanes, and between a box and the first lane.
+/// Distance between two lanes, and between a box and the first lane.
 const LANE: f64 = 14.0;
 
 struct LayerColumn {
@@ -17,7 +17,7 @@ struct LayerColumn {
     right: f64,
 }
 
-/// A link that goes backwards: number of the edge, first and last column of its lane.
+/// A backward edge, and the first and last layer of its lane.
 #[derive(Clone, Copy)]
 struct BackwardEdge {
     edge: usize,
@@ -25,7 +25,7 @@ struct BackwardEdge {
     last: usize,
 }
 
-/// Everything gets its place.
+/// Computes all positions and courses.
 pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge], tops: &[f64]) -> Layout {
     let mut backs: Vec<BackwardEdge> = Vec::new();
     for (edge, it) in edges.iter().enumerate() {
@@ -100,7 +100,7 @@ pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge
     shifted_to_origin(places, routes, width, floor.lowest())
 }
 
-/// Everything is moved so that nothing is left of 0.
+/// Moves everything so that the smallest x is 0.
 fn shifted_to_origin(places: Vec<PlanePoint>, routes: Vec<LinkRoute>, width: f64, height: f64) -> Layout {
     let points = || routes.iter().flat_map(LinkRoute::points);
     let left = points().map(|point| point.x).fold(0.0, f64::min);
@@ -134,7 +134,7 @@ fn columns(layered: &LayeredGraph, shapes: &[NodeShape], tops: &[f64], backs: &[
         let width = widths.map(|shape| shapes[shape].width).fold(0.0, f64::max);
         let right = left + width;
         columns.push(LayerColumn { left, right });
-        // Those that turn in the gap behind this column.
+        // Backward links that turn in the gap after this layer.
         let turns = backs
             .iter()
             .map(|back| usize::from(back.last == layer) + usize::from(back.first == layer + 1));
@@ -145,7 +145,7 @@ fn columns(layered: &LayeredGraph, shapes: &[NodeShape], tops: &[f64], backs: &[
     columns
 }
 
-/// Level through its columns and curved between them.
+/// Returns the points of a forward link: horizontal through layers, curved between them.
 fn forward(
     layered: &LayeredGraph,
     columns: &[LayerColumn],
@@ -177,7 +177,7 @@ fn forward(
     points
 }
 
-/// How far down the columns reach.
+/// Lowest occupied position of each layer.
 struct LaneAllocator(Vec<f64>);
 
 impl LaneAllocator {
@@ -196,7 +196,7 @@ impl LaneAllocator {
         )
     }
 
-    /// A lane below these columns, which is theirs from now on.
+    /// Allocates a lane below these layers.
     fn allocate(&mut self, first: usize, last: usize) -> f64 {
         let y = self.0[first..=last].iter().copied().fold(0.0, f64::max) + LANE;
         self.0[first..=last].fill(y);

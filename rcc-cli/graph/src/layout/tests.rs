@@ -1,4 +1,4 @@
-//! Rules of the layout: columns from left to right, nothing on anything else, the same every time.
+//! Rules of the layout: layers from left to right, no overlaps, deterministic.
 
 use proptest::prelude::*;
 
@@ -21,7 +21,7 @@ fn overlap(a: (&NodeShape, PlanePoint), b: (&NodeShape, PlanePoint)) -> bool {
         || apart(a.1.y, a.1.y + a.0.height, b.1.y, b.1.y + b.0.height))
 }
 
-/// True if a straight piece of a link is in a shape.
+/// Returns true if a straight segment of a link crosses a box.
 fn is_in(shape: (&NodeShape, PlanePoint), from: PlanePoint, to: PlanePoint) -> bool {
     let (it, at) = shape;
     let between =
@@ -60,7 +60,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn boxes_never_meet_and_links_end_at_their_ports((shapes, edges) in nets()) {
+    fn boxes_never_overlap_and_links_end_at_their_ports((shapes, edges) in nets()) {
         let laid = layout(&shapes, &edges);
         for (number, a) in shapes.iter().enumerate() {
             for (other, b) in shapes.iter().enumerate().skip(number + 1) {
@@ -79,7 +79,7 @@ proptest! {
             prop_assert_eq!(points.last(), Some(&end));
             for pair in points.windows(2) {
                 for (shape, place) in shapes.iter().zip(&laid.places) {
-                    // A curve stays within the gap between two columns, where no box is.
+                    // Curves stay within the gap between two layers, where no box is.
                     prop_assert!(!is_in((shape, *place), pair[0], pair[1]), "{:?}", route);
                 }
             }
@@ -87,8 +87,8 @@ proptest! {
     }
 
     #[test]
-    fn what_is_read_is_left_of_its_readers((shapes, edges) in nets()) {
-        // From a shape to a later one only: no circles.
+    fn sources_are_left_of_their_readers((shapes, edges) in nets()) {
+        // Only from earlier to later boxes, so there are no cycles.
         let edges: Vec<Edge> = edges.into_iter().filter(|edge| edge.from.0 < edge.to.0).collect();
         let laid = layout(&shapes, &edges);
         for edge in edges.iter().filter(|edge| !edge.delayed) {
@@ -104,8 +104,8 @@ proptest! {
 }
 
 #[test]
-fn links_that_can_be_drawn_without_a_crossing_are() {
-    // Two chains, whose boxes are given crosswise.
+fn links_are_drawn_without_crossings_where_possible() {
+    // Two chains whose boxes are given in crossed order.
     let shapes = vec![shape(1); 6];
     let edge = |from: usize, to: usize| Edge {
         from: (from, 0),
@@ -123,6 +123,6 @@ fn links_that_can_be_drawn_without_a_crossing_are() {
 }
 
 #[test]
-fn nothing_is_drawn_of_nothing() {
+fn an_empty_graph_has_an_empty_layout() {
     assert_eq!(layout(&[], &[]), Layout::default());
 }

@@ -1,4 +1,4 @@
-//! The legend below a picture: only what the picture has. Pure.
+//! The legend below a diagram: only what the diagram contains. Pure.
 
 use std::fmt::Write as _;
 
@@ -9,11 +9,11 @@ use crate::boxes::PORT_SIZE;
 use crate::scene::Scene;
 use crate::text::width;
 
-/// What the colours and marks of a picture mean, as far as it has them.
+/// Style classes and texts of the colours and marks in a diagram.
 pub struct Legend(Vec<(&'static str, &'static str)>);
 
 impl Legend {
-    /// Of what a picture shows.
+    /// Collects the entries for a scene.
     pub fn of(scene: &Scene) -> Legend {
         let has = |role: PrimitiveRole| scene.boxes.iter().any(|(it, _)| it.role == role);
         let roles = ROLES.iter().filter(|(role, ..)| has(*role));
@@ -42,7 +42,7 @@ impl Legend {
         22.0 + width(words, PORT_SIZE) + 18.0
     }
 
-    /// The entries in rows that are not wider than this.
+    /// Arranges the entries in rows of at most this width.
     pub fn rows(&self, most: f64) -> Vec<Vec<(&'static str, &'static str)>> {
         let mut rows: Vec<Vec<_>> = vec![Vec::new()];
         let mut used = 0.0;
@@ -60,7 +60,7 @@ impl Legend {
         rows
     }
 
-    /// Below everything, the last row at the bottom.
+    /// Draws the legend at the bottom.
     pub fn draw(&self, out: &mut String, rows: &[Vec<(&'static str, &'static str)>], high: f64) {
         for (number, row) in rows.iter().rev().enumerate() {
             let y = high - 18.0 - 20.0 * number as f64;

@@ -1,17 +1,17 @@
-//! What is refused before XML is parsed: texts that are too long, elements too deep, too many attributes. XML parsers look
-//! at each attribute of an element for each other one, and at each open element for each new one: with these bounds, parsing
-//! takes time in proportion to the length of the text. One pass, no allocation.
+//! Refuses texts before XML parsing that are too long, nested too deep, or have too many attributes. XML parsers
+//! compare each attribute of an element with each other, and each new element with each open one: with these bounds,
+//! parsing takes linear time. One pass, no allocation.
 
 use super::UrdfError;
 
-/// Longest text, bytes: a large robot has some hundred thousand.
+/// Longest text, bytes; a large robot has some hundred thousand.
 pub const BYTES_MAX: usize = 8 << 20;
-/// Deepest element: a URDF needs about six.
+/// Greatest nesting depth; a URDF needs about six.
 pub const DEPTH_MAX: usize = 32;
-/// Most attributes of an element: a URDF needs about seven.
+/// Largest number of attributes of an element; a URDF needs about seven.
 pub const ATTRIBUTES_MAX: usize = 64;
 
-/// Nothing when the text is within all bounds. What is not well-formed is left to the parser.
+/// Checks the bounds. Ill-formed text is left to the parser.
 pub(super) fn check(text: &str) -> Result<(), UrdfError> {
     if text.len() > BYTES_MAX {
         let size = text.len();
@@ -52,14 +52,14 @@ pub(super) fn check(text: &str) -> Result<(), UrdfError> {
 }
 
 struct XmlTag {
-    /// Bytes up to and with its `>`.
+    /// Length up to and including its `>`, bytes.
     length: usize,
-    /// It is not closed by itself.
+    /// True unless the tag closes itself.
     opens: bool,
     attributes: usize,
 }
 
-/// The tag that a text begins with; nothing if it does not end.
+/// Parses the tag at the start of a text; `None` if it is not terminated.
 fn tag(text: &str) -> Option<XmlTag> {
     let (mut quote, mut attributes, mut before) = (None, 0, b'<');
     for (at, byte) in text.bytes().enumerate() {
@@ -82,7 +82,7 @@ fn tag(text: &str) -> Option<XmlTag> {
     None
 }
 
-/// Bytes up to and with `end`.
+/// Returns the length up to and including `end`, bytes.
 fn past(text: &str, end: &str) -> Option<usize> {
     text.find(end).map(|at| at + end.len())
 }
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_end_is_left_to_the_parser() {
+    fn unterminated_markup_is_left_to_the_parser() {
         for text in [
             "<",
             "<a",

@@ -85,7 +85,7 @@ pub fn read(system: &SystemRoot) -> UserFacts {
 /// Returns whether logind deletes a user's shared memory when the last session ends; `None` without systemd.
 #[must_use]
 pub fn remove_ipc(system: &SystemRoot) -> Option<bool> {
-    // Where sd_booted(3) looks.
+    // The check of sd_booted(3).
     if !system.has("run/systemd/system") {
         return None;
     }
