@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fault_is_told_at_once_with_the_name_of_the_input() {
+    fn all_errors_are_reported_with_the_names_of_the_inputs() {
         let text = "{sped: 0.2, speed: 0.3 m/s, on: 1, count: 2 N, joints: [1, 2, 3], goal: {xyz: [1, 2]}}";
         let told = faults(text);
         for words in [
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_mapping_is_refused() {
+    fn values_that_are_not_a_mapping_are_refused() {
         for text in [
             "",
             "[1]",

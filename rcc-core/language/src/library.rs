@@ -185,7 +185,7 @@ mod tests {
     use std::process::Command;
 
     #[test]
-    fn a_library_that_is_no_regular_file_is_refused_and_not_waited_for() -> io::Result<()> {
+    fn a_library_that_is_not_a_regular_file_is_refused_without_blocking() -> io::Result<()> {
         let pipe = std::env::temp_dir().join(format!("rcc-library-pipe-{}", std::process::id()));
         assert!(Command::new("mkfifo").arg(&pipe).status()?.success());
         let pipe = pipe.to_string_lossy().into_owned();
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_is_looked_for_beside_the_file_that_names_it() {
+    fn library_paths_are_relative_to_the_file_that_names_them() {
         for (user, path, want) in [
             ("net.yaml", "filters.yaml", "filters.yaml"),
             ("nets/net.yaml", "./library/../a.yaml", "nets/a.yaml"),

@@ -295,7 +295,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_prefix_is_taken_off_whole_names_only() {
+    fn only_prefixes_of_whole_names_are_removed() {
         let text = strip_name_prefix("`a/b.x`, a/c.y and ba/d.z of a/a/e", "a/");
         assert_eq!(text, "`b.x`, c.y and ba/d.z of a/e");
     }

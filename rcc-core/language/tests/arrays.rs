@@ -1,4 +1,4 @@
-//! Arrays, matrices, windows and tables: what the worked values of the specs cannot say.
+//! Tests of arrays, matrices, windows and tables beyond the worked values of the specs.
 
 mod harness;
 
@@ -19,7 +19,7 @@ fn run(primitives: &str, discard: &str) -> NetHarness {
 
 #[test]
 fn one_of_several_poses_is_chosen() {
-    let mut bench = run(
+    let mut harness = run(
         "  ticks: {type: Counter, inputs: {in: true}}
   a: {type: Constant, parameters: {value: {xyz: [1, 0, 0], quat: [0, 0, 0, 1]}}}
   b: {type: Invert, inputs: {in: a.out}}
@@ -27,20 +27,25 @@ fn one_of_several_poses_is_chosen() {
   x: {type: Abs, inputs: {in: goal.out.x}}",
         "x.out",
     );
-    bench.step();
+    harness.step();
     assert_eq!(
-        bench.values("goal.out"),
+        harness.values("goal.out"),
         [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
     );
-    bench.step();
-    assert_eq!(bench.values("goal.out")[..1], [-1.0]);
-    bench.step();
-    assert!(bench.values("goal.out").iter().all(|value| value.is_nan()));
+    harness.step();
+    assert_eq!(harness.values("goal.out")[..1], [-1.0]);
+    harness.step();
+    assert!(
+        harness
+            .values("goal.out")
+            .iter()
+            .all(|value| value.is_nan())
+    );
 }
 
 #[test]
 fn lengths_go_through_matrices() {
-    let mut bench = run(
+    let mut harness = run(
         "  m: {type: Transpose, inputs: {in: [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]}}
   p: {type: MatrixMultiply, inputs: {a: m.out, b: [[1.0, 0.0], [0.0, 2.0]]}}
   v: {type: MatrixApply, inputs: {matrix: p.out, in: [1.0, 1.0]}}
@@ -49,16 +54,16 @@ fn lengths_go_through_matrices() {
   last: {type: Abs, inputs: {in: 'all.out[4]'}}",
         "n.out, last.out",
     );
-    bench.step();
-    assert_eq!(bench.values("p.out"), [1.0, 8.0, 2.0, 10.0, 3.0, 12.0]);
-    assert_eq!(bench.values("v.out"), [9.0, 12.0, 15.0]);
-    assert_eq!(bench.values("all.out"), [9.0, 12.0, 15.0, 9.0, 12.0]);
+    harness.step();
+    assert_eq!(harness.values("p.out"), [1.0, 8.0, 2.0, 10.0, 3.0, 12.0]);
+    assert_eq!(harness.values("v.out"), [9.0, 12.0, 15.0]);
+    assert_eq!(harness.values("all.out"), [9.0, 12.0, 15.0, 9.0, 12.0]);
 }
 
 #[test]
 fn a_window_is_the_fold_of_its_values_for_every_length() {
     for cycles in [1, 2, 3, 5, 8, 13, 100] {
-        let mut bench = run(
+        let mut harness = run(
             &format!(
                 "  t: {{type: Time}}
   wave: {{type: Sine, inputs: {{in: angle.out}}}}
@@ -70,28 +75,28 @@ fn a_window_is_the_fold_of_its_values_for_every_length() {
         );
         let mut values = Vec::new();
         for _ in 0..250 {
-            bench.step();
-            values.push(bench.value("wave.out"));
+            harness.step();
+            values.push(harness.value("wave.out"));
             let window = &values[values.len().saturating_sub(cycles)..];
             let least = window.iter().copied().fold(f64::INFINITY, f64::min);
-            assert_eq!(bench.value("least.out"), least, "{cycles}");
+            assert_eq!(harness.value("least.out"), least, "{cycles}");
             let mean = window.iter().sum::<f64>() / window.len() as f64;
-            let have = bench.values("mean.out");
+            let have = harness.values("mean.out");
             assert!((have[0] - mean).abs() < 1e-13, "{cycles}: {have:?}");
         }
     }
 }
 
 #[test]
-fn a_loop_through_the_last_known_value_is_not_null_for_ever() {
-    let mut bench = run(
+fn a_loop_through_last_known_recovers_from_null() {
+    let mut harness = run(
         "  last: {type: LastKnown, parameters: {initial: 1.0}, inputs: {in: {from: sum.out, delayed: true, initial: null}}}
   sum: {type: Add, inputs: {a: last.out, b: 1.0}}",
         "",
     );
-    bench.step();
-    bench.step();
-    assert_eq!(bench.value("sum.out"), 3.0);
+    harness.step();
+    harness.step();
+    assert_eq!(harness.value("sum.out"), 3.0);
 }
 
 #[test]
@@ -102,7 +107,7 @@ fn equations_are_solved_up_to_eight_unknowns() {
     };
     let matrix: Vec<String> = (0..8).map(row).collect();
     let matrix = matrix.join(", ");
-    let mut bench = run(
+    let mut harness = run(
         &format!(
             "  m: {{type: Constant, parameters: {{value: [{matrix}]}}}}
   x: {{type: Solve, inputs: {{matrix: m.out, in: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]}}}}
@@ -112,11 +117,11 @@ fn equations_are_solved_up_to_eight_unknowns() {
         ),
         "b.out, one.out",
     );
-    bench.step();
-    for (have, want) in bench.values("b.out").iter().zip(1..) {
+    harness.step();
+    for (have, want) in harness.values("b.out").iter().zip(1..) {
         assert!((have - f64::from(want)).abs() < 1e-12);
     }
-    for (place, value) in bench.values("one.out").iter().enumerate() {
+    for (place, value) in harness.values("one.out").iter().enumerate() {
         let want = if place % 9 == 0 { 1.0 } else { 0.0 };
         assert!((value - want).abs() < 1e-12, "{place}: {value}");
     }

@@ -1,5 +1,5 @@
-//! Every fault has a net in `tests/nets/bad` that causes it, and beside it what a person is told.
-//! `RCC_BLESS=1` writes the expected texts anew; look at every one of them before committing.
+//! Every diagnostic code has a net in `tests/nets/bad` that causes it, with the expected rendering beside it.
+//! `RCC_BLESS=1` rewrites the expected texts; review each of them before committing.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -20,7 +20,7 @@ fn cell() -> CellConfig {
         .unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// Libraries beside the nets.
+/// Reads libraries relative to the folder of the nets.
 struct LibrariesBesideNet;
 
 impl LibrarySource for LibrariesBesideNet {
@@ -33,7 +33,7 @@ fn compile(text: &str, name: &str, cell: &CellConfig) -> Result<Compiled, Faults
     compile_with(text, name, &DeviceTable::from(cell), &LibrariesBesideNet)
 }
 
-/// The files of the folder with this ending, sorted.
+/// Returns the files of the folder with this extension, sorted.
 fn files(ending: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder().join("bad")).unwrap();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
@@ -42,7 +42,7 @@ fn files(ending: &str) -> Vec<PathBuf> {
     files
 }
 
-/// The nets of the folder, in our form and in the predecessor's.
+/// Returns the nets of the folder, in YAML and in DirectIONet.
 fn nets() -> Vec<PathBuf> {
     [files("yaml"), files("net")].concat()
 }
@@ -52,7 +52,7 @@ fn stem(path: &Path) -> String {
 }
 
 #[test]
-fn every_bad_net_is_told_what_is_wrong() {
+fn every_bad_net_gives_its_expected_diagnostics() {
     let cell = cell();
     let bless = std::env::var_os("RCC_BLESS").is_some();
     let mut different = Vec::new();

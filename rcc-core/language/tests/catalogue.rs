@@ -1,5 +1,5 @@
-//! Properties of every primitive, made from its spec: whatever comes in, null, NaN, infinite, subnormal or extreme, nothing
-//! panics or allocates, and what comes out is null, finite and in range as the spec says.
+//! Properties of every primitive, derived from its spec: no input (null, NaN, infinite, subnormal or extreme) causes a
+//! panic or an allocation, and the outputs are null, finite and in range as the spec says.
 
 mod generate;
 mod harness;
@@ -18,22 +18,23 @@ use rcc_language::{Compiled, compile};
 #[global_allocator]
 static NO_HEAP: AllocDisabler = AllocDisabler;
 
-/// Cycles of one variant of a primitive.
+/// Cycles run for one variant of a primitive.
 const CYCLES: usize = 400;
-/// A table cannot say a list of links, nor that three numbers are a vector: these have tests of their own.
+/// Primitives with inputs that a table of worked values cannot express: a list of links, or three numbers as a vector.
+/// They have tests of their own.
 const NO_TABLE: [&str; 2] = ["Multiplexer", "Rotate"];
 const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
 
-/// What is put in.
+/// The kind of inputs.
 #[derive(Clone, Copy, PartialEq)]
 enum Inputs {
     /// Known, finite, between -8 and 8.
     Moderate,
-    /// Anything that fits into a slot.
+    /// Any bits that fit into a slot.
     Anything,
 }
 
-/// A primitive alone in a net, fed by `Input`s.
+/// A primitive alone in a net, connected to `Input`s.
 fn text(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
     let given = parameters(spec, open, random)?;
     let (mut wires, mut more) = (Vec::new(), String::new());
@@ -60,7 +61,7 @@ fn text(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
         .filter(|port| !port.diagnostic || (spec.role == Role::Motion && port.name == "joints"))
         .map(|port| format!("it.{}", port.name))
         .collect();
-    // A list of numbers is no Vector3 by itself: what reads the output says so.
+    // A list of numbers alone is not a Vector3; the reader of the output determines the type.
     if let (Some(split), Some(port)) = (split(open), spec.outputs.iter().find(|p| is_open(p.ty))) {
         more.push_str(&format!(
             "  sink: {{type: {}, inputs: {{in: it.{}}}}}\n",
@@ -82,7 +83,7 @@ fn text(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
     ))
 }
 
-/// The primitive that takes values of a type apart which only links can say.
+/// Returns a primitive that accepts only values of the type, which links must determine.
 fn split(open: Type) -> Option<&'static Spec> {
     let name = match open {
         Type::Vector3 => "SplitVector",
@@ -97,7 +98,7 @@ fn is_open(ty: PortType) -> bool {
     matches!(ty, PortType::Any | PortType::Linear | PortType::Of(_))
 }
 
-/// Everything of a primitive that compiles: once for each open type.
+/// Returns all variants of a primitive that compile: one for each open type.
 fn variants(spec: &Spec, cell: &CellConfig, random: &mut TestRandom) -> Vec<(String, Compiled)> {
     let mut found = Vec::new();
     let mut texts = BTreeSet::new();
@@ -155,11 +156,11 @@ fn int(inputs: Inputs, random: &mut TestRandom) -> i64 {
     }
 }
 
-/// Puts a value into each `Input`; returns whether all are known, and whether one of them is wholly null.
-fn poke(bench: &mut NetHarness, inputs: Inputs, random: &mut TestRandom) -> (bool, bool) {
+/// Writes a value to each `Input`. Returns whether all are known, and whether one of them is null as a whole.
+fn poke(harness: &mut NetHarness, inputs: Inputs, random: &mut TestRandom) -> (bool, bool) {
     let (mut all_known, mut one_null) = (true, false);
-    for index in 0..bench.net.names.primitives.len() {
-        let primitive = &bench.net.names.primitives[index];
+    for index in 0..harness.net.names.primitives.len() {
+        let primitive = &harness.net.names.primitives[index];
         if primitive.type_name != "Input" {
             continue;
         }
@@ -175,37 +176,37 @@ fn poke(bench: &mut NetHarness, inputs: Inputs, random: &mut TestRandom) -> (boo
             let slot = (port.slot + element) as usize;
             nulls += usize::from(match port.store {
                 Store::Bool => {
-                    bench.bools[slot] = match inputs {
+                    harness.bools[slot] = match inputs {
                         _ if null => 2,
                         Inputs::Anything => random.below(3) as u8,
                         Inputs::Moderate => random.below(2) as u8,
                     };
-                    bench.bools[slot] == 2
+                    harness.bools[slot] == 2
                 }
                 Store::Int => {
-                    bench.ints[slot] = if null { NULL_INT } else { int(inputs, random) };
-                    bench.ints[slot] == NULL_INT
+                    harness.ints[slot] = if null { NULL_INT } else { int(inputs, random) };
+                    harness.ints[slot] == NULL_INT
                 }
                 Store::Real => {
-                    // A pose is null as a whole, and what is known of it has a rotation.
+                    // A pose is null as a whole; a known one has a normalised rotation.
                     let whole = rotation.is_some();
                     let value = match whole {
                         true => random.share() * 2.0 - 1.0,
                         false => real(inputs, random),
                     };
-                    bench.reals[slot] = if null { f64::NAN } else { value };
-                    bench.reals[slot].is_nan()
+                    harness.reals[slot] = if null { f64::NAN } else { value };
+                    harness.reals[slot].is_nan()
                 }
             });
         }
         if let (Some(first), false) = (rotation, null) {
             let slots = (port.slot as usize + first)..(port.slot as usize + first + 4);
-            let length = bench.reals[slots.clone()]
+            let length = harness.reals[slots.clone()]
                 .iter()
                 .map(|x| x * x)
                 .sum::<f64>()
                 .sqrt();
-            bench.reals[slots].iter_mut().for_each(|x| *x /= length);
+            harness.reals[slots].iter_mut().for_each(|x| *x /= length);
         }
         all_known &= nulls == 0;
         one_null |= nulls == port.width as usize;
@@ -213,16 +214,16 @@ fn poke(bench: &mut NetHarness, inputs: Inputs, random: &mut TestRandom) -> (boo
     (all_known, one_null)
 }
 
-/// What the outputs must be, whatever the inputs are; says what is wrong.
-fn judge(
+/// Checks the outputs against the spec for any inputs, and describes a violation.
+fn check_outputs(
     spec: &Spec,
-    bench: &NetHarness,
+    harness: &NetHarness,
     known: bool,
     null: bool,
     inputs: Inputs,
 ) -> Result<(), String> {
     for port in spec.outputs {
-        let values = bench.values(&format!("it.{}", port.name));
+        let values = harness.values(&format!("it.{}", port.name));
         let nulls = values.iter().filter(|value| value.is_nan()).count();
         let said = |what: &str| Err(format!("`{}` {what}: {values:?}", port.name));
         if spec.null == PROPAGATES && null && nulls != values.len() {
@@ -251,7 +252,7 @@ fn judge(
     Ok(())
 }
 
-/// True if a spec's outputs do not follow from its inputs alone: it reads devices.
+/// Returns true if the outputs of a spec do not follow from its inputs alone, because it reads devices.
 fn reads_devices(spec: &Spec) -> bool {
     use rcc_core::primitive::ParameterKind::{Arm, Channel, Device};
     let kinds = spec.parameters.iter().map(|parameter| parameter.kind);
@@ -268,16 +269,16 @@ fn run(
     inputs: Inputs,
     random: &mut TestRandom,
 ) {
-    let mut bench = NetHarness::new(net, cell, HOLD);
+    let mut harness = NetHarness::new(net, cell, HOLD);
     for cycle in 0..CYCLES {
-        let (known, null) = poke(&mut bench, inputs, random);
+        let (known, null) = poke(&mut harness, inputs, random);
         let present = inputs == Inputs::Moderate || !random.once_in(5);
-        bench
+        harness
             .inputs
             .iter_mut()
             .for_each(|input| input.present = present);
-        assert_no_alloc(|| bench.step());
-        if let Err(wrong) = judge(spec, &bench, known && present, null, inputs) {
+        assert_no_alloc(|| harness.step());
+        if let Err(wrong) = check_outputs(spec, &harness, known && present, null, inputs) {
             panic!(
                 "{}, cycle {cycle}: {wrong}\nundefined: {:?}\n{text}",
                 spec.name, spec.undefined
@@ -290,7 +291,7 @@ fn all(inputs: Inputs, seed: u64) {
     let cell = cell("tests/nets/cell.yaml");
     let mut wrong = Vec::new();
     for entry in CATALOGUE {
-        // Its value is written from outside: that is what the test itself does.
+        // Its value is written from outside, by the test itself.
         if entry.spec.role == Role::Input {
             continue;
         }
@@ -319,7 +320,7 @@ fn any_input_gives_null_or_a_value_in_range_without_panic_or_heap() {
 }
 
 #[test]
-fn every_primitive_has_worked_values_unless_it_is_a_device_s() {
+fn every_primitive_without_a_device_has_worked_values() {
     let without = CATALOGUE.iter().map(|entry| &entry.spec).filter(|spec| {
         let plain = matches!(spec.role, Role::Plain | Role::Constant) && !reads_devices(spec);
         plain && spec.examples.is_empty() && !NO_TABLE.contains(&spec.name)

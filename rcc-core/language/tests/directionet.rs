@@ -1,4 +1,4 @@
-//! Nets that the predecessor's library generated: they load, or what is missing is said with its place.
+//! Nets that the predecessor's library generated: they load, or what is missing is reported with its span.
 
 mod harness;
 
@@ -14,7 +14,7 @@ fn text(name: &str) -> String {
     std::fs::read_to_string(folder("tests/data/directionet").join(name)).unwrap()
 }
 
-/// All nets, `flat/…` and `nested/…`, sorted.
+/// Returns all nets, `flat/…` and `nested/…`, sorted.
 fn all() -> Vec<String> {
     let mut names = Vec::new();
     for kind in ["flat", "nested"] {
@@ -26,27 +26,27 @@ fn all() -> Vec<String> {
     names
 }
 
-/// Compiles a net with lines of ours before it.
+/// Compiles a net with header lines prepended.
 fn load(header: &str, name: &str, cell: &CellConfig) -> Result<Compiled, Faults> {
     compile(&format!("{header}\n{}", text(name)), name, cell)
 }
 
 #[test]
-fn an_output_is_set_as_the_net_says() {
+fn an_output_is_set_as_the_net_states() {
     let cell = demo();
     let header = "# devices: io0=io\n# end: _2";
     let name = "flat/do_set-01-io-digital-output-0-setdigitalva.net";
     let net = load(header, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
     assert_eq!(net.net, "do-set-01-io-digital-output-0-setdigitalva");
-    let mut bench = NetHarness::new(net, &cell, [0.0; 7]);
-    bench.step();
+    let mut harness = NetHarness::new(net, &cell, [0.0; 7]);
+    harness.step();
     let (io, _) = cell.device("io").unwrap();
-    assert_eq!(bench.outputs[io].digital_commanded, 1);
-    assert_eq!(bench.outputs[io].digital, 1);
+    assert_eq!(harness.outputs[io].digital_commanded, 1);
+    assert_eq!(harness.outputs[io].digital, 1);
 }
 
 #[test]
-fn what_a_cell_does_not_have_is_told_once_with_what_to_write() {
+fn unknown_devices_are_reported_once_with_a_remedy() {
     let name = "flat/kr_lin-01-kr-ptp.net";
     let faults = load("", name, &demo()).unwrap_err();
     let devices: Vec<_> = faults
@@ -60,7 +60,7 @@ fn what_a_cell_does_not_have_is_told_once_with_what_to_write() {
 }
 
 #[test]
-fn every_fault_of_a_text_is_told_at_once_and_with_its_place() {
+fn all_errors_of_a_text_are_reported_with_their_spans() {
     let text = "{a=Core::DoubleAdd(inFrist=b.outValue,Second='x'),b=Core::DubleValue(Value='1'),\
         c=Core::TimeWall(),d=Core::DoubleAdd(inFirst=nobody.outValue,inSecond=a.outVal),outTerminate=a.outValue}";
     let faults = compile(text, "net", &demo()).unwrap_err();
@@ -83,7 +83,7 @@ fn every_fault_of_a_text_is_told_at_once_and_with_its_place() {
     );
 }
 
-/// A motion that was run: its file, where it starts, the results that end it, and where the text says that it goes.
+/// A motion to run: its file, start, the keys that end it, and the goal that the text states.
 struct Motion {
     file: &'static str,
     start: [f64; 7],
@@ -91,7 +91,7 @@ struct Motion {
     goal: [f64; 7],
 }
 
-/// Where the PTP motions of the library's programs lead, as their texts say.
+/// Goals of the PTP motions of the library's programs, as their texts state them.
 const AFTER_PTP: [f64; 7] = [0.3, 0.4, 0.0, -1.4, 0.0, 1.1, 0.0];
 const ZERO: [f64; 7] = [0.0; 7];
 
@@ -116,32 +116,33 @@ const PTP: &[Motion] = &[
     },
 ];
 
-/// Runs a net until it ends by its own result; the arm follows at once.
+/// Runs a net until it terminates by its own result; the arm follows without delay.
 fn run(motion: &Motion, cell: &CellConfig) -> Vec<[f64; 7]> {
     let header = format!("# end: {}", motion.end);
     let net = load(&header, motion.file, cell).unwrap_or_else(|faults| panic!("{faults}"));
-    let mut bench = NetHarness::new(net, cell, motion.start);
+    let mut harness = NetHarness::new(net, cell, motion.start);
     let (lwr, _) = cell.device("lwr").unwrap();
     let mut trace = vec![motion.start];
-    while !bench.terminated {
-        assert!(bench.cycle < 5000, "{} does not end", motion.file);
-        bench.step();
-        let output = &bench.outputs[lwr];
+    while !harness.terminated {
+        assert!(harness.cycle < 5000, "{} does not end", motion.file);
+        harness.step();
+        let output = &harness.outputs[lwr];
         assert!(
             output.has_position,
             "{} in cycle {}",
-            motion.file, bench.cycle
+            motion.file, harness.cycle
         );
         trace.push(output.position[..7].try_into().unwrap());
         let position = output.position;
-        bench.inputs[lwr].measurement.hold = position;
-        bench.inputs[lwr].measurement.position = position;
+        harness.inputs[lwr].measurement.hold = position;
+        harness.inputs[lwr].measurement.position = position;
     }
     trace
 }
 
-/// Finite, within the limits of the arm's configuration, and without a jump at the start.
-fn judge(trace: &[[f64; 7]], file: &str, cell: &CellConfig) {
+/// Asserts that the set-points are finite, within the limits of the arm's configuration, and without a jump at the
+/// start.
+fn check_trace(trace: &[[f64; 7]], file: &str, cell: &CellConfig) {
     let (lwr, _) = cell.device("lwr").unwrap();
     let limits = cell.models()[lwr].limits;
     for joint in 0..7 {
@@ -169,7 +170,7 @@ fn ptp_motions_end_at_their_goals_by_their_own_results() {
     let cell = demo();
     for motion in PTP {
         let trace = run(motion, &cell);
-        judge(&trace, motion.file, &cell);
+        check_trace(&trace, motion.file, &cell);
         let last = trace.last().unwrap();
         for (joint, goal) in motion.goal.iter().enumerate() {
             assert!(
@@ -197,7 +198,7 @@ fn straight_motions_stay_on_their_lines() {
             goal: ZERO,
         };
         let trace = run(&motion, &cell);
-        judge(&trace, file, &cell);
+        check_trace(&trace, file, &cell);
         let poses: Vec<_> = trace
             .iter()
             .map(|joints| arm.forward(&harness::eight(joints)))
@@ -222,7 +223,7 @@ fn straight_motions_stay_on_their_lines() {
     }
 }
 
-/// Runs a net of the blended program and gives where it ends.
+/// Runs a net of the blended program and returns its final position.
 fn leg(file: &'static str, start: [f64; 7], end: &'static str, cell: &CellConfig) -> [f64; 7] {
     let goal = ZERO;
     let trace = run(
@@ -234,12 +235,12 @@ fn leg(file: &'static str, start: [f64; 7], end: &'static str, cell: &CellConfig
         },
         cell,
     );
-    judge(&trace, file, cell);
+    check_trace(&trace, file, cell);
     *trace.last().unwrap()
 }
 
 #[test]
-fn three_lines_one_after_the_other_lead_back_to_where_they_began() {
+fn three_successive_lines_return_to_the_start() {
     let cell = demo();
     let (lwr, _) = cell.device("lwr").unwrap();
     let arm = cell.models()[lwr].arm.unwrap();
@@ -257,7 +258,7 @@ fn three_lines_one_after_the_other_lead_back_to_where_they_began() {
 }
 
 #[test]
-fn blended_lines_that_begin_half_way_end_where_the_whole_ones_do() {
+fn blended_lines_started_half_way_end_at_the_same_pose() {
     let cell = demo();
     let (lwr, _) = cell.device("lwr").unwrap();
     let arm = cell.models()[lwr].arm.unwrap();
@@ -282,7 +283,7 @@ fn blended_lines_that_begin_half_way_end_where_the_whole_ones_do() {
 }
 
 #[test]
-fn a_spline_ends_at_the_height_of_its_text_but_is_faster_than_the_arm_may_be() {
+fn a_spline_ends_at_the_stated_height_but_exceeds_the_arms_velocity() {
     let cell = demo();
     let (lwr, _) = cell.device("lwr").unwrap();
     let model = &cell.models()[lwr];
@@ -299,9 +300,9 @@ fn a_spline_ends_at_the_height_of_its_text_but_is_faster_than_the_arm_may_be() {
         .arm
         .unwrap()
         .forward(&harness::eight(trace.last().unwrap()));
-    // A number of the text.
+    // A number from the text.
     assert!((last.position[2] - 0.4174850272742231).abs() < 1e-12);
-    // Their driver lets it pass; ours ends a net that commands it.
+    // The predecessor's driver passes it; RCC ends a net that commands it.
     let fastest = trace
         .windows(2)
         .map(|pair| (pair[1][0] - pair[0][0]).abs() / 1e-3);
@@ -310,12 +311,12 @@ fn a_spline_ends_at_the_height_of_its_text_but_is_faster_than_the_arm_may_be() {
 }
 
 #[test]
-fn an_output_follows_the_inputs_that_its_text_names() {
+fn an_output_follows_the_inputs_that_the_text_names() {
     let cell = demo();
     let header = "# devices: io0=io\n# channels: io.InBool.8=door_closed, io.InReal.1=temperature, io.OutBool.2=clamp";
     let name = "flat/do_mirror-01-io-digital-output-2-mirrordigita.net";
     let net = load(header, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
-    let mut bench = NetHarness::new(net, &cell, ZERO);
+    let mut harness = NetHarness::new(net, &cell, ZERO);
     let (io, _) = cell.device("io").unwrap();
     // door_closed is the third digital input, temperature the second analog one, clamp the second output.
     for (door, temperature, clamp) in [
@@ -324,15 +325,15 @@ fn an_output_follows_the_inputs_that_its_text_names() {
         (false, 0.7, false),
         (true, 0.6, true),
     ] {
-        bench.inputs[io].measurement.digital = u64::from(door) << 2;
-        bench.inputs[io].measurement.analog[1] = temperature;
-        bench.step();
-        assert_eq!(bench.outputs[io].digital >> 1 & 1 == 1, clamp);
+        harness.inputs[io].measurement.digital = u64::from(door) << 2;
+        harness.inputs[io].measurement.analog[1] = temperature;
+        harness.step();
+        assert_eq!(harness.outputs[io].digital >> 1 & 1 == 1, clamp);
     }
 }
 
 #[test]
-fn a_line_begins_where_its_text_says() {
+fn a_line_begins_at_the_stated_pose() {
     let cell = demo();
     let (lwr, _) = cell.device("lwr").unwrap();
     let arm = cell.models()[lwr].arm.unwrap();
@@ -358,7 +359,7 @@ fn flat_and_nested_forms_give_the_same_set_points_bit_for_bit() {
         if !all().contains(&nested) {
             continue;
         }
-        let bench = |name: &str| {
+        let harness = |name: &str| {
             let net = load("", name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
             NetHarness::new(
                 net,
@@ -370,11 +371,11 @@ fn flat_and_nested_forms_give_the_same_set_points_bit_for_bit() {
                 },
             )
         };
-        let (mut flat, mut nested) = (bench(name), bench(&nested));
+        let (mut flat, mut nested) = (harness(name), harness(&nested));
         for cycle in 0..1500 {
             flat.step();
             nested.step();
-            let bits = |bench: &NetHarness| bench.outputs[lwr].position.map(f64::to_bits);
+            let bits = |harness: &NetHarness| harness.outputs[lwr].position.map(f64::to_bits);
             assert_eq!(bits(&flat), bits(&nested), "{name} in cycle {cycle}");
         }
         pairs += 1;
@@ -403,7 +404,7 @@ fn every_net_for_the_demos_arm_loads() {
             }
         }
     }
-    // All but the five nets for a KR of six axes.
+    // All except the five nets for a KR with six axes.
     assert_eq!(loaded, 26);
 }
 
@@ -415,7 +416,7 @@ fn a_net_for_six_axes_is_refused_for_an_arm_of_seven() {
 }
 
 #[test]
-fn what_is_written_in_our_form_is_the_same_plan() {
+fn a_net_converted_to_yaml_gives_the_same_plan() {
     let cell = demo();
     let table = rcc_language::devices::DeviceTable::from(&cell);
     for name in all().iter().filter(|name| name.contains("/lwr")) {
@@ -433,7 +434,7 @@ fn what_is_written_in_our_form_is_the_same_plan() {
 }
 
 #[test]
-fn a_net_of_ours_goes_there_and_back() {
+fn a_net_survives_conversion_to_directionet_and_back() {
     let cell = demo();
     let table = rcc_language::devices::DeviceTable::from(&cell);
     let yaml = "net: there-and-back\nprimitives:\n  cancel: {type: Cancel}\n  sum: {type: Add, inputs: {a: 1.5, b: 2.0}}\n  \
@@ -450,11 +451,11 @@ fn a_net_of_ours_goes_there_and_back() {
     };
     let text = there(yaml).unwrap();
     let net = compile(&text, "net", &cell).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
-    let mut bench = NetHarness::new(net, &cell, ZERO);
-    bench.step();
-    assert!(bench.terminated, "{text}");
+    let mut harness = NetHarness::new(net, &cell, ZERO);
+    harness.step();
+    assert!(harness.terminated, "{text}");
     let (io, _) = cell.device("io").unwrap();
-    assert_eq!(bench.outputs[io].digital & 1, 1);
+    assert_eq!(harness.outputs[io].digital & 1, 1);
     let yaml = yaml.replace(
         "{type: Add, inputs: {a: 1.5, b: 2.0}}",
         "{type: LowPass, parameters: {gain: 0.5}, inputs: {in: 1.5}}",
@@ -463,9 +464,10 @@ fn a_net_of_ours_goes_there_and_back() {
     assert_eq!(faults[0].code, rcc_language::fault::NO_COUNTERPART);
 }
 
-/// What one net keeps from the application and another one reads, in their form: here it goes by a topic.
+/// A value that one net keeps from the application and another one reads, in the predecessor's notation; in RCC it is a
+/// topic.
 #[test]
-fn values_from_net_to_net_go_by_topics() {
+fn values_between_nets_become_topics() {
     let cell = demo();
     let table = rcc_language::devices::DeviceTable::from(&cell);
     let gives = "{a=Core::DoubleValue(Value='2.5'),\
@@ -493,10 +495,10 @@ fn values_from_net_to_net_go_by_topics() {
     assert_eq!(gives.names.monitors.len(), 1);
     let input = &takes.names.inputs[0];
     assert_eq!(input.topic.as_deref(), Some("gives-it/outForce"));
-    // One means what the other one publishes.
+    // The topic of one net is the topic that the other publishes.
     let mut published = gives.plan.publishes.iter();
     assert!(published.any(|point| Some(point.topic) == takes.plan.inputs[0].topic));
-    // And back to their form.
+    // And back to the predecessor's notation.
     let yaml = "net: gives\nprimitives:\n  force: {type: Subscribe, parameters: {topic: other/outForce}}\n  \
         big: {type: Greater, inputs: {a: force.value, b: 1.0}}\n  \
         give: {type: Publish, parameters: {topic: gives/outBig}, inputs: {in: big.out}}\n  \

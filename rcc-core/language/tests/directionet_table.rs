@@ -1,4 +1,4 @@
-//! The table of the predecessor's types: every row is whole, the document is current, and what it promises loads.
+//! The table of the predecessor's types: every row is complete, the document is current, and what it promises loads.
 
 #[allow(dead_code)] // Nothing runs here.
 mod harness;
@@ -17,7 +17,7 @@ use rcc_language::directionet::values::ForeignType;
 /// Types of the predecessor: 304 of its core (168 of them in families), 17 that only its library knows.
 const TYPES: usize = 321;
 
-/// Words of the notation that are no primitives.
+/// Names in the notation that are not primitives.
 const WORDS: [&str; 3] = ["List", "At", "Else"];
 
 fn entries() -> Vec<&'static TypeEntry> {
@@ -42,7 +42,7 @@ fn every_type_has_a_counterpart_or_a_reason() {
 }
 
 #[test]
-fn every_output_comes_from_something_or_the_note_says_why_not() {
+fn every_output_has_a_counterpart_or_a_note() {
     for entry in entries() {
         for net in &entry.nets {
             let given: Vec<&str> = net
@@ -66,13 +66,13 @@ fn every_output_comes_from_something_or_the_note_says_why_not() {
     }
 }
 
-/// What is wrong with the net of a row.
-fn judge(entry: &TypeEntry, net: &AstFragment) -> Vec<String> {
+/// Describes what is wrong with the net of a row; empty if nothing is.
+fn check_row(entry: &TypeEntry, net: &AstFragment) -> Vec<String> {
     let mut wrong = Vec::new();
     for item in &net.items {
-        judge_primitive(entry, net, &item.primitive, &mut wrong);
+        check_primitive(entry, net, &item.primitive, &mut wrong);
         if let (Some(port), primitive) = (&item.port, &item.primitive) {
-            judge_port(entry, net, primitive, &port.name, &mut wrong);
+            check_port(entry, net, primitive, &port.name, &mut wrong);
         }
     }
     wrong
@@ -82,7 +82,7 @@ fn spec(name: &str) -> Option<&'static Spec> {
     primitives::find(name).map(|(_, entry)| &entry.spec)
 }
 
-fn judge_primitive(
+fn check_primitive(
     entry: &TypeEntry,
     net: &AstFragment,
     primitive: &AstPrimitive,
@@ -93,8 +93,8 @@ fn judge_primitive(
     };
     for AstArgument { value, .. } in arguments {
         if let AstValue::Link(from, port) = value {
-            judge_primitive(entry, net, from, wrong);
-            judge_port(entry, net, from, &port.name, wrong);
+            check_primitive(entry, net, from, wrong);
+            check_port(entry, net, from, &port.name, wrong);
         }
     }
     if WORDS.contains(&ty.name.as_str()) {
@@ -126,7 +126,7 @@ fn judge_primitive(
     }
 }
 
-fn judge_port(
+fn check_port(
     entry: &TypeEntry,
     net: &AstFragment,
     from: &AstPrimitive,
@@ -163,11 +163,11 @@ fn judge_port(
 }
 
 #[test]
-fn every_row_names_what_the_catalogue_has() {
+fn every_row_uses_names_of_the_catalogue() {
     let mut wrong = BTreeSet::new();
     for entry in entries() {
         for net in &entry.nets {
-            let found = judge(entry, net);
+            let found = check_row(entry, net);
             wrong.extend(
                 found
                     .into_iter()
@@ -204,7 +204,7 @@ impl TestRandom {
     }
 }
 
-/// A constant of a type as the predecessor writes it.
+/// Returns a constant of a type in the predecessor's notation.
 fn constant(ty: Type, random: &mut TestRandom) -> String {
     let mut number = || format!("{}.{}", random.below(3), random.below(10));
     match ty {
@@ -220,13 +220,13 @@ fn constant(ty: Type, random: &mut TestRandom) -> String {
     }
 }
 
-/// A family's name for a type.
+/// Returns the prefix of the family for a type.
 fn family(ty: Type) -> &'static str {
     let row = table::FAMILIES.iter().find(|row| row.1 == ty);
     row.map_or("Core::Double", |row| row.0)
 }
 
-/// A net of `count` primitives that the table promises to load.
+/// Generates a net of `count` primitives that the table promises to load.
 fn net(count: usize, random: &mut TestRandom) -> String {
     let usable: Vec<&TypeEntry> = entries()
         .into_iter()
@@ -240,12 +240,15 @@ fn net(count: usize, random: &mut TestRandom) -> String {
                 .parameters
                 .iter()
                 .any(|port| port.ty == Type::Text && port.name != "Key");
-            let whole = entry.nets.iter().all(|net| judge(entry, net).is_empty());
+            let whole = entry
+                .nets
+                .iter()
+                .all(|net| check_row(entry, net).is_empty());
             !matches!(entry.row.to, Counterpart::None(_)) && !array && !device && whole
         })
         .collect();
     let mut text = String::from("{");
-    // Outputs so far, by type: where a link may come from.
+    // Outputs so far, by type: the possible sources of links.
     let mut outputs: Vec<(Type, String)> = Vec::new();
     for number in 0..count {
         let entry = usable[random.below(usable.len())];

@@ -1,5 +1,5 @@
-//! What the documentation shows is true: its nets compile for the demo cell, and the primitive that it takes apart is the
-//! one in the catalogue.
+//! The documentation is correct: its nets compile for the demo cell, and the primitive that it explains is the one in
+//! the catalogue.
 
 #[allow(dead_code)] // Pages need no cycle.
 mod harness;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use harness::{cell, folder};
 use rcc_language::compile;
 
-/// The README and every page of `docs/`.
+/// Returns the README and every page of `docs/`.
 fn pages() -> Vec<(PathBuf, String)> {
     let docs = fs::read_dir(folder("docs")).expect("the docs");
     let docs = docs.map(|entry| entry.expect("an entry").path());
@@ -24,7 +24,7 @@ fn pages() -> Vec<(PathBuf, String)> {
         .collect()
 }
 
-/// The blocks of a kind.
+/// Returns the code blocks of a kind.
 fn blocks<'a>(text: &'a str, kind: &str) -> Vec<&'a str> {
     let fence = format!("```{kind}\n");
     let parts = text.split(fence.as_str()).skip(1);
@@ -57,7 +57,7 @@ fn every_net_of_the_documentation_compiles() {
 }
 
 #[test]
-fn the_primitive_that_is_taken_apart_is_the_one_in_the_catalogue() {
+fn the_primitive_in_the_documentation_is_the_one_in_the_catalogue() {
     let page = fs::read_to_string(folder("docs/primitive.md")).expect("the page");
     let shown = blocks(&page, "rust");
     let file = fs::read_to_string(folder("rcc-core/src/primitives/toggle.rs")).expect("the file");

@@ -1,4 +1,4 @@
-//! Every net in `configs/nets` compiles for the demo cell, runs in virtual time and does what it is there to show.
+//! Every net in `configs/nets` compiles for the demo cell, runs in virtual time and does what it demonstrates.
 
 mod harness;
 
@@ -9,7 +9,7 @@ use rcc_core::pose::Pose;
 use rcc_language::fault;
 use rcc_motion::stop_time;
 
-/// The start of the demo's arm, see `configs/cells/demo.yaml`.
+/// Start position of the demo's arm, see `configs/cells/demo.yaml`, rad.
 const START: [f64; 7] = [
     0.0,
     (-30.0_f64).to_radians(),
@@ -20,14 +20,14 @@ const START: [f64; 7] = [
     0.0,
 ];
 const FIGURES: [&str; 3] = ["line", "guarded-line", "welding-line"];
-/// No example takes longer.
+/// Limit of cycles for every example.
 const CYCLES_MAX: u64 = 20_000;
 
 fn demo() -> CellConfig {
     cell("configs/cells/demo.yaml")
 }
 
-fn bench(name: &str, cell: &CellConfig) -> NetHarness {
+fn harness(name: &str, cell: &CellConfig) -> NetHarness {
     NetHarness::new(example(name, cell), cell, START)
 }
 
@@ -41,14 +41,14 @@ fn channel(cell: &CellConfig, device: &str, channel: &str) -> (usize, usize) {
     (index, channel.index as usize)
 }
 
-fn set_digital(bench: &mut NetHarness, (device, channel): (usize, usize), value: bool) {
-    let digital = &mut bench.inputs[device].measurement.digital;
+fn set_digital(harness: &mut NetHarness, (device, channel): (usize, usize), value: bool) {
+    let digital = &mut harness.inputs[device].measurement.digital;
     *digital = *digital & !(1 << channel) | u64::from(value) << channel;
 }
 
-/// The commanded value of a digital output; `None`: not commanded.
-fn digital(bench: &NetHarness, (device, channel): (usize, usize)) -> Option<bool> {
-    let output = &bench.outputs[device];
+/// Returns the commanded value of a digital output; `None` if it is not commanded.
+fn digital(harness: &NetHarness, (device, channel): (usize, usize)) -> Option<bool> {
+    let output = &harness.outputs[device];
     (output.digital_commanded >> channel & 1 == 1).then_some(output.digital >> channel & 1 == 1)
 }
 
@@ -56,7 +56,7 @@ fn pose(values: &[f64]) -> Pose {
     Pose::from_slots(values.try_into().unwrap())
 }
 
-/// How far a point is from the line through two others, m.
+/// Returns the distance of a point from the line through two others, m.
 fn off_line(point: &Pose, from: &Pose, to: &Pose) -> f64 {
     let along: Vec<f64> = (0..3).map(|i| to.position[i] - from.position[i]).collect();
     let way: Vec<f64> = (0..3)
@@ -77,18 +77,18 @@ fn all_examples_run_without_a_panic() {
     for entry in std::fs::read_dir(folder("configs/nets")).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let mut bench = bench(&name, &cell);
-        assert_eq!(bench.net.net, name, "a net is named as its file");
+        let mut harness = harness(&name, &cell);
+        assert_eq!(harness.net.net, name, "a net is named as its file");
         assert!(
-            !bench.net.description.is_empty(),
+            !harness.net.description.is_empty(),
             "{name} says what it shows"
         );
         for cycle in 0..2000 {
-            bench
+            harness
                 .inputs
                 .iter_mut()
                 .for_each(|input| input.present = cycle % 700 != 699);
-            bench.step();
+            harness.step();
         }
         count += 1;
     }
@@ -118,28 +118,28 @@ fn only_figure_3_has_a_warning() {
 }
 
 #[test]
-fn the_figures_end_on_their_lines_one_after_the_other() {
+fn the_figures_end_on_their_successive_lines() {
     let cell = demo();
     let arm = cell.models()[0].arm.unwrap();
     let mut hold = START;
     for name in FIGURES {
-        let mut bench = NetHarness::new(example(name, &cell), &cell, hold);
-        let (from, to) = (arm.forward(&eight(&hold)), pose(&bench.values_of_goal()));
-        while !bench.terminated {
-            bench.step();
-            assert!(bench.cycle < CYCLES_MAX, "{name} does not end");
-            let set_point = bench.outputs[0].position;
+        let mut harness = NetHarness::new(example(name, &cell), &cell, hold);
+        let (from, to) = (arm.forward(&eight(&hold)), pose(&harness.values_of_goal()));
+        while !harness.terminated {
+            harness.step();
+            assert!(harness.cycle < CYCLES_MAX, "{name} does not end");
+            let set_point = harness.outputs[0].position;
             assert!(
-                bench.outputs[0].has_position,
+                harness.outputs[0].has_position,
                 "{name}: cycle {}",
-                bench.cycle
+                harness.cycle
             );
             hold.copy_from_slice(&set_point[..7]);
             let flange = arm.forward(&eight(&hold));
             assert!(
                 off_line(&flange, &from, &to) < 1e-9,
                 "{name}: cycle {}",
-                bench.cycle
+                harness.cycle
             );
             assert!(
                 cell.models()[0]
@@ -158,7 +158,7 @@ fn the_figures_end_on_their_lines_one_after_the_other() {
                     .all(|(upper, q)| q < *upper)
             );
         }
-        assert_eq!(bench.value("move.done"), 1.0);
+        assert_eq!(harness.value("move.done"), 1.0);
         assert!(
             arm.forward(&eight(&hold)).distance_to(&to) < 1e-9,
             "{name} ends at its goal"
@@ -167,14 +167,14 @@ fn the_figures_end_on_their_lines_one_after_the_other() {
 }
 
 impl NetHarness {
-    /// The goal of the motion: the only pose among the constants of the examples.
+    /// Returns the goal of the motion: the only pose among the constants of the examples.
     fn values_of_goal(&self) -> Vec<f64> {
         let down = |pose: &&[f64]| (pose[4] - 1.0).abs() < 1e-9 && pose[0] > 0.1;
         self.net.plan.reals.windows(7).find(down).unwrap().to_vec()
     }
 }
 
-/// Limits of the guarded line; a stop does not depend on the length.
+/// Limits of the guarded line; a stop does not depend on its length.
 const LINE: PathLimits = PathLimits {
     length: 0.0,
     velocity: 0.1,
@@ -185,58 +185,58 @@ const LINE: PathLimits = PathLimits {
 #[test]
 fn the_guarded_line_stops_within_its_limits_when_the_force_rises() {
     let cell = demo();
-    let mut bench = bench("guarded-line", &cell);
-    while bench.value("move.distance").is_nan() || bench.value("move.distance") < 0.05 {
-        bench.step();
-        assert_eq!(bench.value("stop.out"), 0.0);
+    let mut harness = harness("guarded-line", &cell);
+    while harness.value("move.distance").is_nan() || harness.value("move.distance") < 0.05 {
+        harness.step();
+        assert_eq!(harness.value("stop.out"), 0.0);
     }
     let stop_s = stop_time(
-        bench.value("move.speed"),
-        bench.value("move.acceleration"),
+        harness.value("move.speed"),
+        harness.value("move.acceleration"),
         &LINE,
     );
-    let begin = bench.cycle;
-    bench.inputs[0].measurement.wrench[2] = 12.5;
-    bench.step();
-    assert_eq!(bench.value("stop.out"), 1.0, "in the same cycle");
-    // The contact is over at once; the motion stays stopped all the same.
-    bench.inputs[0].measurement.wrench[2] = 0.0;
-    while !bench.terminated {
-        bench.step();
-        assert!(bench.cycle < CYCLES_MAX);
+    let begin = harness.cycle;
+    harness.inputs[0].measurement.wrench[2] = 12.5;
+    harness.step();
+    assert_eq!(harness.value("stop.out"), 1.0, "in the same cycle");
+    // The contact ends at once, but the motion stays stopped.
+    harness.inputs[0].measurement.wrench[2] = 0.0;
+    while !harness.terminated {
+        harness.step();
+        assert!(harness.cycle < CYCLES_MAX);
     }
-    let took_s = (bench.cycle - begin) as f64 * 1e-3;
+    let took_s = (harness.cycle - begin) as f64 * 1e-3;
     assert!(
         (took_s - stop_s).abs() <= 1e-3 + 1e-9,
         "{took_s} s, not {stop_s} s"
     );
-    assert!(bench.value("move.distance") < 0.08);
+    assert!(harness.value("move.distance") < 0.08);
 }
 
 #[test]
 fn the_guarded_line_stops_when_the_sensor_is_lost() {
     let cell = demo();
-    let mut bench = bench("guarded-line", &cell);
-    (0..500).for_each(|_| bench.step());
-    let before = bench.value("move.distance");
-    bench.inputs[0].present = false;
-    while !bench.terminated {
-        bench.step();
-        assert!(bench.cycle < CYCLES_MAX);
+    let mut harness = harness("guarded-line", &cell);
+    (0..500).for_each(|_| harness.step());
+    let before = harness.value("move.distance");
+    harness.inputs[0].present = false;
+    while !harness.terminated {
+        harness.step();
+        assert!(harness.cycle < CYCLES_MAX);
     }
-    assert!(bench.value("move.distance") - before < 0.02);
+    assert!(harness.value("move.distance") - before < 0.02);
 }
 
 #[test]
-fn the_torch_burns_exactly_between_its_positions() {
+fn the_torch_is_on_exactly_between_its_positions() {
     let cell = demo();
-    let mut bench = bench("welding-line", &cell);
+    let mut harness = harness("welding-line", &cell);
     let torch = channel(&cell, "lwr", "torch");
     let mut burnt = 0;
-    while !bench.terminated {
-        bench.step();
-        let distance = bench.value("move.distance");
-        let burning = digital(&bench, torch).expect("it is always commanded");
+    while !harness.terminated {
+        harness.step();
+        let distance = harness.value("move.distance");
+        let burning = digital(&harness, torch).expect("it is always commanded");
         assert_eq!(
             burning,
             distance > 0.05 && distance < 0.1,
@@ -250,65 +250,68 @@ fn the_torch_burns_exactly_between_its_positions() {
 #[test]
 fn the_torch_is_off_from_the_cycle_of_the_cancel() {
     let cell = demo();
-    let mut bench = bench("welding-line", &cell);
+    let mut harness = harness("welding-line", &cell);
     let torch = channel(&cell, "lwr", "torch");
-    while digital(&bench, torch) != Some(true) {
-        bench.step();
+    while digital(&harness, torch) != Some(true) {
+        harness.step();
     }
-    (0..100).for_each(|_| bench.step());
-    bench.cancel = true;
-    while !bench.terminated {
-        bench.step();
-        assert_eq!(digital(&bench, torch), Some(false));
-        assert!(bench.cycle < CYCLES_MAX);
+    (0..100).for_each(|_| harness.step());
+    harness.cancel = true;
+    while !harness.terminated {
+        harness.step();
+        assert_eq!(digital(&harness, torch), Some(false));
+        assert!(harness.cycle < CYCLES_MAX);
     }
-    assert!(bench.value("move.distance") < 0.1);
+    assert!(harness.value("move.distance") < 0.1);
 }
 
 #[test]
 fn blink_switches_the_lamp_at_its_times_and_ends() {
     let cell = demo();
-    let (mut bench, lamp) = (bench("blink", &cell), channel(&cell, "io", "lamp"));
+    let (mut harness, lamp) = (harness("blink", &cell), channel(&cell, "io", "lamp"));
     let mut on = Vec::new();
-    while !bench.terminated {
-        bench.step();
-        if digital(&bench, lamp) == Some(true) {
-            on.push(bench.cycle);
+    while !harness.terminated {
+        harness.step();
+        if digital(&harness, lamp) == Some(true) {
+            on.push(harness.cycle);
         }
     }
-    assert_eq!((on.first(), on.len(), bench.cycle), (Some(&502), 999, 2002));
+    assert_eq!(
+        (on.first(), on.len(), harness.cycle),
+        (Some(&502), 999, 2002)
+    );
 }
 
 #[test]
 fn mirror_shows_the_door() {
     let cell = demo();
-    let mut bench = bench("mirror", &cell);
+    let mut harness = harness("mirror", &cell);
     let (door, lamp) = (
         channel(&cell, "io", "door_closed"),
         channel(&cell, "io", "lamp"),
     );
     for value in [false, true, false] {
-        set_digital(&mut bench, door, value);
-        bench.step();
-        assert_eq!(digital(&bench, lamp), Some(value));
+        set_digital(&mut harness, door, value);
+        harness.step();
+        assert_eq!(digital(&harness, lamp), Some(value));
     }
-    bench.inputs[door.0].present = false;
-    bench.step();
-    assert_eq!(digital(&bench, lamp), None);
+    harness.inputs[door.0].present = false;
+    harness.step();
+    assert_eq!(digital(&harness, lamp), None);
 }
 
 #[test]
 fn scale_commands_what_it_computes() {
     let cell = demo();
-    let mut bench = bench("scale", &cell);
+    let mut harness = harness("scale", &cell);
     let (temperature, belt) = (
         channel(&cell, "io", "temperature"),
         channel(&cell, "io", "belt_speed"),
     );
     for (kelvin, speed) in [(300.0, 0.01), (300.1, 0.0101), (280.0, 0.0099)] {
-        bench.inputs[temperature.0].measurement.analog[temperature.1] = kelvin;
-        bench.step();
-        let commanded = bench.outputs[belt.0].analog[belt.1];
+        harness.inputs[temperature.0].measurement.analog[temperature.1] = kelvin;
+        harness.step();
+        let commanded = harness.outputs[belt.0].analog[belt.1];
         assert!(
             (commanded - speed).abs() < 1e-12,
             "{kelvin} K: {commanded} m/s"
@@ -319,46 +322,46 @@ fn scale_commands_what_it_computes() {
 #[test]
 fn rising_edge_ends_when_the_door_is_closed_after_it_was_open() {
     let cell = demo();
-    let (mut bench, door) = (
-        bench("rising-edge", &cell),
+    let (mut harness, door) = (
+        harness("rising-edge", &cell),
         channel(&cell, "io", "door_closed"),
     );
     for (closed, ends) in [(true, false), (true, false), (false, false), (true, true)] {
-        set_digital(&mut bench, door, closed);
-        bench.step();
-        assert_eq!(bench.terminated, ends);
+        set_digital(&mut harness, door, closed);
+        harness.step();
+        assert_eq!(harness.terminated, ends);
     }
 }
 
 #[test]
-fn or_else_goes_on_without_a_value() {
+fn or_else_continues_without_a_value() {
     let cell = demo();
-    let mut bench = bench("or-else", &cell);
-    assert!(bench.net.plan.survives_device_loss);
+    let mut harness = harness("or-else", &cell);
+    assert!(harness.net.plan.survives_device_loss);
     let (wire, belt) = (
         channel(&cell, "lwr", "wire_speed_measured"),
         channel(&cell, "io", "belt_speed"),
     );
     for (present, lamp, speed) in [(true, false, 0.2), (false, true, 0.05), (true, false, 0.2)] {
-        bench.inputs[wire.0].measurement.analog[wire.1] = 0.2;
-        bench.inputs[wire.0].present = present;
-        bench.step();
-        assert_eq!(digital(&bench, channel(&cell, "io", "lamp")), Some(lamp));
-        assert_eq!(bench.outputs[belt.0].analog[belt.1], speed);
+        harness.inputs[wire.0].measurement.analog[wire.1] = 0.2;
+        harness.inputs[wire.0].present = present;
+        harness.step();
+        assert_eq!(digital(&harness, channel(&cell, "io", "lamp")), Some(lamp));
+        assert_eq!(harness.outputs[belt.0].analog[belt.1], speed);
     }
 }
 
 #[test]
-fn feedback_filters_and_forgets_null() {
+fn feedback_filters_and_recovers_from_null() {
     let cell = demo();
-    let (mut bench, temperature) = (
-        bench("feedback", &cell),
+    let (mut harness, temperature) = (
+        harness("feedback", &cell),
         channel(&cell, "io", "temperature"),
     );
     let mut step = |kelvin: f64| {
-        bench.inputs[temperature.0].measurement.analog[temperature.1] = kelvin;
-        bench.step();
-        bench.value("y.out")
+        harness.inputs[temperature.0].measurement.analog[temperature.1] = kelvin;
+        harness.step();
+        harness.value("y.out")
     };
     assert_eq!(step(300.0), 300.0);
     assert!((step(400.0) - 301.0).abs() < 1e-9);
@@ -368,9 +371,9 @@ fn feedback_filters_and_forgets_null() {
 }
 
 #[test]
-fn toggle_remembers_its_lamp() {
+fn toggle_keeps_its_lamp() {
     let cell = demo();
-    let mut bench = bench("toggle", &cell);
+    let mut harness = harness("toggle", &cell);
     let (door, lamp) = (
         channel(&cell, "io", "door_closed"),
         channel(&cell, "io", "lamp"),
@@ -384,9 +387,9 @@ fn toggle_remembers_its_lamp() {
         (false, false),
     ];
     for (closed, lit) in expected {
-        set_digital(&mut bench, door, closed);
-        bench.step();
-        assert_eq!(digital(&bench, lamp), Some(lit));
+        set_digital(&mut harness, door, closed);
+        harness.step();
+        assert_eq!(digital(&harness, lamp), Some(lit));
     }
 }
 
@@ -394,13 +397,13 @@ fn toggle_remembers_its_lamp() {
 fn new_goal_ends_at_the_second_goal_within_half_of_the_robot_s_limits() {
     let cell = demo();
     let limits = cell.models()[0].limits;
-    let mut bench = bench("new-goal", &cell);
+    let mut harness = harness("new-goal", &cell);
     let (mut position, mut velocity) = (START, [0.0; 7]);
     let mut acceleration = [0.0; 7];
-    while !bench.terminated {
-        bench.step();
-        assert!(bench.cycle < CYCLES_MAX, "it does not end");
-        let now = bench.values("move.position");
+    while !harness.terminated {
+        harness.step();
+        assert!(harness.cycle < CYCLES_MAX, "it does not end");
+        let now = harness.values("move.position");
         for (joint, now) in now.into_iter().enumerate() {
             let speed = (now - position[joint]) / 1e-3;
             let rate = (speed - velocity[joint]) / 1e-3;
@@ -419,34 +422,34 @@ fn new_goal_ends_at_the_second_goal_within_half_of_the_robot_s_limits() {
 }
 
 #[test]
-fn the_seam_is_followed_aside_within_the_bound_while_the_line_goes_on() {
+fn the_seam_correction_stays_within_its_bound_while_the_line_continues() {
     let cell = demo();
-    let mut bench = bench("seam", &cell);
+    let mut harness = harness("seam", &cell);
     let (mut last, mut fastest) = (0.0, 0.0_f64);
     let mut widest = 0.0_f64;
-    while !bench.terminated {
-        let wish = match bench.cycle {
+    while !harness.terminated {
+        let wish = match harness.cycle {
             0..1000 => 0.004,
             1000..1800 => 0.015,
             _ => f64::NAN,
         };
-        bench.set_real("beside.value", wish);
-        bench.step();
-        assert!(bench.cycle < CYCLES_MAX, "it does not end");
-        let (path, seam) = (bench.values("move.pose"), bench.values("seam.pose_out"));
-        let offset = bench.value("seam.offset");
+        harness.set_real("beside.value", wish);
+        harness.step();
+        assert!(harness.cycle < CYCLES_MAX, "it does not end");
+        let (path, seam) = (harness.values("move.pose"), harness.values("seam.pose_out"));
+        let offset = harness.value("seam.offset");
         assert!((seam[0] - path[0] - offset).abs() < 1e-12 && seam[1] == path[1]);
-        let limited = bench.value("seam.limited");
+        let limited = harness.value("seam.limited");
         assert_eq!(limited == 1.0, wish > 0.01, "beyond the bound is said");
         fastest = fastest.max((offset - last).abs() / 1e-3);
         widest = widest.max(offset);
         last = offset;
-        if bench.cycle == 900 {
+        if harness.cycle == 900 {
             assert!((offset - 0.004).abs() < 1e-12, "{offset}");
         }
     }
     assert!((widest - 0.01).abs() < 1e-12, "{widest}");
     assert_eq!(last, widest, "a null wish leaves the offset where it is");
     assert!(fastest <= 0.02 * (1.0 + 1e-9), "{fastest}");
-    assert!((bench.value("move.pose") - 0.538).abs() < 1e-3);
+    assert!((harness.value("move.pose") - 0.538).abs() < 1e-3);
 }

@@ -1,5 +1,5 @@
-//! Fragments and libraries: an instance is nothing but a way of writing its primitives, faults are told once, and no text
-//! makes more of itself than an executor gives. A thread of the test harness.
+//! Fragments and libraries: an instance is equivalent to its primitives, each error is reported once, and no text
+//! expands beyond the limits of an executor. Runs on a thread of the test harness.
 
 mod harness;
 
@@ -24,7 +24,7 @@ fn good(text: &str) -> Compiled {
     compile(text, &[]).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// Codes and places of the faults of a text.
+/// Returns codes and positions of the diagnostics of a text.
 fn bad(text: &str, libraries: &[(&str, &str)]) -> Vec<String> {
     let Err(faults) = compile(text, libraries) else {
         panic!("it is valid:\n{text}");
@@ -40,7 +40,7 @@ fn bad(text: &str, libraries: &[(&str, &str)]) -> Vec<String> {
     .collect()
 }
 
-/// The two texts give the same plan, and the primitives of the second have these names.
+/// Asserts that the two texts give the same plan, and that the primitives of the second have these names.
 fn same(fragments: &str, flat: &str) {
     let (fragments, flat) = (good(fragments), good(flat));
     assert_eq!(format!("{:?}", fragments.plan), format!("{:?}", flat.plan));
@@ -54,7 +54,7 @@ fn ids(net: &Compiled) -> Vec<&str> {
 const END: &str = "  end: {type: Termination, inputs: {done: false}}\n";
 
 #[test]
-fn an_instance_stands_for_its_primitives() {
+fn an_instance_is_equivalent_to_its_primitives() {
     let text = format!(
         "net: two
 fragments:
@@ -116,13 +116,13 @@ primitives:
 {END}discard: [b.y]
 "
     ));
-    let mut bench = NetHarness::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7]);
-    bench.step();
-    assert_eq!(bench.value("b/sum.out"), 6.0);
+    let mut harness = NetHarness::new(net, &cell("tests/nets/cell.yaml"), [0.0; 7]);
+    harness.step();
+    assert_eq!(harness.value("b/sum.out"), 6.0);
 }
 
 #[test]
-fn types_follow_each_instance() {
+fn types_are_inferred_for_each_instance() {
     let net = good(&format!(
         "net: any
 fragments:
@@ -142,7 +142,7 @@ primitives:
 }
 
 #[test]
-fn instances_nest_and_elements_and_delays_pass_their_borders() {
+fn nested_instances_pass_elements_and_delays() {
     let text = format!(
         "net: nested
 fragments:
@@ -186,7 +186,7 @@ primitives:
 }
 
 #[test]
-fn parameters_stand_within_lists_and_poses() {
+fn parameters_are_substituted_in_lists_and_poses() {
     let text = |value: &str, parameters: &str| {
         format!(
             "net: pose
@@ -222,8 +222,8 @@ primitives:
 }
 
 #[test]
-fn a_loop_is_judged_without_the_borders_of_fragments() {
-    // Each output depends on one of the inputs: what looks like a circle of instances is none.
+fn loops_are_checked_on_the_expanded_net() {
+    // Each output depends on one of the inputs, so the apparent cycle of instances is none.
     let text = |second: &str| {
         format!(
             "net: no-loop
@@ -293,7 +293,7 @@ primitives:
 }
 
 #[test]
-fn a_text_without_files_says_so_where_it_names_a_library() {
+fn a_library_in_a_text_without_files_is_refused() {
     let text = format!("net: alone\nuse: [a.yaml]\nprimitives:\n{END}");
     let cell = cell("tests/nets/cell.yaml");
     let faults = compile_with(&text, "net", &DeviceTable::from(&cell), &NoLibraries).unwrap_err();
@@ -302,7 +302,7 @@ fn a_text_without_files_says_so_where_it_names_a_library() {
 }
 
 #[test]
-fn a_fault_of_a_fragment_is_told_once() {
+fn an_error_in_a_fragment_is_reported_once() {
     let mut text = "net: often
 fragments:
   wrong:
@@ -332,7 +332,7 @@ primitives:
 }
 
 #[test]
-fn a_short_text_cannot_stand_for_a_million_primitives() {
+fn a_short_text_cannot_expand_to_a_million_primitives() {
     let mut text = "net: bomb\nfragments:\n".to_owned();
     for depth in 0..20 {
         let inner: Vec<String> = (0..10)
@@ -351,7 +351,7 @@ fn a_short_text_cannot_stand_for_a_million_primitives() {
 }
 
 #[test]
-fn instances_nest_only_so_deep() {
+fn the_nesting_of_instances_is_limited() {
     let mut text = "net: deep\nfragments:\n".to_owned();
     for depth in 0..50 {
         text += &format!(
@@ -365,7 +365,7 @@ fn instances_nest_only_so_deep() {
 }
 
 #[test]
-fn what_the_docs_show_is_valid() {
+fn the_nets_of_the_documentation_are_valid() {
     let text = std::fs::read_to_string(harness::folder("docs/fragments.md")).unwrap();
     let blocks: Vec<&str> = text
         .split("```yaml\n")
@@ -388,7 +388,7 @@ fn what_the_docs_show_is_valid() {
 }
 
 #[test]
-fn a_net_with_its_libraries_becomes_one_text_of_the_same_plan() {
+fn a_bundled_net_gives_the_same_plan() {
     let library = "library: filters
 fragments:
   smooth:

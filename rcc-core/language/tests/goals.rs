@@ -1,5 +1,5 @@
-//! Goals that become null while something goes to them: it comes to rest on its way, does not turn back, stays, and goes on
-//! when a goal is known again. As the manual promises of JointGoal, PoseGoal and ScalarGoal.
+//! Goals that become null during a motion: the motion comes to rest on its path, does not turn back, stays at rest, and
+//! continues when a goal is known again, as the manual of JointGoal, PoseGoal and ScalarGoal promises.
 
 mod harness;
 
@@ -8,7 +8,7 @@ use rcc_language::compile;
 
 const START: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
 
-/// The net, the port that shows where it is, and how many of its elements are no quaternion.
+/// The net, the port with the current position, and the number of its elements that are not part of a quaternion.
 const NETS: [(&str, &str, usize); 3] = [
     (
         "  goal: {type: Input, parameters: {initial: [0.5, 0.3, -0.1, -1.0, 0.2, 1.1, 0.6]}}
@@ -34,7 +34,7 @@ discard: [it.velocity]
     ),
 ];
 
-fn bench(rows: &str) -> NetHarness {
+fn harness(rows: &str) -> NetHarness {
     let cell = cell("tests/nets/cell.yaml");
     let (primitives, discard) = rows.split_once("discard").unwrap_or((rows, ""));
     let ports = ["pose", "position", "done", "flange_speed", "accepted"];
@@ -64,9 +64,9 @@ fn bench(rows: &str) -> NetHarness {
 }
 
 #[test]
-fn a_goal_that_becomes_null_on_the_way_stops_it_there_and_a_known_one_goes_on() {
+fn a_null_goal_stops_the_motion_on_its_path_and_a_known_one_continues_it() {
     for (rows, port, count) in NETS {
-        let (mut it, known) = (bench(rows), bench(rows));
+        let (mut it, known) = (harness(rows), harness(rows));
         let place = |it: &NetHarness| it.values(port)[..count].to_vec();
         (0..150).for_each(|_| it.step());
         let from = place(&it);

@@ -1,7 +1,7 @@
-//! Golden traces: every example net, run in virtual time against a script of inputs, computes the same bits as when its
+//! Golden traces: every example net, run in virtual time with a script of inputs, computes the same bits as when its
 //! trace was written, in debug and in release (`cargo test --release -p rcc-language --test golden`).
 //!
-//! `RCC_BLESS=1` writes the traces anew; a changed one is explained in its commit.
+//! `RCC_BLESS=1` rewrites the traces; a changed trace is explained in its commit.
 
 mod harness;
 
@@ -13,7 +13,7 @@ use rcc_config::CellConfig;
 
 /// Cycles whose values are in the trace; the last one ends the run.
 const SHOWN: [u64; 5] = [1, 10, 100, 950, 2950];
-/// Where the demo's arm starts, see `configs/cells/demo.yaml`.
+/// Start position of the demo's arm, see `configs/cells/demo.yaml`, rad.
 const START: [f64; 7] = [
     0.0,
     (-30.0_f64).to_radians(),
@@ -24,29 +24,29 @@ const START: [f64; 7] = [
     0.0,
 ];
 
-/// A number below 1000 that looks like chance.
+/// Returns a pseudo-random number below 1000.
 fn noise(cycle: u64, number: u64) -> u64 {
     let mixed = (cycle / 50 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15 ^ number << 32);
     mixed >> 40 & 0x3ff
 }
 
-/// Inputs that change every 50 cycles, a device that is away for ten of a thousand, and CANCEL in the end.
-fn script(bench: &mut NetHarness) {
-    let cycle = bench.cycle;
-    for (number, input) in (0..).zip(bench.inputs.iter_mut()) {
+/// Sets inputs that change every 50 cycles, with a device absent for ten of a thousand cycles, and CANCEL at the end.
+fn script(harness: &mut NetHarness) {
+    let cycle = harness.cycle;
+    for (number, input) in (0..).zip(harness.inputs.iter_mut()) {
         input.present = cycle % 1000 < 990 || input.measurement.joints > 0;
         input.measurement.digital = noise(cycle, number);
         for (channel, value) in (0..).zip(&mut input.measurement.analog) {
             *value = noise(cycle, number * 64 + channel) as f64 / 64.0;
         }
-        // Touched now and then, the first time after a second.
+        // Contact now and then, the first time after a second.
         let pressed = cycle > 1000 && noise(cycle, 7) > 768;
         input.measurement.wrench[2] = if pressed { 20.0 } else { 0.5 };
     }
-    bench.cancel = cycle >= 2500;
+    harness.cancel = cycle >= 2500;
 }
 
-/// FNV-1a over the bits of every output, by name and element; all nulls are one.
+/// FNV-1a over the bits of every output, by name and element; all nulls count as one value.
 fn mix(hash: u64, bits: u64) -> u64 {
     bits.to_le_bytes().iter().fold(hash, |hash, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
@@ -62,8 +62,8 @@ fn bits(value: f64) -> u64 {
 }
 
 fn trace(name: &str, cell: &CellConfig) -> String {
-    let mut bench = NetHarness::new(example(name, cell), cell, START);
-    let outputs: Vec<String> = bench
+    let mut harness = NetHarness::new(example(name, cell), cell, START);
+    let outputs: Vec<String> = harness
         .net
         .names
         .primitives
@@ -76,11 +76,11 @@ fn trace(name: &str, cell: &CellConfig) -> String {
     let mut hash = 0xcbf2_9ce4_8422_2325;
     let mut text = String::new();
     for cycle in 1..=SHOWN[SHOWN.len() - 1] {
-        script(&mut bench);
-        bench.step();
-        let values: Vec<Vec<f64>> = outputs.iter().map(|name| bench.values(name)).collect();
+        script(&mut harness);
+        harness.step();
+        let values: Vec<Vec<f64>> = outputs.iter().map(|name| harness.values(name)).collect();
         let all = values.iter().flatten().map(|value| bits(*value));
-        let commanded = bench.outputs.iter().flat_map(|output| {
+        let commanded = harness.outputs.iter().flat_map(|output| {
             let position = output.position.iter().map(|value| bits(*value));
             position.chain([output.digital, output.digital_commanded])
         });

@@ -1,4 +1,4 @@
-//! `Input` from a text to a plan: types and units by links, when it expires, its range, and its name for who sets it.
+//! `Input` from text to plan: types and units inferred from links, expiry, bounds, and the names for clients.
 
 #[allow(dead_code)] // Only its cell is used.
 mod harness;
@@ -16,7 +16,7 @@ fn net(input: &str, rest: &str) -> Compiled {
 }
 
 #[test]
-fn links_tell_its_type_and_unit() {
+fn links_determine_its_type_and_unit() {
     let sink = "  y: {type: AnalogOutput, parameters: {device: io, channel: belt_speed}, inputs: {in: x.value}}\n";
     let names = net("", sink).names;
     let input = &names.inputs[0];
@@ -30,7 +30,7 @@ fn links_tell_its_type_and_unit() {
 }
 
 #[test]
-fn its_initial_value_tells_them_too() {
+fn its_initial_value_determines_type_and_unit() {
     let sink = "  y: {type: Monitor, inputs: {value: x.value}}\n";
     for (initial, ty) in [
         ("{xyz: [0.5, 0, 0.3], rpy: [0, 0, 0]}", "Pose"),
@@ -65,7 +65,7 @@ fn its_initial_value_tells_them_too() {
 }
 
 #[test]
-fn it_expires_after_whole_evaluations_and_keeps_its_range() {
+fn it_expires_after_whole_evaluations_and_keeps_its_bounds() {
     let sink = "  y: {type: Monitor, inputs: {value: x.value}}\n";
     let parameters = ", parameters: {expires: 100 ms, at_least: -1 m, at_most: 2 m}";
     let compiled = net(parameters, sink);
@@ -91,7 +91,7 @@ fn it_expires_after_whole_evaluations_and_keeps_its_range() {
 }
 
 #[test]
-fn inputs_share_no_slot_even_if_they_begin_alike() {
+fn inputs_with_equal_initial_values_share_no_slot() {
     let rest = "  z: {type: Input, parameters: {initial: 1}}\n  y: {type: Monitor, inputs: {value: x.value}}\n  w: {type: Monitor, inputs: {value: z.value}}\n";
     let plan = net(", parameters: {initial: 1}", rest).plan;
     let [x, z] = plan.inputs.as_slice() else {

@@ -1,5 +1,5 @@
-//! Properties of the compiler: whatever the text, it answers with faults that have a place and never with a panic; what
-//! it accepts checks and runs; the form of the text and the order of its primitives do not show.
+//! Properties of the compiler: for any text, it returns diagnostics with spans and never panics; accepted nets pass the
+//! plan check and run; the notation and the order of the primitives do not matter.
 
 mod harness;
 
@@ -30,7 +30,7 @@ fn texts(folder_name: &str) -> Vec<(String, String)> {
         .collect()
 }
 
-/// All bits of a plan and its names.
+/// Returns all bits of a plan and its names.
 fn bits(compiled: &Compiled) -> String {
     format!("{:?} {:?}", compiled.plan, compiled.names)
 }
@@ -107,7 +107,7 @@ fn names_point_at_the_slots_of_the_plan() {
 }
 
 #[test]
-fn types_and_units_go_along_the_links() {
+fn types_and_units_propagate_along_links() {
     let text = "
 net: units
 primitives:
@@ -175,7 +175,7 @@ fn equal_primitives_run_in_a_row() {
     }
     text.push_str("  end: {type: Termination, inputs: {done: false}}\ndiscard: [max49.out]\n");
     let compiled = compile(&text, "net", &golden()).unwrap_or_else(|faults| panic!("{faults}"));
-    // Termination, Time, all Add, all Max: also a chain of equal primitives is one run.
+    // Termination, Time, all Add, all Max: a chain of equal primitives is one run as well.
     assert_eq!(compiled.plan.runs.len(), 4);
 }
 
@@ -194,12 +194,12 @@ fn a_net_of_ten_thousand_primitives_is_compiled() {
     text.push_str("discard: [p9999.out]\n");
     let compiled = compile(&text, "net", &golden()).unwrap_or_else(|faults| panic!("{faults}"));
     assert_eq!(compiled.plan.runs.len(), 2);
-    let mut bench = NetHarness::new(compiled, &golden(), [0.0; 7]);
-    bench.step();
-    assert_eq!(bench.value("p9999.out"), 1.0 + 9999.0 * 10_000.0 / 2.0);
+    let mut harness = NetHarness::new(compiled, &golden(), [0.0; 7]);
+    harness.step();
+    assert_eq!(harness.value("p9999.out"), 1.0 + 9999.0 * 10_000.0 / 2.0);
 }
 
-/// Compiles anything and looks at the answer.
+/// Compiles any text and checks the answer.
 fn answers_sensibly(text: &str, cell: &CellConfig) {
     match compile(text, "fuzz", cell) {
         Ok(compiled) => {
@@ -249,11 +249,11 @@ proptest! {
         let (forward, backward) = (made_up(&rows, false), made_up(&rows, true));
         let run = |text: &str| {
             let compiled = compile(text, "net", golden_once()).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
-            let mut bench = NetHarness::new(compiled, golden_once(), [0.0; 7]);
+            let mut harness = NetHarness::new(compiled, golden_once(), [0.0; 7]);
             let mut values = Vec::new();
             for _ in 0..5 {
-                bench.step();
-                values.extend((0..rows.len()).map(|row| bench.value(&format!("p{row}.out")).to_bits()));
+                harness.step();
+                values.extend((0..rows.len()).map(|row| harness.value(&format!("p{row}.out")).to_bits()));
             }
             values
         };
@@ -281,7 +281,7 @@ fn valid_once() -> &'static [String] {
     })
 }
 
-/// Cuts, doubles, moves and replaces pieces of a text.
+/// Cuts, duplicates, moves and replaces pieces of a text.
 fn mutate(text: String, changes: &[(prop::sample::Index, prop::sample::Index, u8)]) -> String {
     const PIECES: [&str; 12] = [
         "{",
@@ -323,7 +323,7 @@ fn mutate(text: String, changes: &[(prop::sample::Index, prop::sample::Index, u8
     })
 }
 
-/// A valid net of scalars: each row is one primitive that reads earlier ones, or any by a delayed link.
+/// A valid net of scalars: each row is a primitive that reads earlier ones, or any one through a delayed link.
 fn made_up(rows: &[[u8; 4]], backwards: bool) -> String {
     let is_bool = |row: &[u8; 4]| row[0] % 20 < 8;
     let mut lines = Vec::new();
@@ -343,7 +343,7 @@ fn made_up(rows: &[[u8; 4]], backwards: bool) -> String {
             |choice| source(choice, false),
             |choice| source(choice, true),
         );
-        // Any primitive may be read later, so this may close a loop; OrElse lets it lose null.
+        // Any primitive may be read later, so this may close a loop; OrElse lets the loop recover from null.
         let any = usize::from(c) % rows.len();
         let old = |zero: &str| format!("{{from: p{any}.out, delayed: true, initial: {zero}}}");
         let line = match kind % 20 {

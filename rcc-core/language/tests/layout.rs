@@ -1,5 +1,5 @@
-//! Every net that this project shows is laid out as `rcc-cli fmt` does it: example nets, and those in the documents.
-//! `RCC_BLESS=1` lays them out. A net in a document is a block of YAML with a line `net:` and a line `primitives:`.
+//! Every net in the repository, example nets and those in the documents, has the layout of `rcc-cli fmt`. `RCC_BLESS=1`
+//! formats them. A net in a document is a YAML block with a line `net:` and a line `primitives:`.
 
 use std::fs;
 use std::path::{Path, PathBuf};

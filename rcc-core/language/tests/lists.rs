@@ -1,4 +1,4 @@
-//! Lists of links and parts of values, from the text to what a cycle computes.
+//! Lists of links and parts of values, from the text to the values of a cycle.
 
 mod harness;
 
@@ -27,29 +27,29 @@ fn codes(primitives: &str, discard: &str) -> Vec<String> {
     faults.map(|fault| fault.code.to_string()).collect()
 }
 
-fn copies(bench: &NetHarness) -> usize {
+fn copies(harness: &NetHarness) -> usize {
     let (row, _) = rcc_core::primitives::find("Copy").unwrap();
-    let runs = bench.net.plan.runs.iter();
+    let runs = harness.net.plan.runs.iter();
     runs.filter(|run| usize::from(run.kernel) / rcc_core::primitives::KERNELS_MAX == row)
         .count()
 }
 
 #[test]
 fn a_list_of_links_is_computed_in_place() {
-    let mut bench = run(
+    let mut harness = run(
         "  one: {type: Add, inputs: {a: 1.0, b: 0.0}}
   two: {type: Add, inputs: {a: one.out, b: 1.0}}
   sum: {type: Add, inputs: {a: [one.out, 0.5, two.out], b: [10, 20, 30]}}",
         "sum.out",
     );
-    bench.step();
-    assert_eq!(bench.values("sum.out"), [11.0, 20.5, 32.0]);
-    assert_eq!(copies(&bench), 0);
+    harness.step();
+    assert_eq!(harness.values("sum.out"), [11.0, 20.5, 32.0]);
+    assert_eq!(copies(&harness), 0);
 }
 
 #[test]
-fn what_lies_elsewhere_is_copied() {
-    let mut bench = run(
+fn outputs_computed_elsewhere_are_copied() {
+    let mut harness = run(
         "  t: {type: Time}
   ticks: {type: Counter, inputs: {in: true}}
   now: {type: ToReal, inputs: {in: ticks.out}}
@@ -58,50 +58,50 @@ fn what_lies_elsewhere_is_copied() {
   third: {type: Negate, inputs: {in: ['second.out[0..2]', 'first.out[0..2]']}}",
         "t.out, third.out",
     );
-    bench.step();
-    assert_eq!(bench.values("first.out"), [-1.0, -2.0]);
-    assert_eq!(bench.values("second.out"), [2.0, -1.0, 1.0]);
-    assert_eq!(bench.values("third.out"), [-2.0, 1.0, 1.0, 2.0]);
-    bench.step();
-    assert_eq!(bench.values("second.out"), [2.0, -2.0, 2.0]);
+    harness.step();
+    assert_eq!(harness.values("first.out"), [-1.0, -2.0]);
+    assert_eq!(harness.values("second.out"), [2.0, -1.0, 1.0]);
+    assert_eq!(harness.values("third.out"), [-2.0, 1.0, 1.0, 2.0]);
+    harness.step();
+    assert_eq!(harness.values("second.out"), [2.0, -2.0, 2.0]);
 }
 
 #[test]
-fn a_delayed_link_in_a_list_carries_its_first_value_and_then_that_of_the_cycle_before() {
-    let mut bench = run(
+fn a_delayed_link_in_a_list_carries_its_initial_value_and_then_the_previous_one() {
+    let mut harness = run(
         "  ticks: {type: Counter, inputs: {in: true}}
   both: {type: Negate, inputs: {in: [ticks.out, {from: ticks.out, delayed: true, initial: 7}]}}",
         "both.out",
     );
-    bench.step();
-    assert_eq!(bench.values("both.out"), [-1.0, -7.0]);
-    bench.step();
-    assert_eq!(bench.values("both.out"), [-2.0, -1.0]);
-    assert_eq!(copies(&bench), 0);
+    harness.step();
+    assert_eq!(harness.values("both.out"), [-1.0, -7.0]);
+    harness.step();
+    assert_eq!(harness.values("both.out"), [-2.0, -1.0]);
+    assert_eq!(copies(&harness), 0);
 }
 
 #[test]
 fn null_is_per_element() {
-    let mut bench = run(
+    let mut harness = run(
         "  no: {type: NullIf, inputs: {in: 1.0, condition: true}}
   sum: {type: Add, inputs: {a: [no.out, 1.0, null], b: [1, 1, 1]}}
   lacks: {type: IsNull, inputs: {in: sum.out}}
   whole: {type: OrElse, inputs: {in: sum.out, other: [0, 0, 0]}}",
         "lacks.out, whole.out",
     );
-    bench.step();
-    let sum = bench.values("sum.out");
+    harness.step();
+    let sum = harness.values("sum.out");
     assert!(
         sum[0].is_nan() && sum[1] == 2.0 && sum[2].is_nan(),
         "{sum:?}"
     );
-    assert_eq!(bench.value("lacks.out"), 1.0);
-    assert_eq!(bench.values("whole.out"), [0.0; 3]);
+    assert_eq!(harness.value("lacks.out"), 1.0);
+    assert_eq!(harness.values("whole.out"), [0.0; 3]);
 }
 
 #[test]
 fn parts_of_composites_have_names_and_units() {
-    let mut bench = run(
+    let mut harness = run(
         "  goal: {type: Constant, parameters: {value: {xyz: [0.1, 0.2, 0.3], quat: [0, 0, 0, 1]}}}
   same: {type: Invert, inputs: {in: goal.out}}
   twice: {type: Scale, inputs: {in: same.out.position, factor: 2.0}}
@@ -110,15 +110,15 @@ fn parts_of_composites_have_names_and_units() {
   turn: {type: Abs, inputs: {in: turning.out.w}}",
         "twice.out, high.out, turn.out",
     );
-    bench.step();
-    let twice = bench.values("twice.out");
+    harness.step();
+    let twice = harness.values("twice.out");
     assert_eq!(twice, [-0.2, -0.4, -0.6]);
-    assert_eq!(bench.value("high.out"), 0.0);
+    assert_eq!(harness.value("high.out"), 0.0);
 }
 
 #[test]
 fn a_list_of_rows_is_a_matrix() {
-    let mut bench = run(
+    let mut harness = run(
         "  x: {type: Add, inputs: {a: 1.0, b: 0.5}}
   row: {type: Negate, inputs: {in: [x.out, 2.0]}}
   m: {type: Negate, inputs: {in: [[x.out, 1], row.out]}}
@@ -126,15 +126,15 @@ fn a_list_of_rows_is_a_matrix() {
   last: {type: Abs, inputs: {in: 'm.out[1,..]'}}",
         "cell.out, last.out",
     );
-    bench.step();
-    assert_eq!(bench.values("m.out"), [-1.5, -1.0, 1.5, 2.0]);
-    assert_eq!(bench.value("cell.out"), 1.5);
-    assert_eq!(bench.values("last.out"), [1.5, 2.0]);
+    harness.step();
+    assert_eq!(harness.values("m.out"), [-1.5, -1.0, 1.5, 2.0]);
+    assert_eq!(harness.value("cell.out"), 1.5);
+    assert_eq!(harness.values("last.out"), [1.5, 2.0]);
 }
 
 #[test]
 fn joints_are_commanded_one_by_one() {
-    let mut bench = run(
+    let mut harness = run(
         "  state: {type: JointState, parameters: {device: lwr}}
   first: {type: Add, inputs: {a: 'state.position[0]', b: 0.001 rad}}
   cancel: {type: Cancel}
@@ -144,13 +144,13 @@ fn joints_are_commanded_one_by_one() {
     inputs: {position: [first.out, 'state.position[1]', 0, 0, 0 rad, 0, 0]}",
         "cancel.requested, state.hold, state.torque, state.external_torque",
     );
-    bench.step();
-    assert!(bench.outputs[0].has_position);
-    assert_eq!(bench.outputs[0].position[..2], [0.001, 0.0]);
+    harness.step();
+    assert!(harness.outputs[0].has_position);
+    assert_eq!(harness.outputs[0].position[..2], [0.001, 0.0]);
 }
 
 #[test]
-fn types_and_units_are_told_by_element() {
+fn type_and_unit_errors_are_reported_by_element() {
     for (primitives, want) in [
         (
             "  a: {type: Time}\n  s: {type: Add, inputs: {a: [a.out, true], b: [1, 2]}}",

@@ -1,4 +1,5 @@
-//! Rules of the null analysis: where null begins, how far it goes, and what stops it. A thread of the test harness.
+//! Tests of the null analysis: where null originates, how it propagates, and what stops it. Runs on a thread of the
+//! test harness.
 
 mod harness;
 
@@ -13,7 +14,7 @@ use rcc_language::library::NoLibraries;
 use rcc_language::null_analysis::{NullAnalysis, NullCause, analyse_nulls};
 use rcc_language::resolve::{NetGraph, resolve};
 
-/// Where the arm is: the example nets begin near it.
+/// Position of the arm, near the start of the example nets.
 const HOLD: [f64; 7] = [
     0.0,
     (-30.0_f64).to_radians(),
@@ -24,7 +25,7 @@ const HOLD: [f64; 7] = [
     0.0,
 ];
 
-/// Why each primitive of a net can be null, `-` if it cannot; in the order of the file.
+/// Returns why each primitive of a net can be null, `-` if it cannot, in the order of the file.
 fn why(primitives: &str) -> Vec<String> {
     let text = format!("net: test\nprimitives:\n{primitives}");
     look(&text, |graph, nulls| {
@@ -54,7 +55,7 @@ fn look<T>(text: &str, see: impl FnOnce(&NetGraph<'_>, &NullAnalysis) -> T) -> T
 }
 
 #[test]
-fn null_begins_at_a_device_and_goes_on_to_what_reads_it() {
+fn null_originates_at_a_device_and_propagates_to_its_readers() {
     let why = why("
   ft:    {type: ForceTorque, parameters: {device: lwr}}
   force: {type: Abs, inputs: {in: ft.fz}}
@@ -73,7 +74,7 @@ fn null_begins_at_a_device_and_goes_on_to_what_reads_it() {
 }
 
 #[test]
-fn a_fallback_that_is_known_ends_null() {
+fn a_known_fallback_stops_null() {
     let why = why("
   in:    {type: AnalogInput, parameters: {device: io, channel: temperature}}
   safe:  {type: OrElse, inputs: {in: in.out, other: 0}}
@@ -84,12 +85,12 @@ fn a_fallback_that_is_known_ends_null() {
     assert_eq!(why[1], "-");
     assert!(why[2].contains("`io` is lost, or"), "{why:?}");
     assert_eq!(why[3], "-");
-    // It is not understood that `no` is only chosen when it is known.
+    // The analysis does not understand that `no` is selected only if it is known.
     assert!(why[4].ends_with(": in"), "{why:?}");
 }
 
 #[test]
-fn what_constants_and_ranges_rule_out_is_not_counted() {
+fn causes_ruled_out_by_constants_and_ranges_are_ignored() {
     let why = why("
   time:  {type: Time}
   half:  {type: Divide, inputs: {a: time.out, b: 2 s}}
@@ -113,7 +114,7 @@ fn what_constants_and_ranges_rule_out_is_not_counted() {
 }
 
 #[test]
-fn the_first_cycle_of_a_delayed_link_counts_as_it_is_written() {
+fn a_delayed_link_is_null_in_the_first_cycle_unless_it_has_an_initial_value() {
     let why = why("
   time:   {type: Time}
   late:   {type: Negate, inputs: {in: {from: time.out, delayed: true}}}
@@ -125,7 +126,7 @@ fn the_first_cycle_of_a_delayed_link_counts_as_it_is_written() {
 }
 
 #[test]
-fn a_loop_is_null_for_what_comes_into_it_and_the_way_ends() {
+fn a_loop_is_null_because_of_its_inputs_and_the_path_ends() {
     let path = folder("configs/nets/feedback.yaml");
     let text = std::fs::read_to_string(path).unwrap();
     look(&text, |graph, nulls| {
@@ -145,7 +146,7 @@ fn a_loop_is_null_for_what_comes_into_it_and_the_way_ends() {
 }
 
 #[test]
-fn what_is_set_from_outside_and_the_constant_null_can_be_null() {
+fn inputs_and_the_constant_null_can_be_null() {
     let text = "net: test\nprimitives:
   speed: {type: Input, parameters: {initial: 1}}
   goal:  {type: Input}
@@ -169,7 +170,7 @@ fn what_is_set_from_outside_and_the_constant_null_can_be_null() {
 }
 
 #[test]
-fn a_long_way_is_shown_by_its_ends() {
+fn a_long_path_is_shown_by_its_ends() {
     let mut text = "  p0: {type: Input}\n".to_owned();
     for number in 1..20 {
         let before = number - 1;
@@ -182,7 +183,7 @@ fn a_long_way_is_shown_by_its_ends() {
     );
 }
 
-/// Outputs that the analysis says are never null, as `primitive.port`.
+/// Returns the outputs that the analysis reports as never null, as `primitive.port`.
 fn never_null(text: &str) -> Vec<String> {
     look(text, |graph, nulls| {
         let items = graph.items.iter().enumerate();
@@ -196,23 +197,23 @@ fn never_null(text: &str) -> Vec<String> {
     })
 }
 
-/// Runs a net, with its devices and then without them: what is never null is not.
+/// Runs a net with its devices and then without them, and asserts that these outputs are never null.
 fn run(text: &str) {
     let never = never_null(text);
     let cell = harness::cell("configs/cells/demo.yaml");
     let net = compile(text, "net", &cell).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
-    let mut bench = NetHarness::new(net, &cell, HOLD);
+    let mut harness = NetHarness::new(net, &cell, HOLD);
     for cycle in 0..60 {
         if cycle == 30 {
-            bench
+            harness
                 .inputs
                 .iter_mut()
                 .for_each(|input| input.present = false);
         }
-        bench.cancel = cycle >= 50;
-        bench.step();
+        harness.cancel = cycle >= 50;
+        harness.step();
         for name in &never {
-            let values = bench.values(name);
+            let values = harness.values(name);
             assert!(
                 !values.iter().any(|value| value.is_nan()),
                 "{name} in {cycle}: {text}"
@@ -222,7 +223,7 @@ fn run(text: &str) {
 }
 
 #[test]
-fn what_is_never_null_is_not_in_the_example_nets() {
+fn values_reported_as_never_null_are_never_null_in_the_example_nets() {
     let mut nets = 0;
     for entry in std::fs::read_dir(folder("configs/nets")).unwrap() {
         let path = entry.unwrap().path();
@@ -234,7 +235,7 @@ fn what_is_never_null_is_not_in_the_example_nets() {
     assert!(nets >= 10);
 }
 
-/// Primitives of a random net: the type, whether it gives a truth value, and its inputs.
+/// Primitives of a random net: type, whether the output is a Bool, and inputs.
 const KINDS: [(&str, bool, &[&str]); 14] = [
     ("Add", false, &["a", "b"]),
     ("Divide", false, &["a", "b"]),
@@ -252,13 +253,13 @@ const KINDS: [(&str, bool, &[&str]); 14] = [
     ("Not", true, &["in"]),
 ];
 
-/// What a random primitive is made of: its kind, and by input what it reads: a number of an earlier one or a constant, and
-/// whether it reads that late, and with which first value.
+/// The recipe of a random primitive: its kind, and for each input the source (an earlier primitive or a constant),
+/// whether it is delayed, and its initial value.
 type Recipe = (usize, Vec<(usize, u8)>);
 
 fn net_of(recipes: &[Recipe]) -> String {
     let mut text = "net: random\nprimitives:\n".to_owned();
-    // Outputs so far: the name, and whether it is a truth value.
+    // Outputs so far: name, and whether the value is a Bool.
     let mut outputs: Vec<(String, bool)> = Vec::new();
     for (number, (kind, sources)) in recipes.iter().enumerate() {
         let (name, truth, inputs) = KINDS[*kind];
@@ -299,7 +300,7 @@ fn net_of(recipes: &[Recipe]) -> String {
             "  p{number}: {{type: {name}{parameters}, inputs: {{{}}}}}\n",
             wires.join(", ")
         );
-        // A device's unit would not fit to the others.
+        // A device's unit would not match the others.
         if name == "AnalogInput" {
             text +=
                 &format!("  u{number}: {{type: Divide, inputs: {{a: p{number}.out, b: 1 K}}}}\n");
@@ -333,7 +334,7 @@ proptest! {
 }
 
 #[test]
-fn the_age_of_an_input_is_null_until_it_is_set_with_an_initial_value_too() {
+fn the_age_of_an_input_is_null_until_it_is_set_even_with_an_initial_value() {
     let why = why("
   speed: {type: Input, parameters: {initial: 1.0}}
   old:   {type: Greater, inputs: {a: speed.age, b: 1 s}}

@@ -1,5 +1,5 @@
-//! Random nets, valid by construction, of up to 10,000 primitives: they compile, run, and are the same net after a round
-//! trip through the writer. Their mutations never panic, never take long, and always name a place.
+//! Random nets, valid by construction, of up to 10,000 primitives: they compile, run, and are unchanged by a round trip
+//! through the writer. Their mutations never panic, never take long, and every diagnostic has a span.
 
 mod generate;
 mod harness;
@@ -29,17 +29,17 @@ fn holds(size: usize, seed: u64) {
         .unwrap_or_else(|faults| panic!("seed {seed}: {faults}\n{}", cut(&net.text)));
     let again = compile(&written_anew(&net.text), "random", &cell)
         .unwrap_or_else(|faults| panic!("seed {seed}, written anew: {faults}"));
-    // By words, in which a NaN equals itself.
+    // As words, so that NaN equals itself.
     assert_eq!(
         format!("{:?}", compiled.plan),
         format!("{:?}", again.plan),
         "seed {seed}: the text written anew is another net"
     );
-    let mut bench = NetHarness::new(compiled, &cell, HOLD);
+    let mut harness = NetHarness::new(compiled, &cell, HOLD);
     for _ in 0..20 {
-        bench.step();
+        harness.step();
     }
-    assert!(!bench.terminated);
+    assert!(!harness.terminated);
 }
 
 fn cut(text: &str) -> &str {
@@ -58,7 +58,7 @@ fn a_random_net_of_ten_thousand_compiles_runs_and_survives_a_round_trip() {
     holds(10_000, SEED);
 }
 
-/// Changes one place of a text: a byte, a word, a line, or a piece copied from elsewhere.
+/// Changes one position of a text: a byte, a word, a line, or a piece copied from elsewhere.
 fn mutated(text: &str, random: &mut TestRandom) -> String {
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     let (from, to) = (random.below(lines.len()), random.below(lines.len()));
@@ -91,8 +91,9 @@ fn mutated(text: &str, random: &mut TestRandom) -> String {
     lines.join("\n")
 }
 
-/// Every fault has a code and words, and its place is inside the text unless it is about the whole of it.
-fn judge(faults: &Faults, text: &str) {
+/// Asserts that every diagnostic has a code and a message, and that its span is inside the text unless it is about the
+/// whole text.
+fn check_diagnostics(faults: &Faults, text: &str) {
     assert!(!faults.diagnostics.is_empty());
     for fault in &faults.diagnostics {
         assert!(fault.code.starts_with("RCC"), "{fault:?}");
@@ -107,7 +108,7 @@ fn judge(faults: &Faults, text: &str) {
 }
 
 #[test]
-fn mutations_of_valid_texts_are_accepted_or_refused_with_a_place() {
+fn mutations_of_valid_texts_are_accepted_or_refused_with_a_span() {
     let cell = cell("tests/nets/cell.yaml");
     let mut refused = 0;
     for seed in 0..60 {
@@ -119,7 +120,7 @@ fn mutations_of_valid_texts_are_accepted_or_refused_with_a_place() {
                 text = mutated(&text, &mut random);
             }
             if let Err(faults) = compile(&text, "mutated", &cell) {
-                judge(&faults, &text);
+                check_diagnostics(&faults, &text);
                 refused += 1;
             }
         }

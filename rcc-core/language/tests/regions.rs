@@ -1,5 +1,5 @@
-//! Conditional activity: what is not active is not evaluated, its outputs are null, its states wait, and nothing else of
-//! the net notices. A thread of the test harness.
+//! Regions: inactive primitives are not evaluated, their outputs are null, their states are kept, and the rest of the
+//! net is not affected. Runs on a thread of the test harness.
 
 mod harness;
 
@@ -12,7 +12,7 @@ fn good(text: &str) -> Compiled {
         .unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// Codes and lines of the faults of a text.
+/// Returns codes and lines of the diagnostics of a text.
 fn bad(text: &str) -> Vec<String> {
     let faults = compile(text, "net.yaml", &cell("tests/nets/cell.yaml")).unwrap_err();
     let rows = faults.rows().into_iter();
@@ -20,11 +20,11 @@ fn bad(text: &str) -> Vec<String> {
         .collect()
 }
 
-/// One cycle with the contact (channel 0 of device 0) and the button (channel 0 of device 1) like this.
-fn step(bench: &mut NetHarness, contact: bool, button: bool) {
-    bench.inputs[0].measurement.digital = u64::from(contact);
-    bench.inputs[1].measurement.digital = u64::from(button);
-    bench.step();
+/// Runs one cycle with these values of the contact (channel 0 of device 0) and the button (channel 0 of device 1).
+fn step(harness: &mut NetHarness, contact: bool, button: bool) {
+    harness.inputs[0].measurement.digital = u64::from(contact);
+    harness.inputs[1].measurement.digital = u64::from(button);
+    harness.step();
 }
 
 fn begin(text: &str) -> NetHarness {
@@ -54,8 +54,8 @@ primitives:
 ";
 
 #[test]
-fn what_is_not_active_is_null_and_its_states_wait() {
-    let mut bench = begin(&format!(
+fn an_inactive_region_is_null_and_keeps_its_states() {
+    let mut harness = begin(&format!(
         "{COUNT}  a: {{fragment: count, inputs: {{x: button.out}}, active: contact.out}}
   none: {{type: IsNull, inputs: {{in: a.n}}}}
   lamp: {{type: DigitalOutput, parameters: {{device: io, channel: lamp}}, inputs: {{in: a.lamp}}}}
@@ -73,14 +73,14 @@ discard: [none.out, before.out]
         (true, false),
         (true, true),
     ] {
-        step(&mut bench, contact, button);
-        let count = bench.value("a/counter.out");
-        let commanded = bench.outputs[1].digital_commanded & 1 == 1;
+        step(&mut harness, contact, button);
+        let count = harness.value("a/counter.out");
+        let commanded = harness.outputs[1].digital_commanded & 1 == 1;
         seen.push((
             count.is_nan(),
             count,
-            bench.value("none.out"),
-            bench.value("before.out"),
+            harness.value("none.out"),
+            harness.value("before.out"),
             commanded,
         ));
     }
@@ -98,8 +98,8 @@ discard: [none.out, before.out]
 }
 
 #[test]
-fn a_region_in_another_one_is_active_only_with_it() {
-    // Also when its own condition comes from outside of both.
+fn a_nested_region_is_active_only_within_its_parent() {
+    // Also if its own condition comes from outside of both.
     for inner in ["inner_flag.out", "inner"] {
         let text = format!(
             "{COUNT}  a: {{fragment: outer, inputs: {{x: true, inner: button.out}}, active: contact.out}}
@@ -114,13 +114,13 @@ discard: [a.n, a.own]
             ),
             _ => text,
         };
-        let mut bench = begin(&text);
+        let mut harness = begin(&text);
         let mut seen = Vec::new();
         for (contact, button) in [(true, true), (true, false), (false, true), (true, true)] {
-            step(&mut bench, contact, button);
+            step(&mut harness, contact, button);
             seen.push([
-                bench.value("a/counter.out"),
-                bench.value("a/deep/counter.out"),
+                harness.value("a/counter.out"),
+                harness.value("a/deep/counter.out"),
             ]);
         }
         let want = "[[1.0, 1.0], [2.0, NaN], [NaN, NaN], [3.0, 2.0]]";
@@ -129,9 +129,9 @@ discard: [a.n, a.own]
 }
 
 #[test]
-fn a_region_may_be_split_by_what_it_reads() {
-    // The second half of `a` needs `outside`, which needs its first half.
-    let mut bench = begin(
+fn a_region_may_be_split_by_its_dependencies() {
+    // The second half of `a` needs `outside`, which needs the first half.
+    let mut harness = begin(
         "net: split
 fragments:
   halves:
@@ -148,15 +148,15 @@ primitives:
 discard: [a.second]
 ",
     );
-    step(&mut bench, true, false);
-    assert_eq!(bench.value("a/second.out"), 21.0);
-    step(&mut bench, false, false);
-    assert!(bench.value("a/second.out").is_nan() && bench.value("outside.out").is_nan());
+    step(&mut harness, true, false);
+    assert_eq!(harness.value("a/second.out"), 21.0);
+    step(&mut harness, false, false);
+    assert!(harness.value("a/second.out").is_nan() && harness.value("outside.out").is_nan());
 }
 
 #[test]
 fn a_primitive_may_have_a_condition_of_its_own() {
-    let mut bench = begin(
+    let mut harness = begin(
         "net: one
 primitives:
   contact: {type: DigitalInput, parameters: {device: lwr, channel: contact}}
@@ -167,14 +167,14 @@ discard: [counter.out]
     );
     let mut seen = Vec::new();
     for contact in [false, true, true] {
-        step(&mut bench, contact, false);
-        seen.push(bench.value("counter.out"));
+        step(&mut harness, contact, false);
+        seen.push(harness.value("counter.out"));
     }
     assert_eq!(format!("{seen:?}"), "[1.0, NaN, 2.0]");
 }
 
 #[test]
-fn a_constant_condition_is_one() {
+fn a_condition_may_be_a_constant() {
     let text = "net: constant
 fragments:
   count:
@@ -187,11 +187,11 @@ primitives:
   end: {type: Termination, inputs: {done: false}}
 discard: [yes.n, no.n]
 ";
-    let mut bench = begin(text);
-    bench.step();
-    assert_eq!(bench.value("yes/counter.out"), 1.0);
-    assert!(bench.value("no/counter.out").is_nan());
-    assert_eq!(bench.net.plan.regions.len(), 1);
+    let mut harness = begin(text);
+    harness.step();
+    assert_eq!(harness.value("yes/counter.out"), 1.0);
+    assert!(harness.value("no/counter.out").is_nan());
+    assert_eq!(harness.net.plan.regions.len(), 1);
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn a_net_without_conditions_has_no_regions() {
 }
 
 #[test]
-fn conditions_count_in_loops() {
+fn conditions_are_part_of_loops() {
     let net = |condition: &str, primitives: &str| {
         bad(&format!(
             "net: loops\nprimitives:\n  a: {{type: Not, inputs: {{in: true}}, active: {condition}}}\n{primitives}  end: {{type: Termination, inputs: {{done: a.out}}}}\n"
@@ -214,7 +214,7 @@ fn conditions_count_in_loops() {
         net("b.out", "  b: {type: Not, inputs: {in: a.out}}\n"),
         ["RCC1405 3"]
     );
-    // Once not active, never active again.
+    // Once inactive, it would never become active again.
     assert_eq!(
         net("{from: a.out, delayed: true, initial: true}", ""),
         ["RCC1407 3"]
@@ -222,7 +222,7 @@ fn conditions_count_in_loops() {
 }
 
 #[test]
-fn the_check_of_a_plan_trusts_no_region() {
+fn the_plan_check_verifies_regions() {
     let text = format!(
         "{COUNT}  a: {{fragment: outer, inputs: {{x: true, inner: button.out}}, active: contact.out}}\ndiscard: [a.n, a.own]\n"
     );

@@ -1,5 +1,5 @@
-//! The JSON Schema, looked at by an independent program (Python's jsonschema): it is a schema, it accepts what the language
-//! accepts, and it refuses the faults that can be seen without links.
+//! The JSON Schema, checked by an independent program (Python's jsonschema): it is a valid schema, accepts what the
+//! language accepts, and refuses errors that are visible without following links.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -35,7 +35,7 @@ fn cell() -> DeviceTable {
     DeviceTable::from(&CellConfig::load(&path, &ports).unwrap())
 }
 
-/// Nets by name, those that are YAML.
+/// Returns the YAML nets by name.
 fn nets(folder: &str) -> BTreeMap<String, serde_json::Value> {
     let Ok(files) = fs::read_dir(root().join(folder)) else {
         return BTreeMap::new();
@@ -52,7 +52,7 @@ fn nets(folder: &str) -> BTreeMap<String, serde_json::Value> {
     trees.collect()
 }
 
-/// What the validator says of each net; nothing if there is none on this machine.
+/// Returns the validator's answer for each net; nothing if the validator is not installed.
 fn errors(
     schema: &serde_json::Value,
     nets: &BTreeMap<String, serde_json::Value>,
@@ -90,7 +90,7 @@ fn errors(
 }
 
 #[test]
-fn what_the_language_accepts_is_accepted() {
+fn the_schema_accepts_what_the_language_accepts() {
     let mut all = nets("configs/nets");
     all.extend(nets("configs/nets/library"));
     all.extend(nets("tests/nets/ok"));
@@ -106,12 +106,12 @@ fn what_the_language_accepts_is_accepted() {
 }
 
 #[test]
-fn faults_that_need_no_links_are_refused() {
+fn the_schema_refuses_errors_that_need_no_links() {
     let all = nets("tests/nets/bad");
     let Some(found) = errors(&schema(Some(&cell())), &all, "bad") else {
         return;
     };
-    // Warnings, and what takes a look at links, units, numbers, or the whole net.
+    // Warnings, and errors that need links, units, numbers, or the whole net.
     let unseen = |name: &str| {
         [
             "RCC1102-faults-in-a-library",
@@ -143,7 +143,7 @@ fn faults_that_need_no_links_are_refused() {
 }
 
 #[test]
-fn every_primitive_and_every_port_of_it_is_there() {
+fn the_schema_has_every_primitive_and_port() {
     let schema = schema(None);
     for entry in rcc_core::primitives::CATALOGUE {
         let definition = &schema["$defs"][entry.spec.name]["properties"];

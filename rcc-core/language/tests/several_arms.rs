@@ -1,4 +1,4 @@
-//! Two arms in one net: `configs/two-arms` in virtual time, every cycle judged by the arms' own kinematics.
+//! Two arms in one net: `configs/two-arms` in virtual time, every cycle checked with the arms' own kinematics.
 
 mod harness;
 
@@ -7,7 +7,7 @@ use rcc_config::CellConfig;
 use rcc_core::pose::Pose;
 use rcc_language::compile;
 
-/// Both arms of `configs/cells/two-arms.yaml` are held here, rad.
+/// Start position of both arms of `configs/cells/two-arms.yaml`, rad.
 const HOLD: [f64; 7] = [
     0.0,
     -0.523_598_775_598_298_8,
@@ -17,7 +17,7 @@ const HOLD: [f64; 7] = [
     -1.047_197_551_196_597_6,
     0.0,
 ];
-/// Longest motion, cycles.
+/// Limit of a motion, cycles.
 const CYCLES: u64 = 5000;
 
 fn start(cell: &CellConfig) -> NetHarness {
@@ -28,11 +28,11 @@ fn start(cell: &CellConfig) -> NetHarness {
     NetHarness::new(net, cell, HOLD)
 }
 
-/// Where the flanges are in the world, by the set-points; `None` if one arm is not commanded.
-fn flanges(bench: &NetHarness, cell: &CellConfig) -> Option<[Pose; 2]> {
+/// Returns the poses of the flanges in the world for the set-points; `None` if an arm is not commanded.
+fn flanges(harness: &NetHarness, cell: &CellConfig) -> Option<[Pose; 2]> {
     let models = cell.models();
     let flange = |device: usize| {
-        let output = &bench.outputs[device];
+        let output = &harness.outputs[device];
         let pose = models[device].arm.unwrap().forward(&output.position);
         output
             .has_position
@@ -41,27 +41,28 @@ fn flanges(bench: &NetHarness, cell: &CellConfig) -> Option<[Pose; 2]> {
     Some([flange(0)?, flange(1)?])
 }
 
-/// Runs it, cancelled in this cycle; returns how far the left flange came.
+/// Runs the net, cancelled in this cycle, and returns the distance that the left flange covered, m.
 fn carry(cancel: u64, cell: &CellConfig) -> f64 {
-    let mut bench = start(cell);
+    let mut harness = start(cell);
     let mut first: Option<[Pose; 2]> = None;
     let mut way = 0.0;
-    while !bench.terminated {
-        assert!(bench.cycle < CYCLES, "it does not end");
-        bench.cancel |= bench.cycle >= cancel;
-        bench.step();
-        let [left, right] = flanges(&bench, cell).expect("both arms are commanded in every cycle");
+    while !harness.terminated {
+        assert!(harness.cycle < CYCLES, "it does not end");
+        harness.cancel |= harness.cycle >= cancel;
+        harness.step();
+        let [left, right] =
+            flanges(&harness, cell).expect("both arms are commanded in every cycle");
         let [left_first, right_first] = *first.get_or_insert([left, right]);
         let was = left_first.inverse().compose(&right_first);
         let is = left.inverse().compose(&right);
         let slipped = was.distance_to(&is);
-        assert!(slipped < 1e-9, "{slipped} m in cycle {}", bench.cycle);
+        assert!(slipped < 1e-9, "{slipped} m in cycle {}", harness.cycle);
         let turned = was
             .rotation_vector_to(&is)
             .iter()
             .map(|angle| angle * angle)
             .sum::<f64>();
-        assert!(turned.sqrt() < 1e-9, "{turned} in cycle {}", bench.cycle);
+        assert!(turned.sqrt() < 1e-9, "{turned} in cycle {}", harness.cycle);
         way = left_first.distance_to(&left);
     }
     way
@@ -91,12 +92,12 @@ fn both_hold_the_load_wherever_it_is_cancelled() {
 }
 
 #[test]
-fn the_arms_stand_where_the_configuration_says() {
+fn the_bases_of_the_arms_are_as_configured() {
     let cell = cell("configs/cells/two-arms.yaml");
-    let mut bench = start(&cell);
-    bench.step();
-    let [left, right] = flanges(&bench, &cell).unwrap();
-    // They face each other: what is between them is what the bases are apart without both reaches.
+    let mut harness = start(&cell);
+    harness.step();
+    let [left, right] = flanges(&harness, &cell).unwrap();
+    // They face each other: their distance is that of the bases minus both reaches.
     let reach = left.position[0];
     let between = right.position[0] - left.position[0];
     assert!((between - (1.4 - 2.0 * reach)).abs() < 1e-9, "{between}");

@@ -1,11 +1,12 @@
-//! Vectors, rotations, poses, twists, wrenches and an arm's kinematics together, from the text to what a cycle computes.
+//! Vectors, rotations, poses, twists, wrenches and an arm's kinematics together, from the text to the values of a
+//! cycle.
 
 mod harness;
 
 use harness::{NetHarness, cell};
 use rcc_language::compile;
 
-/// Away from every singular position and from the limits.
+/// A position away from singularities and limits, rad.
 const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
 
 fn text(primitives: &str, discard: &str) -> String {
@@ -30,8 +31,8 @@ fn close(have: &[f64], want: &[f64], tolerance: f64) -> bool {
 }
 
 #[test]
-fn joint_velocities_that_are_found_move_the_flange_as_wanted_and_carry_the_same_power() {
-    let mut bench = run(
+fn computed_joint_velocities_move_the_flange_and_conserve_power() {
+    let mut harness = run(
         "  state: {type: JointState, parameters: {device: lwr}}
   wanted: {type: MakeTwist, inputs: {linear: [0.02, 0.05, -0.01], angular: [0.1, 0, 0.2]}}
   rates: {type: InverseVelocityKinematics, parameters: {device: lwr, damping: 1e-6}, inputs: {joints: state.position, twist: wanted.out}}
@@ -41,19 +42,19 @@ fn joint_velocities_that_are_found_move_the_flange_as_wanted_and_carry_the_same_
   table: {type: Jacobian, parameters: {device: lwr}, inputs: {joints: state.position}}",
         "moving.twist, torques.torque, table.out",
     );
-    bench.step();
+    harness.step();
     let twist = [0.02, 0.05, -0.01, 0.1, 0.0, 0.2];
-    assert!(close(&bench.values("moving.twist"), &twist, 1e-9));
+    assert!(close(&harness.values("moving.twist"), &twist, 1e-9));
     let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let joints = sum(
-        &bench.values("torques.torque"),
-        &bench.values("rates.velocity"),
+        &harness.values("torques.torque"),
+        &harness.values("rates.velocity"),
     );
-    let flange = sum(&bench.values("load.out"), &twist);
+    let flange = sum(&harness.values("load.out"), &twist);
     assert!((joints - flange).abs() < 1e-9, "{joints} W, {flange} W");
-    // No null motion: the velocities are the smallest, a combination of the Jacobian's rows.
-    let jacobian = bench.values("table.out");
-    let rates = bench.values("rates.velocity");
+    // There is no null motion: the velocities are the smallest, a combination of the Jacobian's rows.
+    let jacobian = harness.values("table.out");
+    let rates = harness.values("rates.velocity");
     let row: Vec<f64> = (0..6)
         .map(|i| sum(&jacobian[7 * i..7 * i + 7], &rates))
         .collect();
@@ -61,22 +62,22 @@ fn joint_velocities_that_are_found_move_the_flange_as_wanted_and_carry_the_same_
 }
 
 #[test]
-fn pose_arm_angle_and_branch_say_everything_about_joints() {
-    let mut bench = run(
+fn pose_arm_angle_and_branch_determine_the_joints() {
+    let mut harness = run(
         "  state: {type: JointState, parameters: {device: lwr}}
   is: {type: ForwardKinematics, parameters: {device: lwr}, inputs: {joints: state.position}}
   elbow: {type: ArmAngle, parameters: {device: lwr}, inputs: {joints: state.position}}
   back: {type: InverseKinematicsNear, parameters: {device: lwr}, inputs: {pose: is.pose, arm_angle: elbow.angle, hint: state.position}}",
         "back.joints",
     );
-    bench.step();
-    assert!(close(&bench.values("back.joints"), &HOLD, 1e-12));
+    harness.step();
+    assert!(close(&harness.values("back.joints"), &HOLD, 1e-12));
 }
 
 #[test]
-fn a_pose_that_is_carried_by_a_twist_for_minutes_stays_a_pose() {
+fn a_pose_integrated_from_a_twist_for_minutes_stays_normalised() {
     let start = "{xyz: [0.4, 0, 0.5], rpy: [0, 0, 0]}";
-    let mut bench = run(
+    let mut harness = run(
         &format!(
             "  speed: {{type: MakeTwist, inputs: {{linear: [0.01, 0, 0], angular: [0, 0, 0.5]}}}}
   now: {{type: OrElse, inputs: {{in: {{from: next.out, delayed: true, initial: {start}}}, other: {start}}}}}
@@ -88,40 +89,40 @@ fn a_pose_that_is_carried_by_a_twist_for_minutes_stays_a_pose() {
         "found.out, parts.position, angles.roll, angles.pitch, angles.yaw",
     );
     for _ in 0..1000 {
-        bench.step();
+        harness.step();
     }
     assert!(close(
-        &bench.values("parts.position"),
+        &harness.values("parts.position"),
         &[0.41, 0.0, 0.5],
         1e-12
     ));
-    assert!(close(&bench.values("angles.yaw"), &[0.5], 1e-12));
+    assert!(close(&harness.values("angles.yaw"), &[0.5], 1e-12));
     assert!(close(
-        &bench.values("found.out"),
+        &harness.values("found.out"),
         &[0.01, 0.0, 0.0, 0.0, 0.0, 0.5],
         1e-9
     ));
     for _ in 0..200_000 {
-        bench.step();
+        harness.step();
     }
-    let length: f64 = bench.values("parts.rotation").iter().map(|q| q * q).sum();
+    let length: f64 = harness.values("parts.rotation").iter().map(|q| q * q).sum();
     assert!((length - 1.0).abs() < 1e-14, "{length}");
 }
 
 #[test]
 fn a_null_anywhere_makes_the_whole_composite_null() {
-    let mut bench = run(
+    let mut harness = run(
         "  button: {type: AnalogInput, parameters: {device: io, channel: level}}
   point: {type: MakeVector, inputs: {x: button.out, y: 1, z: 2}}
   there: {type: TransformPoint, inputs: {pose: {xyz: [1, 2, 3], rpy: [0, 0, deg(90)]}, point: point.out}}",
         "there.out",
     );
-    bench.inputs[1].measurement.analog[0] = 5.0;
-    bench.step();
-    assert!(close(&bench.values("there.out"), &[0.0, 7.0, 5.0], 1e-12));
-    bench.inputs[1].measurement.analog[0] = f64::NAN;
-    bench.step();
-    let all = [bench.values("point.out"), bench.values("there.out")].concat();
+    harness.inputs[1].measurement.analog[0] = 5.0;
+    harness.step();
+    assert!(close(&harness.values("there.out"), &[0.0, 7.0, 5.0], 1e-12));
+    harness.inputs[1].measurement.analog[0] = f64::NAN;
+    harness.step();
+    let all = [harness.values("point.out"), harness.values("there.out")].concat();
     assert!(all.iter().all(|value| value.is_nan()), "{all:?}");
 }
 
@@ -155,8 +156,8 @@ fn the_moment_of_a_force_is_a_torque_and_nothing_else() {
 }
 
 #[test]
-fn what_a_device_is_told_and_how_it_does_is_read_without_claiming_it() {
-    let mut bench = run(
+fn commands_and_status_of_a_device_are_read_without_claiming_it() {
+    let mut harness = run(
         "  lamp: {type: DigitalOutputState, parameters: {device: io, channel: lamp}}
   speed: {type: AnalogOutputState, parameters: {device: io, channel: speed}}
   mine: {type: DigitalOutput, parameters: {device: io, channel: lamp}, inputs: {in: true}}
@@ -165,21 +166,21 @@ fn what_a_device_is_told_and_how_it_does_is_read_without_claiming_it() {
   rates: {type: JointVelocity, parameters: {device: lwr}}",
         "lamp.out, speed.out, lost.out, rates.velocity",
     );
-    bench.inputs[1].measurement.analog_out[0] = 0.25;
-    bench.step();
-    assert!(bench.value("lamp.out").is_nan(), "not told yet");
+    harness.inputs[1].measurement.analog_out[0] = 0.25;
+    harness.step();
+    assert!(harness.value("lamp.out").is_nan(), "not told yet");
     assert_eq!(
-        (bench.value("speed.out"), bench.value("lost.out")),
+        (harness.value("speed.out"), harness.value("lost.out")),
         (0.25, 0.0)
     );
-    let m = &mut bench.inputs[1].measurement;
+    let m = &mut harness.inputs[1].measurement;
     (m.digital_out, m.digital_out_known) = (1, 1);
-    bench.step();
-    assert_eq!(bench.value("lamp.out"), 1.0);
-    bench.inputs[1].present = false;
-    bench.step();
-    assert!(bench.value("lamp.out").is_nan() && bench.value("speed.out").is_nan());
-    assert_eq!(bench.value("lost.out"), 1.0);
+    harness.step();
+    assert_eq!(harness.value("lamp.out"), 1.0);
+    harness.inputs[1].present = false;
+    harness.step();
+    assert!(harness.value("lamp.out").is_nan() && harness.value("speed.out").is_nan());
+    assert_eq!(harness.value("lost.out"), 1.0);
 }
 
 #[test]
@@ -191,27 +192,27 @@ fn the_net_of_the_docs_steers_the_flange() {
     let cell = cell("tests/nets/cell.yaml");
     let compiled = compile(net.expect("a net"), "docs", &cell);
     let net = compiled.unwrap_or_else(|faults| panic!("{faults}"));
-    let mut bench = NetHarness::new(net, &cell, HOLD);
+    let mut harness = NetHarness::new(net, &cell, HOLD);
     let arm = cell.models()[0].arm.expect("an arm");
-    let flange = |bench: &NetHarness| {
-        let joints: [f64; 7] = bench.values("next.out").try_into().expect("seven joints");
+    let flange = |harness: &NetHarness| {
+        let joints: [f64; 7] = harness.values("next.out").try_into().expect("seven joints");
         arm.forward(&harness::eight(&joints))
     };
-    bench.step();
-    assert_eq!(bench.values("next.out"), HOLD);
-    let start = flange(&bench);
-    bench.inputs[1].measurement.digital = 1;
+    harness.step();
+    assert_eq!(harness.values("next.out"), HOLD);
+    let start = flange(&harness);
+    harness.inputs[1].measurement.digital = 1;
     for _ in 0..2000 {
-        bench.step();
+        harness.step();
     }
-    // Half a second from 0 to 50 mm/s, then on: 87.5 mm, and nothing else changes.
-    let (there, turned) = (flange(&bench), start.angle_to(&flange(&bench)));
+    // Half a second from 0 to 50 mm/s, then constant: 87.5 mm, and nothing else changes.
+    let (there, turned) = (flange(&harness), start.angle_to(&flange(&harness)));
     let way = [0, 1, 2].map(|axis: usize| there.position[axis] - start.position[axis]);
     assert!(close(&way, &[0.0, 0.0875, 0.0], 2e-4), "{way:?}");
     assert!(turned < 2e-4, "{turned}");
-    bench.cancel = true;
+    harness.cancel = true;
     for _ in 0..1000 {
-        bench.step();
+        harness.step();
     }
-    assert!(bench.terminated && bench.value("speed.out") == 0.0);
+    assert!(harness.terminated && harness.value("speed.out") == 0.0);
 }

@@ -1,4 +1,4 @@
-//! Types, units and first values that the catalogue leaves open, from the text to what a cycle computes.
+//! Types, units and initial values that the catalogue leaves open, from the text to the values of a cycle.
 
 mod harness;
 
@@ -15,16 +15,16 @@ fn run(primitives: &str, discard: &str) -> NetHarness {
     NetHarness::new(net, &cell, [0.0; 7])
 }
 
-/// The unit that an output is found to have.
-fn unit(bench: &NetHarness, id: &str) -> Option<String> {
-    let mut primitives = bench.net.names.primitives.iter();
+/// Returns the inferred unit of an output.
+fn unit(harness: &NetHarness, id: &str) -> Option<String> {
+    let mut primitives = harness.net.names.primitives.iter();
     let primitive = primitives.find(|primitive| primitive.id == id)?;
     primitive.outputs[0].unit.clone()
 }
 
 #[test]
-fn links_decide_between_whole_and_real_numbers() {
-    let mut bench = run(
+fn links_determine_whole_and_real_numbers() {
+    let mut harness = run(
         "  ticks: {type: Counter, inputs: {in: true}}
   twice: {type: Multiply, inputs: {a: ticks.out, b: 2}}
   more: {type: Greater, inputs: {a: twice.out, b: 3}}
@@ -33,22 +33,22 @@ fn links_decide_between_whole_and_real_numbers() {
   plain: {type: Add, inputs: {a: 1, b: 2}}",
         "more.out, scaled.out, plain.out",
     );
-    bench.step();
+    harness.step();
     assert_eq!(
-        (bench.value("twice.out"), bench.value("more.out")),
+        (harness.value("twice.out"), harness.value("more.out")),
         (2.0, 0.0)
     );
-    bench.step();
+    harness.step();
     assert_eq!(
-        (bench.value("twice.out"), bench.value("more.out")),
+        (harness.value("twice.out"), harness.value("more.out")),
         (4.0, 1.0)
     );
     assert_eq!(
-        (bench.value("scaled.out"), bench.value("plain.out")),
+        (harness.value("scaled.out"), harness.value("plain.out")),
         (1.0, 3.0)
     );
     let types = |id: &str| {
-        let mut primitives = bench.net.names.primitives.iter();
+        let mut primitives = harness.net.names.primitives.iter();
         let primitive = primitives.find(|primitive| primitive.id == id);
         primitive.map(|primitive| primitive.outputs[0].type_name.clone())
     };
@@ -58,7 +58,7 @@ fn links_decide_between_whole_and_real_numbers() {
 
 #[test]
 fn a_state_begins_with_its_initial_value() {
-    let mut bench = run(
+    let mut harness = run(
         "  edge: {type: RisingEdge, inputs: {in: true}}
   first: {type: RisingEdge, parameters: {initial: false}, inputs: {in: true}}
   soft: {type: LowPass, parameters: {gain: 0.5}, inputs: {in: 4}}
@@ -66,18 +66,18 @@ fn a_state_begins_with_its_initial_value() {
   hot: {type: LowPass, parameters: {gain: 0.5, initial: null}, inputs: {in: 4}}",
         "edge.out, first.out, soft.out, warm.out, hot.out",
     );
-    bench.step();
+    harness.step();
     assert_eq!(
-        (bench.value("edge.out"), bench.value("first.out")),
+        (harness.value("edge.out"), harness.value("first.out")),
         (0.0, 1.0)
     );
-    let out = ["soft.out", "warm.out", "hot.out"].map(|name| bench.value(name));
+    let out = ["soft.out", "warm.out", "hot.out"].map(|name| harness.value(name));
     assert_eq!(out, [2.0, 3.0, 4.0]);
 }
 
 #[test]
-fn units_go_through_roots_limits_and_transforms() {
-    let bench = run(
+fn units_propagate_through_roots_limits_and_transforms() {
+    let harness = run(
         "  ft: {type: ForceTorque, parameters: {device: lwr}}
   square: {type: Multiply, inputs: {a: ft.fx, b: ft.fx}}
   size: {type: SquareRoot, inputs: {in: square.out}}
@@ -100,13 +100,13 @@ fn units_go_through_roots_limits_and_transforms() {
         ("height", "m"),
         ("axis", "1"),
     ] {
-        assert_eq!(unit(&bench, id).as_deref(), Some(want), "{id}");
+        assert_eq!(unit(&harness, id).as_deref(), Some(want), "{id}");
     }
 }
 
 #[test]
 fn a_transform_and_its_inverse_cancel() {
-    let mut bench = run(
+    let mut harness = run(
         "  frame:
     type: TransformFromPosition
     parameters: {rotation: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}
@@ -115,33 +115,33 @@ fn a_transform_and_its_inverse_cancel() {
   both: {type: Compose, inputs: {a: frame.out, b: back.out}}",
         "both.out",
     );
-    bench.step();
+    harness.step();
     let identity: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
-    assert_eq!(bench.values("both.out"), identity);
+    assert_eq!(harness.values("both.out"), identity);
     assert_eq!(
-        bench.values("back.out")[3..12],
+        harness.values("back.out")[3..12],
         [-2.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -3.0]
     );
 }
 
 #[test]
 fn links_that_carry_the_same_value_share_one_copy() {
-    let mut bench = run(
+    let mut harness = run(
         "  ticks: {type: Counter, inputs: {in: true}}
   a: {type: ToReal, inputs: {in: {from: ticks.out, delayed: true, initial: 0}}}
   b: {type: Negate, inputs: {in: {from: ticks.out, delayed: true, initial: 0}}}
   c: {type: Negate, inputs: {in: {from: ticks.out, delayed: true, initial: 7}}}",
         "a.out, b.out, c.out",
     );
-    assert_eq!(bench.net.plan.delays.len(), 2);
-    bench.step();
+    assert_eq!(harness.net.plan.delays.len(), 2);
+    harness.step();
     assert_eq!(
-        ["a.out", "b.out", "c.out"].map(|name| bench.value(name)),
+        ["a.out", "b.out", "c.out"].map(|name| harness.value(name)),
         [0.0, 0.0, -7.0]
     );
-    bench.step();
+    harness.step();
     assert_eq!(
-        ["a.out", "b.out", "c.out"].map(|name| bench.value(name)),
+        ["a.out", "b.out", "c.out"].map(|name| harness.value(name)),
         [1.0, -1.0, -1.0]
     );
 }

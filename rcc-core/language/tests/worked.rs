@@ -1,4 +1,4 @@
-//! The worked values of every primitive's spec, through the whole language: what the manual shows is what the cycle does.
+//! The worked values of every primitive's spec, compiled and run: the cycle computes what the manual shows.
 
 mod harness;
 
@@ -8,11 +8,11 @@ use rcc_core::primitive::{Example, Spec};
 use rcc_core::primitives::CATALOGUE;
 use rcc_language::compile;
 
-/// How far an output may be from its worked value, relative to the larger of that and 1.
+/// Tolerance of an output, relative to the larger of its worked value and 1.
 const TOLERANCE: f64 = 1e-12;
 const HOLD: [f64; 7] = [0.0; 7];
 
-/// A table of worked values taken apart.
+/// A parsed table of worked values.
 struct Table<'a> {
     names: Vec<&'a str>,
     rows: Vec<Vec<&'a str>>,
@@ -32,13 +32,13 @@ impl<'a> Table<'a> {
     }
 }
 
-/// The net of one row: inputs come from `Input`s, and every output meets its worked value at an `OrElse`, where that
-/// value takes the output's type and unit.
+/// Returns the net of one row: inputs come from `Input`s, and every output is read by an `OrElse` beside its worked
+/// value, which takes the type and unit of the output.
 fn net(spec: &Spec, example: &Example, table: &Table<'_>, row: &[&str]) -> String {
     let (mut wires, mut more, mut discard) = (Vec::new(), String::new(), Vec::new());
     for (name, value) in table.names.iter().zip(row) {
         if let Some((_, port)) = spec.input(name) {
-            // What reads it as an Int makes it one.
+            // A reader of type Int makes it an Int.
             if example.whole && port.ty.is_open() {
                 let reader = format!("{{type: BitNot, inputs: {{in: in_{name}.value}}}}");
                 more.push_str(&format!("  whole_{name}: {reader}\n"));
@@ -62,7 +62,7 @@ fn net(spec: &Spec, example: &Example, table: &Table<'_>, row: &[&str]) -> Strin
         "" => "{}",
         given => given,
     };
-    // `Termination` as the primitive itself would be a second one.
+    // `Termination` as the primitive under test would be a second one.
     let end = match spec.name {
         "Termination" => "",
         _ => "  end: {type: Termination, inputs: {done: false}}\n",
@@ -76,7 +76,7 @@ fn net(spec: &Spec, example: &Example, table: &Table<'_>, row: &[&str]) -> Strin
     )
 }
 
-fn bench(text: &str, cell: &CellConfig) -> NetHarness {
+fn harness(text: &str, cell: &CellConfig) -> NetHarness {
     let net = compile(text, "worked", cell).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
     let mut cell = cell.clone();
     cell.period_ns *= u64::from(net.plan.rate.every);
@@ -92,10 +92,10 @@ fn close(have: f64, want: f64) -> bool {
 /// Runs one example.
 fn holds(spec: &Spec, example: &Example, cell: &CellConfig) {
     let table = Table::read(example.table);
-    let mut running = bench(&net(spec, example, &table, typed(&table).as_slice()), cell);
+    let mut running = harness(&net(spec, example, &table, typed(&table).as_slice()), cell);
     for (cycle, row) in table.rows.iter().enumerate() {
-        // The row compiled alone says what its literals are in the arenas.
-        let alone = bench(&net(spec, example, &table, &with_types(&table, row)), cell);
+        // The row compiled alone gives the values of its literals in the arenas.
+        let alone = harness(&net(spec, example, &table, &with_types(&table, row)), cell);
         let given = |name: &str| spec.input(name).is_some();
         for (name, value) in table.names.iter().zip(row).filter(|(name, _)| given(name)) {
             running.copy_from(&alone, &format!("in_{name}.value"), *value == "null");
@@ -120,7 +120,7 @@ fn holds(spec: &Spec, example: &Example, cell: &CellConfig) {
     }
 }
 
-/// By column: the first literal that has a type of its own, for rows in which null says nothing.
+/// Returns by column the first literal with a type of its own, for rows in which null determines no type.
 fn typed<'a>(table: &Table<'a>) -> Vec<&'a str> {
     let column = |index: usize| table.rows.iter().map(move |row| row[index]);
     (0..table.names.len())

@@ -1,5 +1,5 @@
-//! A net written as text reads back as the same net: example nets, and nets that a program makes up.
-//! Places differ, so they are left out of the comparison.
+//! A net written as text reads back as the same net: example nets and generated nets. Spans differ, so they are
+//! excluded from the comparison.
 
 use std::fs;
 use std::path::Path;
@@ -18,14 +18,14 @@ use rcc_language::syntax::reference::Reference;
 use rcc_language::syntax::{self, Link, Net, Primitive, PrimitiveKind, Source, Timing};
 use rcc_language::write;
 
-/// Reads a text that has no faults of syntax.
+/// Reads a text without syntax errors.
 fn read(text: &str) -> Option<Net> {
     let mut faults = Vec::new();
     let net = syntax::read(&yaml::parse(text).ok()?, &mut faults);
     net.filter(|_| faults.is_empty())
 }
 
-/// Everything that the model says but the places.
+/// Returns the whole model except for the spans.
 fn said(net: &Net) -> String {
     let text = format!("{net:?}");
     let mut parts = text.split("Span { ");
@@ -67,7 +67,7 @@ fn holds(net: &Net, name: &str) {
 }
 
 #[test]
-fn every_net_of_the_examples_is_written_as_it_was_read() {
+fn the_example_nets_are_written_as_they_were_read() {
     let mut read_well = 0;
     for (name, text) in nets() {
         if let Some(net) = read(&text) {
@@ -79,7 +79,7 @@ fn every_net_of_the_examples_is_written_as_it_was_read() {
 }
 
 #[test]
-fn what_people_wrote_stays_as_it_is() {
+fn the_notation_of_constants_is_kept() {
     let text = "net: a
 description: What it does.
 on_device_loss: null
@@ -109,7 +109,7 @@ discard: [short.out, 'list.out[3]']
 }
 
 #[test]
-fn what_does_not_fit_on_a_line_gets_several() {
+fn long_entries_are_written_on_several_lines() {
     let numbers = (0..60).map(|n| format!("{n}.5")).collect::<Vec<_>>();
     let words = "word ".repeat(60);
     let text = format!(
@@ -214,7 +214,7 @@ fn source() -> impl Strategy<Value = Source> {
             initial: initial.filter(|_| delayed),
             span: Span::default(),
         })),
-        // A text where a link can stand is a link.
+        // Text in the place of a link would be read as a link.
         literal()
             .prop_filter("text", |literal| !matches!(
                 literal.shape,

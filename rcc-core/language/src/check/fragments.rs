@@ -79,7 +79,7 @@ pub fn conditions_are_truth_values(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
 /// `Input` has none: its value would not become null while the region is inactive.
 pub fn outputs_read_outside_a_region_can_become_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let graph = net.graph;
-    let mut judge = |reader: Option<usize>, link: &ResolvedLink<'_>| {
+    let mut check_link = |reader: Option<usize>, link: &ResolvedLink<'_>| {
         let Some(source) = graph.items.get(link.from.item) else {
             return;
         };
@@ -102,12 +102,12 @@ pub fn outputs_read_outside_a_region_can_become_null(net: Typed<'_>, faults: &mu
     };
     for item in &graph.items {
         for (_, link) in item.links() {
-            judge(item.region, link);
+            check_link(item.region, link);
         }
     }
     for region in &graph.regions {
         if let InputSource::Link(link) = &region.condition {
-            judge(region.parent, link);
+            check_link(region.parent, link);
         }
     }
 }

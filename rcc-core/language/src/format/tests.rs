@@ -62,7 +62,7 @@ discard: [four.out, one.out]
 }
 
 #[test]
-fn neighbours_stand_in_columns() {
+fn adjacent_primitives_are_aligned_in_columns() {
     let text = "net: a
 primitives:
   a: {type: Time} # one
@@ -83,7 +83,7 @@ primitives:
 }
 
 #[test]
-fn what_is_too_long_for_a_line_is_divided() {
+fn long_lines_are_broken() {
     let long = (0..40)
         .map(|n| format!("primitive{n}.out"))
         .collect::<Vec<_>>();
@@ -122,7 +122,7 @@ fragments:
 }
 
 #[test]
-fn texts_of_several_lines_stay_such() {
+fn multi_line_texts_stay_multi_line() {
     let text = "net: a\ndescription: |\n    one\n\n    two   # no comment\nprimitives: {}\n";
     let wanted = "net: a\ndescription: |\n  one\n\n  two   # no comment\nprimitives: {}\n";
     assert_eq!(formatted(text), wanted);
@@ -146,7 +146,7 @@ fn numbers_and_quantities_stay_as_they_are_written() {
 }
 
 #[test]
-fn what_is_no_net_is_left_alone() {
+fn texts_that_are_not_nets_are_left_unchanged() {
     assert!(matches!(
         format("net: [", "test"),
         Err(FormatError::Faulty(_))
@@ -219,7 +219,7 @@ proptest! {
     }
 
     #[test]
-    fn any_text_is_laid_out_or_left_alone(text in "(net: a\n)?(primitives:\n)?([ a-c{}\\[\\],:#'\"|>\n-]{0,60})") {
+    fn any_text_is_formatted_or_left_unchanged(text in "(net: a\n)?(primitives:\n)?([ a-c{}\\[\\],:#'\"|>\n-]{0,60})") {
         if let Ok(written) = format(&text, "test") {
             prop_assert_eq!(formatted(&written), written);
         }

@@ -54,7 +54,7 @@ mod tests {
     use crate::syntax::literal::StoredValue;
 
     #[test]
-    fn neighbours_are_copied_together() {
+    fn adjacent_values_are_copied_together() {
         let (mut arena, mut copies) = (ArenaBuilder::default(), DelayCopies::new());
         for (from, initial) in [(3, 0.0), (4, 1.0), (6, 0.0)] {
             let initial = StoredValue::Reals(vec![initial]);

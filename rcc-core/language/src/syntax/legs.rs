@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_have_their_places_and_remedies() {
+    fn malformed_legs_are_refused_with_their_codes() {
         for (text, code) in [
             ("[{lin: {xyz: [0, 0, 0]}}]", fault::WRONG_SHAPE),
             ("[{lin: 3}]", fault::WRONG_SHAPE),

@@ -580,7 +580,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_number_becomes_what_the_port_wants() {
+    fn a_whole_number_takes_the_type_of_the_port() {
         assert_eq!(
             literal("3").unwrap().stored(Type::Int),
             Some(StoredValue::Ints(vec![3]))

@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_is_where_it_lies_in_the_whole() {
+    fn a_part_is_a_range_of_the_whole_value() {
         let vector = Type::Vector3;
         for (part, ty, want) in [
             (ValuePart::Element(2), Type::Reals(3), Some((2, Type::Real))),
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_in_lists_is_one_of_the_value() {
+    fn a_list_position_is_a_position_in_the_value() {
         let place = ListPosition::default().inside(1, 2).unwrap();
         assert_eq!(place.of(Type::Matrix(2, 3)), Some((3, Type::Reals(3))));
         assert_eq!(place.of(Type::Vector3), None);

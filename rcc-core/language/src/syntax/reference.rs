@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reference_has_two_words_and_perhaps_an_index() {
+    fn a_reference_has_two_names_and_an_optional_part() {
         let place = |text: &str| parse(text, Span::new(10, 10 + text.len()));
         let reference = place("traj.q[3]").unwrap();
         assert_eq!(

@@ -1,5 +1,5 @@
-//! Nets made from the catalogue's specs alone: texts of one primitive, and random nets of any size that are valid by
-//! construction. What is added to the catalogue is in them without an edit here. Code of tests.
+//! Generators of nets from the catalogue's specs: texts of one primitive, and random nets of any size, valid by
+//! construction. Additions to the catalogue are covered without a change here. Used by tests.
 
 use rcc_core::primitive::{
     ChannelKind, Dim, ElementType, Parameter, ParameterKind, PortType, Spec,
@@ -14,7 +14,7 @@ pub use net::{RandomNet, random_net};
 
 /// Lengths of arrays, by length variable.
 pub const LENGTHS: [u16; 4] = [3, 4, 2, 3];
-/// What an open type can be.
+/// The possible values of an open type.
 pub const OPEN: [Type; 10] = [
     Type::Real,
     Type::Int,
@@ -28,12 +28,12 @@ pub const OPEN: [Type; 10] = [
     Type::Matrix(2, 2),
 ];
 
-/// Chance with a seed: SplitMix64.
+/// Seeded pseudo-random numbers: SplitMix64.
 #[derive(Clone, Debug)]
 pub struct TestRandom(pub u64);
 
 impl TestRandom {
-    /// 64 bits.
+    /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -42,22 +42,22 @@ impl TestRandom {
         z ^ (z >> 31)
     }
 
-    /// Less than `bound`; 0 if that is 0.
+    /// Returns a number less than `bound`; 0 if `bound` is 0.
     pub fn below(&mut self, bound: usize) -> usize {
         (self.bits() % (bound.max(1) as u64)) as usize
     }
 
-    /// True once in `times`.
+    /// Returns true once in `times`.
     pub fn once_in(&mut self, times: usize) -> bool {
         self.below(times) == 0
     }
 
-    /// 0 to 1.
+    /// Returns a number from 0 to 1.
     pub fn share(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// One of several.
+    /// Returns one of several values.
     pub fn pick<'a, T>(&mut self, from: &'a [T]) -> Option<&'a T> {
         from.get(self.below(from.len()))
     }
@@ -72,7 +72,7 @@ fn length(dim: Dim) -> Option<u16> {
     }
 }
 
-/// The type of a port if the open one is `open`; `None`: this is no port of one type.
+/// Returns the type of a port if the open one is `open`; `None` if the port takes several types.
 pub fn type_of(ty: PortType, open: Type) -> Option<Type> {
     let array = |element: Type, length: u16| match element {
         Type::Real => Some(Type::Reals(length)),
@@ -103,7 +103,7 @@ pub fn type_of(ty: PortType, open: Type) -> Option<Type> {
     }
 }
 
-/// How many values of the open type a port takes as a list.
+/// Returns the number of values of the open type that a port takes as a list.
 pub fn many(ty: PortType) -> Option<u16> {
     match ty {
         PortType::Many(dim) => length(dim),
@@ -111,7 +111,7 @@ pub fn many(ty: PortType) -> Option<u16> {
     }
 }
 
-/// A constant of a type as it is written.
+/// Returns a constant of a type in the notation of nets.
 pub fn constant(ty: Type, random: &mut TestRandom) -> String {
     let real = |random: &mut TestRandom| format!("{:.6}", random.share() * 2.0 - 1.0);
     let int = |random: &mut TestRandom| random.below(9).to_string();
@@ -140,7 +140,7 @@ fn list(count: u32, mut one: impl FnMut() -> String) -> String {
     format!("[{}]", words.join(", "))
 }
 
-/// A channel of the golden cell.
+/// Returns a channel of the golden cell.
 pub fn channel(kind: ChannelKind) -> (&'static str, &'static str) {
     match kind {
         ChannelKind::DigitalInput => ("io", "button"),
@@ -150,7 +150,7 @@ pub fn channel(kind: ChannelKind) -> (&'static str, &'static str) {
     }
 }
 
-/// A number that the bounds of a parameter allow.
+/// Returns a number within the bounds of a parameter.
 fn bounded(parameter: &Parameter, random: &mut TestRandom) -> f64 {
     let low = parameter.at_least.or(parameter.above);
     let share = random.share() * 0.9 + 0.05;
@@ -162,7 +162,8 @@ fn bounded(parameter: &Parameter, random: &mut TestRandom) -> f64 {
     }
 }
 
-/// The parameters of a motion whose path cannot be made up: from where the tests hold the arm it can follow few.
+/// Returns parameters of a motion whose path cannot be random: few paths can be followed from where the tests hold the
+/// arm.
 fn path(name: &str) -> Option<&'static str> {
     Some(match name {
         "JointMotion" => "{device: lwr, to: [0.4, 0.6, -0.1, -1.5, 0.2, 0.9, 0.3]}",
@@ -182,15 +183,15 @@ fn path(name: &str) -> Option<&'static str> {
     })
 }
 
-/// The parameters of a primitive in the golden cell (`tests/nets/cell.yaml`), as it is written in a net; `None`: they
-/// cannot be made up, the spec's first example has to say them.
+/// Returns the parameters of a primitive in the golden cell (`tests/nets/cell.yaml`), in the notation of nets. Returns
+/// `None` if they cannot be generated, so that the spec's first example must provide them.
 pub fn parameters(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<String> {
     if let Some(path) = path(spec.name) {
         return Some(path.to_owned());
     }
     let example = spec.examples.first().map(|example| example.parameters);
     let mut words = Vec::new();
-    // A channel says which device it is of.
+    // The channel determines the device.
     let channel = spec
         .parameters
         .iter()
@@ -200,7 +201,7 @@ pub fn parameters(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<St
         });
     for parameter in spec.parameters {
         let optional = parameter.default.is_some();
-        // What a value begins with says its type; other values of the open type are not always possible (an order).
+        // The initial value determines its type; other values of the open type are not always possible (an order).
         let open_value = parameter
             .kind
             .value()
@@ -235,9 +236,9 @@ pub fn parameters(spec: &Spec, open: Type, random: &mut TestRandom) -> Option<St
             ParameterKind::Channel(_) => channel.map(|(_, channel)| channel.to_owned()),
             ParameterKind::Rate => Some("100 Hz".to_owned()),
             ParameterKind::Word(words) => random.pick(words).map(|word| (*word).to_owned()),
-            // No two of a net are the same.
+            // Unique within a net.
             ParameterKind::Topic => Some(format!("t/{}", random.below(1 << 40))),
-            // Links and values tell them.
+            // Inferred from links and values.
             ParameterKind::Type | ParameterKind::Unit(_) => None,
             #[allow(unreachable_patterns)] // Kinds to come are told by their examples.
             _ => None,

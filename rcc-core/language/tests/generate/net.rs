@@ -1,5 +1,5 @@
-//! Random nets, valid by construction: every input is fed by an output of its type and unit that stands before it, by an
-//! output of the cycle before, or by a constant.
+//! Random nets, valid by construction: every input is connected to an earlier output of its type and unit, to an output
+//! of the previous cycle, or to a constant.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -18,7 +18,7 @@ use super::{OPEN, TestRandom, constant, many, parameters, type_of};
 pub struct RandomNet {
     /// Its text.
     pub text: String,
-    /// Primitives in it.
+    /// Number of primitives.
     #[allow(dead_code)] // Not every test counts.
     pub primitives: usize,
 }
@@ -35,20 +35,20 @@ struct AvailableOutput {
 struct NetUnderConstruction {
     text: String,
     sources: Vec<AvailableOutput>,
-    /// By type: which sources are of it.
+    /// Indices of the sources, by type.
     of_type: HashMap<Type, Vec<usize>>,
     discard: Vec<String>,
     count: usize,
     outside: usize,
 }
 
-/// A net of about `size` primitives; the same for the same seed.
+/// Generates a net of about `size` primitives, determined by the seed.
 pub fn random_net(size: usize, seed: u64) -> RandomNet {
     let mut random = TestRandom(seed);
     let entries: Vec<&CatalogueEntry> = CATALOGUE.iter().copied().filter(|e| grows(e)).collect();
     let mut net = NetUnderConstruction::default();
     while net.count < size {
-        // Inputs first, then whatever can be fed.
+        // Inputs first, then whatever can be connected.
         let entry = match random.pick(&entries) {
             Some(entry) => entry,
             None => break,
@@ -69,7 +69,7 @@ pub fn random_net(size: usize, seed: u64) -> RandomNet {
     }
 }
 
-/// What can be there any number of times.
+/// Returns true for primitives that may occur any number of times.
 fn grows(entry: &CatalogueEntry) -> bool {
     let spec = &entry.spec;
     let devices = spec.parameters.iter().any(|parameter| {
@@ -83,19 +83,19 @@ fn grows(entry: &CatalogueEntry) -> bool {
         spec.role,
         Role::Plain | Role::Monitor | Role::Constant | Role::Input | Role::Publish
     );
-    // Two lists of numbers do not say how long each is to be.
+    // Two lists of numbers do not determine the length of each.
     let sum = |port: &Port| matches!(port.ty, PortType::Array(_, Dim::Sum(..)));
     let sums = spec.inputs.iter().chain(spec.outputs).any(sum);
     role && !sums && (!devices || spec.outputs.len() < 4)
 }
 
-/// A net has few of them.
+/// Returns true for primitives of which a net may have only a few.
 fn goes_outside(spec: &Spec) -> bool {
     let mut kinds = spec.parameters.iter().map(|parameter| parameter.kind);
     spec.role == Role::Monitor || kinds.any(|kind| kind == ParameterKind::Topic)
 }
 
-/// True if what the ports allow can be computed, too.
+/// Returns true if the types that the ports allow can also be computed.
 fn has_kernel(entry: &CatalogueEntry, open: Type) -> bool {
     let mut stores = entry.kernels.iter().map(|kernel| kernel.store);
     entry.kernels.is_empty() || stores.any(|store| store.is_none() || store == open.store())
@@ -133,7 +133,7 @@ impl NetUnderConstruction {
             };
             wires.push(format!("{}: {feed}", port.name));
         }
-        // Whole numbers, and lists of numbers, could be of several types.
+        // Whole numbers and lists of numbers could have several types.
         if ports().any(|port| port.ty.is_open()) && !says_itself(open) && !linked.open_link {
             return;
         }
@@ -178,7 +178,7 @@ impl NetUnderConstruction {
         }
     }
 
-    /// What feeds an input; what it is tied to by units is decided.
+    /// Returns a source for an input, and records the units that it determines.
     fn feed(
         &self,
         port: &Port,
@@ -189,11 +189,11 @@ impl NetUnderConstruction {
         if let Some(count) = many(port.ty) {
             let one = |_| self.one(open, port, linked, random);
             let words: Vec<String> = (0..count).map(one).collect();
-            // Poses and lists within a list are links.
+            // Poses, and lists within a list, are given by links.
             let constant = |word: &String| {
                 word.starts_with("{xyz") || word.starts_with("{rpy") || word.starts_with('[')
             };
-            // A list of constants only is an array, which is no list of values.
+            // A list of constants only is an array, not a list of values.
             let link = |word: &String| word.starts_with('p');
             if words.iter().any(constant) || !words.iter().any(link) {
                 return None;
@@ -216,7 +216,7 @@ impl NetUnderConstruction {
                 break;
             };
             let source = &self.sources[number];
-            // A constant must be in the range of a port that has one.
+            // A constant must be within the range of the port.
             if (source.constant && port.least.is_some()) || !linked.fits(port.unit, source.unit) {
                 continue;
             }
@@ -231,7 +231,7 @@ impl NetUnderConstruction {
                 ),
             };
         }
-        // A bare number takes the unit of its place; one that nothing ties has none.
+        // A bare number takes the unit of its port; otherwise it has none.
         linked.fits(port.unit, Unit::ONE);
         match (port.least, port.greatest) {
             (Some(least), Some(greatest)) => {
@@ -242,19 +242,19 @@ impl NetUnderConstruction {
     }
 }
 
-/// What the inputs of a primitive have decided so far.
+/// Units and sources chosen for the inputs of a primitive so far.
 #[derive(Default)]
 struct LinkedInputs {
     units: HashMap<u8, Unit>,
     read: Vec<usize>,
-    /// A monitor shows the values of its own cycle only.
+    /// True except for a monitor, which cannot read delayed links.
     delays: bool,
-    /// A link has decided the open type.
+    /// True once a link has determined the open type.
     open_link: bool,
 }
 
 impl LinkedInputs {
-    /// True if a value of this unit can be at a port; what the port leaves open is then decided.
+    /// Returns true if a value of this unit can be connected to a port, and determines the unit variables of the port.
     fn fits(&mut self, rule: UnitRule, unit: Unit) -> bool {
         match rule {
             UnitRule::Is(wanted) => wanted == unit,
@@ -265,12 +265,12 @@ impl LinkedInputs {
     }
 }
 
-/// True if every constant of the type is of no other.
+/// Returns true if every constant of the type has no other type.
 fn says_itself(ty: Type) -> bool {
     matches!(ty, Type::Real | Type::Bool | Type::Pose | Type::Rotation)
 }
 
-/// The unit of an output; `None` if nobody could say.
+/// Returns the unit of an output; `None` if it cannot be inferred.
 fn unit_of(rule: UnitRule, units: &HashMap<u8, Unit>) -> Option<Unit> {
     let of = |variable: u8| units.get(&variable).copied().unwrap_or(Unit::ONE);
     match rule {

@@ -1,5 +1,5 @@
-//! A cell in virtual time: one net, perfect devices, and the same `cycle()` as on a robot. A cycle is a step.
-//! Code of tests.
+//! A cell in virtual time: one net, ideal devices, and the same `cycle()` as on a robot. A cycle is a step. Used by
+//! tests.
 
 use std::path::{Path, PathBuf};
 
@@ -12,12 +12,12 @@ use rcc_core::types::Store;
 use rcc_language::{Compiled, compile};
 use rcc_motion::{MotionSet, MotionSetBuilder};
 
-/// The configuration of a cell of the repository.
+/// Loads the configuration of a cell of the repository.
 pub fn cell(path: &str) -> CellConfig {
     CellConfig::load_offline(&folder(path)).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// A path of the repository.
+/// Returns a path in the repository.
 pub fn folder(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../..")
@@ -32,13 +32,13 @@ pub fn example(name: &str, cell: &CellConfig) -> Compiled {
     compile(&text, name, cell).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// One running net.
+/// A running net.
 #[allow(dead_code)] // Not every test looks at everything.
 pub struct NetHarness {
     pub net: Compiled,
     models: Vec<DeviceModel>,
     pub inputs: Vec<DeviceInput>,
-    /// What was commanded in the cycle before.
+    /// Commands of the previous cycle.
     pub outputs: Vec<DeviceOutput>,
     pub reals: Vec<f64>,
     pub bools: Vec<u8>,
@@ -51,7 +51,7 @@ pub struct NetHarness {
 }
 
 impl NetHarness {
-    /// A command that is ready; every arm is held at `hold`, and everything that can be measured is known.
+    /// Prepares a command: every arm is held at `hold`, and all measurements are known.
     pub fn new(net: Compiled, cell: &CellConfig, hold: [f64; 7]) -> NetHarness {
         let models = cell.models();
         let mut joints: Joints = [0.0; 8];
@@ -111,7 +111,7 @@ impl NetHarness {
         }
     }
 
-    /// One cycle. Arms follow at once.
+    /// Runs one cycle. Arms follow without delay.
     pub fn step(&mut self) {
         self.outputs.fill(DeviceOutput::NONE);
         let mut frame = Frame {
@@ -153,7 +153,7 @@ impl NetHarness {
         (port.store, port.slot as usize, port.width as usize)
     }
 
-    /// The elements of a port; null is NaN.
+    /// Returns the elements of a port; null is NaN.
     pub fn values(&self, name: &str) -> Vec<f64> {
         let (store, slot, width) = self.slot(name);
         (slot..slot + width)
@@ -167,7 +167,7 @@ impl NetHarness {
             .collect()
     }
 
-    /// Takes the elements of a port over from another net, or makes them null.
+    /// Sets the elements of a port to those of another net, or to null.
     #[allow(dead_code)]
     pub fn copy_from(&mut self, other: &NetHarness, name: &str, null: bool) {
         let (store, slot, width) = self.slot(name);
@@ -189,14 +189,14 @@ impl NetHarness {
         self.reals[slot] = value;
     }
 
-    /// The first element of a port.
+    /// Returns the first element of a port.
     #[allow(dead_code)]
     pub fn value(&self, name: &str) -> f64 {
         self.values(name)[0]
     }
 }
 
-/// Seven joint positions as the kinematics take them.
+/// Returns seven joint positions as the kinematics expect them.
 #[allow(dead_code)]
 pub fn eight(&[q1, q2, q3, q4, q5, q6, q7]: &[f64; 7]) -> Joints {
     [q1, q2, q3, q4, q5, q6, q7, 0.0]

@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn loops_are_found_and_walked_in_the_direction_of_values() {
+    fn cycles_are_found_in_the_direction_of_values() {
         // 0 reads 2, 1 reads 0, 2 reads 1; 3 reads 0; 4 reads itself.
         let sources = vec![vec![2], vec![0], vec![1], vec![0], vec![4]];
         let components = Components::of(&sources);
