@@ -266,7 +266,7 @@ impl Engine {
         for row in rows(self.busy & !started_rows) {
             self.run_row(row, now_ns);
         }
-        self.move_on_sampling();
+        self.select_next_timed_net();
         self.write_images(now_ns);
         self.write_tables();
     }
@@ -288,7 +288,7 @@ impl Engine {
     }
 
     /// Sends a reply to the intake thread. There is room: see [`Engine::take_requests`].
-    fn give_back(&mut self, reply: EngineReply) {
+    fn send_reply(&mut self, reply: EngineReply) {
         if let Err(rtrb::PushError::Full(reply)) = self.rings.replies.push(reply) {
             // Unreachable by the rule above; leaking is the only reaction that does not free memory here.
             std::mem::forget(reply);

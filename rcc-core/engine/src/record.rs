@@ -123,9 +123,9 @@ pub struct Recorder {
     cycle: u64,
     woke_ns: u64,
     /// A snapshot was taken in this cycle.
-    busy: bool,
+    snapshot_taken: bool,
     /// The ring is new: all devices are written in the next cycle.
-    blank: bool,
+    ring_is_new: bool,
     pending: Option<PendingTrigger>,
 }
 
@@ -161,8 +161,8 @@ impl Recorder {
             earliest_cycle: 0,
             cycle: 0,
             woke_ns: 0,
-            busy: false,
-            blank: true,
+            snapshot_taken: false,
+            ring_is_new: true,
             pending: None,
         };
         (recorder, RecorderHelper { recordings, spare })
@@ -170,7 +170,7 @@ impl Recorder {
 
     /// Begins a cycle; `inputs` are the device inputs that its nets see.
     pub fn begin(&mut self, cycle: u64, woke_ns: u64, inputs: &[DeviceInput]) {
-        (self.cycle, self.woke_ns, self.busy) = (cycle, woke_ns, false);
+        (self.cycle, self.woke_ns, self.snapshot_taken) = (cycle, woke_ns, false);
         self.ring.begin_cycle();
         self.ring
             .push(&[head(RecordTag::Cycle, 0, 0, 2), cycle, woke_ns]);
@@ -183,7 +183,7 @@ impl Recorder {
         if written.saturating_sub(self.round_at) > self.ring.capacity() as u64 / 4 {
             (self.due, self.round_at) = (u64::MAX, written);
         }
-        let all = std::mem::take(&mut self.blank);
+        let all = std::mem::take(&mut self.ring_is_new);
         for (index, (device, input)) in self.devices.iter_mut().zip(inputs).enumerate() {
             let words: &[u64] = bytemuck::cast_slice(std::slice::from_ref(&input.measurement));
             let same = device.present == input.present
@@ -198,7 +198,7 @@ impl Recorder {
     }
 
     /// Writes all inputs that were not yet written in this cycle: a net can be replayed from here on.
-    fn inputs_again(&mut self) {
+    fn write_missing_inputs(&mut self) {
         for (index, device) in self.devices.iter_mut().enumerate() {
             if !device.fresh {
                 device.fresh = true;
@@ -247,7 +247,7 @@ impl Recorder {
         } = evaluated;
         let bit = 1u64.checked_shl(row as u32).unwrap_or(0);
         if begins {
-            self.inputs_again();
+            self.write_missing_inputs();
             self.due &= !bit;
         }
         let flags = if begins { BEGINS } else { 0 } | if cancel { CANCEL } else { 0 };
@@ -261,9 +261,9 @@ impl Recorder {
             dt_s.to_bits(),
             hash::hash(reals, bools, ints),
         ]);
-        if self.due & bit != 0 && !self.busy && evaluation == Evaluation::Running {
+        if self.due & bit != 0 && !self.snapshot_taken && evaluation == Evaluation::Running {
             self.due &= !bit;
-            self.busy = true;
+            self.snapshot_taken = true;
             self.snapshot(id, net, flags & CANCEL);
         }
     }
@@ -277,7 +277,7 @@ impl Recorder {
             self.ring.push(&[head, id, words as u64]);
             return;
         }
-        self.inputs_again();
+        self.write_missing_inputs();
         let lengths = [reals.len() as u64, ints.len() as u64, packed as u64];
         let [reals_len, ints_len, bools_len] = lengths;
         let head = head(RecordTag::Snapshot, 0, flags, words);
@@ -350,7 +350,7 @@ impl Recorder {
             self.spare = Some(recording.ring);
         }
         self.earliest_cycle = self.cycle + self.hold_off_cycles;
-        (self.due, self.round_at, self.blank) = (u64::MAX, 0, true);
+        (self.due, self.round_at, self.ring_is_new) = (u64::MAX, 0, true);
     }
 }
 

@@ -69,7 +69,7 @@ pub fn rehearse(
             net.inputs_mut().discard_staged();
             result
         }
-        None => Ok(elsewhere()),
+        None => Ok(elsewhere_report()),
     };
     if let Ok(rehearsed) = &mut result {
         (rehearsed.shortened, rehearsed.most_shortened) = (shortened, most_shortened);
@@ -96,7 +96,7 @@ fn shortened(net: &Net) -> (u32, Option<ShortenedBlend>) {
     })
 }
 
-fn elsewhere() -> RehearsalReport {
+fn elsewhere_report() -> RehearsalReport {
     RehearsalReport {
         time_s: 0.0,
         end: RehearsalEnd::Elsewhere,
@@ -113,7 +113,7 @@ struct VirtualDevices {
     inputs: Vec<DeviceInput>,
     monitors: Vec<ArmMonitor>,
     /// Last path parameter of each motion, by index.
-    reached: Vec<f64>,
+    last_path_parameters: Vec<f64>,
 }
 
 /// Position of the active motion at the first violation, and its path parameter.
@@ -126,7 +126,8 @@ impl VirtualDevices {
         let mut monitors = Vec::new();
         for (index, model) in scene.models.iter().enumerate() {
             let input = scene.devices.get(index).filter(|input| input.present);
-            let mut measurement = input.map_or_else(|| quiet(model), |input| input.measurement);
+            let mut measurement =
+                input.map_or_else(|| idle_measurement(model), |input| input.measurement);
             if arms >> index & 1 == 1 {
                 let hold = scene.holds.get(index).copied().flatten()?;
                 (measurement.hold, measurement.position) = (hold, hold);
@@ -141,7 +142,7 @@ impl VirtualDevices {
         Some(VirtualDevices {
             inputs,
             monitors,
-            reached: Vec::new(),
+            last_path_parameters: Vec::new(),
         })
     }
 
@@ -166,9 +167,9 @@ impl VirtualDevices {
                 let Some(output) = net.outputs().get(monitor.device()) else {
                     continue;
                 };
-                let seen = monitor.see(output, step == 0, scene.dt_s);
+                let seen = monitor.check_set_point(output, step == 0, scene.dt_s);
                 if seen.is_elsewhere {
-                    return Ok(elsewhere());
+                    return Ok(elsewhere_report());
                 }
                 moved |= seen.moves;
                 let broken = seen
@@ -193,7 +194,7 @@ impl VirtualDevices {
             Some((foreseen, at)) => Err(PredictedViolation {
                 speed: arm_monitor::speed(&peaks),
                 near: arm_monitor::near(&self.monitors),
-                place: at.map(|(place, s)| self.placed(place, s)),
+                place: at.map(|(place, s)| self.with_fraction(place, s)),
                 ..foreseen
             }),
             None => Ok(RehearsalReport {
@@ -217,12 +218,12 @@ impl VirtualDevices {
         scene: &RehearsalScene<'_>,
     ) -> (Evaluation, ActiveMotion) {
         let mut at: ActiveMotion = None;
-        let (inputs, reached) = (&self.inputs, &mut self.reached);
+        let (inputs, last_path_parameters) = (&self.inputs, &mut self.last_path_parameters);
         let seen = |index: usize, state: &MotionState| {
-            if reached.len() <= index {
-                reached.resize(index + 1, 0.0);
+            if last_path_parameters.len() <= index {
+                last_path_parameters.resize(index + 1, 0.0);
             }
-            reached[index] = state.path.s;
+            last_path_parameters[index] = state.path.s;
             let moves = state.path.velocity > 0.0;
             if moves || at.is_none() {
                 let place = LegPosition {
@@ -239,8 +240,11 @@ impl VirtualDevices {
     }
 
     /// Adds the fraction of the distance that the motion covered until the rehearsal ended.
-    fn placed(&self, place: LegPosition, s: f64) -> LegPosition {
-        let whole = self.reached.get(place.motion as usize).copied();
+    fn with_fraction(&self, place: LegPosition, s: f64) -> LegPosition {
+        let whole = self
+            .last_path_parameters
+            .get(place.motion as usize)
+            .copied();
         let whole = whole.filter(|whole| *whole > 0.0);
         LegPosition {
             fraction: whole.map_or(f64::NAN, |whole| s / whole),
@@ -264,7 +268,7 @@ impl VirtualDevices {
 }
 
 /// Measurement of an idle device.
-fn quiet(model: &DeviceModel) -> Measurement {
+fn idle_measurement(model: &DeviceModel) -> Measurement {
     let mut measurement = Measurement::zeroed();
     measurement.magic = MAGIC;
     measurement.state = DeviceState::Ready as u32;

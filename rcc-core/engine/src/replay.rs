@@ -61,13 +61,13 @@ pub struct Mismatch {
     pub cycle: u64,
     /// Evaluation of the net, counted from 1.
     pub net_cycle: u64,
-    /// What differs.
+    /// Kind of the difference.
     pub what: MismatchKind,
     /// The first slot that differs, if a later snapshot shows it.
     pub slot: Option<SlotDifference>,
 }
 
-/// What differs.
+/// Kind of a difference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MismatchKind {
     /// At least one slot.

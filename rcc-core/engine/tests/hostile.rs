@@ -18,15 +18,15 @@ const INVALID: [(&str, Corruption); 12] = [
     ("another layout", |m| m.magic ^= 1),
     ("never written", |m| *m = Measurement::zeroed()),
     ("all bits set", |m| bytemuck::bytes_of_mut(m).fill(0xff)),
-    ("old", |m| m.stamp_ns -= 51_000_000),
-    ("of the beginning of time", |m| m.stamp_ns = 0),
-    ("of the future", |m| m.stamp_ns += 51_000_000),
-    ("of the end of time", |m| m.stamp_ns = u64::MAX),
-    ("a state that is none", |m| m.state = 99),
+    ("an old stamp", |m| m.stamp_ns -= 51_000_000),
+    ("a stamp of 0", |m| m.stamp_ns = 0),
+    ("a stamp in the future", |m| m.stamp_ns += 51_000_000),
+    ("the greatest stamp", |m| m.stamp_ns = u64::MAX),
+    ("an invalid state", |m| m.state = 99),
     ("no joints", |m| m.joints = 0),
     ("too many joints", |m| m.joints = u32::MAX),
-    ("an exchange counted backwards", |m| m.sequence -= 2),
-    ("held nowhere", |m| m.hold[3] = f64::NAN),
+    ("a sequence number that went back", |m| m.sequence -= 2),
+    ("a hold set-point of NaN", |m| m.hold[3] = f64::NAN),
 ];
 
 fn newest(fixture: &EngineFixture, device: usize) -> SetPoint {
@@ -220,5 +220,5 @@ fn with_any_board_content_set_points_keep_the_limits_and_the_engine_continues() 
         assert_eq!(image.head.sequence, fixture.engine.status().cycle);
         assert_eq!(image.set_points.len(), SET_POINTS);
     }
-    assert!(moved > 100, "the test tests nothing: {moved}");
+    assert!(moved > 100, "too few random cycles moved the arm: {moved}");
 }

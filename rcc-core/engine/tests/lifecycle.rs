@@ -42,7 +42,7 @@ fn a_command_goes_through_its_states_and_start_takes_effect_in_the_next_cycle() 
     assert_eq!(
         image.at(image.head.sequence).unwrap().digital_commanded,
         0,
-        "nothing is commanded after the end"
+        "no command after the end"
     );
     assert!(matches!(
         fixture.ask(|ticket| EngineRequest::Unload { ticket, id }),
@@ -235,7 +235,7 @@ fn a_first_set_point_elsewhere_is_refused_writes_nothing_and_leaves_the_command_
     fixture.driver.measurement.hold = HOLD;
     assert!(
         matches!(fixture.start(id), Answer::Done { .. }),
-        "the arena is as it was"
+        "the arena is restored"
     );
     assert_eq!(fixture.until_terminated(id, 5000), EndReason::Finished);
 }

@@ -123,10 +123,7 @@ fn cancel_is_seen_by_the_next_evaluation_and_abort_takes_effect_at_once() {
     between(&mut fixture);
     fixture.ask(|ticket| EngineRequest::Abort { ticket, id });
     assert_eq!(fixture.reason(id), EndReason::Aborted);
-    assert!(
-        newest(&fixture).analog[0].is_nan(),
-        "nothing is commanded any more"
-    );
+    assert!(newest(&fixture).analog[0].is_nan(), "no command any more");
 }
 
 #[test]

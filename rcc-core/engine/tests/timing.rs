@@ -157,11 +157,7 @@ fn every_run_of_every_active_net_is_timed_in_turn() {
     assert_eq!(timed(&fixture), BTreeMap::from(wanted));
     let rows = fixture.engine.timing().primitives;
     let sum_ns: u64 = rows.iter().map(|row| row.sum_ns).sum();
-    assert_eq!(
-        sum_ns,
-        15 * LOOK_NS,
-        "one look at the clock lies within each"
-    );
+    assert_eq!(sum_ns, 15 * LOOK_NS, "each includes one clock read");
 }
 
 #[test]
@@ -192,11 +188,7 @@ fn a_timed_run_computes_the_same() {
         assert_eq!(plainly, evaluation);
         let position = |net: &Net| net.outputs()[0].position.map(f64::to_bits);
         assert_eq!(position(&plain), position(&detailed));
-        assert_eq!(
-            time.is_some(),
-            timed.0 < runs,
-            "there is no run of that number"
-        );
+        assert_eq!(time.is_some(), timed.0 < runs, "no run with that index");
     }
 }
 

@@ -18,7 +18,7 @@ fn a_plan_whose_primitives_are_too_much_work_is_refused() {
     plan.add("Select", &[0, wide, wide, wide, WIDTH]);
     assert!(
         fixture.build(plan.data.clone()).is_ok(),
-        "one of them is no harm"
+        "one of them is within the limit"
     );
     for _ in 0..64 {
         plan.add("Select", &[0, wide, wide, wide, WIDTH]);

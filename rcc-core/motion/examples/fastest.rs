@@ -9,7 +9,7 @@ use motions::{MotionKind, compared, robots};
 fn main() {
     let count = std::env::args().nth(1).and_then(|count| count.parse().ok());
     println!(
-        "kind       robot        motions  time of the even one: median     p10     p90   built in, ms: even fastest"
+        "kind       robot        motions  time-optimal/even time: median     p10     p90   build time, ms: even fastest"
     );
     for kind in [
         MotionKind::Line,

@@ -22,7 +22,7 @@ pub struct Motion {
     sections: Box<[MotionSection]>,
     section: usize,
     clock: PathClock,
-    /// Set while a section with a time law is being stopped: the clock then counts arc length s directly instead of the
+    /// Set while a section with a time law is being stopped: the clock then counts the path parameter s directly instead of the
     /// time of the law.
     braking: Option<Braking>,
     /// Sum of the lengths of all sections, in units of the clock.
@@ -33,7 +33,7 @@ pub struct Motion {
 #[derive(Debug, Clone, Copy)]
 struct Braking {
     /// Value of the clock at which braking began.
-    counted: f64,
+    clock_value: f64,
     /// Index of the [`BrakingLimits`] in use.
     stop: usize,
 }
@@ -47,8 +47,8 @@ impl Motion {
         (self.section, self.clock, self.braking) = (0, PathClock::new(), None);
     }
 
-    fn step(&mut self, drive: SpeedOverride) -> MotionState {
-        let stopping = drive.stop || self.clock.last().stopping;
+    fn step(&mut self, speed_override: SpeedOverride) -> MotionState {
+        let stopping = speed_override.stop || self.clock.last().stopping;
         if stopping && let Some(state) = self.brake() {
             return state;
         }
@@ -58,9 +58,9 @@ impl Motion {
         let MotionSection { begin, bounds, .. } = section;
         let timed = section.stops.is_some();
         if timed {
-            self.clock.start_rolling(bounds, drive);
+            self.clock.start_rolling(bounds, speed_override);
         }
-        let mut path = self.clock.step(bounds, drive);
+        let mut path = self.clock.step(bounds, speed_override);
         let next = self.sections.get(self.section + 1);
         let end = next.map_or(self.length, |next| next.begin);
         if timed && path.s >= section.length {
@@ -76,43 +76,44 @@ impl Motion {
         self.state(path)
     }
 
-    /// Stops on a section with a time law by counting arc length directly, as soon as the state satisfies a set of
+    /// Stops on a section with a time law by counting the path parameter directly, as soon as the state satisfies a set of
     /// braking limits: the time law alone would keep accelerating while its time is slowed down.
     fn brake(&mut self) -> Option<MotionState> {
         let MotionSection { begin, stops, .. } = self.sections.get(self.section)?;
         let (begin, stops) = (*begin, stops.as_ref()?);
-        let begin_s = self.planned_path.begins_at(begin);
+        let begin_s = self.planned_path.section_begin_s(begin);
         if self.braking.is_none() {
             let now = self.clock.last();
             let rates = [now.velocity, now.acceleration];
-            let mut way = self.planned_path.way_at(begin + now.s, rates);
-            way.position -= begin_s;
-            let mut near = stops.iter();
-            let allows =
-                |stop: &BrakingLimits| stop.begins_at(way.position) && stop.bounds.allows_stop(way);
-            let stop = near.position(allows).filter(|_| !now.done)?;
-            let counted = begin + now.s;
-            self.braking = Some(Braking { counted, stop });
-            self.clock = PathClock::moving(way);
+            let mut path_state = self.planned_path.path_state_at(begin + now.s, rates);
+            path_state.position -= begin_s;
+            let mut candidates = stops.iter();
+            let allows = |stop: &BrakingLimits| {
+                stop.begins_at(path_state.position) && stop.bounds.allows_stop(path_state)
+            };
+            let stop = candidates.position(allows).filter(|_| !now.done)?;
+            let clock_value = begin + now.s;
+            self.braking = Some(Braking { clock_value, stop });
+            self.clock = PathClock::moving(path_state);
         }
-        let Braking { counted, stop } = self.braking?;
-        let way = self
+        let Braking { clock_value, stop } = self.braking?;
+        let path_state = self
             .clock
             .step(&stops.get(stop)?.bounds, SpeedOverride::STOP);
-        let s = begin_s + way.s;
+        let s = begin_s + path_state.s;
         let path = PathState {
             // Inverting the time law and evaluating it again is not exact.
-            s: self.planned_path.counted(begin, s).max(counted),
-            ..way
+            s: self.planned_path.clock_value_at(begin, s).max(clock_value),
+            ..path_state
         };
-        Some(self.at(path, self.planned_path.on_way(s)))
+        Some(self.at(path, self.planned_path.at_path_parameter(s)))
     }
 
     fn state(&self, path: PathState) -> MotionState {
         self.at(path, self.planned_path.at(path.s))
     }
 
-    fn at(&self, path: PathState, place: PathPoint) -> MotionState {
+    fn at(&self, path: PathState, point: PathPoint) -> MotionState {
         let progress = if self.length > 0.0 {
             path.s / self.length
         } else {
@@ -120,14 +121,14 @@ impl Motion {
         };
         MotionState {
             path,
-            leg: place.leg,
-            pose: place.pose,
-            joints: place.joints,
+            leg: point.leg,
+            pose: point.pose,
+            joints: point.joints,
             progress: progress.min(1.0),
-            distance: place.distance,
-            speed: path.velocity * place.metres_per_s,
-            acceleration: path.acceleration * place.metres_per_s
-                + path.velocity * path.velocity * place.rise,
+            distance: point.distance,
+            speed: path.velocity * point.metres_per_s,
+            acceleration: path.acceleration * point.metres_per_s
+                + path.velocity * path.velocity * point.speed_slope,
         }
     }
 }
@@ -174,9 +175,9 @@ impl MotionSet {
         for motion in &self.0 {
             let braking = motion
                 .braking
-                .map(|of| [of.counted.to_bits(), of.stop as u64]);
-            let [counted, stop] = braking.unwrap_or([f64::NAN.to_bits(), 0]);
-            each(&[motion.section as u64, counted, stop]);
+                .map(|of| [of.clock_value.to_bits(), of.stop as u64]);
+            let [clock_value, stop] = braking.unwrap_or([f64::NAN.to_bits(), 0]);
+            each(&[motion.section as u64, clock_value, stop]);
             each(&motion.clock.words());
         }
     }
@@ -188,12 +189,13 @@ impl MotionSet {
         if motions.len() != self.0.len() || !rest.is_empty() {
             return None;
         }
-        for (motion, [section, counted, stop, clock @ ..]) in self.0.iter_mut().zip(motions) {
+        for (motion, [section, clock_value, stop, clock @ ..]) in self.0.iter_mut().zip(motions) {
             // An invalid section number leaves the motion at its start.
             motion.section = usize::try_from(*section).unwrap_or(usize::MAX);
-            let counted = Some(f64::from_bits(*counted)).filter(|counted| !counted.is_nan());
-            motion.braking = counted.map(|counted| Braking {
-                counted,
+            let clock_value =
+                Some(f64::from_bits(*clock_value)).filter(|clock_value| !clock_value.is_nan());
+            motion.braking = clock_value.map(|clock_value| Braking {
+                clock_value,
                 stop: usize::try_from(*stop).unwrap_or(usize::MAX),
             });
             motion.clock = PathClock::from_words(clock);
@@ -203,8 +205,10 @@ impl MotionSet {
 }
 
 impl Motions for MotionSet {
-    fn step(&mut self, index: usize, drive: SpeedOverride) -> Option<MotionState> {
-        self.0.get_mut(index).map(|motion| motion.step(drive))
+    fn step(&mut self, index: usize, speed_override: SpeedOverride) -> Option<MotionState> {
+        self.0
+            .get_mut(index)
+            .map(|motion| motion.step(speed_override))
     }
 
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
@@ -312,8 +316,8 @@ impl MotionBuilder for MotionSetBuilder<'_> {
             MotionBuildFault::Arm(error) => error,
             MotionBuildFault::Leg(leg, error) => fault(leg, error),
         })?;
-        let place = self.motions.get_mut(index as usize);
-        *place.ok_or(fault(0, MotionFault::NoMotion))? = Some(motion);
+        let point = self.motions.get_mut(index as usize);
+        *point.ok_or(fault(0, MotionFault::NoMotion))? = Some(motion);
         Ok(())
     }
 }

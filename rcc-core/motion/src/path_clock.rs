@@ -47,13 +47,16 @@ enum ClockCommand {
 }
 
 impl ClockCommand {
-    fn of(drive: SpeedOverride) -> Self {
-        if drive.stop {
+    fn of(speed_override: SpeedOverride) -> Self {
+        if speed_override.stop {
             Self::Stop
-        } else if drive.pause || drive.speed.is_nan() || drive.speed < SPEED_MIN {
+        } else if speed_override.pause
+            || speed_override.speed.is_nan()
+            || speed_override.speed < SPEED_MIN
+        {
             Self::Pause
         } else {
-            Self::Run(drive.speed.min(1.0))
+            Self::Run(speed_override.speed.min(1.0))
         }
     }
 }
@@ -144,9 +147,9 @@ impl PathClock {
 
     /// For a path that is at rest at its beginning whatever its clock does (it has a time law): starts a clock that has
     /// not begun at its permitted speed instead of accelerating from 0. Does nothing if the clock has begun.
-    pub fn start_rolling(&mut self, bounds: &PathBounds, drive: SpeedOverride) {
+    pub fn start_rolling(&mut self, bounds: &PathBounds, speed_override: SpeedOverride) {
         if let (ClockCommand::None, ClockCommand::Run(speed)) =
-            (self.command, ClockCommand::of(drive))
+            (self.command, ClockCommand::of(speed_override))
         {
             self.last.velocity = speed * bounds.least_velocity();
         }
@@ -158,25 +161,25 @@ impl PathClock {
     /// `bounds` must be the same in every step. A `stop` cannot be taken back. A pause can be, and the speed may change
     /// at any time: it scales every velocity limit (0..1; below 10⁻⁶ or NaN: a pause). At the end s is exactly the
     /// length; after a stop it stays where the stop ended.
-    pub fn step(&mut self, bounds: &PathBounds, drive: SpeedOverride) -> PathState {
-        self.advance(bounds, drive, |_, _, _| ())
+    pub fn step(&mut self, bounds: &PathBounds, speed_override: SpeedOverride) -> PathState {
+        self.advance(bounds, speed_override, |_, _, _| ())
     }
 
     /// As [`PathClock::step`]; passes each segment that was executed to `made`: the profile, from when, until when (s).
     fn advance(
         &mut self,
         bounds: &PathBounds,
-        drive: SpeedOverride,
+        speed_override: SpeedOverride,
         mut made: impl FnMut(&JerkProfile, f64, f64),
     ) -> PathState {
-        let stopping = self.last.stopping || drive.stop;
+        let stopping = self.last.stopping || speed_override.stop;
         self.last.stopping = stopping;
         if self.last.done {
             return self.last;
         }
         let command = ClockCommand::of(SpeedOverride {
             stop: stopping,
-            ..drive
+            ..speed_override
         });
         let first = self.command == ClockCommand::None;
         if command != self.command {

@@ -72,11 +72,11 @@ impl<'a> ArmStart<'a> {
 #[derive(Debug, Clone)]
 struct PieceKinematics {
     /// `None` for a piece that is interpolated in joint space.
-    hints: Option<InverseHints>,
+    inverse_hints: Option<InverseHints>,
     /// Distance of the flange along all previous pieces, m.
-    begin_m: f64,
+    distance_before_m: f64,
     /// Distance of the flange along this piece, m.
-    way_m: f64,
+    length_m: f64,
 }
 
 /// A part of the motion from rest to rest, with the limits of its clock.
@@ -89,7 +89,7 @@ pub(crate) struct MotionSection {
     /// Limits of its clock.
     pub(crate) bounds: PathBounds,
     /// Only for a section with a time law, which is at rest at both ends by itself, so that its clock starts and ends
-    /// at speed: limits for stops that count arc length directly.
+    /// at speed: limits for stops that count the path parameter directly.
     pub(crate) stops: Option<Box<[BrakingLimits]>>,
 }
 
@@ -117,7 +117,7 @@ pub(crate) struct PathPoint {
     /// Metres of the flange per unit of the clock.
     pub(crate) metres_per_s: f64,
     /// Derivative of `metres_per_s` by the clock value, as far as a time law accelerates.
-    pub(crate) rise: f64,
+    pub(crate) speed_slope: f64,
 }
 
 /// A planned path with its time laws.
@@ -155,29 +155,33 @@ impl PlannedPath {
         let Some(timed_section) = self.timed_section(x) else {
             return [x, 1.0, 0.0];
         };
-        let way = x - timed_section.begin;
+        let offset = x - timed_section.begin;
         match &timed_section.time_law {
-            None => [timed_section.begin_s + way, 1.0, 0.0],
+            None => [timed_section.begin_s + offset, 1.0, 0.0],
             Some(time_law) => {
-                let Jet([_, slope, bend, _]) = time_law.at(Jet::variable(way));
-                [time_law.place(way), slope, bend]
+                let Jet([_, slope, bend, _]) = time_law.at(Jet::variable(offset));
+                [time_law.position(offset), slope, bend]
             }
         }
     }
 
     /// The state at clock value `x`.
     pub(crate) fn at(&self, x: f64) -> PathPoint {
-        self.place(self.s_at(x))
+        self.point_at(self.s_at(x))
     }
 
     /// The state at path parameter `s`, without the time law.
-    pub(crate) fn on_way(&self, s: f64) -> PathPoint {
-        self.place([s, 1.0, 0.0])
+    pub(crate) fn at_path_parameter(&self, s: f64) -> PathPoint {
+        self.point_at([s, 1.0, 0.0])
     }
 
     /// Path parameter with velocity and acceleration, at clock value `x` with this velocity and acceleration of the
     /// clock.
-    pub(crate) fn way_at(&self, x: f64, [velocity, acceleration]: [f64; 2]) -> KinematicState {
+    pub(crate) fn path_state_at(
+        &self,
+        x: f64,
+        [velocity, acceleration]: [f64; 2],
+    ) -> KinematicState {
         let [position, slope, bend] = self.s_at(x);
         KinematicState {
             position,
@@ -187,14 +191,14 @@ impl PlannedPath {
     }
 
     /// Clock value at path parameter `s`, in the section that begins at clock value `begin`.
-    pub(crate) fn counted(&self, begin: f64, s: f64) -> f64 {
+    pub(crate) fn clock_value_at(&self, begin: f64, s: f64) -> f64 {
         let timed_section = self.timed_section(begin);
         let time_law = timed_section.and_then(|timed_section| timed_section.time_law.as_ref());
         time_law.map_or(begin, |time_law| begin + time_law.inverse(s))
     }
 
     /// Path parameter at which the section that contains clock value `x` begins.
-    pub(crate) fn begins_at(&self, x: f64) -> f64 {
+    pub(crate) fn section_begin_s(&self, x: f64) -> f64 {
         self.timed_section(x)
             .map_or(0.0, |timed_section| timed_section.begin_s)
     }
@@ -206,7 +210,7 @@ impl PlannedPath {
         self.timed_sections.get(number.saturating_sub(1))
     }
 
-    fn place(&self, [s, slope, bend]: [f64; 3]) -> PathPoint {
+    fn point_at(&self, [s, slope, bend]: [f64; 3]) -> PathPoint {
         let number = self.chain.number(s);
         let nowhere = PathPoint {
             pose: Pose::NULL,
@@ -214,22 +218,22 @@ impl PlannedPath {
             leg: 0,
             distance: 0.0,
             metres_per_s: 0.0,
-            rise: 0.0,
+            speed_slope: 0.0,
         };
         let pieces = self.chain.pieces().get(number);
         let (Some(piece), Some(part)) = (pieces, self.parts.get(number)) else {
             return nowhere;
         };
         let (pose, joints) = self.pose_and_joints(piece, part, s);
-        let fraction = part_of(s - piece.begin, piece.length());
+        let fraction = fraction_of(s - piece.begin, piece.length());
         let metres_per_s = self.metres_per_s(piece, s);
         PathPoint {
             pose,
             joints,
             leg: self.legs.get(piece.link).copied().unwrap_or(0),
-            distance: part.begin_m + part.way_m * fraction,
+            distance: part.distance_before_m + part.length_m * fraction,
             metres_per_s: metres_per_s * slope,
-            rise: metres_per_s * bend,
+            speed_slope: metres_per_s * bend,
         }
     }
 
@@ -240,15 +244,16 @@ impl PlannedPath {
         s: f64,
     ) -> (Pose, Joints) {
         let null = [NULL_REAL; JOINTS_MAX];
-        match (piece.at(s), &part.hints) {
-            (ShapePoint::Flange(place), Some(hints)) => {
-                let pose = place.pose();
-                let ArmConfiguration { branch, arm_angle } = hints.elbow.at(piece.on_shape(s));
-                let hint = hints.near(part_of(s - piece.begin, piece.length()));
+        match (piece.at(s), &part.inverse_hints) {
+            (ShapePoint::Flange(point), Some(inverse_hints)) => {
+                let pose = point.pose();
+                let ArmConfiguration { branch, arm_angle } =
+                    inverse_hints.elbow.at(piece.on_shape(s));
+                let hint = inverse_hints.near(fraction_of(s - piece.begin, piece.length()));
                 let joints = self.arm.inverse(&pose, arm_angle, branch, &hint);
                 (pose, joints.unwrap_or(null))
             }
-            (ShapePoint::Flange(place), None) => (place.pose(), null),
+            (ShapePoint::Flange(point), None) => (point.pose(), null),
             (ShapePoint::Joints(joints), _) => (self.arm.forward(&joints), joints),
         }
     }
@@ -259,7 +264,7 @@ impl PlannedPath {
             return constant;
         }
         match piece.at(Jet::variable(s)) {
-            ShapePoint::Flange(place) => vector::norm(place.position.map(|x: Jet| x.derivative(1))),
+            ShapePoint::Flange(point) => vector::norm(point.position.map(|x: Jet| x.derivative(1))),
             ShapePoint::Joints(jets) => {
                 let rows = self.arm.jacobian(&jets.map(Scalar::value));
                 let [x, y, z, ..] = rows.map(|row| {
@@ -283,8 +288,8 @@ impl InverseHints {
     }
 }
 
-fn part_of(way: f64, length: f64) -> f64 {
-    if length > 0.0 { way / length } else { 0.0 }
+fn fraction_of(offset: f64, length: f64) -> f64 {
+    if length > 0.0 { offset / length } else { 0.0 }
 }
 
 /// Velocity, acceleration and jerk of each joint, as `[v, a, j]`; infinite beyond the joints.

@@ -32,7 +32,7 @@ pub enum StopLimitsError {
     /// More joints than a device may have.
     #[error("{joints} joints: at most {JOINTS_MAX}")]
     Joints {
-        /// What was given.
+        /// The given value.
         joints: usize,
     },
     /// A limit is zero, negative, NaN or infinite.
@@ -42,13 +42,13 @@ pub enum StopLimitsError {
         joint: usize,
         /// `velocity`, `acceleration` or `jerk`.
         limit: &'static str,
-        /// What was given.
+        /// The given value.
         value: f64,
     },
     /// The cycle time is zero, negative, NaN or infinite.
     #[error("cycle time {dt_s} s: give a finite number greater than 0")]
     CycleTime {
-        /// What was given, s.
+        /// The given value, s.
         dt_s: f64,
     },
 }

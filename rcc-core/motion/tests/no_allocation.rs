@@ -90,12 +90,12 @@ fn a_motion_runs_stops_and_begins_again_without_the_heap() {
                 std::hint::black_box(words);
             });
             let ran = (0..20_000).any(|cycle| {
-                let drive = SpeedOverride {
+                let speed_override = SpeedOverride {
                     stop: cycle >= stop_at,
                     pause: cycle % 500 > 450,
                     speed: 1.0 - (cycle % 70) as f64 / 100.0,
                 };
-                let state = motions.step(1, drive);
+                let state = motions.step(1, speed_override);
                 state.is_some_and(|state| state.path.done)
             });
             done += u32::from(ran);

@@ -25,7 +25,7 @@ impl Engine {
         let in_use_ns = (0..COMMANDS_MAX)
             .filter(|other| *other != row && leave >> other & 1 == 0)
             .filter(|other| start >> other & 1 == 1 || self.is_evaluated(*other))
-            .filter(|other| meet(self.rate(row), self.rate(*other)))
+            .filter(|other| coincide(self.rate(row), self.rate(*other)))
             .fold(0, |sum: u64, other| {
                 sum.saturating_add(self.expected_ns(other))
             });
@@ -56,7 +56,7 @@ impl Engine {
 }
 
 /// Returns true if there are cycles in which both rates are due.
-fn meet(a: Rate, b: Rate) -> bool {
+fn coincide(a: Rate, b: Rate) -> bool {
     let (mut common, mut rest) = (a.every.max(1), b.every.max(1));
     // Euclid's algorithm: at most 46 steps for 32 bits.
     for _ in 0..64 {
@@ -85,7 +85,7 @@ mod tests {
                     for shift in 0..other {
                         let (a, b) = (rate(every, phase), rate(other, shift));
                         let seen = (0..1000).any(|cycle| a.is_due(cycle) && b.is_due(cycle));
-                        assert_eq!(meet(a, b), seen, "{a:?} {b:?}");
+                        assert_eq!(coincide(a, b), seen, "{a:?} {b:?}");
                     }
                 }
             }

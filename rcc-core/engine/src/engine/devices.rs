@@ -39,7 +39,7 @@ impl Engine {
                 .get(index)
                 .map_or(0, |model| model.joints);
             input.measurement = measurement;
-            input.present = makes_sense(&mut input.measurement, joints) && fresh && forward;
+            input.present = is_plausible(&mut input.measurement, joints) && fresh && forward;
         }
         let (present, measurement) = (input.present, input.measurement);
         let state = if present {
@@ -104,7 +104,7 @@ impl Engine {
             None => Some(board),
         };
         if let Some(board) = old {
-            self.give_back(EngineReply::Board(board));
+            self.send_reply(EngineReply::Board(board));
         }
     }
 
@@ -114,7 +114,7 @@ impl Engine {
             return;
         };
         if let Some((_, board)) = place.take_if(|(attached, _)| *attached == incarnation) {
-            self.give_back(EngineReply::Board(board));
+            self.send_reply(EngineReply::Board(board));
         }
     }
 
@@ -236,7 +236,7 @@ impl Engine {
 
 /// Returns true if the measurement is plausible for a driver of a device with this number of joints. Data from drivers
 /// is validated: measured values that are not finite become null; a hold set-point must be finite.
-fn makes_sense(measurement: &mut Measurement, joints: u32) -> bool {
+fn is_plausible(measurement: &mut Measurement, joints: u32) -> bool {
     let online = match DeviceState::from_number(measurement.state) {
         DeviceState::Offline => false,
         DeviceState::Online => true,

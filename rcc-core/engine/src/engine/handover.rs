@@ -165,7 +165,7 @@ impl Engine {
             Ok(ended) => {
                 self.complete(sets, ended, now_ns);
                 let cycle = self.status.cycle;
-                self.give_back(EngineReply::Answer {
+                self.send_reply(EngineReply::Answer {
                     ticket: handover.ticket,
                     answer: Answer::Done { cycle },
                 });
@@ -328,7 +328,7 @@ impl Engine {
             0 => Answer::Refused(refusal),
             id => Answer::RefusedFor { id, refusal },
         };
-        self.give_back(EngineReply::Answer { ticket, answer });
+        self.send_reply(EngineReply::Answer { ticket, answer });
     }
 }
 

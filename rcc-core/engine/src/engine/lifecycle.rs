@@ -43,7 +43,7 @@ impl Engine {
                 mut reading,
             } => {
                 let refused = self.read(id, &mut reading).err();
-                return self.give_back(EngineReply::Read {
+                return self.send_reply(EngineReply::Read {
                     ticket,
                     reading,
                     refused,
@@ -73,7 +73,7 @@ impl Engine {
             Ok(None) => Answer::Done { cycle },
             Err(refusal) => Answer::Refused(refusal),
         };
-        self.give_back(EngineReply::Answer { ticket, answer });
+        self.send_reply(EngineReply::Answer { ticket, answer });
     }
 
     /// Freezes the recording on request.
@@ -120,7 +120,7 @@ impl Engine {
                 Ok(())
             }
             Err(refusal) => {
-                self.give_back(EngineReply::Net(net));
+                self.send_reply(EngineReply::Net(net));
                 Err(refusal)
             }
         }
@@ -133,7 +133,7 @@ impl Engine {
             std::mem::swap(net.inputs_mut(), old.inputs_mut());
             std::mem::swap(&mut net, old);
         }
-        self.give_back(EngineReply::Net(net));
+        self.send_reply(EngineReply::Net(net));
     }
 
     fn reject(&mut self, id: u64) -> Result<(), Refusal> {
@@ -258,7 +258,7 @@ impl Engine {
             Some(Some(net)) => net.set(&values),
             _ => Err(Refusal::UnknownCommand),
         });
-        self.give_back(EngineReply::Values(values));
+        self.send_reply(EngineReply::Values(values));
         set
     }
 
@@ -271,7 +271,7 @@ impl Engine {
         }
         self.subscribers &= !(1 << row);
         if let Some(net) = self.nets.get_mut(row).and_then(Option::take) {
-            self.give_back(EngineReply::Net(net));
+            self.send_reply(EngineReply::Net(net));
         }
         if let Some(entry) = self.tables.commands.get_mut(row) {
             *entry = CommandEntry::zeroed();
@@ -334,7 +334,7 @@ impl Engine {
     }
 
     /// The fault of the net in `row` if a device that it uses is lost and it does not handle device loss.
-    pub(super) fn loss(&self, row: usize) -> Option<FaultRecord> {
+    pub(super) fn device_loss_fault(&self, row: usize) -> Option<FaultRecord> {
         let lost = self.lost_device(row)?;
         (!self.survives_device_loss(row)).then(|| FaultRecord {
             device: lost as u32,
@@ -344,7 +344,7 @@ impl Engine {
 
     fn next_cycle(&mut self, row: usize, now_ns: u64) {
         let survives = self.survives_device_loss(row);
-        if let Some(fault) = self.loss(row) {
+        if let Some(fault) = self.device_loss_fault(row) {
             return self.end(row, EndReason::Fault, fault);
         }
         match self.evaluate(row) {
@@ -355,7 +355,7 @@ impl Engine {
                 }
                 Err(fault) => self.end(row, EndReason::Fault, fault),
                 Ok(()) => {
-                    self.show(row, now_ns);
+                    self.push_monitors(row, now_ns);
                     if evaluation == Evaluation::Terminated {
                         self.terminate(row);
                     }
@@ -371,7 +371,7 @@ impl Engine {
         if let Some(refusal) = self.lost_while_waiting(row) {
             self.reset_to_ready(row);
             let answer = Answer::Refused(refusal);
-            return self.give_back(EngineReply::Answer { ticket, answer });
+            return self.send_reply(EngineReply::Answer { ticket, answer });
         }
         let cycle = self.status.cycle;
         let refusal = match self.evaluate(row) {
@@ -393,7 +393,7 @@ impl Engine {
             },
         };
         let answer = refusal.map_or(Answer::Done { cycle }, Answer::Refused);
-        self.give_back(EngineReply::Answer { ticket, answer });
+        self.send_reply(EngineReply::Answer { ticket, answer });
     }
 
     /// Commits the first cycle of a row: the command is running.
@@ -403,7 +403,7 @@ impl Engine {
         }
         self.set_state(row, CommandState::Running);
         self.publish(row);
-        self.show(row, now_ns);
+        self.push_monitors(row, now_ns);
         if evaluation == Evaluation::Terminated {
             self.terminate(row);
         }
@@ -461,7 +461,7 @@ impl Engine {
             entry.exec_last_ns = exec_ns;
             entry.exec_max_ns = entry.exec_max_ns.max(exec_ns);
             entry.exec_sum_ns += exec_ns;
-            self.time.remember(entry.id, exec_ns);
+            self.time.record_duration(entry.id, exec_ns);
             if let Some(recorder) = &mut self.recorder {
                 recorder.net(EvaluationRecord {
                     row,
@@ -478,7 +478,7 @@ impl Engine {
     }
 
     /// Sends the monitors that are due to the pump thread.
-    fn show(&mut self, row: usize, now_ns: u64) {
+    fn push_monitors(&mut self, row: usize, now_ns: u64) {
         let (Some(Some(net)), Some(entry)) = (self.nets.get(row), self.tables.commands.get(row))
         else {
             return;

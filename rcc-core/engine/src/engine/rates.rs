@@ -26,7 +26,7 @@ impl Engine {
 
     /// A cycle in which the active net in `row` is not evaluated: its last outputs stay commanded.
     pub(super) fn between_cycles(&mut self, row: usize) {
-        if let Some(fault) = self.loss(row) {
+        if let Some(fault) = self.device_loss_fault(row) {
             return self.end(row, EndReason::Fault, fault);
         }
         let Some(net) = self.nets.get(row).and_then(Option::as_ref) else {
@@ -43,7 +43,7 @@ impl Engine {
         if self.stopping {
             self.pending[row] = PendingTransition::Nothing;
             let answer = Answer::Refused(Refusal::Stopping);
-            self.give_back(EngineReply::Answer { ticket, answer });
+            self.send_reply(EngineReply::Answer { ticket, answer });
         }
     }
 
@@ -67,7 +67,7 @@ impl Engine {
         };
         let state = CommandState::Terminated as u32;
         let answer = Answer::Refused(Refusal::WrongState { state });
-        self.give_back(EngineReply::Answer { ticket, answer });
+        self.send_reply(EngineReply::Answer { ticket, answer });
         self.end(row, EndReason::Aborted, FaultRecord::NONE);
         true
     }

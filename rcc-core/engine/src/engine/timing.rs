@@ -118,7 +118,7 @@ impl CycleTimer {
     }
 
     /// Records the duration of a command's evaluation in this cycle.
-    pub(super) fn remember(&mut self, id: u64, exec_ns: u64) {
+    pub(super) fn record_duration(&mut self, id: u64, exec_ns: u64) {
         if exec_ns >= self.most_expensive.1 {
             self.most_expensive = (id, exec_ns);
         }
@@ -145,7 +145,7 @@ impl Engine {
     }
 
     /// After the nets: selects the active net that is timed next.
-    pub(super) fn move_on_sampling(&mut self) {
+    pub(super) fn select_next_timed_net(&mut self) {
         let cycle = self.status.cycle;
         self.time.due |= cycle.is_multiple_of(self.time.every);
         if self.time.due {

@@ -124,8 +124,9 @@ impl Engine {
             return Err(Refusal::UnknownCommand);
         };
         for (row, other) in self.other_active(row, leave, arrive) {
-            let clash = net(row).and_then(|net| clash(own, net).or_else(|| clash(net, own)));
-            if let Some(Topic { key, .. }) = clash {
+            let topic_conflict = net(row)
+                .and_then(|net| topic_conflict(own, net).or_else(|| topic_conflict(net, own)));
+            if let Some(Topic { key, .. }) = topic_conflict {
                 return Err(Refusal::OtherTopic { other, key });
             }
         }
@@ -134,7 +135,7 @@ impl Engine {
 }
 
 /// A topic that one net publishes and the other one subscribes to with a different type.
-fn clash(publishes: &Net, subscribes: &Net) -> Option<Topic> {
+fn topic_conflict(publishes: &Net, subscribes: &Net) -> Option<Topic> {
     let given = publishes.plan().publishes;
     if given.is_empty() || !subscribes.subscribes() {
         return None;

@@ -82,7 +82,12 @@ impl ArmMonitor {
     }
 
     /// Checks the output of one cycle.
-    pub fn see(&mut self, output: &DeviceOutput, first: bool, dt_s: f64) -> CheckedSetPoint {
+    pub fn check_set_point(
+        &mut self,
+        output: &DeviceOutput,
+        first: bool,
+        dt_s: f64,
+    ) -> CheckedSetPoint {
         let Some(history) = self.history else {
             return self.engage(output, first);
         };
@@ -170,14 +175,14 @@ impl ArmMonitor {
             violation = violation.or(found);
         }
         if asked.iter().all(|value| value.is_finite()) {
-            self.come_near(asked);
-            violation = violation.or_else(|| self.check_place(asked));
+            self.update_nearest_singularity(asked);
+            violation = violation.or_else(|| self.check_workspace(asked));
         }
         violation
     }
 
     /// Keeps the nearest singular position.
-    fn come_near(&mut self, asked: &Joints) {
+    fn update_nearest_singularity(&mut self, asked: &Joints) {
         let Some(arm) = self.model.arm else { return };
         let singularity = arm.singularity(asked);
         if self
@@ -252,7 +257,7 @@ impl ArmMonitor {
     }
 
     /// Checks the position of the flange and the distance to singular positions.
-    fn check_place(&mut self, asked: &Joints) -> Option<RuleViolation> {
+    fn check_workspace(&mut self, asked: &Joints) -> Option<RuleViolation> {
         match self.stay.as_mut()?.check(asked).err()? {
             WorkspaceViolation::Box { axis, value, limit } => {
                 Some(self.violation(RehearsalRule::Workspace, u32::from(axis) + 1, value, limit))

@@ -214,7 +214,7 @@ fn motions_continue_from_their_saved_words() {
         let stop = cycle >= 400;
         assert_eq!(step(&mut copy, stop).path, step(&mut motions, stop).path);
     }
-    assert_eq!(motions.restore(&[0; 3]), None, "of other motions");
+    assert_eq!(motions.restore(&[0; 3]), None, "words of other motions");
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
         duration(over(SpeedProfile::Fastest)),
         duration(over(SpeedProfile::Even)),
     );
-    assert!(sooner < later, "a law is on its way: {sooner} {later}");
+    assert!(sooner < later, "the time law has begun: {sooner} {later}");
     for (cycles, way_max) in [(1, 1e-9), (2, 1e-5), (10, 5e-4), (30, 5e-3), (50, 15e-3)] {
         let mut motions = over(SpeedProfile::Fastest);
         let mut begun = step(&mut motions, false);
@@ -286,7 +286,7 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
             assert!(state.path.s >= last.path.s && state.progress >= last.progress);
             last = state;
             state = step(&mut motions, true);
-            assert_eq!(step(&mut again, true), state, "goes on from its words");
+            assert_eq!(step(&mut again, true), state, "continues from its words");
         }
         let way = state.distance - begun.distance;
         assert!((0.0..=way_max).contains(&way), "{cycles}: {way} m");

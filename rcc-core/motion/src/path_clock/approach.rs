@@ -87,7 +87,7 @@ impl Approach {
     }
 
     /// Adds a cruise such that the distance becomes that of the target.
-    fn filling(mut self, target: &ApproachTarget) -> Option<Self> {
+    fn with_cruise(mut self, target: &ApproachTarget) -> Option<Self> {
         let left = target.distance - self.distance;
         if left > target.slack {
             self.cruise_s = left / self.between;
@@ -122,7 +122,7 @@ pub(super) fn approach(
     let near = |found: Approach| found.distance <= target.distance + target.slack;
     let free = through(cruise, exit);
     if free.distance <= target.distance {
-        return free.filling(target);
+        return free.with_cruise(target);
     }
     let coasting_velocity =
         coasting_velocity(start.velocity, start.acceleration, limits.jerk).max(0.0);
@@ -130,7 +130,7 @@ pub(super) fn approach(
         let found = search(slow, fast, target, |between| {
             through(between, exit).distance
         });
-        through(found, exit).filling(target)
+        through(found, exit).with_cruise(target)
     };
     if coasting_velocity >= cruise {
         let direct = through(exit, exit);
@@ -149,7 +149,7 @@ pub(super) fn approach(
             through(slower, slower).distance
         });
         let slower = through(found, found);
-        return Some(slower).filter(|s| near(*s))?.filling(target);
+        return Some(slower).filter(|s| near(*s))?.with_cruise(target);
     }
     let relaxed = through(coasting_velocity, exit);
     if relaxed.distance <= target.distance {

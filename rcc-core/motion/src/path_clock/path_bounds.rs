@@ -22,7 +22,7 @@ pub enum PathLimitsError {
     /// The length is negative, NaN or infinite.
     #[error("path length {length}: give a finite number, 0 or more")]
     Length {
-        /// What was given.
+        /// The given value.
         length: f64,
     },
     /// A limit is zero, negative, NaN or infinite.
@@ -30,7 +30,7 @@ pub enum PathLimitsError {
     Limit {
         /// `velocity`, `acceleration` or `jerk`.
         limit: &'static str,
-        /// What was given.
+        /// The given value.
         value: f64,
     },
     /// A piece ends before it begins.
@@ -49,7 +49,7 @@ pub enum PathLimitsError {
     /// The cycle time is zero, negative, NaN or infinite.
     #[error("cycle time {dt_s} s: give a finite number greater than 0")]
     CycleTime {
-        /// What was given, s.
+        /// The given value, s.
         dt_s: f64,
     },
 }

@@ -106,10 +106,10 @@ mod tests {
                 for cycle in 0..3000 {
                     let mut copy = PathClock::from_words(&clock.words());
                     assert_eq!(copy, clock, "cycle {cycle}");
-                    let drive = if cycle >= stop_at { stop() } else { RUN };
+                    let speed_override = if cycle >= stop_at { stop() } else { RUN };
                     assert_eq!(
-                        copy.step(&bounds, drive),
-                        clock.step(&bounds, drive),
+                        copy.step(&bounds, speed_override),
+                        clock.step(&bounds, speed_override),
                         "cycle {cycle}"
                     );
                 }

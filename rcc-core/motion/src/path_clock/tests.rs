@@ -51,16 +51,16 @@ fn log_even(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.ln()..high.ln()).prop_map(f64::exp)
 }
 
-/// Steps until done with the override that `drive` returns in each cycle; at most `steps`.
+/// Steps until done with the override that `speed_override` returns in each cycle; at most `steps`.
 fn run(
     bounds: &PathBounds,
     steps: usize,
-    drive: impl Fn(usize) -> SpeedOverride,
+    speed_override: impl Fn(usize) -> SpeedOverride,
 ) -> Vec<PathState> {
     let mut clock = PathClock::new();
     let mut states = Vec::new();
     while states.len() < steps && !states.last().is_some_and(|state: &PathState| state.done) {
-        states.push(clock.step(bounds, drive(states.len())));
+        states.push(clock.step(bounds, speed_override(states.len())));
     }
     states
 }

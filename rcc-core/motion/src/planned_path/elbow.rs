@@ -26,7 +26,9 @@ pub(super) struct ElbowProfile {
 
 impl ElbowProfile {
     /// A constant configuration.
-    pub(super) fn still(ArmConfiguration { branch, arm_angle }: ArmConfiguration) -> ElbowProfile {
+    pub(super) fn constant(
+        ArmConfiguration { branch, arm_angle }: ArmConfiguration,
+    ) -> ElbowProfile {
         ElbowProfile {
             branch,
             angle: arm_angle,
@@ -48,7 +50,7 @@ impl ElbowProfile {
     }
 
     /// The configuration at the end, constant.
-    pub(super) fn ended(self) -> ElbowProfile {
+    pub(super) fn at_end(self) -> ElbowProfile {
         ElbowProfile {
             angle: self.angle + self.turn,
             turn: 0.0,
@@ -93,7 +95,9 @@ pub(super) fn turn(
     let angle = here.arm_angle;
     if let path::ElbowMotion::To(goal) = wanted {
         let finite = goal.is_finite().then_some(goal);
-        return Ok(shorter(finite.ok_or(MotionFault::NotFinite)? - angle));
+        return Ok(shorter_way_round(
+            finite.ok_or(MotionFault::NotFinite)? - angle,
+        ));
     }
     let found = arm.arm_angles(end, here.branch, &arm_start.model.limits);
     let angles = found.map_err(|_| MotionFault::Unreachable { fraction: 1.0 })?;
@@ -102,7 +106,7 @@ pub(super) fn turn(
     }
     // The arm angle cannot stay: use the nearest interval, the shorter way round.
     let ways = angles.intervals().iter().map(|[lower, upper]| {
-        let [to_lower, to_upper] = [lower - angle, upper - angle].map(shorter);
+        let [to_lower, to_upper] = [lower - angle, upper - angle].map(shorter_way_round);
         let middle = (upper - lower) / 2.0;
         if to_lower.abs() < to_upper.abs() {
             (to_lower.abs(), to_lower + middle)
@@ -117,7 +121,7 @@ pub(super) fn turn(
 }
 
 /// The same rotation the shorter way round, in [-π, π].
-fn shorter(turn: f64) -> f64 {
+fn shorter_way_round(turn: f64) -> f64 {
     let turn = turn.rem_euclid(TAU);
     if turn > PI { turn - TAU } else { turn }
 }
@@ -237,7 +241,9 @@ mod tests {
             branch: Branch::from_bits(3),
             arm_angle: 0.4,
         };
-        let elbow = ElbowProfile::still(here).turning(-1.2, [0.1, 0.5]).unwrap();
+        let elbow = ElbowProfile::constant(here)
+            .turning(-1.2, [0.1, 0.5])
+            .unwrap();
         for (s, want) in [
             (0.0, 0.4),
             (0.1, 0.4),
@@ -247,13 +253,13 @@ mod tests {
         ] {
             assert!((elbow.at(s).arm_angle - want).abs() < 1e-15, "{s}");
         }
-        assert_eq!(elbow.ended().at(0.3).arm_angle, elbow.at(0.5).arm_angle);
+        assert_eq!(elbow.at_end().at(0.3).arm_angle, elbow.at(0.5).arm_angle);
         // No step at the ends: the change grows with the fourth power of the distance.
         for u in [1e-3, 1e-2] {
             assert!(smooth(u) < 36.0 * u.powi(4) && 1.0 - smooth(1.0 - u) < 36.0 * u.powi(4));
         }
         assert_eq!(
-            ElbowProfile::still(here).turning(0.1, [0.3, 0.3]),
+            ElbowProfile::constant(here).turning(0.1, [0.3, 0.3]),
             Err(MotionFault::NoRoomForElbow)
         );
     }
@@ -266,7 +272,7 @@ mod tests {
             (6.0, 6.0 - TAU),
             (-6.0, TAU - 6.0),
         ] {
-            assert!((shorter(turn) - want).abs() < 1e-15, "{turn}");
+            assert!((shorter_way_round(turn) - want).abs() < 1e-15, "{turn}");
         }
     }
 }

@@ -60,7 +60,7 @@ impl LegShape {
     /// Branch and arm angle on a piece: the elbow has finished turning before a blend begins.
     pub(super) fn elbow_on(&self, piece: &ChainPiece) -> Option<ElbowProfile> {
         match piece.blend {
-            true => self.elbow.map(ElbowProfile::ended),
+            true => self.elbow.map(ElbowProfile::at_end),
             false => self.elbow,
         }
     }
@@ -157,7 +157,7 @@ pub(super) fn leg_shapes(
     for (leg, number) in legs.iter().zip(0..) {
         builder.leg(leg, number).map_err(|fault| (number, fault))?;
     }
-    builder.even_out();
+    builder.equalize_accelerations();
     Ok(builder.leg_shapes)
 }
 
@@ -189,7 +189,7 @@ impl LegShapeBuilder<'_> {
                 };
                 let branch = status.map(of_status).transpose()?.or(branch);
                 let (goal, hint) = (to(&goal), self.joints);
-                let mut joints = chosen(self.arm_start, &goal, (branch, turn), &hint)?;
+                let mut joints = select_joints(self.arm_start, &goal, (branch, turn), &hint)?;
                 joints
                     .iter_mut()
                     .skip(arm.joints())
@@ -255,9 +255,9 @@ impl LegShapeBuilder<'_> {
         metric: PathMetric,
         configuration: ArmConfiguration,
     ) -> Result<(Shape, ElbowProfile), MotionFault> {
-        let still = ElbowProfile::still(configuration);
+        let constant = ElbowProfile::constant(configuration);
         let ShapePoint::Flange(end) = shape.at(shape.length()) else {
-            return Ok((shape, still));
+            return Ok((shape, constant));
         };
         let turn = elbow::turn(self.arm_start, leg.elbow, configuration, &end.pose())?;
         if let (Shape::Line(line), true) = (&mut shape, turn != 0.0) {
@@ -269,7 +269,7 @@ impl LegShapeBuilder<'_> {
             .last()
             .map_or(0.0, |leg_shape| leg_shape.zone_m);
         let [before, behind] = [before, leg.blend].map(|zone| zone.min(length / 2.0));
-        Ok((shape, still.turning(turn, [before, length - behind])?))
+        Ok((shape, constant.turning(turn, [before, length - behind])?))
     }
 
     fn joints(&mut self, leg: &Leg<'_>, number: u32, to: Joints) -> Result<(), MotionFault> {
@@ -326,7 +326,7 @@ impl LegShapeBuilder<'_> {
 
     /// Scales s on lines in joint space such that they allow about the same acceleration of s as the flange's shapes:
     /// the clock has one acceleration limit for the whole path.
-    fn even_out(&mut self) {
+    fn equalize_accelerations(&mut self) {
         let max_acceleration = |leg_shape: &LegShape| {
             if leg_shape.shape.length() <= LENGTH_MIN {
                 return f64::INFINITY;
@@ -398,7 +398,7 @@ fn metric(leg: &Leg<'_>) -> PathMetric {
 }
 
 /// The joints for a pose: in the given branch, or those that are reached soonest.
-fn chosen(
+fn select_joints(
     arm_start: ArmStart<'_>,
     pose: &Pose,
     (branch, turn): (Option<u8>, Option<u8>),

@@ -79,14 +79,14 @@ pub(crate) fn build(
     };
     builder.sample_pieces(pace)?;
     let (sections, timed_sections) = builder.sections(pace)?;
-    let mut begin_m = 0.0;
+    let mut distance_before_m = 0.0;
     let parts = builder.sampled.into_iter().map(|sampled| {
         let part = PieceKinematics {
-            hints: sampled.hints,
-            begin_m,
-            way_m: sampled.samples.way_m,
+            inverse_hints: sampled.inverse_hints,
+            distance_before_m,
+            length_m: sampled.samples.length_m,
         };
-        begin_m += sampled.samples.way_m;
+        distance_before_m += sampled.samples.length_m;
         part
     });
     let planned_path = PlannedPath {
@@ -124,7 +124,7 @@ fn shortened(
 pub(super) struct SampledPiece {
     pub(super) samples: PieceSamples,
     pub(super) bounds: QuantityLimits,
-    hints: Option<InverseHints>,
+    inverse_hints: Option<InverseHints>,
     given: bool,
 }
 
@@ -154,7 +154,7 @@ impl<'a> PathBuilder<'a> {
             let on_flange = matches!(piece.at(piece.begin), ShapePoint::Flange(_));
             let elbow = leg_shape.elbow_on(piece).filter(|_| on_flange);
             self.sampled.push(SampledPiece {
-                hints: elbow.map(|elbow| InverseHints {
+                inverse_hints: elbow.map(|elbow| InverseHints {
                     elbow,
                     joints: core::mem::take(&mut samples.joints).into(),
                 }),
@@ -176,7 +176,7 @@ impl<'a> PathBuilder<'a> {
         for (number, piece) in pieces.iter().enumerate() {
             if piece.rest || number + 1 == pieces.len() {
                 let range = first..number + 1;
-                if range.clone().any(|number| self.is_way(number)) {
+                if range.clone().any(|number| self.has_length(number)) {
                     all.push(range);
                 }
                 first = number + 1;
@@ -186,7 +186,7 @@ impl<'a> PathBuilder<'a> {
     }
 
     /// Returns true if the piece has a length.
-    pub(super) fn is_way(&self, number: usize) -> bool {
+    pub(super) fn has_length(&self, number: usize) -> bool {
         let piece = self.chain.pieces().get(number);
         let sampled = self.sampled.get(number);
         piece.is_some_and(|piece| piece.length() > LENGTH_MIN)
@@ -277,7 +277,7 @@ impl<'a> SectionParts<'a> {
         ) else {
             return;
         };
-        if !builder.is_way(number) {
+        if !builder.has_length(number) {
             return;
         }
         let leg = builder

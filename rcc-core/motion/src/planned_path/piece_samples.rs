@@ -48,7 +48,7 @@ pub(super) struct PieceSamples {
     /// Joints alone, rad.
     pub(super) joints: Vec<Joints>,
     /// Distance of the flange along the piece, m.
-    pub(super) way_m: f64,
+    pub(super) length_m: f64,
     /// Bounds that also hold between the steps.
     pub(super) widened: Vec<DerivativeSample>,
     /// Factor by which values between the steps may exceed the samples, at least 1.
@@ -160,7 +160,7 @@ fn at_joints(arm: Arm, piece: &ChainPiece, steps: usize) -> PieceSamples {
         points: Vec::with_capacity(steps + 1),
         jets: Vec::with_capacity(steps + 1),
         joints: Vec::with_capacity(steps + 1),
-        way_m: 0.0,
+        length_m: 0.0,
         widened: Vec::new(),
         excess: 1.0,
     };
@@ -171,7 +171,7 @@ fn at_joints(arm: Arm, piece: &ChainPiece, steps: usize) -> PieceSamples {
         };
         let joints = jets.map(Scalar::value);
         let pose = arm.forward(&joints);
-        samples.way_m += last.map_or(0.0, |last| last.distance_to(&pose));
+        samples.length_m += last.map_or(0.0, |last| last.distance_to(&pose));
         last = Some(pose);
         samples.joints.push(joints);
         samples.points.push(sample([[0.0; 3]; 2], &jets));
@@ -220,15 +220,15 @@ fn at_flange(
     let mut speeds = points.iter().map(|[[speed, ..], ..]| speed);
     let sum: f64 = speeds.clone().sum();
     let ends: f64 = speeds.clone().take(1).chain(speeds.next_back()).sum();
-    let way_m = (sum - ends / 2.0) * step;
+    let length_m = (sum - ends / 2.0) * step;
     // Exact where the speed is constant.
     let constant = piece.shape.constant_speed();
-    let way_m = constant.map_or(way_m, |speed| speed * piece.length());
+    let length_m = constant.map_or(length_m, |speed| speed * piece.length());
     Ok(PieceSamples {
         points,
         jets,
         joints,
-        way_m,
+        length_m,
         widened: Vec::new(),
         excess: 1.0,
     })

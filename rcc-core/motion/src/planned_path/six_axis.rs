@@ -121,7 +121,7 @@ fn turn_says_which_of_two_turns_of_a_joint_it_ends_at() {
     let mut other = GOAL;
     other[5] += core::f64::consts::TAU;
     assert!(near(&there.joints, &other), "{:?}", there.joints);
-    assert!(last.joints[5] > 5.0, "the line goes on from there");
+    assert!(last.joints[5] > 5.0, "the line continues from there");
 }
 
 #[test]

@@ -228,10 +228,10 @@ pub(crate) fn allowed(
     }
     let bounds = match best {
         Some((_, bounds)) => bounds,
-        None if too_fast => as_given((parts, ends), greatest, dt_s, shares)?,
+        None if too_fast => bounds_for_given_speeds((parts, ends), greatest, dt_s, shares)?,
         None => return Err(LimitsFault::Clock),
     };
-    Ok(sooner((parts, ends), &bounds, shares).unwrap_or(bounds))
+    Ok(shorter_with_lower_speed((parts, ends), &bounds, shares).unwrap_or(bounds))
 }
 
 /// Factor between the lower speeds that are tried where a given speed is not reached.
@@ -240,7 +240,7 @@ const LOWER_MAX: usize = 16;
 
 /// A path that is too short to reach its given speed must not become slower because of it: returns limits without room
 /// for a speed that is not reached, if they shorten the motion.
-fn sooner(
+fn shorter_with_lower_speed(
     (parts, ends): (&[SampledPart], &[f64]),
     bounds: &PathBounds,
     shares: &LimitShares,
@@ -273,7 +273,7 @@ fn sooner(
 
 /// Limits for given speeds that do not fit the shares of the jerk limit: bends take what they need, and half of the
 /// rest is for changing the speed in them.
-fn as_given(
+fn bounds_for_given_speeds(
     (parts, ends): (&[SampledPart], &[f64]),
     greatest: f64,
     dt_s: f64,

@@ -108,14 +108,14 @@ pub(super) struct FinishedRun {
     pub(super) states: Vec<MotionState>,
 }
 
-/// Runs a motion to its end; `drive` returns the override of each cycle.
+/// Runs a motion to its end; `speed_override` returns the override of each cycle.
 pub(super) fn run(
     mut set: MotionSet,
-    mut drive: impl FnMut(usize) -> SpeedOverride,
+    mut speed_override: impl FnMut(usize) -> SpeedOverride,
 ) -> FinishedRun {
     let mut states = Vec::new();
     for cycle in 0..60_000 {
-        let state = set.step(0, drive(cycle)).unwrap();
+        let state = set.step(0, speed_override(cycle)).unwrap();
         states.push(state);
         if state.path.done {
             // It stays done.
@@ -647,14 +647,14 @@ fn random_sequences_keep_every_limit_under_random_speed_pause_and_stop() {
         } else {
             usize::MAX
         };
-        let mut drive = SpeedOverride::RUN;
+        let mut speed_override = SpeedOverride::RUN;
         let done = run(set, |cycle| {
             if random.unit() < 0.01 {
-                drive.speed = random.within(0.05, 1.0);
-                drive.pause = random.unit() < 0.2 && cycle < 20_000;
+                speed_override.speed = random.within(0.05, 1.0);
+                speed_override.pause = random.unit() < 0.2 && cycle < 20_000;
             }
-            drive.stop = cycle >= stop_at;
-            drive
+            speed_override.stop = cycle >= stop_at;
+            speed_override
         });
         done.judge(1.0);
     }

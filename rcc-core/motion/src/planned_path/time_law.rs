@@ -62,7 +62,7 @@ impl TimeLaw {
 
     /// Path parameter s at a time, limited to the ends.
     #[inline]
-    pub(crate) fn place(&self, time: f64) -> f64 {
+    pub(crate) fn position(&self, time: f64) -> f64 {
         self.at(time).max(self.begin_s).min(self.end_s)
     }
 
@@ -88,7 +88,7 @@ impl TimeLaw {
         let (mut from, mut to) = (0.0, self.duration());
         for _ in 0..HALVINGS {
             let middle = 0.5 * (from + to);
-            if self.place(middle) < s {
+            if self.position(middle) < s {
                 from = middle;
             } else {
                 to = middle;

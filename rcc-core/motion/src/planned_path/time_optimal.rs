@@ -69,8 +69,8 @@ pub(super) fn fastest(
         };
         for window in WINDOWS {
             let window_s = (window * 2.0 * part * window_s).min(profile.duration_s());
-            let tried = tried(builder, range.clone(), (&profile, shares), window_s);
-            let Some((time_law, bounds)) = tried else {
+            let smoothed_law = smoothed_law(builder, range.clone(), (&profile, shares), window_s);
+            let Some((time_law, bounds)) = smoothed_law else {
                 continue;
             };
             let time_s = rolling_duration_s(&bounds, time_law.duration());
@@ -95,7 +95,7 @@ fn ramp_time_s(builder: &PathBuilder<'_>, range: Range<usize>) -> Option<f64> {
 }
 
 /// A time law from this profile, smoothed over `window_s` (s), with the limits of its clock.
-fn tried(
+fn smoothed_law(
     builder: &PathBuilder<'_>,
     range: Range<usize>,
     (profile, shares): (&AccelerationProfile, &LimitShares),
@@ -104,7 +104,7 @@ fn tried(
     let (knots, step_s) = profile.smooth(window_s)?;
     let time_law = TimeLaw::new(&knots, step_s)?;
     let (mut parts, mut ends) = (Vec::new(), Vec::new());
-    for number in range.filter(|number| builder.is_way(*number)) {
+    for number in range.filter(|number| builder.has_length(*number)) {
         let (piece, sampled) = (
             builder.chain.pieces().get(number)?,
             builder.sampled.get(number)?,
@@ -207,7 +207,7 @@ fn at_time(sampled: &SampledPiece, place: f64, s: Jet) -> DerivativeSample {
 /// The constraints at every sample, with the fraction `part` of the acceleration limits.
 fn constraints(builder: &PathBuilder<'_>, range: Range<usize>, part: f64) -> Vec<PathConstraints> {
     let mut constraints = Vec::new();
-    for number in range.filter(|number| builder.is_way(*number)) {
+    for number in range.filter(|number| builder.has_length(*number)) {
         let (Some(piece), Some(sampled)) = (
             builder.chain.pieces().get(number),
             builder.sampled.get(number),

@@ -78,14 +78,14 @@ impl ReferenceResolution {
 impl Reference {
     /// Runs a motion slowly; `None` if it does not end.
     pub fn run(mut motion: MotionSet, resolution: ReferenceResolution) -> Option<Self> {
-        let drive = SpeedOverride {
+        let speed_override = SpeedOverride {
             speed: resolution.speed,
             ..SpeedOverride::RUN
         };
         let mut parts: Vec<Vec<(f64, Values)>> = vec![Vec::new()];
         let mut orientation = [0.0, 0.0, 0.0, 1.0];
         for _ in 0..200 * CYCLES_MAX {
-            let state = motion.step(0, drive)?;
+            let state = motion.step(0, speed_override)?;
             orientation = nearest(state.pose.orientation, orientation);
             let ([x, y, z], [a, b, c, d]) = (state.pose.position, orientation);
             let here = (state.path.s, [x, y, z, a, b, c, d]);

@@ -252,7 +252,7 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
                 let Some(reference) = reference else {
                     return match crawls(motion.clone()) {
                         true => RunOutcome::Refused,
-                        false => RunOutcome::Broken("the reference never ended".into()),
+                        false => RunOutcome::Broken("the reference run did not end".into()),
                     };
                 };
                 let judge = judge(Geometry::Reference(Box::new(reference)));
@@ -449,28 +449,34 @@ fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut Random) -> Ve
 
 /// Runs a motion under random overrides until it is done, and three cycles more.
 fn run(mut motion: MotionSet, mut judge: MotionJudge, random: &mut Random) -> RunOutcome {
-    let mut drive = SpeedOverride::RUN;
+    let mut speed_override = SpeedOverride::RUN;
     let often = random.log_even(2.0, 500.0);
     let calm_at = random.below(1500);
     let stop_at = random.below(4000);
     for cycle in 0..CYCLES_MAX {
         if cycle >= calm_at {
-            drive = SpeedOverride::RUN;
+            speed_override = SpeedOverride::RUN;
         } else if random.even() * often < 1.0 {
-            drive = random.drive();
+            speed_override = random.speed_override();
         }
         let stop = cycle == stop_at;
-        let Some(state) = motion.step(0, SpeedOverride { stop, ..drive }) else {
-            return RunOutcome::Broken("there is no motion".into());
+        let Some(state) = motion.step(
+            0,
+            SpeedOverride {
+                stop,
+                ..speed_override
+            },
+        ) else {
+            return RunOutcome::Broken("no motion with index 0".into());
         };
         if let Err(fault) = judge.see(&state) {
             return RunOutcome::Broken(format!("cycle {cycle}: {fault}"));
         }
         if state.path.done {
             for _ in 0..3 {
-                let again = motion.step(0, random.drive());
+                let again = motion.step(0, random.speed_override());
                 if again.is_none_or(|again| !again.path.done || again.path.s != state.path.s) {
-                    return RunOutcome::Broken(format!("cycle {cycle}: done, and not any more"));
+                    return RunOutcome::Broken(format!("cycle {cycle}: done, but then not done"));
                 }
             }
             return match judge.at_end(&state, cycle >= stop_at) {
@@ -479,5 +485,5 @@ fn run(mut motion: MotionSet, mut judge: MotionJudge, random: &mut Random) -> Ru
             };
         }
     }
-    RunOutcome::Broken("it never ended".into())
+    RunOutcome::Broken("did not end".into())
 }

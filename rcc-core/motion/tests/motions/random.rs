@@ -33,7 +33,7 @@ impl Random {
     }
 
     /// A random override: a pause, full speed, or any other speed.
-    pub fn drive(&mut self) -> SpeedOverride {
+    pub fn speed_override(&mut self) -> SpeedOverride {
         let at = |speed| SpeedOverride {
             speed,
             ..SpeedOverride::RUN

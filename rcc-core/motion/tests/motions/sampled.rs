@@ -73,10 +73,10 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
 
 /// Every cycle of a motion, per section from rest to rest: the first cycle is at the start, and each further section
 /// begins with the last sample of the previous one.
-fn run(mut motion: MotionSet, drive: SpeedOverride) -> Option<Vec<Vec<Sample>>> {
+fn run(mut motion: MotionSet, speed_override: SpeedOverride) -> Option<Vec<Vec<Sample>>> {
     let (mut parts, mut part) = (Vec::new(), Vec::new());
     loop {
-        let MotionState { path, joints, .. } = motion.step(0, drive)?;
+        let MotionState { path, joints, .. } = motion.step(0, speed_override)?;
         part.push((path.s, joints));
         if path.velocity == 0.0 && path.s > part.first().map_or(0.0, |(s, _): &Sample| *s) {
             parts.push(core::mem::replace(&mut part, vec![(path.s, joints)]));

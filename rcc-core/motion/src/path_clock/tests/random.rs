@@ -34,7 +34,7 @@ impl Random {
         pieces.collect()
     }
 
-    fn drive(&mut self) -> SpeedOverride {
+    fn speed_override(&mut self) -> SpeedOverride {
         match self.below(12) {
             0..3 => pause(),
             3 => at(0.0),
@@ -170,10 +170,10 @@ fn case(seed: u64) -> usize {
     let mut clock = PathClock::new();
     let (stop_at, calm_at) = (random.below(2000), random.below(600));
     let often = random.log_even(1.0, 300.0);
-    let mut drive = if random.even() < 0.5 {
+    let mut speed_override = if random.even() < 0.5 {
         RUN
     } else {
-        random.drive()
+        random.speed_override()
     };
     // At rest at every boundary, at the beginning and after the last pause.
     let rests = (bounds.pieces() + 4) as f64;
@@ -186,13 +186,13 @@ fn case(seed: u64) -> usize {
     let most = calm_at + (most_s / bounds.dt_s()).ceil() as usize;
     for cycle in 0..=most {
         if cycle >= calm_at {
-            drive = RUN;
+            speed_override = RUN;
         } else if random.even() * often < 1.0 {
-            drive = random.drive();
+            speed_override = random.speed_override();
         }
         let told = SpeedOverride {
             stop: cycle == stop_at,
-            ..drive
+            ..speed_override
         };
         let state = clock.advance(&bounds, told, |profile, from_s, to_s| {
             for (start, jerk, duration_s) in profile.parts(from_s, to_s) {
@@ -205,7 +205,11 @@ fn case(seed: u64) -> usize {
             assert!(state.stopping || state.s == judge.length());
             assert_eq!((state.velocity, state.acceleration), (0.0, 0.0));
             for _ in 0..3 {
-                assert_eq!(clock.step(&bounds, random.drive()), state, "done for good");
+                assert_eq!(
+                    clock.step(&bounds, random.speed_override()),
+                    state,
+                    "stays done"
+                );
             }
             return cycle;
         }
