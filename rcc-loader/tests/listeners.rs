@@ -1,5 +1,5 @@
-//! The loader's doors against clients that are slow, half-open, too many, too large, or that talk nonsense: cut off with
-//! words and a line in the log, while the others are served. Each test has a cell of its own, on loopback.
+//! Tests the loader's listeners against clients that are slow, half-open, too many, too large, or malformed: they get
+//! an error, are disconnected and logged, while others are served. Each test has a cell of its own, on loopback.
 
 #[path = "server/fake_executor.rs"]
 #[allow(dead_code)]
@@ -33,7 +33,7 @@ use test_server::{LIMIT, TestServer, answer, ask, exchange};
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 const SOCKET: &str = "RCC_DOORS_TEST_SOCKET";
 
-/// The second process: asks once.
+/// Run in the second process: sends one request.
 #[test]
 fn peer() {
     let Some(socket) = std::env::var_os(SOCKET) else {
@@ -59,7 +59,7 @@ fn get(path: &str, lines: &str) -> Vec<u8> {
     format!("GET {path} HTTP/1.1\r\nhost: x\r\n{lines}\r\n").into_bytes()
 }
 
-/// A request whose body does not come.
+/// Returns a request whose body does not arrive.
 fn slow_body(lines: &str) -> Vec<u8> {
     format!("POST /commands HTTP/1.1\r\nhost: x\r\n{lines}content-length: 1000\r\n\r\nnet: ")
         .into_bytes()
@@ -75,7 +75,7 @@ fn connect(cell: &Cell) -> UnixStream {
     stream
 }
 
-/// Connects from one of the loopback addresses: to the door each is another peer.
+/// Connects from one of the loopback addresses; each is a peer of its own.
 fn connect_from(last: u8, to: SocketAddr) -> TcpStream {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -93,7 +93,7 @@ fn connect_from(last: u8, to: SocketAddr) -> TcpStream {
     stream
 }
 
-/// TCP on any free port, with the token.
+/// Returns a configuration with TCP on any free port, and the token.
 fn tcp(cell: &Cell) -> AccessConfig {
     let token_file = cell.runtime_dir().join("token");
     let mut options = fs::File::options();
@@ -174,7 +174,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             mib(store::KEPT_MAX as usize)
         ),
         format!(
-            "| kept of a rejected text; of its findings | {}; {} | – |",
+            "| stored part of a rejected text; of its findings | {}; {} | – |",
             kib(store::REJECTED_TEXT_MAX),
             kib(store::FINDINGS_MAX)
         ),
@@ -248,7 +248,7 @@ fn a_client_that_does_not_finish_its_body_is_cut_off_and_others_are_served() {
 }
 
 #[test]
-fn what_is_too_large_is_refused_with_words() {
+fn requests_that_are_too_large_are_refused_with_an_error() {
     let test = TestCell::new("large");
     let served = TestServer::start(&test.cell);
     let long = format!("x: {}\r\n", "y".repeat(HEAD_MAX));
@@ -266,7 +266,7 @@ fn what_is_too_large_is_refused_with_words() {
 }
 
 #[test]
-fn nonsense_is_refused_with_words() {
+fn malformed_requests_are_refused_with_an_error() {
     let test = TestCell::new("nonsense");
     let _served = TestServer::start(&test.cell);
     for bytes in [
@@ -289,7 +289,7 @@ fn nonsense_is_refused_with_words() {
             "{bytes:?}"
         );
     }
-    // In the middle of a head the client ends its side.
+    // The client closes its side in the middle of a head.
     let mut half = connect(&test.cell);
     half.write_all(b"GET / HTTP/1.1\r\n").unwrap();
     half.shutdown(std::net::Shutdown::Write).unwrap();
@@ -338,11 +338,11 @@ fn a_process_that_holds_too_many_connections_gets_no_more_and_another_one_is_ser
     assert_eq!((status, &body["code"]), (429, &"RCC4010".into()));
     assert!(another_process_is_served(&test.cell));
     wait_for_log(&served, "requests of process");
-    // Each of them had its time; then there is room again.
+    // The held connections time out; then there is room again.
     for stream in held {
         assert_eq!(answer(stream).0, 408);
     }
-    // A place is free a moment after its client has the answer.
+    // A slot is released shortly after its client has the answer.
     let begun = std::time::Instant::now();
     while ask(&test.cell, "GET /primitives", b"").0 != 200 {
         assert!(
@@ -409,7 +409,7 @@ fn an_address_that_holds_too_many_connections_gets_no_more_and_another_one_is_se
 }
 
 #[test]
-fn over_tcp_only_the_token_opens() {
+fn tcp_requires_the_token() {
     let test = TestCell::new("token");
     let served = TestServer::with(&test.cell, &tcp(&test.cell));
     let connection = served.address.unwrap();
@@ -445,7 +445,7 @@ fn wrong_tokens_take_nothing_from_the_holder_of_the_right_one_at_the_same_addres
     for _ in 0..3 * TCP.burst {
         match exchange(connect_from(1, connection), &wrong).0 {
             401 => refused[0] += 1,
-            // Closed with a word, or at once.
+            // Closed with an error, or at once.
             _ => refused[1] += 1,
         }
     }
@@ -453,7 +453,7 @@ fn wrong_tokens_take_nothing_from_the_holder_of_the_right_one_at_the_same_addres
         refused[0] >= UNAUTHENTICATED.1 && refused[1] > 0,
         "{refused:?}"
     );
-    // Heads that never come do not take the holder's place, either.
+    // Connections that never send a head do not take the holder's slot either.
     let _silent: Vec<_> = (0..HEADS_MAX + 8)
         .map(|_| connect_from(1, connection))
         .collect();
@@ -475,7 +475,7 @@ fn a_body_is_not_read_before_the_token_was_seen() {
 }
 
 #[test]
-fn a_group_may_use_the_socket_and_nobody_else_without_one() {
+fn a_configured_group_may_use_the_socket_and_otherwise_only_its_user() {
     let test = TestCell::new("group");
     let modes = || {
         let mode = |path: &std::path::Path| fs::metadata(path).unwrap().mode() & 0o777;
@@ -490,7 +490,7 @@ fn a_group_may_use_the_socket_and_nobody_else_without_one() {
     };
     drop(Listeners::open(&test.cell, &access).unwrap());
     assert_eq!(modes(), (0o750, 0o660));
-    // Whoever joins the cell later leaves that as it is; what is inside stays private.
+    // A process that joins the cell later leaves the modes unchanged; the contents remain private.
     assert!(Cell::at("group", test.cell.runtime_dir()).is_ok());
     assert_eq!(modes().0, 0o750);
     assert_eq!(
@@ -502,7 +502,7 @@ fn a_group_may_use_the_socket_and_nobody_else_without_one() {
 }
 
 #[test]
-fn a_door_that_cannot_be_locked_is_not_opened() {
+fn a_listener_without_valid_access_control_is_not_opened() {
     let test = TestCell::new("locked");
     let access = AccessConfig {
         group: Some("no-such-group".to_owned()),
