@@ -1,8 +1,8 @@
-//! What every driver must do: one rule, one test, generic over the driver and the other end of its wire.
-//! Test code only; `conformance!` in a driver's tests gives it all rules, see `docs/drivers.md`.
+//! The conformance suite of drivers: one rule, one test, generic over the driver and the other end of its wire.
+//! Test code only; `conformance!` in a driver's tests instantiates all rules, see `docs/drivers.md`.
 //!
-//! A rule runs the driver against a [`Subject`], the device's part on loopback, with a fault proxy between the two. The
-//! variable `RCC_DEVICE_<DRIVER>` switches the rules that are safe to a real device, `RCC_SEED` repeats a run.
+//! A rule runs the driver against a [`Subject`], the device's side on loopback, with a fault proxy in between. The
+//! variable `RCC_DEVICE_<DRIVER>` runs the rules that are safe against a real device; `RCC_SEED` repeats a run.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -24,84 +24,84 @@ pub mod limit_checker;
 pub mod real;
 pub mod rules;
 
-/// Waits of a receive: a driver waits no longer than this for nothing.
+/// Time-out of each receive.
 pub const TIMEOUT: Duration = Duration::from_millis(20);
 
-/// The other end of the wire. Its inputs 0 are wired to its outputs 0.
+/// The other end of the wire. Its inputs 0 are looped back from its outputs 0.
 pub trait Peer {
-    /// Before each receive: a device that sends first does it now.
+    /// Called before each receive: a device that sends first sends now.
     fn before(&mut self);
-    /// After each answer, or its absence.
+    /// Called after each answer, or after an exchange without one.
     fn after(&mut self);
-    /// Goes away, or comes back.
+    /// Makes the device disappear or return.
     fn set_present(&mut self, present: bool);
 }
 
-/// What carries the bytes.
+/// Transport protocol of the wire, and who sends first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
-    /// The device sends the first datagram to where the driver listens; its clock is the test's.
+    /// The device sends the first datagram to the address where the driver listens; its clock is the test's.
     UdpFromDevice,
-    /// The driver sends the first datagram; the device lives in threads of its own.
+    /// The driver sends the first datagram; the device runs in threads of its own.
     UdpFromDriver,
-    /// The driver connects; the device lives in threads of its own.
+    /// The driver connects; the device runs in threads of its own.
     TcpFromDriver,
 }
 
-/// The outputs that a device has been told, by the index of their channels.
+/// The outputs that the device has received, by the index of their channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObservedOutputs {
     /// Bit i: digital output i.
     pub digital: u64,
-    /// Analog outputs, SI; NaN = never told.
+    /// Analog outputs, SI; NaN = never received.
     pub analog: [f64; ANALOG_MAX],
 }
 
-/// A driver under test, as its device sees it.
+/// A driver under test, seen from its device.
 pub trait Subject: Peer + Sized {
-    /// The driver that speaks to it.
+    /// The driver of this device.
     type Driver: Driver + 'static;
-    /// Its name in a cell's configuration.
+    /// Name of the driver in a cell's configuration.
     const NAME: &'static str;
-    /// Its reasons.
+    /// The driver's reasons.
     const REASONS: &'static [Reason];
-    /// Its wire.
+    /// The driver's wire.
     const TRANSPORT: Transport;
-    /// The wire has checks that find corrupted packets.
+    /// The wire has a checksum that detects corrupted packets.
     const HAS_CHECKSUM: bool;
-    /// Values that settings must not have, as JSON: one row or more for every setting that has a range or a set of words.
+    /// Invalid values of settings, as JSON: at least one row for every setting that has a range or a set of words.
     const BAD_SETTINGS: &'static [(&'static str, &'static str)];
-    /// Addresses that channels of a kind must not have, as JSON; that they are of another type is tested anyway.
+    /// Invalid channel addresses of each kind, as JSON; addresses of another type are always tested.
     const BAD_ADDRESSES: &'static [(ChannelKind, &'static str)];
 
-    /// A device on loopback, present.
+    /// Starts a device on loopback that is present.
     fn start() -> Self;
-    /// Where it is reached, if the driver is the first to send; otherwise any address.
+    /// The device's address, if the driver sends first; otherwise any address.
     fn address(&self) -> SocketAddr;
-    /// Where it is to send first, if it does.
+    /// Sets the address that the device sends to, if it sends first.
     fn aim(&mut self, driver: SocketAddr) {
         let _ = driver;
     }
-    /// The configuration for a device, or (if the device sends first) a driver, at this address. Each kind of output
-    /// has a channel, and a digital output holds.
+    /// Returns the configuration for a device at this address or, if the device sends first, for a driver at this
+    /// address. Each kind of output has a channel, and a digital output has `on_release: hold`.
     fn device(at: SocketAddr) -> DeviceConfig;
-    /// What its outputs are now.
+    /// Returns the present outputs of the device.
     fn told(&mut self) -> ObservedOutputs;
-    /// The set-points in a packet of the driver, if the device follows them.
+    /// Returns the set-points in a packet of the driver, if the device follows them.
     fn followed(&self, packet: &[u8]) -> Option<Joints> {
         let _ = packet;
         None
     }
-    /// What the device holds against the driver; losses of the wire do not count.
+    /// Returns the protocol violations of the driver that the device has seen; losses on the wire do not count.
     fn complaints(&self) -> Vec<String> {
         Vec::new()
     }
-    /// Bytes of an exchange with a device that is not the subject, and what the driver makes of them.
+    /// Returns captured bytes of an exchange with another device, and the expected inputs.
     fn capture() -> Option<capture::Capture>;
 }
 
-/// Gives a driver all rules: `conformance!(io: IoServer)` for plain I/O, `conformance!(arm: Controller)` for a device
-/// with joints.
+/// Instantiates all rules for a driver: `conformance!(io: IoServer)` for plain I/O, `conformance!(arm: Controller)` for
+/// a device with joints.
 macro_rules! conformance {
     (io: $subject:ty) => {
         $crate::conformance::conformance!(tests of $subject:
@@ -163,7 +163,7 @@ macro_rules! conformance {
 }
 pub(crate) use conformance;
 
-/// A channel: name, kind, address, release, range.
+/// A channel: name, kind, address, `on_release`, range.
 pub type ChannelRow<'a> = (
     &'a str,
     ChannelKind,
@@ -172,7 +172,7 @@ pub type ChannelRow<'a> = (
     Option<[f64; 2]>,
 );
 
-/// A device without robot.
+/// Returns a device without a robot.
 pub fn device(driver: &str, settings: serde_json::Value, rows: &[ChannelRow<'_>]) -> DeviceConfig {
     let channel = |(place, row): (usize, &ChannelRow<'_>)| {
         let (name, kind, address, on_release, range) = row.clone();
@@ -203,7 +203,7 @@ pub fn device(driver: &str, settings: serde_json::Value, rows: &[ChannelRow<'_>]
     }
 }
 
-/// A cell with this device only, of 1 ms.
+/// Returns a cell that contains only this device, with a period of 1 ms.
 pub fn cell(device: &DeviceConfig) -> CellConfig {
     let text =
         "cell: conformance\nperiod: 1 ms\nstale_after: 50 ms\ndevices: {device: {driver: none}}\n";
@@ -214,7 +214,7 @@ pub fn cell(device: &DeviceConfig) -> CellConfig {
     }
 }
 
-/// One exchange; the answer is `outputs` at the mirror.
+/// Performs one exchange; the answer is `outputs` with the mirrored position.
 pub fn exchange(
     driver: &mut dyn Driver,
     peer: &mut dyn Peer,

@@ -1,4 +1,4 @@
-//! KUKA LWR 4+ over its Fast Research Interface, version 1.0: what both ends of that wire share.
-//! Plain data and functions; they run on whatever thread calls them.
+//! KUKA LWR 4+ over its Fast Research Interface, version 1.0: definitions shared by both ends of the wire.
+//! Plain data and functions; run by whichever thread calls them.
 
 pub mod wire;

@@ -1,8 +1,9 @@
-//! A fault proxy between a driver and its device: it loses, delays, doubles, swaps, cuts and corrupts what passes, drawn
-//! from a seed, and counts what it did. For tests and simulators; a UDP proxy is pumped by its owner or by a thread of its
-//! own, a TCP proxy has two threads a connection.
+//! A fault proxy between a driver and its device: it loses, delays, duplicates, reorders, truncates and corrupts
+//! packets at random from a seed, and counts these faults.
+//! For tests and simulators; a UDP proxy is pumped by its owner or by a thread of its own, a TCP proxy has two threads
+//! per connection.
 //!
-//! The same seed and the same packets give the same faults in each direction, whatever the other direction does.
+//! The same seed and the same packets give the same faults in each direction, regardless of the other direction.
 
 pub mod faulty_link;
 pub mod random;
@@ -14,16 +15,16 @@ pub use random::SplitMix64;
 pub use tcp::TcpProxy;
 pub use udp::UdpProxy;
 
-/// Who sends.
+/// Direction of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// From who sent first, or connected, to the target.
+    /// From the peer that sent or connected first to the target.
     Forth = 0,
     /// From the target back.
     Back = 1,
 }
 
-/// The two lines of a proxy, each with chances of its own.
+/// Returns the links of both directions, each with its own random numbers.
 fn lines(rates: FaultRates, seed: u64) -> [FaultyLink; 2] {
     let mut chance = SplitMix64::new(seed);
     [

@@ -1,5 +1,6 @@
-//! Robot-side and I/O-side simulators: the other end of the wires that our drivers speak, and nothing else of us.
-//! Each simulator is a program of its own; its model is pure and runs in virtual time as well.
+//! Simulators of robots and I/O stations: the other end of the wire protocols that our drivers speak, independent of
+//! all other RCC code.
+//! Each simulator is a program of its own; its model is pure and also runs in virtual time.
 
 pub mod control_socket;
 pub mod io;

@@ -1,5 +1,5 @@
-//! The layout of the FRI datagrams against Python's `struct`, at offsets written here in Python and nowhere else.
-//! Runs in the test harness; needs `python3` and says so when it is missing.
+//! The layout of the FRI datagrams against Python's `struct`, at offsets that are written only here, in Python.
+//! Runs in the test harness; needs `python3`, and reports if it is missing.
 
 use rcc_drivers::fri_lwr::wire::{
     CommandDatagram, FriControlStrategy, KrlBlock, MeasurementDatagram, Quality, SessionState,
@@ -40,7 +40,7 @@ for format, offset, name in (
     show(cmd, format, offset, 'cmd ' + name)
 "#;
 
-/// `N` values that occur nowhere else: exact in binary32, so that Python prints them without rounding.
+/// Returns `N` values that occur nowhere else; exact in binary32, so that Python prints them without rounding.
 fn ramp<const N: usize>(first: f32) -> [f32; N] {
     std::array::from_fn(|i| first + i as f32 / 64.0)
 }
@@ -213,7 +213,7 @@ fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What Python reads in both datagrams; `None` when there is no Python.
+/// Returns the values that Python reads from both datagrams, or `None` without Python.
 fn read_by_python(input: &str) -> Option<String> {
     let mut python = match Command::new("python3")
         .args(["-c", PYTHON])

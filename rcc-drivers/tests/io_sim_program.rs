@@ -1,5 +1,6 @@
-//! The program `io-sim` on real sockets: a Modbus client reads back what it wrote, and sees inputs set by hand.
-//! Runs in the test harness; ports are chosen by the system.
+//! The program `io-sim` on real sockets: a Modbus client reads back what it wrote, and reads inputs set through the
+//! control port.
+//! Runs in the test harness; the system chooses the ports.
 
 mod common;
 
@@ -15,7 +16,7 @@ use std::process::{Child, Command, Stdio};
 use tokio_modbus::ExceptionCode;
 use tokio_modbus::client::{Reader, Writer, tcp};
 
-/// A running simulator; killed if the test ends before it does.
+/// A running simulator; killed if the test ends first.
 struct Simulator {
     child: Child,
     modbus: SocketAddr,
@@ -61,7 +62,7 @@ impl Simulator {
 
 impl Drop for Simulator {
     fn drop(&mut self) {
-        // it may have ended already
+        // It may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -119,11 +120,11 @@ fn another_user_cannot_command_it() {
             "skipped: another_user_cannot_command_it (it takes root to be somebody else)"
         );
     }
-    // The socket's own mode is what counts: a group may look into the folder of a cell.
+    // The socket's own mode is decisive: a group may have access to the folder of a cell.
     fs::set_permissions(&simulator.folder.0, fs::Permissions::from_mode(0o755)).unwrap();
     let connect_as = |user: u32| {
         let socket = socket.clone();
-        // Of this thread alone, and without root's rights to files (setfsuid(2), capabilities(7)).
+        // Affects only this thread, and drops root's file privileges (setfsuid(2), capabilities(7)).
         let connect = move || {
             nix::unistd::setfsuid(nix::unistd::Uid::from_raw(user));
             UnixStream::connect(socket).map_err(|error| error.kind())
@@ -153,7 +154,7 @@ fn a_dead_simulators_socket_is_replaced_and_an_ended_one_leaves_none() {
     let stdout = next.stdout.take().unwrap();
     BufReader::new(stdout).read_line(&mut line).unwrap();
     let mut control = ControlClient::connect(&socket).unwrap();
-    // A second one is refused while the first lives.
+    // A second simulator is refused while the first one runs.
     let refused = Command::new(env!("CARGO_BIN_EXE_io-sim"))
         .arg("--control")
         .arg(&socket)

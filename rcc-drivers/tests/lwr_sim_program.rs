@@ -1,5 +1,5 @@
-//! The program `lwr-sim` on real sockets: it speaks first, lets itself be commanded, and ends when asked to.
-//! Runs in the test harness; ports are chosen by the system.
+//! The program `lwr-sim` on real sockets: it sends first, can be commanded, and ends on request.
+//! Runs in the test harness; the system chooses the ports.
 
 mod common;
 
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// A running simulator; killed if the test ends before it does.
+/// A running simulator; killed if the test ends first.
 struct Simulator {
     child: Child,
     control: ControlClient,
@@ -63,7 +63,7 @@ impl Simulator {
 
 impl Drop for Simulator {
     fn drop(&mut self) {
-        // it may have ended already
+        // It may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -73,7 +73,7 @@ struct Trace(PathBuf);
 
 impl Drop for Trace {
     fn drop(&mut self) {
-        // it may not have been written
+        // It may not have been written.
         let _ = std::fs::remove_file(&self.0);
     }
 }
@@ -86,7 +86,7 @@ fn pc() -> UdpSocket {
     socket
 }
 
-/// Answers one datagram by mirroring; what came in.
+/// Answers one datagram by mirroring; returns the datagram.
 fn mirror(pc: &UdpSocket, sequence: u16) -> MeasurementDatagram {
     let mut bytes = [0; 2048];
     let (length, source) = pc.recv_from(&mut bytes).expect("the controller sends");
@@ -110,7 +110,7 @@ fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace(
     let pc = pc();
     let trace = Trace(std::env::temp_dir().join(format!("rcc-lwr-sim-{}.csv", std::process::id())));
     let mut simulator = Simulator::start(&pc, &["--trace", trace.0.to_str().unwrap()]);
-    // a stall of this machine may cost the command state again: so many cycles are plenty, not expected
+    // A stall of this machine may cost the command state again: this number of cycles is ample.
     let commanded =
         (1..20_000).any(|sequence| mirror(&pc, sequence).state == SessionState::Command);
     assert!(commanded);

@@ -1,5 +1,6 @@
-//! The driver `modbus` against servers that were not written here: libmodbus (Debian: libmodbus-dev, compiled with cc) and
-//! pymodbus (Debian: python3-pymodbus python3-serial python3-serial-asyncio). What is not on a machine is skipped by name.
+//! The driver `modbus` against independent servers: libmodbus (Debian: libmodbus-dev, compiled with cc) and pymodbus
+//! (Debian: python3-pymodbus python3-serial python3-serial-asyncio). Servers that are not installed are skipped by
+//! name.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -18,13 +19,13 @@ use rcc_drivers::drivers::modbus::Modbus;
 use rcc_drivers::drivers::modbus::fault::{EXCEPTIONS, NAMED, TIMEOUT, UNREACHABLE};
 use serde_json::{Value, json};
 
-/// Exchanges, or attempts at one, in which something must have happened.
+/// Number of exchanges, or attempts, within which an expected event must happen.
 const PATIENCE: usize = 3000;
 
 /// How a server is started.
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Compiled; each answer comes so many milliseconds late.
+    /// A compiled program; each answer is delayed by this number of milliseconds.
     Libmodbus {
         delay_ms: u32,
     },
@@ -45,7 +46,7 @@ impl Drop for Peer {
 }
 
 impl Peer {
-    /// `None` if it is not on this machine, and says so.
+    /// Returns `None`, with a message, if the server is not installed.
     fn start(kind: Kind) -> Option<Self> {
         let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
         let mut peer = Self {
@@ -97,7 +98,7 @@ fn source(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// The C program, compiled once.
+/// Returns the C program, compiled once.
 fn libmodbus() -> Option<&'static Path> {
     static PROGRAM: OnceLock<Option<PathBuf>> = OnceLock::new();
     let compile = || {
@@ -117,7 +118,7 @@ fn libmodbus() -> Option<&'static Path> {
     PROGRAM.get_or_init(compile).as_deref()
 }
 
-/// The Python that has it.
+/// Returns a Python interpreter that has pymodbus.
 fn pymodbus() -> Option<&'static str> {
     static PYTHON: OnceLock<Option<&'static str>> = OnceLock::new();
     *PYTHON.get_or_init(|| {
@@ -174,7 +175,7 @@ fn one(peer: &Peer) -> Value {
     json!({"server": peer.address.to_string(), "unit": 1, "period": "2 ms", "timeout": "1 s"})
 }
 
-/// Exchanges until `done`; the inputs of that moment.
+/// Exchanges until `done` returns true; returns the inputs at that moment.
 fn until(
     driver: &mut Modbus,
     outputs: &Outputs,
@@ -185,7 +186,7 @@ fn until(
     for _ in 0..PATIENCE {
         let result = driver.receive(Duration::from_millis(20), &mut inputs);
         if result.is_ok() {
-            // A loss is seen at the next receive.
+            // A loss is detected at the next receive.
             let _ = driver.send(outputs);
         }
         if done(&result, &inputs) {
@@ -267,7 +268,7 @@ fn every_word_order_is_written_as_libmodbus_reads_it() {
     until(&mut driver, &outputs, "what was written", |_, inputs| {
         inputs.analog[..6] == expected && inputs.digital & 1 == 1
     });
-    // The last outputs leave with the driver; a new one reads first what is there.
+    // The driver sends its last outputs when it is dropped; a new driver reads the present state first.
     driver
         .send(&Outputs {
             digital: 0,
@@ -340,7 +341,7 @@ fn units_are_told_apart() {
         exchanged(&mut open(settings(2), &rows)).analog[..2],
         [65_534.0, 2222.0]
     );
-    // Some versions do not answer for a unit that they do not have, others say that the gateway finds none.
+    // Some versions do not answer for a unit that they do not have; others report that the gateway has no path.
     let reasons = [TIMEOUT, EXCEPTIONS + 11].map(|reason| 2 * NAMED + reason);
     lost_by(&mut open(settings(9), &rows), &reasons);
 }
@@ -378,7 +379,7 @@ fn a_server_that_was_killed_is_lost_and_gets_its_outputs_again_when_it_is_back()
         peer.kill();
         lost_by(&mut driver, &[UNREACHABLE]);
         assert!(peer.run());
-        // It begins with everything off.
+        // The server starts with everything off.
         until(&mut driver, &outputs, "the lamp again", |result, inputs| {
             result.is_ok() && inputs.digital == 1
         });
@@ -414,7 +415,7 @@ fn half_an_answer_is_no_answer_and_the_next_connection_is_tried() {
         json!({"server": listener.local_addr().unwrap().to_string(), "timeout": "50 ms"});
     let server = std::thread::spawn(move || {
         let mut request = [0; 12];
-        // Half an answer to each, so that the driver gives the connection up.
+        // Half an answer to each request, so that the driver closes the connection.
         let (mut stream, _) = listener.accept().unwrap();
         while stream.read_exact(&mut request).is_ok() {
             let half = [request[0], request[1], 0, 0, 0, 4, 255, 2];

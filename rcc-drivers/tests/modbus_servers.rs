@@ -1,5 +1,5 @@
 //! The driver `modbus` with several servers, each an `io-sim` of its own; and the cell of docs/modbus.md.
-//! Runs in the test harness; ports are chosen by the system.
+//! Runs in the test harness; the system chooses the ports.
 
 mod common;
 
@@ -19,10 +19,10 @@ use rcc_drivers::drivers::modbus::fault::{EXCEPTIONS, NAMED, TIMEOUT, UNREACHABL
 use rcc_drivers::sim::line_server::ControlClient;
 use serde_json::{Value, json};
 
-/// Exchanges, or attempts at one, in which something must have happened.
+/// Number of exchanges, or attempts, within which an expected event must happen.
 const PATIENCE: usize = 3000;
 
-/// A running simulator; killed if the test ends before it does.
+/// A running simulator; killed if the test ends first.
 struct Simulator {
     child: Child,
     modbus: SocketAddr,
@@ -81,7 +81,7 @@ impl Drop for Simulator {
     }
 }
 
-/// A lamp and its echo on each of the servers `a` and `b`.
+/// Opens a driver with a lamp and its echo on each of the servers `a` and `b`.
 fn open(servers: [&Simulator; 2], timeout: &str) -> Modbus {
     let rows = [
         ("lamp_a", DigitalOutput, "a/coil 0"),
@@ -132,7 +132,7 @@ fn until(
     for count in 0..PATIENCE {
         let result = driver.receive(Duration::from_millis(20), &mut inputs);
         if result.is_ok() {
-            // A loss is seen at the next receive.
+            // A loss is detected at the next receive.
             let _ = driver.send(outputs);
         }
         if done(&result, &inputs) {
@@ -196,7 +196,7 @@ fn a_slow_server_does_not_delay_the_others() {
         fast > 5 * slow,
         "{fast} requests to the fast one, {slow} to the slow one"
     );
-    // What the slow one is told reaches it nevertheless.
+    // Outputs still reach the slow server.
     let outputs = Outputs {
         digital: 0b01,
         ..BOTH_ON

@@ -1,4 +1,4 @@
-//! `io-sim`: an I/O station that speaks Modbus TCP.
+//! `io-sim`: a simulated I/O station that speaks Modbus TCP.
 //! The main thread reads the command line and waits for the end; see `rcc_drivers::sim::io`.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]

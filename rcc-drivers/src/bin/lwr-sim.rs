@@ -1,4 +1,4 @@
-//! `lwr-sim`: the controller's side of a KUKA LWR 4+, over FRI 1.0 on UDP.
+//! `lwr-sim`: a simulated controller (KRC) of a KUKA LWR 4+ that speaks FRI 1.0 over UDP.
 //! The main thread reads the command line and waits for the end; see `rcc_drivers::sim::lwr`.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]

@@ -1,6 +1,7 @@
 //! `rcc-driver`: hosts the driver of one device of a cell until it is asked to stop.
-//! The main thread exchanges with the device; one thread waits for signals, one watches the announcements. All threads are
-//! made before the driver says that it is ready; a helper that panics brings the device to rest and ends the driver.
+//! The main thread exchanges with the device; one thread waits for signals, one watches the announcements. All threads
+//! are created before the driver reports that it is ready; if a helper thread panics, the device is brought to rest and
+//! the driver ends.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -41,7 +42,7 @@ fn main() -> ExitCode {
 }
 
 fn run(options: &Options) -> Result<(), ExitError> {
-    // Before the first thread, so that all threads leave the signals to the one that waits for them.
+    // Before the first thread, so that all threads leave signals to the one that waits for them.
     let signals = Stop::prepare(options.cell.parent_death)?;
     let config = options.cell.load()?;
     let device = device(&config, &options.device)?;
@@ -66,18 +67,18 @@ fn run(options: &Options) -> Result<(), ExitError> {
             limit_ms: hang.limit.as_millis().try_into().unwrap_or(u64::MAX),
         });
     });
-    // READY comes when the host runs: then all threads are made.
+    // READY is sent once the host runs, when all threads exist.
     let supervisor = Notifier::start(&helpers, move || hangs.check(pulse.look()))?;
     let failed = helpers.clone();
     helpers::thread("signals", move || {
         signals.wait();
-        // Who ends because of a fault of its own stays under the watchdog until its device rests.
+        // A driver that ends because of an internal failure stays under the watchdog until its device is at rest.
         if failed.failure().is_none() {
             supervisor.stopping();
         }
         STOP.store(true, Ordering::Relaxed);
     })?;
-    // After the helper threads have been started, which would inherit it.
+    // After the helper threads have been started, since they would inherit the priority.
     if let Some(priority) = options.priority {
         rise(priority);
     }

@@ -1,5 +1,6 @@
-//! `rcc-probe`: listens to one device for a while, as its driver would, and tells in JSON what came; it never answers,
-//! so nothing moves and no output changes. Run by the main thread; for `rcc-cli doctor` when no driver runs.
+//! `rcc-probe`: listens to one device for a while, as its driver would, and prints what it received as JSON; it never
+//! answers, so nothing moves and no output changes.
+//! Run by the main thread; used by `rcc-cli doctor` when no driver runs.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -17,7 +18,7 @@ use serde_json::{Value, json};
 /// Longest wait for one datagram.
 const STEP: Duration = Duration::from_millis(10);
 
-/// Listens to one device of a cell and tells in JSON what came.
+/// Listens to one device of a cell and prints what it received as JSON.
 #[derive(Debug, Parser)]
 #[command(name = "rcc-probe", version)]
 struct Options {
@@ -53,7 +54,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
             while Instant::now() < end {
                 let result = driver.receive(STEP, &mut inputs);
                 exchanges += u64::from(result.is_ok());
-                // Silence between two datagrams is usual.
+                // Silence between two datagrams is normal.
                 if last.is_none() || result != Err(LinkError::Silent) {
                     last = Some(result);
                 }
@@ -69,7 +70,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
             })
         }
     };
-    // This is the result: without it nothing was probed.
+    // This line is the result: without it the probe has failed.
     writeln!(std::io::stdout(), "{told}")?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Replay of captured bytes: the same bytes give the same inputs, and those that are known from elsewhere.
+//! Replay of captured bytes: the same bytes give the same inputs, and the values known from another source.
 //! Test code only.
 
 use std::io::{Read, Write};
@@ -12,38 +12,38 @@ use super::fault_path::FaultPath;
 use super::{Subject, TIMEOUT, Transport};
 use crate::driver::{Driver, Inputs, Outputs};
 
-/// Receives until the capture is over.
+/// Most receives until the capture must have been replayed.
 const PATIENCE: usize = 500;
-/// Exchanges of a recording, and how often it is tried.
+/// Number of exchanges in a recording, and number of attempts.
 const RECORDED: usize = 20;
 const ATTEMPTS: usize = 10;
 /// How long a replayed device waits for the driver's bytes.
 const WAIT: Duration = Duration::from_secs(10);
 
-/// Who sent captured bytes.
+/// Sender of captured bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PacketSource {
-    /// The driver, to the device.
+    /// From the driver to the device.
     Driver,
-    /// The device, to the driver.
+    /// From the device to the driver.
     Device,
 }
 
 /// A capture of a real exchange.
 pub struct Capture {
-    /// The driver's configuration, for a device (or, if that sends first, a driver) at an address.
+    /// Returns the driver's configuration for a device (or, if that sends first, for a driver) at an address.
     pub device: fn(SocketAddr) -> DeviceConfig,
-    /// Packets, in their order. What a driver sends is compared if it is the first to send.
+    /// Packets in order. The driver's packets are compared if it sends first.
     pub packets: Vec<(PacketSource, Vec<u8>)>,
-    /// Exchanges in it.
+    /// Number of exchanges in the capture.
     pub exchanges: usize,
-    /// Checks what the driver made of it, one row an exchange.
+    /// Checks the inputs that the driver decoded, one row per exchange.
     pub check: fn(&[Inputs]),
 }
 
 impl Capture {
-    /// Packets from text: a line each, `>` for the driver's and `<` for the device's, and bytes in hexadecimal digits;
-    /// other lines say where it comes from.
+    /// Parses packets from text, one per line: `>` for the driver's and `<` for the device's, followed by hexadecimal
+    /// digits; other lines are comments on the origin.
     pub fn packets(text: &str) -> Vec<(PacketSource, Vec<u8>)> {
         let packet = |line: &str| {
             let (from, hex) = match line.split_at_checked(1)? {
@@ -62,7 +62,7 @@ impl Capture {
     }
 }
 
-/// A stored capture, twice, with a driver that knows nothing each time.
+/// Replays a stored capture twice, each time with a new driver.
 pub fn replays_its_capture<S: Subject>() {
     let Some(capture) = S::capture() else {
         return eprintln!("skipped: replays_its_capture (there is no stored capture)");
@@ -71,7 +71,7 @@ pub fn replays_its_capture<S: Subject>() {
     (capture.check)(&first);
 }
 
-/// An exchange with the subject, recorded and replayed: `RCC_RECORD=FILE` keeps it.
+/// Records an exchange with the subject and replays it; `RCC_RECORD=FILE` stores the recording.
 pub fn replays_a_recording<S: Subject>() {
     let (packets, recorded) = (0..ATTEMPTS)
         .find_map(|_| record::<S>())
@@ -93,7 +93,7 @@ fn replays(capture: &Capture, replay: fn(&Capture) -> Vec<Inputs>) -> Vec<Inputs
     assert!(capture.exchanges > 0);
     let (first, second) = (replay(capture), replay(capture));
     assert_eq!(first.len(), capture.exchanges);
-    // As text, in which NaN equals NaN.
+    // Compared as text, in which NaN equals NaN.
     let (one, other) = (format!("{first:?}"), format!("{second:?}"));
     assert_eq!(one, other, "the same bytes, other inputs");
     first
@@ -115,10 +115,10 @@ fn text(packets: &[(PacketSource, Vec<u8>)]) -> String {
     text
 }
 
-/// What passed and what came of it.
+/// The packets and the decoded inputs of a recording.
 type Recording = (Vec<(PacketSource, Vec<u8>)>, Vec<Inputs>);
 
-/// Bytes and inputs of some exchanges; `None` if one of them failed, as the machine was too busy.
+/// Records some exchanges; returns `None` if one of them failed because the machine was too busy.
 fn record<S: Subject>() -> Option<Recording> {
     let mut subject = S::start();
     let (path, address) = FaultPath::of(&mut subject, 1);
@@ -246,6 +246,6 @@ fn answer_stream(listener: &TcpListener, packets: &[(PacketSource, Vec<u8>)]) {
             PacketSource::Device => stream.write_all(packet).expect("the driver reads"),
         }
     }
-    // The driver ends first: what it has not read yet would be lost otherwise.
+    // The driver closes first: closing here would discard bytes that it has not read yet.
     while matches!(stream.read(&mut [0; 64]), Ok(1..)) {}
 }

@@ -1,5 +1,6 @@
-//! ExecutorAction, driver's session, driver, proxy and subject in one time: the executor has one cycle of 1 ms an exchange.
-//! Test code only; the virtual clock is the device's, counted in its periods.
+//! Executor, device session, driver, proxy and subject in one virtual time: the executor has one cycle of 1 ms per
+//! exchange.
+//! Test code only; the clock is the device's, counted in its periods.
 
 use std::time::Duration;
 
@@ -17,43 +18,43 @@ use crate::host::reason::HOST_REASONS;
 use crate::proxy::FaultRates;
 
 const MS: u64 = 1_000_000;
-/// Exchanges in which something must have happened.
+/// Number of exchanges within which an expected event must happen.
 pub const PATIENCE: usize = 8000;
 
-/// What the executor does in one cycle.
+/// Behaviour of the executor in one cycle.
 #[expect(
     clippy::large_enum_variant,
     reason = "one at a time, on the stack of a test"
 )]
 #[derive(Clone, Copy, Debug)]
 pub enum ExecutorAction {
-    /// Writes this.
+    /// Writes this set-point.
     Writes(SetPoint),
-    /// Is there and writes nothing, as when it hangs.
+    /// Is present but writes nothing, as when it hangs.
     Hangs,
-    /// Is not there.
+    /// Is absent.
     Absent,
 }
 
-/// Everything around one driver.
+/// Test bench around one driver.
 pub struct DriverBench<S: Subject> {
     /// The device.
     pub subject: S,
     /// The driver.
     pub driver: S::Driver,
-    /// The device as the host sees it.
+    /// The session that the host would run.
     pub session: DeviceSession,
-    /// Its configuration.
+    /// Configuration of the device.
     pub device: DeviceConfig,
-    /// What lies path the two.
+    /// The fault proxy between driver and device.
     pub path: FaultPath,
     /// The newest inputs.
     pub inputs: Inputs,
-    /// Watches what the device follows.
+    /// Checks the set-points that the device follows.
     pub checker: LimitChecker,
-    /// What the device was told to follow, one row an exchange.
+    /// Set-points that the device has received, one row per exchange.
     pub followed: Vec<Joints>,
-    /// How the last exchange went.
+    /// Result of the last exchange.
     pub last: Result<Exchange, LinkError>,
     image: CommandImage,
     now_ns: u64,
@@ -81,7 +82,7 @@ impl<S: Subject> DriverBench<S> {
         }
     }
 
-    /// As [`DriverBench::new`], with an executor, exchanging and ready for a net.
+    /// As [`DriverBench::new`], but with an executor and ready for a net.
     pub fn ready(seed: u64) -> Self {
         let mut bench = Self::new(seed);
         bench.until_ready();
@@ -89,10 +90,10 @@ impl<S: Subject> DriverBench<S> {
         bench
     }
 
-    /// The driver dies and is started again.
+    /// Kills the driver and starts another one.
     pub fn restart_driver(self) -> Self {
         let Self { device, driver, .. } = self;
-        // An address is free again once the old one is gone.
+        // The address is free only after the old driver has been dropped.
         drop(driver);
         let driver = S::Driver::open(&device).expect("the same configuration as before");
         Self {
@@ -110,7 +111,7 @@ impl<S: Subject> DriverBench<S> {
         }
     }
 
-    /// One exchange, or a wait for one that does not come.
+    /// Performs one exchange, or one receive that times out.
     pub fn step(&mut self, executor: ExecutorAction) {
         let pumped = S::TRANSPORT == Transport::UdpFromDevice;
         self.now_ns += MS;
@@ -143,7 +144,7 @@ impl<S: Subject> DriverBench<S> {
         self.subject.after();
     }
 
-    /// Steps until `done`, at most [`PATIENCE`] times.
+    /// Steps until `done` returns true, at most [`PATIENCE`] times.
     pub fn until(
         &mut self,
         executor: ExecutorAction,
@@ -165,29 +166,30 @@ impl<S: Subject> DriverBench<S> {
         );
     }
 
-    /// Steps with nulls until a net may begin.
+    /// Steps with nulls until a net may start.
     pub fn until_ready(&mut self) {
         self.until(ExecutorAction::Writes(SetPoint::NONE), "ready", |bench| {
             bench.state() == DeviceState::Ready
         });
     }
 
-    /// What the executor reads.
+    /// Returns the measurement that the executor reads.
     pub fn measured(&self) -> &Measurement {
         self.session.measurement()
     }
 
-    /// The device's state.
+    /// Returns the state of the device.
     pub fn state(&self) -> DeviceState {
         DeviceState::from_number(self.measured().state)
     }
 
-    /// A set-point in which every output has a value that differs from its safe one; arms hold where they are.
+    /// Returns a set-point in which every output differs from its safe value; arms are not commanded.
     pub fn all_on(&self, owner: u64) -> SetPoint {
         all_on(&self.device, owner)
     }
 
-    /// The outputs were told to be as [`DriverBench::all_on`] wants them, or (not `on`) as their release wants them.
+    /// Returns true if the device has received the outputs of [`DriverBench::all_on`] or, if not `on`, those of their
+    /// release.
     pub fn told_as(&mut self, on: bool) -> bool {
         let told = self.subject.told();
         outputs_are(&self.device, &told, on)
@@ -210,7 +212,7 @@ impl<S: Subject> DriverBench<S> {
         rows.any(|row| row.0 == reason)
     }
 
-    /// What every exchange must be like.
+    /// Checks the invariants of every exchange.
     fn check(&self, exchange: &Exchange) {
         assert!(
             exchange.ticks >= 1 && exchange.period_ns > 0,
@@ -242,7 +244,7 @@ impl<S: Subject> DriverBench<S> {
         }
     }
 
-    /// Judges what the driver has sent.
+    /// Checks the set-points that the driver has sent.
     fn hear(&mut self) {
         for packet in self.path.answers() {
             match self.subject.followed(&packet) {
@@ -255,13 +257,13 @@ impl<S: Subject> DriverBench<S> {
         }
     }
 
-    /// From now on these faults: of what goes to the driver, and of what goes to the device.
+    /// Sets the fault rates in both directions, from now on.
     pub fn set_rates(&mut self, to_driver: FaultRates, to_device: FaultRates) {
         self.path.set_rates(to_driver, to_device);
     }
 }
 
-/// Every output at a value that is not its safe one.
+/// Returns a set-point in which every output differs from its safe value.
 pub fn all_on(device: &DeviceConfig, owner: u64) -> SetPoint {
     let mut entry = SetPoint {
         owner,
@@ -285,7 +287,7 @@ fn analog_on(range: Option<[f64; 2]>) -> f64 {
     lower + 0.75 * (upper - lower)
 }
 
-/// The outputs are as [`all_on`] wants them, or (not `on`) as their release after that wants them.
+/// Returns true if the outputs are those of [`all_on`] or, if not `on`, those of their release afterwards.
 pub fn outputs_are(device: &DeviceConfig, told: &ObservedOutputs, on: bool) -> bool {
     let entry = all_on(device, 1);
     let digital = device.channels_of(ChannelKind::DigitalOutput).zip(0..);

@@ -1,4 +1,4 @@
-//! The proxy path a subject and its driver, whatever the wire is.
+//! The fault proxy between a subject and its driver, for any transport.
 //! Test code only.
 
 use std::net::{SocketAddr, UdpSocket};
@@ -7,18 +7,18 @@ use super::capture::PacketSource;
 use super::{Subject, Transport};
 use crate::proxy::{Direction, FaultCounts, FaultRates, TcpProxy, UdpProxy};
 
-/// The proxy.
+/// The proxy of a transport.
 pub enum FaultPath {
-    /// Pumped by the test.
+    /// A UDP proxy that the test pumps.
     Pumped(UdpProxy),
-    /// With a thread of its own.
+    /// A UDP proxy with its own thread.
     Threaded(UdpProxy),
-    /// With threads of its own.
+    /// A TCP proxy with its own threads.
     Stream(TcpProxy),
 }
 
 impl FaultPath {
-    /// Puts a proxy path a subject and the driver that will be opened for the address that is returned.
+    /// Puts a proxy between a subject and its driver; returns the address with which to open the driver.
     pub fn of<S: Subject>(subject: &mut S, seed: u64) -> (Self, SocketAddr) {
         match S::TRANSPORT {
             Transport::UdpFromDevice => {
@@ -44,7 +44,7 @@ impl FaultPath {
         }
     }
 
-    /// One step of time, if the test counts it.
+    /// Advances the time by one step, if the test pumps the proxy.
     pub fn step(&self) {
         if let Self::Pumped(proxy) = self {
             proxy.step();
@@ -52,7 +52,7 @@ impl FaultPath {
         }
     }
 
-    /// Passes on what the driver has sent; returns that, as it left the driver, if the test pumps.
+    /// Forwards the driver's packets and returns them as they left the driver, if the test pumps the proxy.
     pub fn answers(&self) -> Vec<Vec<u8>> {
         if !matches!(self, Self::Pumped(_)) {
             return Vec::new();
@@ -64,7 +64,7 @@ impl FaultPath {
             .collect()
     }
 
-    /// What both ends have sent since the last time, as it left them; kept from the first call on.
+    /// Returns the packets of both ends since the last call, as they were sent; recording starts with the first call.
     pub fn take_recording(&self) -> Vec<(PacketSource, Vec<u8>)> {
         let (heard, device) = match self {
             Self::Pumped(proxy) => {
@@ -87,7 +87,7 @@ impl FaultPath {
             .collect()
     }
 
-    /// From now on, towards the driver and towards the device.
+    /// Sets the fault rates towards the driver and towards the device, from now on.
     pub fn set_rates(&self, to_driver: FaultRates, to_device: FaultRates) {
         let [forth, back] = match self {
             Self::Pumped(_) => [to_driver, to_device],
@@ -105,7 +105,7 @@ impl FaultPath {
         }
     }
 
-    /// What has been done in both directions.
+    /// Returns the counters of both directions.
     pub fn counts(&self) -> [FaultCounts; 2] {
         [Direction::Forth, Direction::Back].map(|direction| match self {
             Self::Pumped(proxy) | Self::Threaded(proxy) => proxy.counts(direction),
@@ -114,7 +114,7 @@ impl FaultPath {
     }
 }
 
-/// A port that was free a moment ago.
+/// Returns an address whose port was free a moment ago.
 pub fn free_udp() -> SocketAddr {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
     socket.local_addr().expect("an address")

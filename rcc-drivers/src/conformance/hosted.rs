@@ -1,4 +1,4 @@
-//! The whole host in a cell of its own, on real boards, with an executor that the test plays.
+//! The whole host in a cell of its own, on real boards, with an executor played by the test.
 //! Test code only; the host runs in a thread of its own, as it does in `rcc-driver`.
 
 use std::path::Path;
@@ -24,11 +24,11 @@ use crate::host::limits::ArmLimits;
 use crate::host::reason::Reason;
 use crate::host::{Host, HostError};
 
-/// For what must happen some time.
+/// Limit of waits for events that must happen eventually.
 pub const LIMIT: Duration = Duration::from_secs(30);
-/// How long a driver's answer is waited for: it may have missed the packet, or have ended.
+/// How long the test waits for a driver's answer: the driver may have missed the packet, or have ended.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
-/// One cycle of the executor.
+/// Writes one cycle of the executor.
 const CYCLE: Duration = Duration::from_millis(1);
 
 /// A cell in a folder of its own, removed at the end.
@@ -37,9 +37,9 @@ pub struct TestCell {
     pub cell: Cell,
     /// The device.
     pub device: DeviceConfig,
-    /// The executor's incarnation, 0 = there never was one.
+    /// The executor's incarnation; 0 = none so far.
     pub executor: u64,
-    /// What executors announce that they were started with; `None`: nothing, as an older build.
+    /// Configuration that executors announce; `None`: none, as older builds do.
     pub executors: Option<CellConfig>,
     config: CellConfig,
     stop: Arc<AtomicBool>,
@@ -75,7 +75,7 @@ impl TestCell {
         }
     }
 
-    /// A host for this driver, not running.
+    /// Returns a host for this driver, which does not run yet.
     pub fn join(
         &self,
         driver: Box<dyn Driver>,
@@ -84,7 +84,7 @@ impl TestCell {
         Host::join(&self.cell, (&self.config, &self.device), (driver, reasons))
     }
 
-    /// Runs a host with this driver.
+    /// Runs a host with this driver in a thread.
     pub fn run(&mut self, driver: Box<dyn Driver>, reasons: &'static [Reason]) {
         let mut host = self.join(driver, reasons).expect("the only driver");
         self.stop = Arc::default();
@@ -100,18 +100,18 @@ impl TestCell {
         self.reader = Some((session, board));
     }
 
-    /// What the driver tells the executor.
+    /// Returns the measurement that the driver publishes.
     pub fn measured(&self) -> Measurement {
         let (_, board) = self.reader.as_ref().expect("a host runs");
         board.read()
     }
 
-    /// The device is in this state.
+    /// Returns true if the device is in this state.
     pub fn is(&self, state: DeviceState) -> bool {
         self.measured().state == state as u32
     }
 
-    /// An executor comes; it has written nothing yet.
+    /// Starts an executor that has not written anything yet.
     pub fn start_executor(&mut self) {
         let session = Session::join(&self.cell, Role::Executor, "main").expect("a session");
         let name = command_board(&self.device.name);
@@ -141,22 +141,22 @@ impl TestCell {
         }
     }
 
-    /// The executor is gone; its board stays as it was for whoever still reads it.
+    /// Removes the executor; its board stays unchanged for those who still read it.
     pub fn end_executor(&mut self) {
         self.writer = None;
     }
 
-    /// The host is asked to end.
+    /// Asks the host to end.
     pub fn ask_to_end(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// The host has ended.
+    /// Returns true if the host has ended.
     pub fn has_ended(&self) -> bool {
         self.host.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Waits for the host's end.
+    /// Ends the host and waits for it.
     pub fn end(&mut self) {
         self.ask_to_end();
         self.reader = None;
@@ -180,19 +180,19 @@ impl Drop for TestCell {
     }
 }
 
-/// A subject, and its driver in the host of a cell.
+/// A subject with its driver in a hosted cell.
 pub struct HostedDriver<S: Subject> {
     /// The cell.
     pub cell: TestCell,
     /// The device.
     pub subject: S,
-    /// What the device was told to follow.
+    /// Set-points that the device has received.
     pub followed: Vec<Joints>,
-    /// Watches that.
+    /// Checks these set-points.
     pub checker: LimitChecker,
     path: FaultPath,
     steps: u64,
-    /// When the device's last packet left.
+    /// Time at which the device's last packet was sent.
     spoke: Instant,
 }
 
@@ -226,7 +226,7 @@ impl<S: Subject> HostedDriver<S> {
         }
     }
 
-    /// The driver ends and another one comes; the executor writes `entry` meanwhile.
+    /// Ends the driver and starts another one; the executor writes `entry` meanwhile.
     pub fn restart_driver(&mut self, mut entry: impl FnMut() -> SetPoint) {
         self.cell.ask_to_end();
         let begin = Instant::now();
@@ -239,7 +239,8 @@ impl<S: Subject> HostedDriver<S> {
         self.cell.run(Self::driver(&self.cell.device), S::REASONS);
     }
 
-    /// A cycle of executor (`None`: it writes nothing) and device; a device with the test's clock waits for its answer.
+    /// Runs one cycle of executor (`None`: it writes nothing) and device; a device with the test's clock waits for its
+    /// answer.
     pub fn step(&mut self, entry: Option<SetPoint>) {
         let begin = Instant::now();
         self.steps += 1;
@@ -248,7 +249,7 @@ impl<S: Subject> HostedDriver<S> {
         }
         self.subject.before();
         self.path.step();
-        // A test that was kept waiting was a device that fell silent: whoever does that is no longer followed, and has
+        // If the test itself was delayed, the device has been silent meanwhile: the arm is no longer followed and has
         // come to rest by itself.
         let silent = std::mem::replace(&mut self.spoke, Instant::now()).elapsed();
         if silent > Duration::from_nanos(self.cell.device.command_timeout_ns) / 2 {
@@ -277,7 +278,7 @@ impl<S: Subject> HostedDriver<S> {
         thread::sleep(CYCLE.saturating_sub(begin.elapsed()));
     }
 
-    /// Steps until `done`.
+    /// Steps until `done` returns true.
     pub fn until(
         &mut self,
         entry: Option<SetPoint>,
@@ -300,7 +301,7 @@ impl<S: Subject> HostedDriver<S> {
         }
     }
 
-    /// Steps with nulls until a net may begin.
+    /// Steps with nulls until a net may start.
     pub fn until_ready(&mut self) {
         self.until(Some(SetPoint::NONE), "ready", |hosted| {
             hosted.cell.is(DeviceState::Ready)

@@ -1,19 +1,19 @@
-//! Holds what a device was told to follow against the limits of its robot.
+//! Checks the set-points that a device receives against the limits of its robot.
 //! Test code only.
 
 use rcc_core::message::Joints;
 
 use crate::host::limits::ArmLimits;
 
-/// Set-points are compared as the wire rounds them: binary32 has 2.4e-7 rad at 4 rad.
+/// Tolerance for the rounding of the wire: binary32 has a resolution of 2.4e-7 rad at 4 rad.
 const ROUNDING_RAD: f64 = 2.4e-7;
 
-/// The checker of one arm.
+/// Checker for one arm.
 #[derive(Clone, Debug)]
 pub struct LimitChecker {
     limits: ArmLimits,
     last: Option<ObservedMotion>,
-    /// What was wrong.
+    /// Descriptions of all violations.
     pub violations: Vec<String>,
 }
 
@@ -21,12 +21,12 @@ pub struct LimitChecker {
 struct ObservedMotion {
     at_s: f64,
     position: Joints,
-    /// Mean velocity up to here and the time it is the mean of; none for the first one.
+    /// Mean velocity up to this position and the interval of the mean; `None` for the first position.
     velocity: Option<(Joints, f64)>,
 }
 
 impl LimitChecker {
-    /// A checker who has seen nothing.
+    /// A checker without any set-points yet.
     pub fn new(limits: ArmLimits) -> Self {
         Self {
             limits,
@@ -35,12 +35,12 @@ impl LimitChecker {
         }
     }
 
-    /// The device follows nobody: what comes next is not compared with what was.
+    /// Restarts the comparison: the device is not following at present.
     pub fn forget(&mut self) {
         self.last = None;
     }
 
-    /// The device follows these positions at this time (s).
+    /// Checks a position that the device follows at this time (s).
     pub fn observe(&mut self, at_s: f64, position: &Joints) {
         let joints = self.limits.joints.joints;
         let mut motion = ObservedMotion {
@@ -67,7 +67,7 @@ impl LimitChecker {
         let q = motion.position[joint];
         let inside =
             q >= limits.lower[joint] - ROUNDING_RAD && q <= limits.upper[joint] + ROUNDING_RAD;
-        // NaN is inside of nothing.
+        // Also false for NaN.
         if !inside {
             self.report(joint, "position", q, motion);
         }

@@ -1,9 +1,9 @@
-//! Which device a rule meets: the subject on loopback, or a real one that `RCC_DEVICE_<DRIVER>` names.
+//! Runs a rule against the subject on loopback, or against a real device that `RCC_DEVICE_<DRIVER>` names.
 //! Test code only.
 //!
-//! `RCC_DEVICE_FRI_LWR='{"listen": "192.168.0.10:49938"}'` (settings) or `=configs/cells/mine.yaml` (the first device of
-//! that driver). On a real device nothing moves and no output changes: rules that would do that are skipped by name.
-//! `RCC_DEVICE_OUTPUTS=1` allows outputs of a device without a robot, which go on and off then.
+//! `RCC_DEVICE_FRI_LWR='{"listen": "192.168.0.10:49938"}'` gives settings; `=configs/cells/mine.yaml` takes the first
+//! device of that driver. On a real device nothing moves and no output changes: rules that would do so are skipped by
+//! name. `RCC_DEVICE_OUTPUTS=1` allows the outputs of a device without a robot to be switched on and off.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
@@ -20,25 +20,25 @@ use super::{Subject, TIMEOUT};
 use crate::driver::{Driver, Inputs, Outputs};
 use crate::host::device_session::DeviceSession;
 
-/// Seeds of a rule with faults, unless `RCC_SEED` names one.
+/// Seeds of a rule with faults, unless `RCC_SEED` gives one.
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=2;
-/// How long a real device may take until it is heard.
+/// How long the first datagram of a real device may take.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Exchanges with a real device.
+/// Number of exchanges with a real device.
 const EXCHANGES: usize = 200;
 
-/// What may be done to a real device.
+/// Permitted actions on a real device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OnReal {
-    /// The rule itself: it does not reach the device.
+    /// Runs the rule itself, which does not reach the device.
     Same,
-    /// Listens.
+    /// Only listens.
     Listen,
-    /// Writes outputs, if that is allowed.
+    /// Writes outputs, if that is permitted.
     Outputs,
 }
 
-/// Rules that a real device can be asked to keep; all others are skipped there.
+/// Rules that can be run against a real device; all others are skipped there.
 const ON_REAL: &[(&str, OnReal)] = &[
     ("opens_what_is_right", OnReal::Same),
     ("refuses_a_setting_that_it_does_not_have", OnReal::Same),
@@ -54,10 +54,10 @@ const ON_REAL: &[(&str, OnReal)] = &[
     ("carries_outputs_there_and_inputs_back", OnReal::Outputs),
 ];
 
-/// Only one rule at a time speaks with a real device.
+/// Only one rule at a time may use a real device.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Runs a rule against the subject, or what of it is safe against the real device.
+/// Runs a rule against the subject, or its safe part against the real device.
 pub fn run<S: Subject>(name: &str, rule: fn()) {
     let variable = format!("RCC_DEVICE_{}", S::NAME.to_uppercase().replace('-', "_"));
     let Some(text) = std::env::var_os(&variable) else {
@@ -78,7 +78,7 @@ pub fn run<S: Subject>(name: &str, rule: fn()) {
     }
 }
 
-/// The device that the variable means.
+/// Returns the device that the variable describes.
 fn real<S: Subject>(text: &str) -> DeviceConfig {
     if text.trim_start().starts_with('{') {
         return DeviceConfig {
@@ -95,7 +95,7 @@ fn real<S: Subject>(text: &str) -> DeviceConfig {
     device.unwrap_or_else(|| panic!("{text} has no device with the driver {}", S::NAME))
 }
 
-/// Only receives: an arm that gets no answer does not leave monitor state, an output that is not written keeps its value.
+/// Only receives: an arm without answers stays in monitor state, and an output that is not written keeps its value.
 fn listen<S: Subject>(device: &DeviceConfig) {
     let mut driver = S::Driver::open(device).unwrap_or_else(|error| panic!("{error}"));
     let (begin, mut heard) = (Instant::now(), 0);
@@ -124,7 +124,7 @@ fn listen<S: Subject>(device: &DeviceConfig) {
     }
 }
 
-/// All outputs on for a while, then released.
+/// Switches all outputs on for a while, then releases them.
 fn blink<S: Subject>(device: &DeviceConfig) {
     let mut driver = S::Driver::open(device).unwrap_or_else(|error| panic!("{error}"));
     let mut session = DeviceSession::new(device, monotonic_ns());
@@ -155,7 +155,7 @@ fn blink<S: Subject>(device: &DeviceConfig) {
     }
 }
 
-/// The seed of rules that need only one.
+/// Returns the seed of rules that need only one.
 pub fn seed() -> u64 {
     chosen().unwrap_or(1)
 }
@@ -165,7 +165,7 @@ fn chosen() -> Option<u64> {
     Some(text.parse().expect("RCC_SEED is a number"))
 }
 
-/// Runs a rule with its seeds; a failure says which.
+/// Runs a rule with each of its seeds; a failure names its seed.
 pub fn with_seeds(rule: impl Fn(u64)) {
     let seeds: Vec<u64> = match chosen() {
         Some(seed) => vec![seed],

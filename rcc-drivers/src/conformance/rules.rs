@@ -1,4 +1,4 @@
-//! The rules, one function each; a rule panics if the driver breaks it.
+//! The rules, one function each; a rule panics if the driver violates it.
 //! Test code only.
 
 mod configuration;

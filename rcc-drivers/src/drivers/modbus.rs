@@ -1,8 +1,8 @@
-//! The driver `modbus`: digital and analog I/O of one or several Modbus TCP servers, exchanged once a period.
-//! Run by the host's thread alone, which waits inside for all servers at once; see docs/modbus.md.
+//! The driver `modbus`: digital and analog I/O of one or several Modbus TCP servers, exchanged once per period.
+//! Run by the host's thread alone, which waits for all servers at once; see docs/modbus.md.
 //!
-//! A server that is not reached is no fault of the configuration: the device is offline, and the driver tries again.
-//! The device is as good as the worst of its servers: while one is lost, the others get the values of `on_release`.
+//! An unreachable server is not a configuration error: the device is offline, and the driver tries again. The device is
+//! only as good as its worst server: while one is lost, the others get the values of `on_release`.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -36,31 +36,31 @@ use points::Points;
 use server::Server;
 use settings::{ModbusSettings, SERVERS_MAX, ServerSettings};
 
-/// At the end a server that is not connected has this time for one more connection.
+/// At the end, time for one more connection attempt to a server that is not connected.
 const FINAL_CONNECT: Duration = Duration::from_secs(1);
-/// Nobody waits longer than this for lost servers at the end, unless a time-out is longer: a supervisor kills after 2 s.
+/// Longest wait for lost servers at the end, unless a time-out is longer: the supervisor kills the driver after 2 s.
 const FINAL_WAIT_MAX: Duration = Duration::from_millis(1500);
 
-/// A round that all servers have been asked for.
+/// A poll round in which all servers have been asked.
 #[derive(Clone, Copy, Debug)]
 struct PollRound {
-    /// Who is late is not waited for after this.
+    /// Servers that are late are not waited for after this time.
     collect_by: Instant,
-    /// Bit i: it was asked in this round.
+    /// Bit i: server i has been asked in this round.
     asked: u32,
-    /// The device's exchange of this round has been.
+    /// The exchange of this round has been returned to the host.
     collected: bool,
 }
 
-/// The driver.
+/// The driver with the connections to all its servers.
 #[derive(Debug)]
 pub struct Modbus {
     connections: Vec<Connection>,
     period: Duration,
-    /// What nobody commands.
+    /// Values of the outputs without a command.
     released: Outputs,
     outputs: Outputs,
-    /// The next round.
+    /// Start of the next round.
     next: Instant,
     round: Option<PollRound>,
     ticks: u64,
@@ -123,7 +123,7 @@ impl Driver for Modbus {
             } else {
                 self.release_all(now);
                 let reason = self.reason();
-                // A loss is told at once, and then whenever somebody asks.
+                // A loss is returned at once, and then at each deadline.
                 if reason != 0 && (now >= deadline || !self.lost) {
                     self.lost = true;
                     return Err(LinkError::Lost { reason });
@@ -163,7 +163,7 @@ impl Driver for Modbus {
         let reasons: Vec<Reason> = names
             .flat_map(|(name, place)| {
                 REASONS.iter().map(move |(number, words)| {
-                    // Kept for the life of the process, which asks once.
+                    // Leaked: called once, and used for the rest of the process's life.
                     let words: &'static str = format!("server '{name}': {words}").leak();
                     (number + place * NAMED, words)
                 })
@@ -174,7 +174,7 @@ impl Driver for Modbus {
 }
 
 impl Modbus {
-    /// A round begins when it is time for one; everything that needs no waiting is done.
+    /// Starts a round when it is due, and does everything on the connections that does not block.
     fn drive(&mut self, now: Instant) {
         if now >= self.next {
             let behind = now.saturating_duration_since(self.next);
@@ -200,7 +200,7 @@ impl Modbus {
         }
     }
 
-    /// The inputs of a round in which nobody is waited for any more.
+    /// Returns the exchange of a round once all servers have been read, or no server is waited for any longer.
     fn collect(&mut self, now: Instant, inputs: &mut Inputs) -> Option<Exchange> {
         let round = self.round.as_mut().filter(|round| !round.collected)?;
         let mut asked = self.connections.iter().zip(0..);
@@ -208,7 +208,7 @@ impl Modbus {
             round.asked >> place & 1 == 1 && connection.quick && !connection.server.has_read()
         });
         let fresh = self.connections.iter().any(|one| one.server.is_fresh());
-        // Nothing new is no exchange.
+        // Without any new inputs there is no exchange.
         if (awaited && now < round.collect_by) || !fresh {
             return None;
         }
@@ -232,7 +232,7 @@ impl Modbus {
         })
     }
 
-    /// Who has been read by now was in time: the period is over.
+    /// Ends a round: servers that have been read by now were in time.
     fn end_round(&mut self) {
         let Some(round) = self.round.take() else {
             return;
@@ -244,7 +244,7 @@ impl Modbus {
         }
     }
 
-    /// While one server is lost nobody commands the device: the others get what `on_release` says.
+    /// Writes the values of `on_release` to the reachable servers, since a device with a lost server is not commanded.
     fn release_all(&mut self, now: Instant) {
         self.outputs = self.released;
         for connection in &mut self.connections {
@@ -256,7 +256,7 @@ impl Modbus {
         }
     }
 
-    /// Why the device is lost, 0 = it is not, or it is not known yet.
+    /// Returns why the device is lost; 0 = not lost, or not known yet.
     fn reason(&self) -> u32 {
         let reasons = self.connections.iter().zip(1..).map(|(connection, place)| {
             match (connection.fault(), &connection.server.settings().name) {
@@ -277,7 +277,7 @@ impl Modbus {
             until = until.min(wake);
         }
         let left = TimeSpec::from_duration(until.saturating_duration_since(now));
-        // A signal or a refusal ends the wait early; the loop looks at everything again.
+        // A signal or an error ends the wait early; the loop then checks everything again.
         let mut open = self.connections.iter().filter_map(|one| one.events(now));
         let _ = match open.next() {
             None => ppoll(&mut [], Some(left), None),
@@ -296,7 +296,8 @@ impl Modbus {
 }
 
 impl Drop for Modbus {
-    /// The last outputs leave. A server that is lost, or is lost by that, is sent each safe value once, if it is reached.
+    /// Sends the last outputs. A server that is lost, also meanwhile, is sent each safe value once if it can be
+    /// reached.
     fn drop(&mut self) {
         let start = Instant::now();
         let longest = self
@@ -335,7 +336,7 @@ impl Drop for Modbus {
     }
 }
 
-/// Nobody else writes where the watchdog does.
+/// Checks that no channel writes to the address of the watchdog.
 fn check_watchdog(
     device: &DeviceConfig,
     server: &ServerSettings,

@@ -1,9 +1,10 @@
-//! The template: a driver for a small I/O box that answers lines of text over UDP. To be copied, see `docs/drivers.md`.
+//! The template: a driver for a small I/O box that answers lines of text over UDP. Copy it to write a driver, see
+//! `docs/drivers.md`.
 //! Run by the host's thread, which waits in [`Driver::receive`] only.
 //!
-//! Each period the driver asks `get N` and is answered `is N d1=1 a1=0.25`, then it tells `set N d1=0 a1=0.5`. Every line
-//! ends with `#` and the CRC-32 of what stands before it. The box forgets what it was told when it hears `get 0`, and
-//! takes no `set` with a number that is not greater than the last one.
+//! Each period the driver sends `get N` and receives `is N d1=1 a1=0.25`, then it sends `set N d1=0 a1=0.5`. Every line
+//! ends with `#` and the CRC-32 of the text before it. The box forgets its outputs when it receives `get 0`, and
+//! ignores a `set` whose number is not greater than the last one.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -23,23 +24,23 @@ use crate::driver::{
 use crate::host::output_release::OutputRelease;
 use crate::host::reason::Reason;
 
-// 1. What can be wrong with the device, in words for people; numbers of a driver begin at 100.
+// 1. What can be wrong with the device, in words for users; a driver's numbers start at 100.
 
-/// The socket does not work.
+/// The socket failed.
 pub const SOCKET: u32 = 100;
 
-/// What the numbers mean.
+/// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[(
     SOCKET,
     "the I/O box is not reached at settings.box: is it on?",
 )];
 
-/// Longest line.
+/// Longest line, bytes.
 const LINE_MAX: usize = 1024;
 
-// 2. The driver: the socket, the settings, and what is remembered from one exchange to the next.
+// 2. The driver: the socket, the settings, and the state between two exchanges.
 
-/// A channel and its number at the box.
+/// A channel and its number on the box.
 #[derive(Clone, Debug)]
 struct LineChannel {
     number: u64,
@@ -54,21 +55,21 @@ pub struct LineIo {
     timeout: Duration,
     /// By kind: digital in, digital out, analog in, analog out; in order of their index.
     points: [Vec<LineChannel>; 4],
-    /// The next cycle.
+    /// Start of the next cycle.
     next: Instant,
-    /// What nobody commands.
+    /// Values of the outputs without a command.
     released: Outputs,
-    /// When the box was heard last, and how long it may be silent before its outputs are released.
+    /// Time of the last answer; after `silence_max` without one, the driver sends the released outputs itself.
     heard: Instant,
     silence_max: Duration,
-    /// Number of the next question.
+    /// Number of the next `get`.
     number: u64,
     late: u64,
     refused: u64,
 }
 
 impl Driver for LineIo {
-    // 3. Everything that can be checked without the device, each fault with its key and what to give.
+    // 3. Everything that can be checked without the device; each error names its key and the expected value.
     fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
         let mut settings = Settings::of(device);
         let address = settings.address("box", None)?;
@@ -109,7 +110,8 @@ impl Driver for LineIo {
         })
     }
 
-    // 4. One cycle of the device: wait for it, ask, take the answer. Nothing came: `Silent`; it cannot come: `Lost`.
+    // 4. One cycle of the device: wait for it, send the request, read the answer. No answer: `Silent`; a broken
+    //   connection: `Lost`.
     fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
         let left = self.next.saturating_duration_since(Instant::now());
         std::thread::sleep(left.min(timeout));
@@ -122,8 +124,8 @@ impl Driver for LineIo {
         let read = self.hear()?;
         let Some(read) = read.and_then(|values| self.inputs(&values)) else {
             self.late += 1;
-            // It may hear us though we do not hear it: the host does not answer a silent device, so its safe values are
-            // sent here.
+            // The box may receive our lines although its answers are lost: the host does not answer a silent device, so
+            // the safe values are sent here.
             if self.heard.elapsed() > self.silence_max {
                 let released = self.released;
                 self.send(&released)?;
@@ -146,7 +148,7 @@ impl Driver for LineIo {
         })
     }
 
-    // 5. The answer: what the host says, as the wire wants it. An output without a value is not mentioned.
+    // 5. The answer: the host's outputs in wire format. An output without a value is not mentioned.
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
         let mut line = format!("set {}", self.number - 1);
         let [_, digital, _, analog] = &self.points;
@@ -168,7 +170,7 @@ impl Driver for LineIo {
 }
 
 impl LineIo {
-    /// Sets the next cycle; says how many periods lie between the last one and this one.
+    /// Schedules the next cycle; returns the number of periods since the last one.
     fn schedule(&mut self) -> u64 {
         let behind = Instant::now().saturating_duration_since(self.next);
         let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
@@ -184,7 +186,8 @@ impl LineIo {
         }
     }
 
-    /// The values of the answer to the last question; `None` if it did not come. Whatever else comes is refused.
+    /// Returns the values of the answer to the last request, or `None` if it did not arrive. All other lines are
+    /// refused.
     fn hear(&mut self) -> Result<Option<BTreeMap<String, f64>>, LinkError> {
         let deadline = Instant::now() + self.timeout;
         loop {
@@ -213,7 +216,7 @@ impl LineIo {
         (word == "is" && number + 1 == self.number).then_some(values)
     }
 
-    /// The inputs that a complete answer gives.
+    /// Returns the inputs of a complete answer.
     fn inputs(&self, values: &BTreeMap<String, f64>) -> Option<Inputs> {
         let mut inputs = Inputs::NONE;
         let [digital, _, analog, _] = &self.points;
@@ -229,7 +232,7 @@ impl LineIo {
     }
 }
 
-// 7. Channels: what an `address` means is the driver's; a fault names the channel and what to give.
+// 7. Channels: the driver defines what an `address` means; an error names the channel and the expected value.
 
 fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<LineChannel>, DriverError> {
     let expected = "a number from 1 to 16 that no other channel of this kind has";
@@ -255,25 +258,25 @@ fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<LineChannel>, 
     Ok(found)
 }
 
-// 8. The wire, as pure functions: they are tested without a socket, and the simulated box uses them, too.
+// 8. The wire format as pure functions: tested without a socket, and also used by the simulated box.
 
 fn push(line: &mut String, kind: char, number: u64, value: impl std::fmt::Display) {
     // Writing to a String cannot fail.
     let _ = write!(line, " {kind}{number}={value}");
 }
 
-/// The line with its check.
+/// Appends the checksum to a line.
 fn seal(line: &str) -> String {
     format!("{line}#{:08x}", crc32(line.as_bytes()))
 }
 
-/// The line in these bytes, if its check is right.
+/// Returns the line in these bytes, if its checksum is correct.
 fn unseal(bytes: &[u8]) -> Option<&str> {
     let (line, check) = std::str::from_utf8(bytes).ok()?.rsplit_once('#')?;
     (check == format!("{:08x}", crc32(line.as_bytes()))).then_some(line)
 }
 
-/// Word, number and values of a line; every value is finite.
+/// Returns word, number and values of a line; every value is finite.
 fn parse(line: &str) -> Option<(&str, u64, BTreeMap<String, f64>)> {
     let mut words = line.split(' ');
     let (word, number) = (words.next()?, words.next()?.parse().ok()?);
@@ -307,7 +310,7 @@ fn lost(error: &io::Error) -> LinkError {
     LinkError::Lost { reason: SOCKET }
 }
 
-// 9. The tests: the conformance suite, and what is particular to this wire.
+// 9. The tests: the conformance suite, and the details of this wire.
 
 #[cfg(test)]
 mod conforms;

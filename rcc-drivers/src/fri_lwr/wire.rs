@@ -1,16 +1,16 @@
-//! KUKA LWR FRI 1.0 on the wire: the two datagrams, byte-exact, each from one table of fields.
-//! Pure functions without allocation or unsafe code; they run on whatever thread calls them.
+//! Datagrams of KUKA LWR FRI 1.0, byte-exact, each defined by one table of fields.
+//! Pure functions without allocation or unsafe code; run by whichever thread calls them.
 //!
-//! Little-endian, IEEE 754 binary32, natural alignment, no implicit padding. Layout: KUKA `friComm`
-//! revision 1.17, also documented by Stanford's *Fast Research Interface Library* 1.2. A datagram of another
-//! size or identity belongs to another layout version and is refused.
+//! Little-endian, IEEE 754 binary32, natural alignment, no implicit padding. Layout: KUKA `friComm` revision 1.17, also
+//! documented by Stanford's *Fast Research Interface Library* 1.2. A datagram of another size or identity belongs to
+//! another layout version and is refused.
 
 mod value;
 
 use thiserror::Error;
 use value::{WireValue, wire_enum};
 
-/// Joints of the arm.
+/// Number of joints.
 pub const JOINTS: usize = 7;
 /// Size of a [`MeasurementDatagram`] in bytes.
 pub const MSR_SIZE: usize = 916;
@@ -21,45 +21,46 @@ pub const MSR_ID: u16 = 0x2006;
 /// Identity of a [`CommandDatagram`]; doubles as the version of its layout.
 pub const CMD_ID: u16 = 0x1005;
 
-/// Bits of [`CommandDatagram::flags`]: which fields of the command count. They may change in monitor state only.
+/// Bits of [`CommandDatagram::flags`]: they select the valid fields of the command. They may change in monitor state
+/// only.
 pub mod flags {
-    /// `joint_position` counts.
+    /// `joint_position` is valid.
     pub const JOINT_POSITION: u32 = 0x0001;
-    /// `additional_joint_torque` counts.
+    /// `additional_joint_torque` is valid.
     pub const JOINT_TORQUE: u32 = 0x0004;
-    /// `joint_stiffness` counts.
+    /// `joint_stiffness` is valid.
     pub const JOINT_STIFFNESS: u32 = 0x0010;
-    /// `joint_damping` counts.
+    /// `joint_damping` is valid.
     pub const JOINT_DAMPING: u32 = 0x0020;
-    /// `cartesian_position` counts.
+    /// `cartesian_position` is valid.
     pub const CARTESIAN_POSITION: u32 = 0x0100;
-    /// `additional_tcp_wrench` counts.
+    /// `additional_tcp_wrench` is valid.
     pub const TCP_WRENCH: u32 = 0x0400;
-    /// `cartesian_stiffness` counts.
+    /// `cartesian_stiffness` is valid.
     pub const CARTESIAN_STIFFNESS: u32 = 0x1000;
-    /// `cartesian_damping` counts.
+    /// `cartesian_damping` is valid.
     pub const CARTESIAN_DAMPING: u32 = 0x2000;
 }
 
-/// Why bytes are not the datagram that was expected.
+/// Why bytes are not the expected datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum WireError {
     /// The number of bytes is wrong.
     #[error("{datagram}: {have} bytes came, {want} are expected; is the peer another FRI version?")]
     Size {
-        /// Which datagram was expected.
+        /// Name of the expected datagram.
         datagram: &'static str,
         /// Expected size in bytes.
         want: usize,
         /// Received size in bytes.
         have: usize,
     },
-    /// `datagramId` is of another datagram or another version of the layout.
+    /// `datagramId` belongs to another datagram or another version of the layout.
     #[error(
         "{datagram}: identity {have:#06x} came, {want:#06x} is expected; is the peer another FRI version?"
     )]
     Identity {
-        /// Which datagram was expected.
+        /// Name of the expected datagram.
         datagram: &'static str,
         /// Expected identity.
         want: u16,
@@ -69,29 +70,29 @@ pub enum WireError {
     /// The field `packetSize` contradicts the datagram's size.
     #[error("{datagram}: the field packetSize says {have}, {want} is expected")]
     PacketSize {
-        /// Which datagram was expected.
+        /// Name of the expected datagram.
         datagram: &'static str,
         /// Expected content of the field.
         want: u16,
         /// Received content of the field.
         have: u16,
     },
-    /// An enumeration has a number without a name.
+    /// An enumeration field has an undefined value.
     #[error("field {field}: the value {value} has no meaning in FRI 1.0")]
     UnknownValue {
-        /// The field's name in the layout.
+        /// Name of the field in the layout.
         field: &'static str,
-        /// Received number.
+        /// Received value.
         value: u16,
     },
 }
 
-/// One row of a layout: where a field lies and what it is made of.
+/// One row of a layout: position and type of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
     /// Name of the field.
     pub name: &'static str,
-    /// First byte.
+    /// Offset of the first byte.
     pub offset: usize,
     /// Type of one element: `u16`, `u32`, `i32` or `f32`.
     pub kind: &'static str,
@@ -104,10 +105,10 @@ pub struct Field {
 wire_enum! {
     /// State of the interface.
     SessionState {
-        /// Closed; never on the wire.
+        /// Closed; never sent.
         #[default]
         Off = 0,
-        /// Data is exchanged, commands are not executed.
+        /// Data is exchanged, but commands are not executed.
         Monitor = 1,
         /// Commands are executed.
         Command = 2,
@@ -115,24 +116,24 @@ wire_enum! {
 }
 
 wire_enum! {
-    /// Quality of the connection as the controller judges it; KUKA publishes no thresholds.
+    /// Connection quality as rated by the controller; KUKA publishes no thresholds.
     Quality {
         /// Commanding is not allowed.
         #[default]
         Unacceptable = 0,
-        /// Commanding is allowed by the firmware, but scripts do not start it.
+        /// The firmware allows commanding, but scripts do not start it.
         Bad = 1,
-        /// Good enough to command.
+        /// Sufficient for commanding.
         Ok = 2,
-        /// Nearly every answer in time.
+        /// Nearly every answer arrives in time.
         Perfect = 3,
     }
 }
 
 wire_enum! {
-    /// Control strategy that the controller's program has chosen.
+    /// Control strategy chosen by the controller's program.
     FriControlStrategy {
-        /// None of those below.
+        /// Any other strategy.
         #[default]
         Other = 0,
         /// Position control.
@@ -158,14 +159,14 @@ pub struct KrlBlock {
 }
 
 impl KrlBlock {
-    /// KRL boolean `number` (1 to 16); `None` outside of that range.
+    /// Returns KRL Boolean `number` (1 to 16); `None` outside that range.
     pub fn boolean(&self, number: usize) -> Option<bool> {
         (1..=16)
             .contains(&number)
             .then(|| self.booleans >> (number - 1) & 1 == 1)
     }
 
-    /// Sets KRL boolean `number` (1 to 16); says whether there is such a number.
+    /// Sets KRL Boolean `number` (1 to 16); returns false outside that range.
     pub fn set_boolean(&mut self, number: usize, value: bool) -> bool {
         let known = (1..=16).contains(&number);
         if known {
@@ -180,7 +181,7 @@ impl KrlBlock {
     }
 }
 
-/// From one table: the structure, its layout, and the codec. A row is `offset name: type`.
+/// Defines the structure, the layout and the codec of a datagram from one table. A row is `offset name: type`.
 macro_rules! datagram {
     (
         $(#[$doc:meta])* $name:ident, $layout:ident, $size:ident, $id:ident, $title:literal;
@@ -189,7 +190,7 @@ macro_rules! datagram {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct $name {
-            /// Sender's own counter, one more with each datagram, wraps from 65535 to 0.
+            /// Sender's own counter, incremented with each datagram; wraps from 65535 to 0.
             pub send_sequence: u16,
             /// The last `send_sequence` that the sender has received from its peer.
             pub reflected_sequence: u16,
@@ -224,7 +225,7 @@ macro_rules! datagram {
         }
 
         impl $name {
-            /// The bytes of this datagram; size, identity and filler are filled in.
+            /// Encodes this datagram; size, identity and filler are added.
             pub fn encode(&self) -> [u8; $size] {
                 let mut bytes = [0; $size];
                 put(&mut bytes, 0, &self.send_sequence);
@@ -238,10 +239,10 @@ macro_rules! datagram {
                 bytes
             }
 
-            /// The datagram in these bytes. Real values are taken as they are, NaN and infinity included.
+            /// Decodes a datagram. Real values are not checked: they may be NaN or infinite.
             ///
             /// # Errors
-            /// Wrong size, identity or `packetSize`, or an enumeration with a number without a name.
+            /// Returns an error for a wrong size, identity or `packetSize`, or an undefined value of an enumeration.
             pub fn decode(bytes: &[u8]) -> Result<Self, WireError> {
                 check_frame(bytes, $title, $size, $id)?;
                 Ok(Self {
@@ -260,14 +261,14 @@ macro_rules! datagram {
 }
 
 datagram! {
-    /// What the controller sends each cycle (KUKA: MSR, KRC to PC), 916 bytes.
+    /// Datagram that the controller sends each cycle (KUKA: MSR, KRC to PC), 916 bytes.
     MeasurementDatagram, MSR_LAYOUT, MSR_SIZE, MSR_ID, "measurement datagram (MSR)";
 
-    /// Time since the controller's start, s. Too coarse to derive a step from: count sequence numbers instead.
+    /// Time since the controller's start, s. Too coarse for time differences: count sequence numbers instead.
     140 timestamp: f32;
     /// State of the interface.
     144 state: SessionState;
-    /// Quality of the connection.
+    /// Connection quality.
     146 quality: Quality;
     /// Period of these datagrams, s.
     148 measurement_period: f32;
@@ -275,23 +276,23 @@ datagram! {
     152 command_period: f32;
     /// Factor on the supervised limits, 0 to 1.
     156 safety_limits: f32;
-    /// Answered part of the last 100 cycles, 0 to 1.
+    /// Answered share of the last 100 cycles, 0 to 1.
     160 answer_rate: f32;
     /// Mean delay of the answers, s.
     164 latency: f32;
-    /// Variation of that delay, s.
+    /// Jitter of that delay, s.
     168 jitter: f32;
-    /// Missed part of the answers, averaged, 0 to 1.
+    /// Missed share of the answers, averaged, 0 to 1.
     172 miss_rate: f32;
     /// Missed answers since the interface was opened.
     176 miss_count: u32;
-    /// One bit a drive, 1 = powered.
+    /// One bit per drive, 1 = powered.
     180 power: u16;
     /// Control strategy.
     182 control: FriControlStrategy;
-    /// One bit a drive; an error takes the power away.
+    /// One bit per drive; an error removes the power.
     184 error: u16;
-    /// One bit a drive.
+    /// One bit per drive.
     186 warning: u16;
     /// Temperature of the drives, in practice °C.
     188 temperature: [f32; JOINTS];
@@ -299,17 +300,17 @@ datagram! {
     216 measured_position: [f32; JOINTS];
     /// Measured flange pose in the base frame, 3×4 row-major `[R|p]`, p in m.
     244 measured_pose: [f32; 12];
-    /// Joint positions of the controller's own interpolation, rad.
+    /// Joint positions of the controller's own interpolator, rad.
     292 commanded_position: [f32; JOINTS];
-    /// What FRI has added to `commanded_position`, rad; their sum is what the joints are driven to.
+    /// FRI's offset to `commanded_position`, rad; the joints are driven to the sum of both.
     320 commanded_position_offset: [f32; JOINTS];
-    /// Pose that belongs to `commanded_position`, as `measured_pose`.
+    /// Pose at `commanded_position`, in the format of `measured_pose`.
     348 commanded_pose: [f32; 12];
-    /// What FRI has added to `commanded_pose`, 3×4.
+    /// FRI's offset to `commanded_pose`, 3×4.
     396 commanded_pose_offset: [f32; 12];
     /// Measured joint torques, Nm.
     444 measured_torque: [f32; JOINTS];
-    /// Joint torques caused from outside, estimated with the controller's model, Nm.
+    /// External joint torques, estimated with the controller's model, Nm.
     472 external_torque: [f32; JOINTS];
     /// Force and torque at the tool, N and Nm, in the order Fx Fy Fz Tz Ty Tx.
     500 external_tcp_wrench: [f32; 6];
@@ -322,18 +323,18 @@ datagram! {
 }
 
 datagram! {
-    /// What the PC answers in the same cycle (KUKA: CMD, PC to KRC), 376 bytes.
+    /// Datagram with which the PC answers in the same cycle (KUKA: CMD, PC to KRC), 376 bytes.
     CommandDatagram, CMD_LAYOUT, CMD_SIZE, CMD_ID, "command datagram (CMD)";
 
-    /// Which of the following fields count, see [`flags`].
+    /// Selects the valid fields below, see [`flags`].
     140 flags: u32;
     /// Desired joint positions, rad.
     144 joint_position: [f32; JOINTS];
     /// Desired pose in the base frame, 3×4 row-major `[R|p]`, p in m.
     172 cartesian_position: [f32; 12];
-    /// Joint torques on top, Nm.
+    /// Added joint torques, Nm.
     220 additional_joint_torque: [f32; JOINTS];
-    /// Force and torque at the tool on top, N and Nm, in the order Fx Fy Fz Tz Ty Tx.
+    /// Added force and torque at the tool, N and Nm, in the order Fx Fy Fz Tz Ty Tx.
     248 additional_tcp_wrench: [f32; 6];
     /// Joint stiffness, Nm/rad.
     272 joint_stiffness: [f32; JOINTS];
@@ -345,7 +346,7 @@ datagram! {
     352 cartesian_damping: [f32; 6];
 }
 
-/// The value that a field of a fresh datagram has.
+/// Initial value of a field.
 trait Zero {
     const ZERO: Self;
 }
@@ -377,7 +378,7 @@ const fn row<T: WireValue>(name: &'static str, offset: usize) -> Field {
     }
 }
 
-/// Each field begins where the one before ends, and the last ends with the datagram.
+/// Checks that each field starts where the previous one ends, and that the last ends with the datagram.
 const fn is_gapless(layout: &[Field], size: usize) -> bool {
     let (mut i, mut next) = (0, 0);
     while i < layout.len() {

@@ -1,39 +1,39 @@
-//! One direction of a proxy: packets go in, what is left of them comes out, in steps of time that the owner counts.
+//! One direction of a proxy: packets enter and leave with faults, in time steps that the owner counts.
 //! Pure; run by the proxy's owner or thread.
 
 use std::collections::VecDeque;
 
 use super::random::SplitMix64;
 
-/// Steps after which a packet that was to be overtaken goes on although nothing came after it.
+/// Steps after which a packet that is to be overtaken is sent although no other packet has followed.
 const OVERTAKEN_STEPS_MAX: u64 = 20;
-/// Most bits that a corruption turns round.
+/// Most bits that a corruption flips.
 const FLIPPED_BITS_MAX: usize = 8;
-/// Part of the corrupted packets of which not a byte is left.
+/// Share of the corrupted packets in which all bytes are replaced.
 const ALL_BYTES_SHARE: f64 = 0.1;
 
-/// How probable each fault is for one packet, 0 to 1. One packet has at most one of them, the first that happens.
+/// Probability of each fault per packet, 0 to 1. A packet has at most one fault, the first that is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FaultRates {
-    /// It does not arrive; a stream is broken.
+    /// The packet is lost; a stream is closed.
     pub lost: f64,
-    /// It arrives 1 to `late_steps_max` steps later, behind what came meanwhile.
+    /// The packet is delayed by 1 to `late_steps_max` steps, behind those that arrive meanwhile.
     pub late: f64,
     /// Longest delay, steps; 0 counts as 1.
     pub late_steps_max: u32,
-    /// It arrives twice.
+    /// The packet arrives twice.
     pub duplicated: f64,
-    /// It arrives behind the next one.
+    /// The packet arrives after the next one.
     pub reordered: f64,
-    /// Its end is missing; a stream is then broken.
+    /// The end of the packet is missing; a stream is then closed.
     pub truncated: f64,
-    /// Some of its bits are turned round, or, of one in ten, all bytes are others.
+    /// Some bits of the packet are flipped or, in one of ten corrupted packets, all bytes are replaced.
     pub corrupted: f64,
 }
 
 impl FaultRates {
-    /// Everything passes.
+    /// No faults.
     pub const NONE: FaultRates = FaultRates {
         lost: 0.0,
         late: 0.0,
@@ -45,62 +45,62 @@ impl FaultRates {
     };
 }
 
-/// What has been done so far, in packets.
+/// Counters of packets, by fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize)]
 pub struct FaultCounts {
-    /// As they came.
+    /// Packets without a fault.
     pub passed: u64,
-    /// Not at all.
+    /// Packets that were lost.
     pub lost: u64,
-    /// Later.
+    /// Packets that were delayed.
     pub late: u64,
-    /// Twice.
+    /// Packets that were duplicated.
     pub duplicated: u64,
-    /// Behind the next one.
+    /// Packets that were overtaken by the next one.
     pub reordered: u64,
-    /// Without their end.
+    /// Packets that were truncated.
     pub truncated: u64,
-    /// With other bits.
+    /// Packets that were corrupted.
     pub corrupted: u64,
 }
 
 impl FaultCounts {
-    /// All packets that had a fault.
+    /// Returns the number of packets with a fault.
     #[must_use]
     pub fn faults(&self) -> u64 {
         self.lost + self.late + self.duplicated + self.reordered + self.truncated + self.corrupted
     }
 }
 
-/// What became of a packet.
+/// The fault drawn for a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PacketFate {
-    /// As it came.
+    /// No fault.
     Passed,
-    /// Not at all.
+    /// Lost.
     Lost,
-    /// Later.
+    /// Delayed.
     Late,
-    /// Twice.
+    /// Sent twice.
     Duplicated,
-    /// Behind the next one.
+    /// Sent after the next one.
     Reordered,
-    /// Without its end.
+    /// Sent without its end.
     Truncated,
-    /// With other bits.
+    /// Sent with other bits.
     Corrupted,
 }
 
 #[derive(Clone, Debug)]
 struct HeldPacket {
-    /// Step from which on it may go.
+    /// Step from which on the packet may be sent.
     due: u64,
-    /// Waits for one more packet, at most until then.
+    /// The packet waits to be overtaken by another one, at most until this step.
     overtaken_until: Option<u64>,
     bytes: Vec<u8>,
 }
 
-/// One direction.
+/// One direction of a fault proxy.
 #[derive(Clone, Debug)]
 pub struct FaultyLink {
     rates: FaultRates,
@@ -111,7 +111,7 @@ pub struct FaultyLink {
 }
 
 impl FaultyLink {
-    /// A line that nothing has passed yet.
+    /// A link that has not forwarded any packet yet.
     #[must_use]
     pub fn new(rates: FaultRates, seed: u64) -> Self {
         Self {
@@ -123,28 +123,28 @@ impl FaultyLink {
         }
     }
 
-    /// From now on; what is held goes on as it was decided.
+    /// Sets the fault rates for further packets; packets that are already queued keep their fate.
     pub fn set_rates(&mut self, rates: FaultRates) {
         self.rates = rates;
     }
 
-    /// What has been done so far.
+    /// Returns the counters.
     #[must_use]
     pub fn counts(&self) -> FaultCounts {
         self.counts
     }
 
-    /// Time goes on by one step.
+    /// Advances the time by one step.
     pub fn step(&mut self) {
         self.step += 1;
     }
 
-    /// What is held back is forgotten, as when a connection ends.
+    /// Drops the queued packets, as when a connection ends.
     pub fn forget(&mut self) {
         self.held.clear();
     }
 
-    /// Takes a packet in and decides what becomes of it.
+    /// Queues a packet and draws its fate.
     pub fn push(&mut self, packet: &[u8]) -> PacketFate {
         let fate = self.draw();
         let mut bytes = packet.to_vec();
@@ -180,7 +180,7 @@ impl FaultyLink {
         fate
     }
 
-    /// The next packet that goes on now.
+    /// Returns the next packet that is due.
     pub fn pop(&mut self) -> Option<Vec<u8>> {
         let step = self.step;
         let goes = |held: &HeldPacket| {
@@ -191,7 +191,7 @@ impl FaultyLink {
     }
 
     fn hold(&mut self, due: u64, overtaken_until: Option<u64>, bytes: Vec<u8>) {
-        // The new one overtakes those that wait for it: they are free, and behind it.
+        // The new packet overtakes those that wait for it; they are released behind it.
         let waiting = |held: &HeldPacket| held.overtaken_until.is_some();
         let place = self
             .held
@@ -210,7 +210,7 @@ impl FaultyLink {
     }
 
     fn draw(&mut self) -> PacketFate {
-        // Always as many draws a packet, so that one rate does not change what the others do.
+        // The number of draws per packet is constant, so that one rate does not affect the other faults.
         let rows = [
             (self.rates.lost, PacketFate::Lost),
             (self.rates.late, PacketFate::Late),

@@ -1,18 +1,18 @@
-//! Numbers by chance that a seed repeats: SplitMix64 (Steele, Lea, Flood 2014).
-//! Pure; run by whoever draws.
+//! Pseudo-random numbers from a seed: SplitMix64 (Steele, Lea, Flood 2014).
+//! Pure; run by the thread that draws.
 
 /// The generator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SplitMix64(u64);
 
 impl SplitMix64 {
-    /// A generator that `seed` determines.
+    /// A generator with this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// The next 64 bits.
+    /// Returns the next 64 bits.
     pub fn draw(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -21,19 +21,19 @@ impl SplitMix64 {
         z ^ (z >> 31)
     }
 
-    /// A number from 0 to below 1.
+    /// Returns a number in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.draw() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// True with this probability, 0 to 1.
+    /// Returns true with this probability, 0 to 1.
     pub fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
 
-    /// A number below `end`; 0 if that is 0.
+    /// Returns a number below `end`, or 0 if `end` is 0.
     pub fn below(&mut self, end: usize) -> usize {
-        // The remainder's bias is below 1e-15 for the sizes of packets.
+        // The modulo bias is below 1e-15 for the sizes of packets.
         (self.draw() % end.max(1) as u64) as usize
     }
 }

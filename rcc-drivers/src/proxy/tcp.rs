@@ -1,8 +1,8 @@
-//! A fault proxy for streams: what is read at once counts as a packet; loss and truncation break the connection.
-//! One thread accepts; each connection has one thread a direction.
+//! A fault proxy for streams: the bytes of one read count as a packet; loss and truncation close the connection.
+//! One thread accepts; each connection has one thread per direction.
 //!
-//! TCP itself never delivers other bytes than were sent: doubled, swapped and corrupted chunks are what a broken gateway
-//! or device does.
+//! TCP itself never delivers other bytes than were sent: duplicated, reordered and corrupted chunks simulate a broken
+//! gateway or device.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -16,12 +16,12 @@ use super::{Direction, lines};
 
 /// Largest chunk.
 const CHUNK_MAX: usize = 4096;
-/// One step of time: how long a thread waits for bytes before it looks what is due, or whether to end.
+/// Length of a time step: how long a thread waits for bytes before it checks for due packets and for its end.
 const STEP: Duration = Duration::from_millis(2);
-/// How long a connection to the target may take.
+/// Time-out for connecting to the target.
 const CONNECT_MAX: Duration = Duration::from_secs(1);
 
-/// What passed, in order.
+/// Recorded packets, in order.
 type RecordedPackets = Vec<(Direction, Vec<u8>)>;
 
 #[derive(Debug)]
@@ -30,7 +30,7 @@ struct Shared {
     lines: Mutex<[FaultyLink; 2]>,
     recording: Mutex<Option<RecordedPackets>>,
     stop: AtomicBool,
-    /// Counts connections broken on request.
+    /// Counts connections closed on request.
     broken: std::sync::atomic::AtomicU64,
 }
 
@@ -47,10 +47,10 @@ pub struct TcpProxy {
 }
 
 impl TcpProxy {
-    /// A proxy in front of `target`, on loopback, at work at once.
+    /// Starts a proxy in front of `target`, on loopback.
     ///
     /// # Errors
-    /// The system refuses a socket or a thread.
+    /// Returns an error if the operating system refuses a socket or a thread.
     pub fn start(target: SocketAddr, rates: FaultRates, seed: u64) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         listener.set_nonblocking(true)?;
@@ -73,35 +73,36 @@ impl TcpProxy {
         })
     }
 
-    /// Where to connect instead of to the target.
+    /// Returns the address to connect to instead of the target's.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// For the next connections another target, as after its restart.
+    /// Sets the target of further connections, for example after its restart.
     pub fn set_target(&self, target: SocketAddr) {
         *lock(&self.shared.target) = target;
     }
 
-    /// From now on, in this direction.
+    /// Sets the fault rates of one direction, from now on.
     pub fn set_rates(&self, direction: Direction, rates: FaultRates) {
         lock(&self.shared.lines)[direction as usize].set_rates(rates);
     }
 
-    /// What has been done in this direction.
+    /// Returns the counters of one direction.
     #[must_use]
     pub fn counts(&self, direction: Direction) -> FaultCounts {
         lock(&self.shared.lines)[direction as usize].counts()
     }
 
-    /// Breaks all connections there are.
+    /// Closes all present connections.
     pub fn break_all(&self) {
-        // Relaxed: nothing else is told with it.
+        // Relaxed: the counter publishes no other data.
         self.shared.broken.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// What came since the last time, as it came, before any fault; kept from the first call on.
+    /// Returns the packets since the last call, as they arrived, before any fault; recording starts with the first
+    /// call.
     pub fn take_recording(&self) -> RecordedPackets {
         lock(&self.shared.recording)
             .replace(Vec::new())
@@ -113,7 +114,7 @@ impl Drop for TcpProxy {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A panic in it has been reported by itself.
+            // A panic of the thread has already been reported.
             drop(thread.join());
         }
     }
@@ -146,7 +147,7 @@ fn connect(near: TcpStream, shared: &Arc<Shared>) -> io::Result<[JoinHandle<()>;
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(STEP))?;
-        // A peer that reads no more must not hold a thread for ever.
+        // A peer that stops reading must not block a thread for ever.
         stream.set_write_timeout(Some(CONNECT_MAX))?;
     }
     let copy = |from: &TcpStream, to: &TcpStream, direction| -> io::Result<JoinHandle<()>> {
@@ -154,7 +155,7 @@ fn connect(near: TcpStream, shared: &Arc<Shared>) -> io::Result<[JoinHandle<()>;
         thread::Builder::new()
             .name("tcp-proxy-line".into())
             .spawn(move || {
-                // Whatever ended it, both ends see the end.
+                // Whatever ended it, both ends see a closed connection.
                 drop(pass(&from, &to, direction, &shared));
                 drop(from.shutdown(Shutdown::Both));
                 drop(to.shutdown(Shutdown::Both));
@@ -166,7 +167,7 @@ fn connect(near: TcpStream, shared: &Arc<Shared>) -> io::Result<[JoinHandle<()>;
     ])
 }
 
-/// Passes chunks on until the connection ends.
+/// Forwards chunks until the connection ends.
 fn pass(
     mut from: &TcpStream,
     mut to: &TcpStream,
@@ -175,7 +176,7 @@ fn pass(
 ) -> io::Result<()> {
     let broken = shared.broken.load(Ordering::Relaxed);
     let mut chunk = [0; CHUNK_MAX];
-    // Chances go on over all connections; what one of them was to get later, no other one gets.
+    // The random numbers continue across connections, but packets queued for one connection are not sent on another.
     lock(&shared.lines)[direction as usize].forget();
     while !shared.stop.load(Ordering::Relaxed) && shared.broken.load(Ordering::Relaxed) == broken {
         let mut fate = PacketFate::Passed;

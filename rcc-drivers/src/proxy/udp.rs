@@ -1,4 +1,4 @@
-//! A fault proxy for datagrams: who sends first sends here, and the proxy speaks with the target for it.
+//! A fault proxy for datagrams: the first sender sends to the proxy, which exchanges with the target on its behalf.
 //! Pumped step by step by its owner, or by a thread of its own once it is started.
 
 use std::io;
@@ -11,9 +11,9 @@ use std::time::Duration;
 use super::faulty_link::{FaultCounts, FaultRates, FaultyLink};
 use super::{Direction, lines};
 
-/// Largest datagram on a loopback or an Ethernet; a longer one is cut.
+/// Largest datagram on loopback or Ethernet; a longer one is truncated.
 const DATAGRAM_MAX: usize = 65536;
-/// One step of a proxy that runs by itself.
+/// Length of a time step of a proxy with its own thread.
 const STEP: Duration = Duration::from_millis(1);
 
 #[derive(Debug)]
@@ -21,10 +21,10 @@ struct Inner {
     front: UdpSocket,
     back: UdpSocket,
     target: SocketAddr,
-    /// Who has sent first, last.
+    /// Address of the last sender on the front side.
     first: Option<SocketAddr>,
     lines: [FaultyLink; 2],
-    /// What came since the last [`UdpProxy::take_recording`], if that is asked for.
+    /// Packets since the last [`UdpProxy::take_recording`], if recording has started.
     recording: Option<Vec<(Direction, Vec<u8>)>>,
     buffer: Vec<u8>,
 }
@@ -43,10 +43,10 @@ fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
 }
 
 impl UdpProxy {
-    /// A proxy in front of `target`, on loopback; nothing passes before it is pumped or started.
+    /// A proxy in front of `target`, on loopback; forwards nothing until it is pumped or started.
     ///
     /// # Errors
-    /// The system refuses a socket.
+    /// Returns an error if the operating system refuses a socket.
     pub fn new(target: SocketAddr, rates: FaultRates, seed: u64) -> io::Result<Self> {
         let socket = || -> io::Result<UdpSocket> {
             let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
@@ -72,34 +72,34 @@ impl UdpProxy {
         })
     }
 
-    /// Where to send instead of to the target.
+    /// Returns the address to send to instead of the target's.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.front
     }
 
-    /// From now on another target, as after its restart.
+    /// Sets another target, for example after its restart.
     pub fn set_target(&self, target: SocketAddr) {
         lock(&self.inner).target = target;
     }
 
-    /// From now on, in this direction.
+    /// Sets the fault rates of one direction, from now on.
     pub fn set_rates(&self, direction: Direction, rates: FaultRates) {
         lock(&self.inner).lines[direction as usize].set_rates(rates);
     }
 
-    /// What has been done in this direction.
+    /// Returns the counters of one direction.
     #[must_use]
     pub fn counts(&self, direction: Direction) -> FaultCounts {
         lock(&self.inner).lines[direction as usize].counts()
     }
 
-    /// Passes on what came, and what is due: one step of time with [`UdpProxy::step`], none without.
+    /// Forwards the packets that have arrived or are due; does not advance the time, see [`UdpProxy::step`].
     pub fn pump(&self) {
         lock(&self.inner).pump();
     }
 
-    /// Time goes on by one step.
+    /// Advances the time by one step.
     pub fn step(&self) {
         lock(&self.inner)
             .lines
@@ -107,20 +107,21 @@ impl UdpProxy {
             .for_each(FaultyLink::step);
     }
 
-    /// What came since the last time, as it came, before any fault; kept from the first call on.
+    /// Returns the packets since the last call, as they arrived, before any fault; recording starts with the first
+    /// call.
     pub fn take_recording(&self) -> Vec<(Direction, Vec<u8>)> {
         let mut inner = lock(&self.inner);
         inner.recording.replace(Vec::new()).unwrap_or_default()
     }
 
-    /// From now on a thread pumps; its steps are milliseconds.
+    /// Starts a thread that pumps the proxy in steps of one millisecond.
     ///
     /// # Errors
-    /// The system refuses a thread.
+    /// Returns an error if the operating system refuses to create a thread.
     pub fn start(&mut self) -> io::Result<()> {
         let (inner, stop) = (Arc::clone(&self.inner), Arc::clone(&self.stop));
         let run = move || {
-            // Relaxed: nothing else is told with it.
+            // Relaxed: the flag publishes no other data.
             while !stop.load(Ordering::Relaxed) {
                 {
                     let mut inner = lock(&inner);
@@ -143,7 +144,7 @@ impl Drop for UdpProxy {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A panic in it has been reported by itself.
+            // A panic of the thread has already been reported.
             drop(thread.join());
         }
     }
@@ -151,7 +152,7 @@ impl Drop for UdpProxy {
 
 impl Inner {
     fn pump(&mut self) {
-        // An error is a pause, or that nobody listens there: as lost as on a wire.
+        // An error is a pause, or means that nobody listens at that address: lost, as on a real wire.
         while let Ok((size, from)) = self.front.recv_from(&mut self.buffer) {
             self.first = Some(from);
             self.take_in(Direction::Forth, size);

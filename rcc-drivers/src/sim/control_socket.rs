@@ -1,5 +1,5 @@
-//! Where the control port of a simulator is: a Unix socket of its user alone, and the folder that its requests may name
-//! files in. The main thread binds it and removes it; the control port's threads ask [`ControlFolder::below`].
+//! The control port's Unix socket, which only its user can access, and the folder in which requests may name files.
+//! The main thread binds and removes the socket; the control port's threads call [`ControlFolder::below`].
 
 use std::fs::{self, DirBuilder, File, TryLockError};
 use std::io;
@@ -16,15 +16,15 @@ use nix::sys::socket::{
 };
 use nix::sys::stat::{Mode, fchmod};
 
-/// Connections that wait to be accepted.
+/// Backlog of connections that wait to be accepted.
 const WAITING: i32 = 64;
-/// Other simulators that start in this folder hold its lock for a moment.
+/// Longest wait for the folder's lock, which other starting simulators hold only briefly.
 const LOCK_LIMIT: Duration = Duration::from_secs(5);
 
-/// Reads the value of `--control`.
+/// Parses the value of `--control`.
 ///
 /// # Errors
-/// It is empty, or an address of the form that older versions took.
+/// Returns an error if the value is empty, or an address with a port as in older versions.
 pub fn path(text: &str) -> Result<PathBuf, String> {
     let port = text.rsplit_once(':').map(|(_, port)| port);
     let is_port = port.is_some_and(|port| port.parse::<u16>().is_ok());
@@ -41,42 +41,42 @@ pub fn path(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// The folder that requests may name files in.
+/// The folder in which requests may name files.
 #[derive(Clone, Debug)]
 pub struct ControlFolder(PathBuf);
 
 /// Why a request may not name a file.
 #[derive(Debug, thiserror::Error)]
 pub enum PathError {
-    /// It lies elsewhere.
+    /// The file is not in the folder.
     #[error(
         "{path} is not below {folder}: requests name files there only; a relative path begins there"
     )]
     Outside {
-        /// What was asked for.
+        /// Path in the request.
         path: PathBuf,
-        /// Where it must be.
+        /// The folder.
         folder: PathBuf,
     },
-    /// A link leads anywhere.
+    /// The file is a symbolic link.
     #[error("{0} is a symbolic link, and none is followed: name the file itself, or a new one")]
     Link(PathBuf),
-    /// The folder of the file is not there.
+    /// The parent folder of the file is not accessible.
     #[error("the folder of {path}: {source}; name a file in one that is there")]
     Folder {
-        /// What was asked for.
+        /// Path in the request.
         path: PathBuf,
-        /// The system's reason.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
 
 impl ControlFolder {
-    /// The file that a request names, if it lies below this folder: a relative path begins here. Whoever opens it must not
-    /// follow a symbolic link (`O_NOFOLLOW`): this look at it gives the words.
+    /// Returns the file that a request names, if it is below this folder; relative paths start here. The file must be
+    /// opened with `O_NOFOLLOW`: the check for a link here only gives a better message.
     ///
     /// # Errors
-    /// It lies elsewhere, also by a symbolic link or `..`, or is a link itself.
+    /// Returns an error if the file is outside the folder, also through a symbolic link or `..`, or is itself a link.
     pub fn below(&self, asked: &Path) -> Result<PathBuf, PathError> {
         let outside = || PathError::Outside {
             path: asked.to_owned(),
@@ -101,23 +101,24 @@ impl ControlFolder {
     }
 }
 
-/// A bound socket; its file goes when this is dropped.
+/// A bound socket; dropping it removes its file.
 #[derive(Debug)]
 pub struct ControlSocket {
     path: PathBuf,
     folder: ControlFolder,
-    /// The folder was made for the socket, and goes with it.
+    /// The folder was created for the socket, and is removed with it.
     made: bool,
-    /// Device and number of the file: another simulator may have put its own in its place.
+    /// Device and inode number of the file: another simulator may have replaced it.
     identity: (u64, u64),
 }
 
 impl ControlSocket {
-    /// Binds `path`, mode 0600 from the beginning. The file of a dead simulator is replaced, a living one's is not. The
-    /// folder is made if it is missing, mode 0700.
+    /// Binds `path` with mode 0600 from the start. The file of a dead simulator is replaced, that of a live one is not.
+    /// A missing folder is created with mode 0700.
     ///
     /// # Errors
-    /// Somebody listens there, the file is no socket, others can write to the folder, or the system refuses.
+    /// Returns an error if another simulator listens there, the file is not a socket, others can write to the folder,
+    /// or the operating system refuses.
     pub fn bind(path: &Path) -> io::Result<(UnixListener, ControlSocket)> {
         let path = std::path::absolute(path)?;
         let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
@@ -148,13 +149,13 @@ impl ControlSocket {
         Ok((listener, socket))
     }
 
-    /// Where it is, absolute.
+    /// Returns the absolute path of the socket.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Where requests may name files.
+    /// Returns the folder in which requests may name files.
     #[must_use]
     pub fn folder(&self) -> &ControlFolder {
         &self.folder
@@ -165,17 +166,17 @@ impl Drop for ControlSocket {
     fn drop(&mut self) {
         let found = fs::symlink_metadata(&self.path);
         if found.is_ok_and(|found| (found.dev(), found.ino()) == self.identity) {
-            // What cannot be removed is replaced at the next start.
+            // A file that cannot be removed is replaced at the next start.
             let _ = fs::remove_file(&self.path);
         }
         if self.made {
-            // Not empty: others use it by now.
+            // Fails if the folder is not empty: others use it by now.
             let _ = fs::remove_dir(&self.folder.0);
         }
     }
 }
 
-/// What the line of a simulator that is ready says about its control port.
+/// Returns the text that a simulator's ready line shows for its control port.
 #[must_use]
 pub fn display_path(socket: Option<&ControlSocket>) -> String {
     socket.map_or("none".to_owned(), |socket| {
@@ -183,7 +184,7 @@ pub fn display_path(socket: Option<&ControlSocket>) -> String {
     })
 }
 
-/// Nobody else can put anything into the folder: neither a socket in the place of ours, nor a link.
+/// Checks that no other user can put a socket or a link into the folder.
 fn require_private(folder: &Path) -> io::Result<()> {
     let found = fs::metadata(folder)?;
     let (owner, ours) = (found.uid(), nix::unistd::getuid().as_raw());
@@ -202,7 +203,8 @@ fn require_private(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// One simulator at a time looks whether a socket is dead. The lock goes with the file.
+/// Locks the folder, so that only one simulator at a time checks whether a socket is dead. Closing the file releases
+/// the lock.
 fn lock(folder: &Path) -> io::Result<File> {
     let file = File::open(folder)?;
     let begun = Instant::now();
@@ -220,7 +222,8 @@ fn lock(folder: &Path) -> io::Result<File> {
     }
 }
 
-/// On Linux a socket's file gets the mode that the socket has, so nobody else can connect at any moment.
+/// Binds with mode 0600: on Linux a socket's file gets the mode of the socket, so nobody else can connect at any
+/// moment.
 fn bind_private(path: &Path) -> Result<UnixListener, Errno> {
     let flags = SockFlag::SOCK_CLOEXEC;
     let socket = socket(AddressFamily::Unix, SockType::Stream, flags, None)?;
@@ -230,7 +233,7 @@ fn bind_private(path: &Path) -> Result<UnixListener, Errno> {
     Ok(UnixListener::from(socket))
 }
 
-/// Removes a socket that nobody listens at.
+/// Removes a socket on which nobody listens.
 fn remove_dead(path: &Path) -> io::Result<()> {
     let is_socket = fs::symlink_metadata(path)?.file_type().is_socket();
     if !is_socket {

@@ -1,5 +1,5 @@
-//! A Modbus TCP server with 64 points of each kind, some of whose outputs can be wired back to inputs.
-//! [`process_image::ProcessImage`] is the pure model; [`program`] puts the server and the control port around it.
+//! A simulated Modbus TCP server with 64 points of each kind; outputs can be looped back to inputs.
+//! [`process_image::ProcessImage`] is the pure model; [`program`] adds the server and the control port.
 
 pub mod control;
 pub mod options;

@@ -1,6 +1,6 @@
-//! A control port: a Unix socket at which each line is a request and gets one line as its answer. Whoever may connect is
-//! answered; see [`super::control_socket`].
-//! One thread accepts, one thread serves each connection; none of them ever touches a simulator's clock thread.
+//! The control port: a Unix socket on which each line is a request and gets one line as its answer. Whoever can connect
+//! is served; see [`super::control_socket`].
+//! One thread accepts, and one thread serves each connection; none of them touches a simulator's clock thread.
 
 use rcc_ipc::log_throttle::LogThrottle;
 use rcc_process::signals::request_stop;
@@ -11,28 +11,28 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Longest line that is read, in bytes.
+/// Longest request line, bytes.
 const LINE_MAX: u64 = 64 * 1024;
 
 /// Longest time for an answer.
 const ANSWER_MAX: Duration = Duration::from_secs(30);
 
-/// What follows a request.
+/// Answer to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LineReply {
-    /// The answer, without the line's end.
+    /// The answer, without a line end.
     pub line: String,
-    /// The process ends once the answer is sent.
+    /// The process ends once the answer has been sent.
     pub stop: bool,
 }
 
-/// Answers one line, which comes without its end.
+/// Handles one request line, given without its line end.
 pub type LineHandler = Arc<dyn Fn(&str) -> LineReply + Send + Sync>;
 
-/// Serves `answer` to whoever connects, for the rest of the process's life.
+/// Serves every client with `answer`, for the rest of the process's life.
 ///
 /// # Errors
-/// The system gives no thread.
+/// Returns an error if the operating system refuses to create a thread.
 pub fn serve(listener: UnixListener, answer: LineHandler) -> io::Result<()> {
     thread::Builder::new()
         .name("control".into())
@@ -56,7 +56,7 @@ pub fn serve(listener: UnixListener, answer: LineHandler) -> io::Result<()> {
     Ok(())
 }
 
-/// Until the client hangs up, says something too long, or does not read.
+/// Serves a client until it hangs up, sends a line that is too long, or stops reading.
 fn converse(stream: UnixStream, answer: &LineHandler) {
     let end = answer_lines(stream, answer);
     if let Err(error) = end {
@@ -102,10 +102,10 @@ pub struct ControlClient {
 }
 
 impl ControlClient {
-    /// Connects; from now on the server has [`ANSWER_MAX`] for each answer.
+    /// Connects; the server then has [`ANSWER_MAX`] for each answer.
     ///
     /// # Errors
-    /// Nobody listens there.
+    /// Returns an error if nobody listens there.
     pub fn connect(path: impl AsRef<Path>) -> io::Result<Self> {
         let stream = UnixStream::connect(path)?;
         stream.set_read_timeout(Some(ANSWER_MAX))?;
@@ -115,10 +115,10 @@ impl ControlClient {
         })
     }
 
-    /// The answer to a request, with its line's end.
+    /// Sends a request and returns the answer with its line end.
     ///
     /// # Errors
-    /// The server is gone, hangs up or does not answer in time; which request it was is in the text.
+    /// Returns an error, which contains the request, if the server hangs up or does not answer in time.
     pub fn ask(&mut self, request: &str) -> io::Result<String> {
         let mut reply = String::new();
         self.stream

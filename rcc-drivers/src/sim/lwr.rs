@@ -1,5 +1,6 @@
-//! The KRC side of a KUKA LWR 4+: a controller that sends first, judges the answers, and moves a simulated arm.
-//! [`krc::Krc`] is the pure model in virtual time; [`program`] puts sockets, a clock and threads around it.
+//! A simulated KRC with a KUKA LWR 4+: a controller that sends first, supervises the answers, and moves a simulated
+//! arm.
+//! [`krc::Krc`] is the pure model in virtual time; [`program`] adds sockets, a clock and threads.
 
 pub mod arm;
 pub mod command_stream;
@@ -23,8 +24,8 @@ pub mod trace;
 #[cfg(test)]
 mod tests;
 
-/// Joints of the arm.
+/// Number of joints.
 pub const JOINTS: usize = crate::fri_lwr::wire::JOINTS;
 
-/// One value for each joint, A1 to J7 in kinematic order; rad and its derivatives.
+/// One value per joint, A1 to J7 in kinematic order; rad and its derivatives.
 pub type Joints = [f64; JOINTS];

@@ -1,4 +1,5 @@
-//! A folder for the control port of a simulator that a test starts. Runs in the test harness.
+//! A folder for the control port of a simulator in a test.
+//! Runs in the test harness.
 
 use std::fs::{self, DirBuilder};
 use std::os::unix::fs::DirBuilderExt;
@@ -11,7 +12,7 @@ pub struct Folder(pub PathBuf);
 impl Folder {
     pub fn new() -> Folder {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
-        // Relaxed: only different numbers are wanted.
+        // Relaxed: only distinct numbers are needed.
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let name = format!("rcc-sim-test-{}-{number}", std::process::id());
         let path = std::env::temp_dir().join(name);
@@ -19,7 +20,7 @@ impl Folder {
         Folder(path.canonicalize().unwrap())
     }
 
-    /// Where the control port is.
+    /// Returns the path of the control socket.
     pub fn socket(&self) -> PathBuf {
         self.0.join("sim.sock")
     }

@@ -1,4 +1,4 @@
-//! Where a channel is in a Modbus server, read from one line: `[SERVER/]TABLE NUMBER [TYPE [ORDER]]` or `… bit B`.
+//! Addresses of channels in a Modbus server: `[SERVER/]TABLE NUMBER [TYPE [ORDER]]` or `… bit B`.
 //! Pure; used once, when a driver is opened.
 
 use std::fmt;
@@ -7,21 +7,21 @@ use thiserror::Error;
 
 use super::value::{ByteOrder, NumberType, RegisterFormat};
 
-/// The tables of a Modbus server.
+/// The tables of the Modbus data model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Table {
-    /// Bits, read and written.
+    /// Coils: bits, read and written.
     Coil,
-    /// Bits, read only.
+    /// Discrete inputs: bits, read-only.
     Discrete,
-    /// 16 bits, read and written.
+    /// Holding registers: 16 bits, read and written.
     Holding,
-    /// 16 bits, read only.
+    /// Input registers: 16 bits, read-only.
     Input,
 }
 
 impl Table {
-    /// All of them and how they are written.
+    /// All tables with their names in an address.
     pub const ALL: [(&'static str, Table); 4] = [
         ("coil", Table::Coil),
         ("discrete", Table::Discrete),
@@ -29,52 +29,52 @@ impl Table {
         ("input", Table::Input),
     ];
 
-    /// As it is written in an address.
+    /// Returns the name in an address.
     #[must_use]
     pub fn name(self) -> &'static str {
         let mut rows = Self::ALL.iter();
         rows.find(|row| row.1 == self).map_or("", |row| row.0)
     }
 
-    /// Its points are single bits.
+    /// Returns true if the points of the table are single bits.
     #[must_use]
     pub fn is_bits(self) -> bool {
         matches!(self, Table::Coil | Table::Discrete)
     }
 
-    /// Its points can be written.
+    /// Returns true if the points of the table can be written.
     #[must_use]
     pub fn is_writable(self) -> bool {
         matches!(self, Table::Coil | Table::Holding)
     }
 }
 
-/// What stands at an address.
+/// Data type at an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// A point of a table of bits.
+    /// A coil or a discrete input.
     Bit,
-    /// One bit of a register, 0 is the lowest.
+    /// One bit of a register; 0 is the lowest.
     RegisterBit(u8),
-    /// A number in one register or several.
+    /// A number in one or more registers.
     Number(RegisterFormat),
 }
 
-/// Where a channel is.
+/// Address of a channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Address {
-    /// The server's name, if it is given.
+    /// Name of the server, if given.
     pub server: Option<String>,
-    /// The table.
+    /// Name of the table.
     pub table: Table,
-    /// NumberType of the first point in its table, from 0, as on the wire.
+    /// Number of the first point in its table, from 0, as on the wire.
     pub number: u16,
-    /// What stands there.
+    /// Data type.
     pub form: Form,
 }
 
 impl Address {
-    /// Points that it takes: bits or registers; `number + width` is at most 65,536.
+    /// Returns the number of points (bits or registers) of the value; `number + width` is at most 65,536.
     #[must_use]
     pub fn width(&self) -> u16 {
         match self.form {
@@ -98,51 +98,51 @@ impl fmt::Display for Address {
     }
 }
 
-/// Why a text is no address.
+/// Why a text is not a valid address.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum AddressError {
-    /// Not one of the tables.
+    /// Unknown table.
     #[error("'{0}' is no table; there are coil, discrete, holding and input")]
     Table(String),
-    /// The number is missing, or beyond 16 bits.
+    /// The number is missing or does not fit in 16 bits.
     #[error("'{0}' is no number from 0 to 65535")]
     Number(String),
-    /// Not one of the types.
+    /// Unknown type.
     #[error("'{0}' is no type; there are u16 i16 u32 i32 u64 i64 f32 f64, or bit 0 to bit 15")]
     Type(String),
-    /// A table of bits has no types.
+    /// A type for a table of bits.
     #[error("a {table} is one bit, '{word}' has no meaning there")]
     TypeOfBit {
         /// The table.
         table: &'static str,
-        /// What stands behind the number.
+        /// The word after the number.
         word: String,
     },
-    /// Letters that are no order of this type.
+    /// The byte order does not exist for this type.
     #[error("'{word}' is no byte order of a {number}; there are {known}")]
     Order {
-        /// What is written.
+        /// The word in the address.
         word: String,
-        /// The type.
+        /// Name of the type.
         number: &'static str,
-        /// The orders of that type.
+        /// The byte orders of that type.
         known: String,
     },
-    /// The value does not end within the table.
+    /// The value extends beyond the end of the table.
     #[error("its {width} registers reach beyond the last one, 65535")]
     Beyond {
-        /// Registers of the value.
+        /// Number of registers of the value.
         width: u16,
     },
-    /// Something stands behind a complete address.
+    /// A superfluous word after a complete address.
     #[error("'{0}' is too much")]
     TooMuch(String),
 }
 
-/// Reads an address.
+/// Parses an address.
 ///
 /// # Errors
-/// What is no part of one.
+/// Returns an error for the first word that is not valid.
 pub fn parse(text: &str) -> Result<Address, AddressError> {
     let (server, rest) = match text.split_once('/') {
         Some((server, rest)) => (Some(server.trim().to_owned()), rest),
@@ -153,7 +153,7 @@ pub fn parse(text: &str) -> Result<Address, AddressError> {
     let table = Table::ALL.iter().find(|row| row.0 == word);
     let table = table.ok_or_else(|| AddressError::Table(word.to_owned()))?.1;
     let word = words.next().unwrap_or("");
-    // No sign: u16's own parser takes "+3".
+    // Digits only: u16's own parser also accepts "+3".
     let digits = word.bytes().all(|byte| byte.is_ascii_digit());
     let number: Option<u16> = word.parse().ok().filter(|_| digits);
     let number = number.ok_or_else(|| AddressError::Number(word.to_owned()))?;

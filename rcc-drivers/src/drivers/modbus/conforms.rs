@@ -1,4 +1,4 @@
-//! The driver against the conformance suite: the simulated I/O server, which runs in threads of the test.
+//! The driver in the conformance suite, with the simulated I/O station in threads of the test.
 //! Test code only.
 
 use std::net::SocketAddr;
@@ -21,7 +21,7 @@ use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::line_server::ControlClient;
 
-/// The server; coil 0 is wired to discrete input 0, holding register 0 to input register 0.
+/// The server; coil 0 is looped back to discrete input 0, holding register 0 to input register 0.
 struct IoServer {
     address: SocketAddr,
     control: ControlClient,
@@ -73,7 +73,7 @@ impl Subject for IoServer {
     fn start() -> Self {
         let any = SocketAddr::from(([127, 0, 0, 1], 0));
         let wire = |text: &str| text.parse().expect("a wire");
-        // Needed until it is connected.
+        // Needed until the client is connected.
         let folder = TestFolder::new("server");
         let options = Options {
             bind: any,
@@ -140,7 +140,7 @@ impl Subject for IoServer {
         }
     }
 
-    /// Ten exchanges with a server that is not ours; its numbers are known from its source.
+    /// Ten exchanges with an independent server; the expected values are known from its source.
     fn capture() -> Option<Capture> {
         let text = include_str!("../../../../tests/data/modbus/libmodbus.txt");
         Some(Capture {
@@ -157,7 +157,7 @@ impl Subject for IoServer {
     }
 }
 
-/// What the captured driver read.
+/// Configuration of the driver at the time of the capture.
 fn libmodbus(at: SocketAddr) -> DeviceConfig {
     let settings = json!({"server": at.to_string(), "unit": 1, "period": "1 ms", "timeout": "2 s"});
     device(

@@ -1,5 +1,5 @@
-//! The connection to one server: connect, lose, wait, come back. The dialog on it is [`Server`]'s.
-//! Run by the host's thread; no call here waits.
+//! The connection to one server: connecting, loss, back-off and reconnection. [`Server`] handles the requests on it.
+//! Run by the host's thread; no call here blocks.
 
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -18,52 +18,52 @@ use super::fault::ServerFault;
 use super::server::Server;
 use super::settings::ServerSettings;
 
-/// First pause between two attempts.
+/// First pause between two connection attempts.
 const BACK_OFF_FIRST: Duration = Duration::from_millis(50);
-/// A connection is made within this time, or within `timeout` if that is longer.
+/// Time-out for connecting, or `timeout` if that is longer.
 const CONNECT_MIN: Duration = Duration::from_secs(1);
-/// So many answers that do not come in a row end the connection: the other side may have forgotten it.
+/// Number of consecutive missing answers that close the connection: the other side may have forgotten it.
 const TIMEOUTS_MAX: u32 = 2;
-/// Of the quality, what one round changes is 1/this.
+/// One round changes the quality by 1/this of its distance to 1000 or 0.
 const QUALITY_SHARE: u32 = 16;
 
-/// Most reads in a row: a server that floods us does not keep the others waiting.
+/// Most consecutive reads: a server that floods the driver must not delay the others.
 const READS_MAX: usize = 8;
 
 #[derive(Debug)]
 enum ConnectionPhase {
-    /// No connection until then.
+    /// Not connected; the next attempt is due at this time.
     Away { until: Instant },
-    /// Being made, at the latest until then.
+    /// Connecting, until this time at the latest.
     Connecting { stream: TcpStream, until: Instant },
-    /// There is one.
+    /// Connected.
     Open { stream: TcpStream },
-    /// There is one, and nothing is asked on it until then.
+    /// Connected, but nothing is requested until this time.
     Pausing { stream: TcpStream, until: Instant },
 }
 
 /// The connection to one server.
 #[derive(Debug)]
 pub struct Connection {
-    /// The dialog.
+    /// The requests on this connection.
     pub server: Server,
     phase: ConnectionPhase,
     back_off: Duration,
     online_since: Option<Instant>,
-    /// The reason for which it is not online, 0 = none yet, or none any more.
+    /// Reason why the server is not online; 0 = none.
     fault: u32,
     timeouts: u32,
     quality: u32,
-    /// It answered within the last period: others wait for it.
+    /// The server answered within the last period, so it is waited for.
     pub quick: bool,
     random: u64,
-    /// The last attempt to connect failed.
+    /// The last connection attempt failed.
     connect_failed: bool,
     counters: Arc<ServerCounters>,
 }
 
 impl Connection {
-    /// One that is made as soon as it is driven.
+    /// A connection whose first attempt is made at the next call of [`Connection::advance`].
     #[must_use]
     pub fn new(server: Server, seed: u64, now: Instant) -> Self {
         Self {
@@ -81,39 +81,39 @@ impl Connection {
         }
     }
 
-    /// What is counted.
+    /// Returns the counters.
     #[must_use]
     pub fn counters(&self) -> &Arc<ServerCounters> {
         &self.counters
     }
 
-    /// Its inputs are known and its outputs are ours.
+    /// Returns true if the server's inputs are known and its outputs are under our control.
     #[must_use]
     pub fn is_online(&self) -> bool {
         matches!(self.phase, ConnectionPhase::Open { .. }) && self.server.is_complete()
     }
 
-    /// Why it is not online; 0 = not yet known.
+    /// Returns why the server is not online; 0 = not known yet.
     #[must_use]
     pub fn fault(&self) -> u32 {
         self.fault
     }
 
-    /// Share of the last rounds that ended within a period, thousandths.
+    /// Returns the share of recent rounds that ended within a period, thousandths.
     #[must_use]
     pub fn quality(&self) -> u32 {
         self.quality
     }
 
-    /// A round begins, if there is a connection and the last round has ended.
+    /// Starts a round; returns false without a connection, or if the last round has not ended.
     pub fn tick(&mut self, now: Instant) -> bool {
         matches!(self.phase, ConnectionPhase::Open { .. }) && self.server.tick(now)
     }
 
-    /// A round has ended, in time or not.
+    /// Counts a round that has ended, in time or not.
     pub fn count_round(&mut self, in_time: bool) {
         let aim = if in_time { 1000 } else { 0 };
-        // Rounded towards the aim, so that it is reached.
+        // Rounded up, so that the target is reached.
         let step = |far: u32| far.div_ceil(QUALITY_SHARE);
         self.quality = if aim >= self.quality {
             self.quality + step(aim - self.quality)
@@ -130,14 +130,14 @@ impl Connection {
             .now(online, self.fault, self.quality, discarded);
     }
 
-    /// Does everything that can be done without waiting.
+    /// Does everything that is possible without blocking.
     pub fn advance(&mut self, now: Instant) {
         if let Err(fault) = self.drive(now) {
             self.handle_fault(&fault, now);
         }
         if self.is_online() {
             let since = *self.online_since.get_or_insert(now);
-            // One that breaks at once, again and again, is not tried more and more often.
+            // A connection that breaks again and again soon after its start does not reset the back-off.
             if now.saturating_duration_since(since) > self.back_off {
                 self.back_off = BACK_OFF_FIRST;
             }
@@ -153,7 +153,8 @@ impl Connection {
         }
     }
 
-    /// The end has come, and nothing is left to do: its safe values were sent, or it is not reached at all.
+    /// At the end of the driver: returns true if the safe values have been sent, or the server cannot be reached at
+    /// all.
     #[must_use]
     pub fn is_finished(&self) -> bool {
         match self.phase {
@@ -167,13 +168,13 @@ impl Connection {
         }
     }
 
-    /// There is a connection, and something is asked on it.
+    /// Returns true if there is a connection on which requests are sent.
     #[must_use]
     pub fn is_open(&self) -> bool {
         matches!(self.phase, ConnectionPhase::Open { .. })
     }
 
-    /// The end has come: no pause before what is still to be sent.
+    /// At the end of the driver: skips the pause if safe values are still to be sent.
     pub fn skip_pause(&mut self, now: Instant) {
         if let ConnectionPhase::Away { until } | ConnectionPhase::Pausing { until, .. } =
             &mut self.phase
@@ -183,7 +184,7 @@ impl Connection {
         }
     }
 
-    /// When [`Connection::advance`] has something to do though nothing comes.
+    /// Returns the time at which [`Connection::advance`] has work to do even if nothing is received.
     #[must_use]
     pub fn wake(&self, now: Instant) -> Option<Instant> {
         match &self.phase {
@@ -194,7 +195,7 @@ impl Connection {
         }
     }
 
-    /// What is to be waited for.
+    /// Returns the socket and the events to wait for.
     #[must_use]
     pub fn events(&self, now: Instant) -> Option<(BorrowedFd<'_>, PollFlags)> {
         let (stream, flags) = match &self.phase {
@@ -209,7 +210,7 @@ impl Connection {
         Some((stream.as_fd(), flags))
     }
 
-    /// Who it is, for people.
+    /// Returns a description of the server for log messages.
     #[must_use]
     pub fn label(&self) -> String {
         let ServerSettings {
@@ -239,7 +240,7 @@ impl Connection {
             ConnectionPhase::Away { .. } => Ok(()),
             ConnectionPhase::Connecting { .. } => self.finish_connecting(now),
             ConnectionPhase::Pausing { stream, until } => {
-                // What comes now is late.
+                // Answers received now are late.
                 let read = receive(stream, &mut [0; 256]);
                 let over = now >= *until;
                 read.map_err(ServerFault::Transport)?;
@@ -266,7 +267,7 @@ impl Connection {
                 false => Ok(()),
             };
         };
-        // Without anybody there, TCP may connect a port of this machine to itself.
+        // If nothing listens there, TCP may connect a local port to itself.
         if stream.local_addr().ok() == Some(peer) {
             return Err(ServerFault::Connect(
                 io::ErrorKind::ConnectionRefused.into(),
@@ -317,7 +318,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Not online until a pause is over; what is wrong is said once.
+    /// Takes the connection offline until a pause is over; logs each new fault once.
     fn handle_fault(&mut self, fault: &ServerFault, now: Instant) {
         self.report(fault);
         self.counters.lost(fault);
@@ -335,14 +336,15 @@ impl Connection {
         if timeout {
             self.timeouts += 1;
             if self.timeouts < TIMEOUTS_MAX && matches!(self.phase, ConnectionPhase::Open { .. }) {
-                // A late answer is known by its number.
+                // A late answer is recognised by its transaction number.
                 self.server.prepare(now);
                 return;
             }
         }
         self.timeouts = 0;
         let was_open = matches!(self.phase, ConnectionPhase::Open { .. });
-        // A server that closes after each request gets its safe values without growing pauses; each attempt brings some.
+        // A server that closes the connection after each request gets its safe values without growing pauses, since
+        // each attempt delivers some.
         let pause = match was_open && self.server.has_unsent_safe_values() {
             true => BACK_OFF_FIRST,
             false => self.pause(),
@@ -364,7 +366,7 @@ impl Connection {
         }
     }
 
-    /// The next pause, three quarters to five quarters of the back-off, so that many drivers do not come at once.
+    /// Returns the next pause: 75 % to 125 % of the back-off, at random, so that many drivers do not reconnect at once.
     fn pause(&mut self) -> Duration {
         let pause = self.back_off;
         let most = self.server.settings().back_off;
@@ -391,7 +393,7 @@ fn begin_connect(address: SocketAddr) -> io::Result<TcpStream> {
     }
 }
 
-/// Bytes that came; `None` if there are none.
+/// Reads received bytes; returns `None` if there are none.
 fn receive(stream: &mut TcpStream, room: &mut [u8]) -> io::Result<Option<usize>> {
     match stream.read(room) {
         Ok(0) => Err(io::Error::new(

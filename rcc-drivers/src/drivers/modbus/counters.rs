@@ -1,5 +1,5 @@
-//! What is counted about the connection to each server, for `rcc-cli doctor`.
-//! Counted by the host's thread, read by any other; Relaxed, because each figure stands for itself.
+//! Counters of the connections to all servers, for `rcc-cli doctor`.
+//! Written by the host's thread, read by any other; Relaxed, because each counter is independent.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -11,7 +11,7 @@ use super::fault::{self, ServerFault};
 use super::settings::ServerSettings;
 use crate::driver::LinkDiagnosis;
 
-/// The counters of one server, since the driver started unless it is said.
+/// Counters of one server since the driver started, unless noted otherwise.
 #[derive(Debug, Default)]
 pub struct ServerCounters {
     name: Option<String>,
@@ -32,7 +32,7 @@ pub struct ServerCounters {
 }
 
 impl ServerCounters {
-    /// Nothing has been counted.
+    /// Counters at 0.
     #[must_use]
     pub fn new(settings: &ServerSettings) -> Self {
         Self {
@@ -43,12 +43,12 @@ impl ServerCounters {
         }
     }
 
-    /// A connection was made.
+    /// Counts a new connection.
     pub fn connected(&self) {
         self.connections.fetch_add(1, Relaxed);
     }
 
-    /// How it is now.
+    /// Stores the present state.
     pub fn now(&self, online: bool, fault: u32, quality_permille: u32, discarded: u64) {
         self.online.store(u32::from(online), Relaxed);
         self.fault.store(fault, Relaxed);
@@ -56,20 +56,20 @@ impl ServerCounters {
         self.discarded.store(discarded, Relaxed);
     }
 
-    /// A round has ended, within its period or not.
+    /// Counts a round that has ended, within its period or not.
     pub fn round(&self, in_time: bool) {
         self.rounds.fetch_add(1, Relaxed);
         self.rounds_late.fetch_add(u64::from(!in_time), Relaxed);
     }
 
-    /// All inputs have come, so long after they were asked for.
+    /// Stores the time from the request to the last input of a round.
     pub fn read(&self, time: Duration) {
         let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
         self.read_ns.store(time_ns, Relaxed);
         self.read_max_ns.fetch_max(time_ns, Relaxed);
     }
 
-    /// The server is lost.
+    /// Counts a loss of the server.
     pub fn lost(&self, fault: &ServerFault) {
         let count = match fault {
             ServerFault::Timeout { .. } | ServerFault::OtherUnit { .. } => &self.timeouts,
@@ -106,13 +106,13 @@ impl ServerCounters {
 /// The counters of all servers.
 #[derive(Debug)]
 pub struct ModbusCounters {
-    /// In the order of the configuration.
+    /// One per server, in the order of the configuration.
     pub servers: Vec<Arc<ServerCounters>>,
-    /// How late the rounds began, ns.
+    /// Delay of the rounds, ns.
     pub begun_late: RoundDelay,
 }
 
-/// How late rounds began after their time.
+/// Delay between the scheduled and the actual start of rounds.
 #[derive(Debug, Default)]
 pub struct RoundDelay {
     last_ns: AtomicU64,
@@ -120,7 +120,7 @@ pub struct RoundDelay {
 }
 
 impl RoundDelay {
-    /// A round began so long after its time.
+    /// Counts a round that started late by this time.
     pub fn count(&self, late: Duration) {
         let late_ns = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
         self.last_ns.store(late_ns, Relaxed);
@@ -134,7 +134,7 @@ impl LinkDiagnosis for ModbusCounters {
         json!({
             "protocol": "Modbus TCP",
             "begun_late_ns": self.begun_late.last_ns.load(Relaxed),
-            // Since the last look.
+            // Maximum since the last call.
             "begun_late_max_ns": self.begun_late.max_ns.swap(0, Relaxed),
             "servers": servers,
         })

@@ -1,5 +1,5 @@
-//! Why a server cannot be worked with: reason numbers, the words for them, and what to do.
-//! Tables, and errors that are made when something goes wrong; used by the host's thread.
+//! Faults of a server: reason numbers, their texts, and remedies.
+//! Tables, and errors created when a fault occurs; used by the host's thread.
 
 use std::io;
 use std::time::Duration;
@@ -9,26 +9,26 @@ use thiserror::Error;
 use super::frame::FrameError;
 use crate::host::reason::Reason;
 
-/// No connection.
+/// The server cannot be reached.
 pub const UNREACHABLE: u32 = 100;
-/// No answer in time.
+/// The server did not answer in time.
 pub const TIMEOUT: u32 = 101;
-/// An exception of an unknown number.
+/// An exception whose code the standard does not define.
 pub const REFUSED: u32 = 102;
-/// Not Modbus TCP.
+/// The bytes received are not a valid answer.
 pub const BROKEN: u32 = 103;
 /// Another unit answers.
 pub const OTHER_UNIT: u32 = 104;
-/// The heartbeat stands still.
+/// The heartbeat has stopped.
 pub const FROZEN: u32 = 105;
 /// A value that its registers cannot hold.
 pub const UNFIT: u32 = 106;
-/// Exception n of the standard is this and n.
+/// Base of the reasons for exceptions: exception n of the standard is this plus n.
 pub const EXCEPTIONS: u32 = 110;
-/// Server i (from 0) of a device whose servers have names: its reasons are those above and (i + 1) times this.
+/// Offset for devices with named servers: the reasons of server i (from 0) are those above plus (i + 1) times this.
 pub const NAMED: u32 = 1000;
 
-/// What the numbers mean.
+/// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
     (
         UNREACHABLE,
@@ -93,61 +93,61 @@ pub const REASONS: &[Reason] = &[
     ),
 ];
 
-/// Exceptions after which the same request may succeed: acknowledge, and busy.
+/// Exceptions after which the same request may succeed: acknowledge, and server busy.
 pub const PASSING: [u8; 2] = [5, 6];
 
-/// Why a server cannot be worked with now.
+/// Why a server cannot be used at present.
 #[derive(Debug, Error)]
 pub enum ServerFault {
-    /// There is no connection.
+    /// No connection could be made.
     #[error("it is not reached: {0}")]
     Connect(io::Error),
-    /// The connection ended.
+    /// The connection broke.
     #[error("the connection broke: {0}")]
     Transport(io::Error),
-    /// No answer.
+    /// The answer did not arrive in time.
     #[error("no answer to {doing} within {} ms", timeout.as_millis())]
     Timeout {
-        /// The request.
+        /// Description of the request.
         doing: String,
-        /// How long was waited.
+        /// The time-out.
         timeout: Duration,
     },
-    /// Somebody else answers.
+    /// Another unit answers.
     #[error(
         "unit {have} answers where unit {want} was asked: set `unit: {have}`, or check the gateway"
     )]
     OtherUnit {
-        /// Who was asked.
+        /// Unit in the request.
         want: u8,
-        /// Who answers.
+        /// Unit in the answer.
         have: u8,
     },
     /// Not Modbus TCP.
     #[error("it sends what is no answer: {0}")]
     Broken(FrameError),
-    /// The server says no.
+    /// The server answers with an exception.
     #[error("{doing}: exception {code}: {}", words(exception_reason(*code)))]
     Exception {
-        /// The request.
+        /// Description of the request.
         doing: String,
-        /// What the server said.
+        /// Exception code.
         code: u8,
     },
-    /// The heartbeat has not changed.
+    /// The heartbeat has stopped.
     #[error("the heartbeat at {address} has not changed for {} ms: is the device's program running?", within.as_millis())]
     Frozen {
-        /// Where.
+        /// Address of the heartbeat.
         address: String,
-        /// How long.
+        /// Time within which it must change.
         within: Duration,
     },
-    /// A value that does not fit.
+    /// A value that its registers cannot hold.
     #[error(
         "output {channel}: {value} (SI) is outside of what its registers hold, {lower} to {upper} (raw): check scale and range"
     )]
     Unfit {
-        /// The channel.
+        /// Name of the output channel.
         channel: String,
         /// Its value, SI.
         value: f64,
@@ -159,7 +159,7 @@ pub enum ServerFault {
 }
 
 impl ServerFault {
-    /// Its number in [`REASONS`].
+    /// Returns the number in [`REASONS`].
     #[must_use]
     pub fn reason(&self) -> u32 {
         match self {
@@ -173,7 +173,7 @@ impl ServerFault {
         }
     }
 
-    /// The connection is of no use any more.
+    /// Returns true if the connection must be closed.
     #[must_use]
     pub fn ends_connection(&self) -> bool {
         matches!(
@@ -183,7 +183,7 @@ impl ServerFault {
     }
 }
 
-/// The words of a reason.
+/// Returns the text of a reason.
 #[must_use]
 pub fn words(reason: u32) -> &'static str {
     let mut rows = REASONS.iter();

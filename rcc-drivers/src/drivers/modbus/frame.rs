@@ -1,7 +1,7 @@
-//! RequestLimits and answers of Modbus TCP as bytes (MODBUS Application Protocol V1.1b3; Messaging on TCP/IP V1.0b).
-//! Pure and without heap; used by the host's thread in each exchange.
+//! Requests and responses of Modbus TCP as bytes (MODBUS Application Protocol V1.1b3; Messaging on TCP/IP V1.0b).
+//! Pure, without heap allocation; used by the host's thread in each exchange.
 //!
-//! Own code rather than the client of `tokio-modbus`, which ends the connection at an answer that comes late, allocates
+//! Own code rather than the client of `tokio-modbus`, which closes the connection when a response is late, allocates
 //! for each transaction, and waits in steps of 1 ms.
 
 use thiserror::Error;
@@ -11,33 +11,33 @@ use super::address::Table;
 #[cfg(test)]
 mod tests;
 
-/// Longest message, with its header of 7 bytes.
+/// Longest message, including its header of 7 bytes.
 pub const MESSAGE_MAX: usize = 260;
-/// Length of transaction, protocol, length and unit.
+/// Size of the header: transaction, protocol, length and unit.
 const HEADER: usize = 7;
-/// Bytes that are kept of what came: a whole message, and the beginning of others.
+/// Capacity of the receive buffer: one message and the start of further ones.
 const KEPT_MAX: usize = 4 * MESSAGE_MAX;
 
-/// What a request asks for; addresses count from 0.
+/// A request; addresses start at 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModbusRequest<'a> {
     /// Functions 1 to 4.
     Read {
-        /// From which table.
+        /// Table to read from.
         table: Table,
         /// First point.
         first: u16,
-        /// NumberType of points.
+        /// Number of points.
         count: u16,
     },
-    /// Function 5 for one, 15 for more.
+    /// Function 5 for one coil, 15 for several.
     WriteCoils {
         /// First coil.
         first: u16,
         /// Values.
         values: &'a [bool],
     },
-    /// Function 6 for one, 16 for more.
+    /// Function 6 for one register, 16 for several.
     WriteRegisters {
         /// First register.
         first: u16,
@@ -46,49 +46,49 @@ pub enum ModbusRequest<'a> {
     },
     /// Function 22: changes the bits of `mask` in a register.
     Mask {
-        /// The register.
+        /// Address of the register.
         address: u16,
-        /// Bits that change.
+        /// Bits to change.
         mask: u16,
-        /// Their new values.
+        /// New values of these bits.
         values: u16,
     },
 }
 
-/// What the answer to a request must be.
+/// The response that a request requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExpectedResponse {
-    /// So many bits.
+    /// This number of bits.
     Bits(u16),
-    /// So many registers.
+    /// This number of registers.
     Registers(u16),
-    /// These bytes again.
+    /// An echo of these bytes.
     Echo {
-        /// The bytes.
+        /// The expected bytes.
         bytes: [u8; 6],
-        /// How many count.
+        /// Number of bytes to compare.
         length: usize,
     },
 }
 
-/// A message that is on its way out.
+/// A request as bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct EncodedRequest {
     bytes: [u8; MESSAGE_MAX],
     length: usize,
-    /// What must come back.
+    /// The response that it requires.
     pub expected: ExpectedResponse,
 }
 
 impl EncodedRequest {
-    /// Nothing.
+    /// An empty request.
     pub const NONE: EncodedRequest = EncodedRequest {
         bytes: [0; MESSAGE_MAX],
         length: 0,
         expected: ExpectedResponse::Bits(0),
     };
 
-    /// A request; `None` if it is longer than a message may be.
+    /// Encodes a request; returns `None` if it is longer than a message may be.
     #[must_use]
     pub fn new(transaction: u16, unit: u8, request: &ModbusRequest<'_>) -> Option<EncodedRequest> {
         let mut message = EncodedRequest {
@@ -103,24 +103,24 @@ impl EncodedRequest {
         Some(message)
     }
 
-    /// The same request as another transaction.
+    /// Gives the request another transaction number.
     pub fn renumber(&mut self, transaction: u16) {
         self.bytes[..2].copy_from_slice(&transaction.to_be_bytes());
     }
 
-    /// NumberType of the transaction.
+    /// Returns the transaction number.
     #[must_use]
     pub fn transaction(&self) -> u16 {
         u16::from_be_bytes([self.bytes[0], self.bytes[1]])
     }
 
-    /// The function that is asked for.
+    /// Returns the function code.
     #[must_use]
     pub fn function(&self) -> u8 {
         self.bytes[HEADER]
     }
 
-    /// What goes over the wire.
+    /// Returns the bytes to send.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes[..self.length]
@@ -210,7 +210,7 @@ impl EncodedRequest {
             .try_for_each(|word| self.put(&word.to_be_bytes()))
     }
 
-    /// The first `length` bytes behind the function come back.
+    /// Requires an echo of the first `length` bytes after the function code.
     fn echo(&self, length: usize) -> ExpectedResponse {
         let mut bytes = [0; 6];
         bytes[..length].copy_from_slice(&self.bytes[HEADER + 1..HEADER + 1 + length]);
@@ -218,63 +218,63 @@ impl EncodedRequest {
     }
 }
 
-/// Why what came is no answer.
+/// Why received bytes are not a valid response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum FrameError {
-    /// Another protocol.
+    /// The protocol identifier is not 0.
     #[error("protocol number {0} instead of 0")]
     Protocol(u16),
-    /// A length that no message has.
+    /// An invalid length field.
     #[error("a message of {0} bytes, which none has")]
     Length(u16),
-    /// An answer to something else, under the number of this transaction.
+    /// The function code does not match the request with this transaction number.
     #[error("an answer of function {have} to function {want}")]
     Function {
-        /// What was asked.
+        /// Function code of the request.
         want: u8,
-        /// What came.
+        /// Function code of the response.
         have: u8,
     },
-    /// More or fewer bytes than were asked for.
+    /// The response has the wrong size.
     #[error("{have} bytes of data where function {function} has {want}")]
     Size {
-        /// The function.
+        /// Function code.
         function: u8,
-        /// What was asked.
+        /// Expected number of bytes.
         want: usize,
-        /// What came.
+        /// Received number of bytes.
         have: usize,
     },
-    /// The confirmation names something else than was written.
+    /// The confirmation does not echo the request; holds the function code.
     #[error("function {0} confirms another write than the one that was asked for")]
     Echo(u8),
 }
 
-/// The answer to a request.
+/// The response to a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Response<'a> {
-    /// Done, with the data that was asked for.
+    /// Success, with the requested data.
     Data(&'a [u8]),
-    /// Refused, with the number that says why.
+    /// An exception with its code.
     Exception(u8),
 }
 
-/// One whole message as it came.
+/// One complete message as received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReceivedFrame<'a> {
-    /// NumberType of the transaction.
+    /// Transaction number.
     pub transaction: u16,
-    /// Who answers.
+    /// Unit that answers.
     pub unit: u8,
-    /// Function and data; at least 1 byte.
+    /// Function code and data; at least 1 byte.
     body: &'a [u8],
 }
 
 impl<'a> ReceivedFrame<'a> {
-    /// What it says to `message`.
+    /// Interprets the frame as the response to `message`.
     ///
     /// # Errors
-    /// It is no answer to that.
+    /// Returns an error if it is not a valid response to that request.
     pub fn answer(&self, message: &EncodedRequest) -> Result<Response<'a>, FrameError> {
         let function = message.function();
         let (have, data) = self.body.split_first().ok_or(FrameError::Length(1))?;
@@ -317,14 +317,14 @@ impl<'a> ReceivedFrame<'a> {
     }
 }
 
-/// Bit `index` of the data of functions 1 and 2; false beyond its end.
+/// Returns bit `index` of the data of functions 1 and 2; false beyond its end.
 #[must_use]
 pub fn bit(data: &[u8], index: usize) -> bool {
     data.get(index / 8)
         .is_some_and(|byte| byte >> (index % 8) & 1 == 1)
 }
 
-/// Register `index` of the data of functions 3 and 4; 0 beyond its end.
+/// Returns register `index` of the data of functions 3 and 4; 0 beyond its end.
 #[must_use]
 pub fn register(data: &[u8], index: usize) -> u16 {
     match data.get(2 * index..2 * index + 2) {
@@ -333,7 +333,7 @@ pub fn register(data: &[u8], index: usize) -> u16 {
     }
 }
 
-/// What came and has not been looked at.
+/// Received bytes that have not been processed yet.
 #[derive(Clone, Debug)]
 pub struct ReceiveBuffer {
     bytes: [u8; KEPT_MAX],
@@ -350,20 +350,20 @@ impl Default for ReceiveBuffer {
 }
 
 impl ReceiveBuffer {
-    /// Where the next bytes go; empty only while a whole message waits in it.
+    /// Returns the free space for further bytes; empty only while a complete message is in the buffer.
     pub fn room(&mut self) -> &mut [u8] {
         &mut self.bytes[self.length..]
     }
 
-    /// So many bytes have been put into [`ReceiveBuffer::room`].
+    /// Appends the first `count` bytes of [`ReceiveBuffer::room`].
     pub fn filled(&mut self, count: usize) {
         self.length = (self.length + count).min(KEPT_MAX);
     }
 
-    /// The first whole message; `take` is the length to give to [`ReceiveBuffer::forget`] afterwards.
+    /// Returns the first complete message and its length, to be passed to [`ReceiveBuffer::forget`] afterwards.
     ///
     /// # Errors
-    /// What came is not Modbus TCP, and nothing that follows can be understood.
+    /// Returns an error if the bytes are not Modbus TCP; all further bytes are then invalid too.
     pub fn first(&self) -> Result<Option<(ReceivedFrame<'_>, usize)>, FrameError> {
         let bytes = &self.bytes[..self.length];
         let Some(header) = bytes.first_chunk::<HEADER>() else {
@@ -388,14 +388,14 @@ impl ReceiveBuffer {
         }))
     }
 
-    /// Drops the first bytes.
+    /// Removes the first bytes.
     pub fn forget(&mut self, count: usize) {
         let count = count.min(self.length);
         self.bytes.copy_within(count..self.length, 0);
         self.length -= count;
     }
 
-    /// Drops everything.
+    /// Removes all bytes.
     pub fn clear(&mut self) {
         self.length = 0;
     }

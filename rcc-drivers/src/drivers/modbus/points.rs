@@ -1,4 +1,4 @@
-//! Which points of its servers a device's channels are, and in how few requests they are read and written.
+//! Maps a device's channels to points of its servers, and combines them into few requests.
 //! Built once, when a driver is opened; used by the host's thread.
 
 use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
@@ -14,106 +14,106 @@ mod check;
 
 use check::{check_output, check_size};
 
-/// What a read value is for.
+/// Destination of a value that is read.
 #[derive(Clone, Debug)]
 pub enum InputTarget {
-    /// Digital input `index`, a point of a table of bits.
+    /// Digital input `index`, from a table of bits.
     Bit {
-        /// Place among the digital inputs.
+        /// Index among the digital inputs.
         index: usize,
     },
-    /// Digital input `index`, a bit of a register.
+    /// Digital input `index`, from a bit of a register.
     RegisterBit {
-        /// Place among the digital inputs.
+        /// Index among the digital inputs.
         index: usize,
-        /// NumberType of the bit.
+        /// Number of the bit.
         bit: u8,
     },
     /// Analog input `index`.
     Number {
-        /// Place among the analog inputs.
+        /// Index among the analog inputs.
         index: usize,
-        /// How its registers are read.
+        /// Format of its registers.
         format: RegisterFormat,
-        /// Scale, offset.
+        /// Configuration of the channel: scale, offset, range.
         config: ChannelConfig,
     },
-    /// The device's heartbeat.
+    /// Heartbeat of the device.
     Heartbeat,
 }
 
-/// One value of a read.
+/// One value of a read request.
 #[derive(Clone, Debug)]
 pub struct ReadItem {
-    /// Its first point, counted from the first one of the read.
+    /// Offset of its first point from the first point of the read.
     pub at: usize,
-    /// What it is for.
+    /// Destination of the value.
     pub target: InputTarget,
-    /// The channel's name.
+    /// Name of the channel.
     pub name: String,
 }
 
-/// One request that reads.
+/// One read request.
 #[derive(Clone, Debug)]
 pub struct ReadBlock {
-    /// From which table.
+    /// Table to read from.
     pub table: Table,
     /// First point.
     pub first: u16,
-    /// NumberType of points.
+    /// Number of points.
     pub count: u16,
-    /// What it brings.
+    /// Values that it contains.
     pub items: Vec<ReadItem>,
 }
 
-/// Where the value of an output comes from.
+/// Source of an output's value.
 #[derive(Clone, Debug)]
 pub enum OutputSource {
     /// Digital output `index`.
     Coil {
-        /// Place among the digital outputs.
+        /// Index among the digital outputs.
         index: usize,
     },
     /// Digital outputs that are bits of one register.
     Bits {
-        /// NumberType of the bit, and place among the digital outputs.
+        /// Number of each bit, and its index among the digital outputs.
         bits: Vec<(u8, usize)>,
     },
     /// Analog output `index`.
     Number {
-        /// Place among the analog outputs.
+        /// Index among the analog outputs.
         index: usize,
-        /// How its registers are written.
+        /// Format of its registers.
         format: RegisterFormat,
-        /// Scale, offset.
+        /// Configuration of the channel: scale, offset, range.
         config: ChannelConfig,
     },
 }
 
-/// What an output is written to.
+/// An output and the points that it is written to.
 #[derive(Clone, Debug)]
 pub struct OutputPoint {
-    /// Coil or holding.
+    /// Coils or holding registers.
     pub table: Table,
     /// First point.
     pub address: u16,
-    /// Where its value comes from.
+    /// Source of its value.
     pub source: OutputSource,
-    /// The channel's name, or several.
+    /// Name of the channel, or of several channels.
     pub name: String,
 }
 
-/// A raw value of an output: bits outside of `mask` are not known.
+/// Raw value of an output; bits outside `mask` are unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RawOutput {
-    /// Registers; the first is 0 or 1 for a coil.
+    /// Registers; for a coil, the first is 0 or 1.
     pub words: RegisterWords,
-    /// Which bits of the first register count; all of a number, 1 of a coil.
+    /// Valid bits of the first register: all for a number, 1 for a coil.
     pub mask: u16,
 }
 
 impl RawOutput {
-    /// The bits that must be written so that what `self` holds becomes `wanted`.
+    /// Returns the bits that must be written to change `self` into `wanted`.
     #[must_use]
     pub fn changes(&self, wanted: &RawOutput) -> u16 {
         let same = self.mask & !(self.words[0] ^ wanted.words[0]);
@@ -124,33 +124,33 @@ impl RawOutput {
     }
 }
 
-/// What is to be written to an output.
+/// Value to write to an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DesiredValue {
-    /// Nothing: the device keeps what it has.
+    /// No value: the device keeps its present one.
     Nothing,
-    /// This.
+    /// This raw value.
     Value(RawOutput),
     /// This SI value, which the registers cannot hold.
     Unfit(f64),
 }
 
-/// What is read from one server, and what is written to it.
+/// The read requests and outputs of one server.
 #[derive(Clone, Debug, Default)]
 pub struct Points {
-    /// In order of table and address.
+    /// Sorted by table and address.
     pub reads: Vec<ReadBlock>,
-    /// In order of table and address.
+    /// Sorted by table and address.
     pub outputs: Vec<OutputPoint>,
 }
 
-/// A channel and where it is.
+/// A channel with its address.
 struct AddressedChannel<'a> {
     channel: &'a ChannelConfig,
     address: Address,
 }
 
-/// The outputs of a device that nobody commands: safe values; one that holds has none.
+/// Returns the outputs of a device without commands: safe values, and no value for channels that hold.
 #[must_use]
 pub fn released(device: &DeviceConfig) -> Outputs {
     let mut outputs = Outputs::NONE;
@@ -172,11 +172,11 @@ pub fn released(device: &DeviceConfig) -> Outputs {
 }
 
 impl Points {
-    /// The points of each server, in the order of `servers`.
+    /// Returns the points of each server, in the order of `servers`.
     ///
     /// # Errors
-    /// An address of another form, of another server, or that two outputs share; a number that the registers, or one
-    /// request, cannot hold.
+    /// Returns an error for an invalid address, an unknown server, an address that two outputs share, or a number that
+    /// does not fit into its registers or into one request.
     pub fn new(
         device: &DeviceConfig,
         servers: &[ServerSettings],
@@ -208,7 +208,7 @@ impl Points {
     }
 }
 
-/// Whose channel it is, and where.
+/// Returns the index of a channel's server, and its address there.
 fn place(
     device: &DeviceConfig,
     channel: &ChannelConfig,
@@ -264,7 +264,7 @@ fn place(
     Ok((position, address))
 }
 
-/// As few reads as the server's limits allow.
+/// Combines inputs into as few read requests as the server's limits allow.
 fn reads(inputs: Vec<AddressedChannel<'_>>, server: &ServerSettings) -> Vec<ReadBlock> {
     let channel = |AddressedChannel { channel, address }: AddressedChannel<'_>| {
         let index = channel.index as usize;
@@ -303,7 +303,7 @@ fn reads(inputs: Vec<AddressedChannel<'_>>, server: &ServerSettings) -> Vec<Read
         };
         match reads.last_mut().filter(joins) {
             Some(read) => {
-                // Within `most`.
+                // At most `most`.
                 read.count = read.count.max((end - u32::from(read.first)) as u16);
                 read.items.push(ReadItem {
                     at: usize::from(number - read.first),
@@ -326,7 +326,7 @@ fn reads(inputs: Vec<AddressedChannel<'_>>, server: &ServerSettings) -> Vec<Read
     reads
 }
 
-/// In order, with the bits of one register in one place.
+/// Sorts the outputs and combines the bits of one register.
 fn merge(mut placed: Vec<AddressedChannel<'_>>) -> Vec<OutputPoint> {
     placed.sort_by_key(|output| (output.address.table, output.address.number));
     let mut outputs: Vec<OutputPoint> = Vec::new();
@@ -364,7 +364,7 @@ fn merge(mut placed: Vec<AddressedChannel<'_>>) -> Vec<OutputPoint> {
 }
 
 impl OutputPoint {
-    /// Points that it takes.
+    /// Returns the number of points of the output.
     #[must_use]
     pub fn width(&self) -> u16 {
         match &self.source {
@@ -373,7 +373,7 @@ impl OutputPoint {
         }
     }
 
-    /// What `outputs` want it to be.
+    /// Returns the value that `outputs` require.
     #[must_use]
     pub fn desired(&self, outputs: &Outputs) -> DesiredValue {
         let digital = |index: usize| {
@@ -414,7 +414,7 @@ impl OutputPoint {
                     }),
                     None => DesiredValue::Unfit(*value),
                 },
-                // Without a value it is NaN.
+                // NaN means no value.
                 _ => DesiredValue::Nothing,
             },
         }
@@ -422,7 +422,7 @@ impl OutputPoint {
 }
 
 impl InputTarget {
-    /// SI value of registers; NaN if they hold none, or one outside of the channel's range.
+    /// Returns the SI value of registers; NaN if it is not finite, or outside the channel's range.
     #[must_use]
     pub fn number(format: RegisterFormat, config: &ChannelConfig, registers: &[u16]) -> f64 {
         let value = to_si(config, format.decode(registers));

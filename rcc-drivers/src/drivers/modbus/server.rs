@@ -1,8 +1,8 @@
-//! The dialog with one server: what is asked next, and what its answers mean.
-//! Pure, in time that the caller gives; run by the host's thread.
+//! The request sequence of one server, and the processing of its responses.
+//! Pure; time is given by the caller; run by the host's thread.
 //!
-//! On a new connection, and after every fault: safe values (see `safe`), `on_connect`, safe values that were refused
-//! before, and only then rounds: all inputs, what the outputs have become, the watchdog.
+//! On a new connection, and after every fault: safe values (see `safe_values`), `on_connect`, safe values that were
+//! refused before, and only then poll rounds: all inputs, the changed outputs, the watchdog.
 
 use std::time::{Duration, Instant};
 
@@ -22,56 +22,56 @@ mod write;
 use response::BUSY_PAUSE;
 use safe_values::SafeValueSweep;
 
-/// What is being done; the numbers are places in lists.
+/// Present step; the numbers are list indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    /// Until the next round.
+    /// Waiting for the next round.
     Idle,
-    /// Safe values; those refused are tried again after `on_connect`.
+    /// Writing safe values; refused ones are tried again after `on_connect`.
     Safe { again: bool },
-    /// The values of `on_connect`.
+    /// Writing the values of `on_connect`.
     OnConnect(usize),
-    /// Inputs.
+    /// Reading inputs.
     Read(usize),
-    /// Inputs have come; until it is known what the outputs become.
+    /// Inputs have been read; waiting for the commanded outputs.
     Decide,
-    /// Outputs.
+    /// Writing outputs.
     Write(usize),
-    /// A sign of life.
+    /// Writing the watchdog.
     Watchdog,
 }
 
-/// What the answer is for.
+/// Purpose of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
     OnConnect,
     Read,
-    /// Outputs up to `end`, exclusive; `mask` are the bits of a register.
+    /// Outputs up to `end`, exclusive; `mask` gives the bits of a register.
     Write {
         from: usize,
         end: usize,
         mask: u16,
     },
-    /// The register whose bits are changed next.
+    /// The register whose bits are to be changed next.
     Fetch {
         place: usize,
     },
     Watchdog,
 }
 
-/// A request that is on its way, or waits for its answer.
+/// A request that is being sent, or waits for its response.
 #[derive(Clone, Copy, Debug)]
 struct PendingRequest {
     message: EncodedRequest,
     purpose: Purpose,
-    /// Bytes that have gone.
+    /// Number of bytes sent.
     sent: usize,
-    /// It is sent (again) from then on.
+    /// Time from which on it is sent.
     from: Instant,
 }
 
 impl PendingRequest {
-    /// All of its bytes have gone.
+    /// Returns true if all bytes have been sent.
     fn has_gone(&self) -> bool {
         self.sent == self.message.bytes().len()
     }
@@ -80,45 +80,45 @@ impl PendingRequest {
 /// Counters since the driver started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ServerCounts {
-    /// Rounds that could not begin because the last one had not ended.
+    /// Rounds that could not start because the last one had not ended.
     pub late: u64,
-    /// Answers that nobody waited for.
+    /// Responses without a pending request.
     pub discarded: u64,
 }
 
-/// The dialog with one server.
+/// The requests to one server, and what is known about it.
 #[derive(Debug)]
 pub struct Server {
     settings: ServerSettings,
     points: Points,
-    /// What nobody commands.
+    /// Values of the outputs without a command.
     released: Outputs,
     step: Step,
     pending: Option<PendingRequest>,
     transaction: u16,
     inbox: ReceiveBuffer,
-    /// Until when what is being done must be done.
+    /// Deadline of the present step.
     due: Instant,
     commanded: Option<Outputs>,
-    /// What is being written.
+    /// Values that are being written.
     writing: Outputs,
     written: Vec<RawOutput>,
-    /// A register that is to be changed in part, as it was read, and which output that is.
+    /// A register that is to be changed in part: index of its output, and the value that was read.
     fetched: Option<(usize, u16)>,
-    /// Outputs before this place are written one by one, as together they were refused.
+    /// Outputs before this index are written one by one, because they were refused together.
     one_by_one: usize,
     refused: Option<ServerFault>,
     /// The server was too busy for some of the outputs, which are written again after the others.
     busy: Option<ServerFault>,
-    /// RequestLimits wait until then.
+    /// No request is sent before this time.
     not_before: Instant,
     sweep: SafeValueSweep,
     building: Inputs,
     inputs: Inputs,
     complete: bool,
-    /// The inputs have not been taken.
+    /// The inputs have not been taken yet.
     fresh: bool,
-    /// When the inputs were asked for, and how long they took.
+    /// Time at which the inputs were requested, and the duration of reading them.
     asked: Instant,
     read_time: Duration,
     heartbeat_value: Option<u16>,
@@ -131,7 +131,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// A server that has not been reached.
+    /// A server that has not been reached yet.
     #[must_use]
     pub fn new(settings: ServerSettings, points: Points, released: Outputs, now: Instant) -> Self {
         Self {
@@ -168,25 +168,25 @@ impl Server {
         }
     }
 
-    /// Its settings.
+    /// Returns the settings.
     #[must_use]
     pub fn settings(&self) -> &ServerSettings {
         &self.settings
     }
 
-    /// Counters.
+    /// Returns the counters.
     #[must_use]
     pub fn counts(&self) -> ServerCounts {
         self.counts
     }
 
-    /// A new connection: nothing that came on the last one counts.
+    /// Starts on a new connection; bytes of the last one are dropped.
     pub fn connected(&mut self, now: Instant) {
         self.inbox.clear();
         self.prepare(now);
     }
 
-    /// From the beginning on the same connection; nobody knows what the server has done meanwhile.
+    /// Restarts the sequence on the same connection; the state of the server's outputs is unknown.
     pub fn prepare(&mut self, now: Instant) {
         self.pending = None;
         self.written.fill(RawOutput::default());
@@ -198,13 +198,13 @@ impl Server {
         self.begin(Step::Safe { again: false }, now);
     }
 
-    /// All inputs are known and the device's program lives.
+    /// Returns true if all inputs are known and the heartbeat is alive.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         self.complete
     }
 
-    /// Why it is not complete though it answers: its heartbeat stands still.
+    /// Returns a fault if the server answers but its heartbeat has stopped.
     #[must_use]
     pub fn standstill(&self, now: Instant) -> Option<ServerFault> {
         let heartbeat = self.settings.heartbeat.as_ref()?;
@@ -216,31 +216,31 @@ impl Server {
         })
     }
 
-    /// It waits for the next round, or for its outputs.
+    /// Returns true if the inputs of this round have been read.
     #[must_use]
     pub fn has_read(&self) -> bool {
         self.complete && !matches!(self.step, Step::Read(_))
     }
 
-    /// Nothing is left to do until the next round.
+    /// Returns true if nothing is left to do until the next round.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.step == Step::Idle && self.pending.is_none()
     }
 
-    /// It is told its outputs next.
+    /// Returns true if the server waits for its commanded outputs.
     #[must_use]
     pub fn is_waiting(&self) -> bool {
         self.step == Step::Decide
     }
 
-    /// How long the inputs of the last complete round took.
+    /// Returns the duration of reading the inputs in the last complete round.
     #[must_use]
     pub fn read_time(&self) -> Option<Duration> {
         self.complete.then_some(self.read_time)
     }
 
-    /// A round begins, unless the last one still runs.
+    /// Starts a round; returns false if the last one has not ended.
     pub fn tick(&mut self, now: Instant) -> bool {
         if !matches!(self.step, Step::Idle | Step::Decide) {
             self.counts.late += 1;
@@ -252,7 +252,7 @@ impl Server {
         true
     }
 
-    /// What its outputs are to be, in this round.
+    /// Sets the commanded outputs of this round.
     pub fn command(&mut self, outputs: &Outputs, now: Instant) {
         self.commanded = Some(*outputs);
         if self.step == Step::Decide {
@@ -260,13 +260,13 @@ impl Server {
         }
     }
 
-    /// Nothing is being read or written.
+    /// Returns true if nothing is being read or written.
     #[must_use]
     pub fn may_finish(&self) -> bool {
         matches!(self.step, Step::Idle | Step::Decide) && self.pending.is_none()
     }
 
-    /// As [`Server::command`], also between rounds: the last thing that is done.
+    /// As [`Server::command`], but also between rounds: the last action at the end.
     pub fn finish(&mut self, outputs: &Outputs, now: Instant) {
         self.commanded = Some(*outputs);
         if matches!(self.step, Step::Idle | Step::Decide) {
@@ -274,7 +274,7 @@ impl Server {
         }
     }
 
-    /// Inputs have come that nobody has taken.
+    /// Returns true if there are inputs that have not been taken.
     #[must_use]
     pub fn is_fresh(&self) -> bool {
         self.fresh
@@ -298,15 +298,15 @@ impl Server {
         }
     }
 
-    /// Where bytes that came are put; see [`Server::received`].
+    /// Returns the space for received bytes; see [`Server::received`].
     pub fn room(&mut self) -> &mut [u8] {
         self.inbox.room()
     }
 
-    /// So many bytes have come.
+    /// Processes `count` received bytes.
     ///
     /// # Errors
-    /// They are no answer, or one that ends this attempt.
+    /// Returns a fault if they are not a valid response, or one that ends this attempt.
     pub fn received(&mut self, count: usize, now: Instant) -> Result<(), ServerFault> {
         self.inbox.filled(count);
         if self.ignores_input() {
@@ -325,10 +325,10 @@ impl Server {
         }
     }
 
-    /// Goes on: makes the next request if there is none, and looks at the clock.
+    /// Makes the next request if none is pending, and checks the deadline.
     ///
     /// # Errors
-    /// No answer in time, or what was refused in this round.
+    /// Returns a fault if a response is overdue, or if something was refused in this round.
     pub fn advance(&mut self, now: Instant) -> Result<(), ServerFault> {
         if let Step::Safe { .. } = self.step {
             self.overtake_pending(now);
@@ -342,7 +342,7 @@ impl Server {
         }
     }
 
-    /// Bytes that are to go now.
+    /// Returns the bytes to send now.
     #[must_use]
     pub fn to_send(&self, now: Instant) -> &[u8] {
         match &self.pending {
@@ -353,18 +353,18 @@ impl Server {
         }
     }
 
-    /// So many of them have gone.
+    /// Counts sent bytes.
     pub fn sent(&mut self, count: usize) {
         if let Some(pending) = &mut self.pending {
             pending.sent += count;
         }
     }
 
-    /// When [`Server::advance`] has something to do though nothing comes.
+    /// Returns the time at which [`Server::advance`] has work to do even if nothing is received.
     #[must_use]
     pub fn wake(&self, now: Instant) -> Option<Instant> {
         if self.unanswered().is_none() {
-            // A step that has just begun has its first request still to make.
+            // A step that has just started must still make its first request.
             let is_waiting = matches!(self.step, Step::Idle | Step::Decide);
             return (!is_waiting).then_some(now);
         }
@@ -390,7 +390,7 @@ impl Server {
         }
     }
 
-    /// Steps that need no answer are gone through; the first that needs one makes its request.
+    /// Performs steps until one makes a request or waits.
     fn next(&mut self, now: Instant) -> Result<(), ServerFault> {
         loop {
             match self.step {
@@ -464,7 +464,7 @@ impl Server {
     fn finish_reading(&mut self, now: Instant) {
         self.inputs = self.building;
         self.read_time = now.saturating_duration_since(self.asked);
-        // A heartbeat counts from its first change on.
+        // A heartbeat is valid from its first change on.
         let lives = self.settings.heartbeat.is_none() || self.heartbeat_changed.is_some();
         self.complete = lives && self.standstill(now).is_none();
         self.fresh = self.complete;
@@ -481,7 +481,7 @@ impl Server {
 
     fn ask(&mut self, request: &ModbusRequest<'_>, purpose: Purpose, now: Instant) {
         self.transaction = self.transaction.wrapping_add(1);
-        // Its length was checked when the driver was opened.
+        // The length was checked when the driver was opened.
         if let Some(message) = EncodedRequest::new(self.transaction, self.settings.unit, request) {
             self.pending = Some(PendingRequest {
                 message,

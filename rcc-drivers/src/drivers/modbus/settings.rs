@@ -11,92 +11,93 @@ use super::address::{self, Address, Form, Table};
 use super::value::RegisterWords;
 use crate::driver::{DriverError, Settings};
 
-/// Most servers of one device.
+/// Most servers per device.
 pub const SERVERS_MAX: usize = 16;
-/// Most registers of one read; most bits; most registers and bits of one write (sections 6.1 to 6.12 of the standard).
+/// Limits of one request: registers read, bits read, registers written, bits written (sections 6.1 to 6.12 of the
+/// standard).
 const REQUESTS_MAX: [u16; 4] = [125, 2000, 123, 1968];
 
-/// How much a server takes in one request.
+/// Most points per request that a server accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RequestLimits {
-    /// Registers of a read, at most 125.
+    /// Registers per read, at most 125.
     pub read_registers: u16,
-    /// Bits of a read, at most 2000.
+    /// Bits per read, at most 2000.
     pub read_bits: u16,
-    /// Registers of a write, at most 123.
+    /// Registers per write, at most 123.
     pub write_registers: u16,
-    /// Coils of a write, at most 1968.
+    /// Coils per write, at most 1968.
     pub write_bits: u16,
-    /// Points that no channel has and that may be read along, so that two requests become one.
+    /// Most points without a channel that may be read along to combine two requests.
     pub gap: u16,
 }
 
-/// A raw value for an address.
+/// A raw value to write to an address.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assignment {
     /// A coil, or a number in holding registers.
     pub address: Address,
-    /// The registers; of a coil the first is 0 or 1.
+    /// The registers; for a coil, the first is 0 or 1.
     pub words: RegisterWords,
 }
 
-/// What tells the server that somebody lives here.
+/// Watchdog of the server: shows it that the driver is alive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Watchdog {
-    /// A coil that we toggle, or a holding register that we count up (from 65,535 to 0).
+    /// A coil that is toggled, or a holding register that is incremented (from 65,535 to 0).
     pub address: Address,
-    /// How often.
+    /// Interval between two writes.
     pub every: Duration,
 }
 
-/// What tells us that the program behind the server lives.
+/// Heartbeat of the device: shows that the program behind the server is running.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heartbeat {
     /// A bit or a register.
     pub address: Address,
-    /// It must have another value after this time.
+    /// Time within which the value must change.
     pub within: Duration,
 }
 
-/// One server.
+/// Settings of one server.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ServerSettings {
-    /// Its name; none in the short form.
+    /// Name; `None` in the short form.
     pub name: Option<String>,
-    /// Where it listens.
+    /// Address of its socket.
     pub address: SocketAddr,
-    /// Its unit number.
+    /// Unit identifier.
     pub unit: u8,
-    /// All inputs must have come, or all outputs gone, within this time.
+    /// Time within which all inputs must have been read, or all outputs written.
     pub timeout: Duration,
-    /// Longest pause between two attempts.
+    /// Longest pause between two connection attempts.
     pub back_off: Duration,
-    /// How much it takes at once.
+    /// Limits of a request.
     pub requests: RequestLimits,
-    /// It knows function 22; otherwise a bit of a register is written by reading and writing the register.
+    /// The server supports function 22; otherwise a bit of a register is written by reading and writing the register.
     pub mask_write: bool,
-    /// Written at each connect, in this order.
+    /// Values written after each connect, in this order.
     pub on_connect: Vec<Assignment>,
-    /// What we let it know.
+    /// Watchdog that the driver writes.
     pub watchdog: Option<Watchdog>,
-    /// What it lets us know.
+    /// Heartbeat that the driver reads.
     pub heartbeat: Option<Heartbeat>,
 }
 
-/// All settings.
+/// All settings of the driver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModbusSettings {
-    /// Time between two exchanges.
+    /// Interval between two exchanges.
     pub period: Duration,
-    /// The servers in the order of the file; one without a name, or some with names.
+    /// The servers in the order of the file: a single one without a name, or several with names.
     pub servers: Vec<ServerSettings>,
 }
 
 impl ModbusSettings {
-    /// The settings of `device`.
+    /// Reads the settings of `device`.
     ///
     /// # Errors
-    /// A setting is missing, unknown, or of another form.
+    /// Returns an error if a setting is missing, unknown or invalid.
     pub fn new(device: &DeviceConfig) -> Result<Self, DriverError> {
         let mut settings = Settings::of(device);
         let period = settings.duration("period", Duration::from_millis(10))?;
@@ -212,7 +213,7 @@ fn server(
 }
 
 impl RequestLimits {
-    /// What the standard allows, and nothing that no channel asked for.
+    /// The limits of the standard, without reading points that no channel uses.
     pub const STANDARD: RequestLimits = RequestLimits {
         read_registers: REQUESTS_MAX[0],
         read_bits: REQUESTS_MAX[1],
@@ -302,14 +303,14 @@ fn assignment(_: &DeviceConfig, settings: &mut Settings<'_>) -> Result<Assignmen
     Ok(Assignment { address, words })
 }
 
-/// An address of the server whose settings these are.
+/// Parses an address without a server name, which refers to the server with these settings.
 fn own(text: &str) -> Option<Address> {
     address::parse(text)
         .ok()
         .filter(|address| address.server.is_none())
 }
 
-/// One bit, or one whole register.
+/// Returns true for one bit, or one whole register.
 fn is_plain(address: &Address) -> bool {
     match address.form {
         Form::Bit => true,
@@ -318,7 +319,7 @@ fn is_plain(address: &Address) -> bool {
     }
 }
 
-/// An object under a key that may be missing.
+/// Reads an object under an optional key.
 fn part<T>(
     device: &DeviceConfig,
     settings: &mut Settings<'_>,
@@ -338,7 +339,7 @@ fn part<T>(
     .map(Some)
 }
 
-/// Reads an object as settings of their own; a fault names its key from the top.
+/// Reads a nested object as settings; an error contains the full key.
 fn nested<T>(
     device: &DeviceConfig,
     key: &str,

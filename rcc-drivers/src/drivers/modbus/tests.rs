@@ -1,4 +1,4 @@
-//! The driver against the simulated I/O server, which runs in a thread of the test.
+//! The driver against the simulated I/O station, which runs in a thread of the test.
 
 mod stubborn;
 
@@ -48,7 +48,7 @@ fn device(server: SocketAddr) -> DeviceConfig {
     conformance::device("modbus", settings, &rows())
 }
 
-/// The server; it comes into being when it is first to be present, and is then frozen or not.
+/// The server: it is started when it is first made present, and can be frozen later.
 struct FreezableServer {
     address: SocketAddr,
     control: Option<ControlClient>,
@@ -67,7 +67,7 @@ impl FreezableServer {
 
     /// Runs until the test process ends.
     fn start(&mut self) {
-        // Needed until it is connected.
+        // Needed until the client is connected.
         let folder = TestFolder::new("server");
         let options = Options {
             bind: self.address,
@@ -149,7 +149,7 @@ fn every_output_is_written_again_on_a_new_connection() {
         })
     };
     assert!(lamp(&mut driver, &outputs, true));
-    // Somebody else switches it off; the driver does not know.
+    // Another client switches it off without the driver's knowledge.
     let mut other = Modbus::open(&device(station_at)).expect("a good configuration");
     assert!(lamp(
         &mut other,

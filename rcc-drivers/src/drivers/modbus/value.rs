@@ -1,4 +1,4 @@
-//! Numbers in registers: eight types, four byte orders, and what does not fit.
+//! Numbers in registers: eight types, four byte orders, range checks.
 //! Pure; used by the host's thread in each exchange.
 
 use std::fmt;
@@ -6,18 +6,18 @@ use std::fmt;
 /// Most registers of one number.
 pub const WIDTH_MAX: usize = 4;
 
-/// A type of number.
+/// Type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberType {
-    /// 16 bits, no sign.
+    /// 16 bits, unsigned.
     U16,
     /// 16 bits, two's complement.
     I16,
-    /// 32 bits, no sign.
+    /// 32 bits, unsigned.
     U32,
     /// 32 bits, two's complement.
     I32,
-    /// 64 bits, no sign; beyond 2^53 an `f64` cannot tell neighbours apart.
+    /// 64 bits, unsigned; beyond 2^53 an `f64` cannot represent every integer.
     U64,
     /// 64 bits, two's complement; as above.
     I64,
@@ -27,7 +27,7 @@ pub enum NumberType {
     F64,
 }
 
-/// Names, and registers of each.
+/// Name and number of registers of each type.
 const NUMBERS: [(&str, NumberType, u16); 8] = [
     ("u16", NumberType::U16, 1),
     ("i16", NumberType::I16, 1),
@@ -39,8 +39,7 @@ const NUMBERS: [(&str, NumberType, u16); 8] = [
     ("f64", NumberType::F64, 4),
 ];
 
-/// Byte orders by the registers of a number; A is the most significant byte, and a register is sent with its high
-/// byte first.
+/// Byte orders by number of registers; A is the most significant byte, and each register is sent high byte first.
 const ORDERS: [(u16, [(&str, ByteOrder); 4]); 3] = [
     (1, orders(["AB", "AB", "BA", "BA"])),
     (2, orders(["ABCD", "CDAB", "BADC", "DCBA"])),
@@ -81,21 +80,21 @@ const fn orders(names: [&'static str; 4]) -> [(&'static str, ByteOrder); 4] {
     ]
 }
 
-/// How the bytes of a number lie in its registers; the default is the standard's, highest first.
+/// Order of a number's bytes in its registers; the default is the standard's, most significant first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ByteOrder {
     /// The least significant register comes first.
     pub words_reversed: bool,
-    /// In each register the low byte comes first.
+    /// In each register, the low byte comes first.
     pub bytes_swapped: bool,
 }
 
-/// A type and its byte order.
+/// Type and byte order of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RegisterFormat {
-    /// The type.
+    /// Type.
     pub number: NumberType,
-    /// The order.
+    /// Byte order.
     pub order: ByteOrder,
 }
 
@@ -103,34 +102,34 @@ pub struct RegisterFormat {
 pub type RegisterWords = [u16; WIDTH_MAX];
 
 impl NumberType {
-    /// From its name.
+    /// Returns the type with this name.
     #[must_use]
     pub fn parse(name: &str) -> Option<NumberType> {
         NUMBERS.iter().find(|row| row.0 == name).map(|row| row.1)
     }
 
-    /// As it is written in an address.
+    /// Returns the name in an address.
     #[must_use]
     pub fn name(self) -> &'static str {
         let mut rows = NUMBERS.iter();
         rows.find(|row| row.1 == self).map_or("", |row| row.0)
     }
 
-    /// Registers that it takes.
+    /// Returns the number of registers.
     #[must_use]
     pub fn width(self) -> u16 {
         let mut rows = NUMBERS.iter();
         rows.find(|row| row.1 == self).map_or(1, |row| row.2)
     }
 
-    /// From its letters, such as `CDAB`.
+    /// Returns the byte order with these letters, such as `CDAB`.
     #[must_use]
     pub fn order(self, letters: &str) -> Option<ByteOrder> {
         let mut rows = self.order_rows();
         rows.find(|row| row.0 == letters).map(|row| row.1)
     }
 
-    /// The letters of all orders that differ.
+    /// Returns the letters of all distinct byte orders.
     #[must_use]
     pub fn orders(self) -> Vec<&'static str> {
         let mut names: Vec<_> = self.order_rows().map(|row| row.0).collect();
@@ -146,7 +145,7 @@ impl NumberType {
             .flat_map(|row| &row.1)
     }
 
-    /// Smallest and largest value, as near as an `f64` can say.
+    /// Returns the smallest and largest value, as closely as an `f64` can represent them.
     #[must_use]
     pub fn limits(self) -> [f64; 2] {
         match self {
@@ -164,13 +163,13 @@ impl NumberType {
 }
 
 impl RegisterFormat {
-    /// Registers that it takes.
+    /// Returns the number of registers.
     #[must_use]
     pub fn width(self) -> u16 {
         self.number.width()
     }
 
-    /// The raw value that registers hold; NaN if they hold none that is finite, or are too few.
+    /// Returns the raw value of registers; NaN if it is not finite, or if there are too few registers.
     #[must_use]
     pub fn decode(self, registers: &[u16]) -> f64 {
         let width = usize::from(self.width());
@@ -197,7 +196,7 @@ impl RegisterFormat {
         if value.is_finite() { value } else { f64::NAN }
     }
 
-    /// The registers that hold a raw value, an integer rounded; `None` if they cannot (out of range, or NaN).
+    /// Returns the registers of a raw value, rounded for integer types; `None` if it is out of range or NaN.
     #[must_use]
     pub fn encode(self, raw: f64) -> Option<RegisterWords> {
         let raw = match self.number {
@@ -208,7 +207,7 @@ impl RegisterFormat {
         if !(raw >= lower && raw <= upper) {
             return None;
         }
-        // Inside of the bounds, so nothing is cut off.
+        // Within the limits, so nothing is truncated.
         let mut bits = match self.number {
             NumberType::U16 | NumberType::U32 | NumberType::U64 => raw as u64,
             NumberType::I16 | NumberType::I32 | NumberType::I64 => (raw as i64).cast_unsigned(),
@@ -218,7 +217,7 @@ impl RegisterFormat {
         let width = usize::from(self.width());
         let mut words = [0; WIDTH_MAX];
         for place in 0..width {
-            // From the least significant one on.
+            // From the least significant register on.
             let to = if self.order.words_reversed {
                 place
             } else {
@@ -288,7 +287,7 @@ mod tests {
             ("BADCFEHG", [0x0201, 0x0403, 0x0605, 0x0007]),
             ("HGFEDCBA", [0x0007, 0x0605, 0x0403, 0x0201]),
         ] {
-            // 2^56 and more: the lowest byte is 0, so that an f64 holds it.
+            // 2^56 and more: the lowest byte is 0, so that an f64 can represent it.
             assert_eq!(
                 format(NumberType::U64, letters).encode(wide),
                 Some(words),
@@ -314,7 +313,7 @@ mod tests {
                 }
                 let [below, beyond] = match number {
                     NumberType::F64 => [f64::NEG_INFINITY, f64::INFINITY],
-                    // One step of an f64 further out.
+                    // One f64 step beyond the limit.
                     _ if lower == 0.0 => [-1.0, upper.next_up().max(upper + 1.0)],
                     _ => [
                         lower.next_down().min(lower - 1.0),

@@ -1,4 +1,4 @@
-//! The template against the conformance suite: a simulated I/O box in a thread of its own.
+//! The template in the conformance suite, with a simulated I/O box in a thread of its own.
 //! Test code only.
 
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance,
 use crate::driver::Driver;
 use crate::host::reason::Reason;
 
-/// The box: what it was told last; output 1 of each type is wired to input 1.
+/// The simulated box; output 1 of each type is looped back to input 1.
 struct TextIoBox {
     address: SocketAddr,
     outputs: Arc<Mutex<BTreeMap<String, f64>>>,
@@ -57,7 +57,7 @@ fn live(
                     let value = outputs.get(name).copied().unwrap_or(0.0);
                     push(&mut line, if name == "d1" { 'd' } else { 'a' }, 1, value);
                 }
-                // Whoever asked may be gone.
+                // The sender may be gone.
                 drop(socket.send_to(seal(&line).as_bytes(), from));
             }
             "set" if newest.is_none_or(|newest| number > newest) => {

@@ -1,4 +1,4 @@
-//! The codec against a captured datagram each way, and its refusals.
+//! The codec against a captured datagram in each direction, and its errors.
 //! Runs in the test harness.
 
 use super::*;

@@ -1,9 +1,9 @@
-//! How one value lies in an FRI datagram: little-endian, at a fixed offset, without padding.
-//! Pure functions without allocation; they run on whatever thread calls the codec.
+//! Encoding of one value in an FRI datagram: little-endian, at a fixed offset, without padding.
+//! Pure functions without allocation; run by whichever thread calls the codec.
 
 use super::WireError;
 
-/// A type that has a fixed place in a datagram.
+/// A type with a fixed size in a datagram.
 pub(super) trait WireValue: Sized {
     /// Name of one element, as printed in the layout.
     const KIND: &'static str;
@@ -19,7 +19,7 @@ pub(super) trait WireValue: Sized {
     fn get(bytes: &[u8], field: &'static str) -> Result<Self, WireError>;
 }
 
-/// One number; all of them are the same number of bytes in memory and on the wire.
+/// Implements the codec of a number, whose size is the same in memory and on the wire.
 macro_rules! number {
     ($($number:ty),*) => {$(
         impl WireValue for $number {
@@ -65,7 +65,7 @@ impl<T: WireValue + Default + Copy, const N: usize> WireValue for [T; N] {
     }
 }
 
-/// An enumeration that travels as a u16; a number without a name is a typed error.
+/// Defines an enumeration that is sent as a u16; an undefined value is a typed error.
 macro_rules! wire_enum {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $code:literal),* $(,)? }) => {
         $(#[$doc])*

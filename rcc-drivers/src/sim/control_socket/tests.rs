@@ -1,17 +1,18 @@
-//! The socket's mode, its replacement and its end; which files requests may name. Tests of files in a folder of their own.
+//! The socket's mode, its replacement and its removal; which files requests may name.
+//! Tests of files in a folder of their own.
 
 use std::os::unix::fs::symlink;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::*;
 
-/// A folder of a test, removed at its end.
+/// A test's folder, removed at its end.
 pub(crate) struct TestFolder(pub(crate) PathBuf);
 
 impl TestFolder {
     pub(crate) fn new(name: &str) -> TestFolder {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
-        // Relaxed: only different numbers are wanted.
+        // Relaxed: only distinct numbers are needed.
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let name = format!("rcc-control-{name}-{}-{number}", std::process::id());
         let path = std::env::temp_dir().join(name);
@@ -58,7 +59,7 @@ fn a_dead_simulators_socket_is_replaced_and_a_living_ones_is_not() {
     assert_eq!(refused.kind(), io::ErrorKind::AddrInUse);
     assert!(refused.to_string().contains("listens there"), "{refused}");
     assert!(UnixStream::connect(&path).is_ok());
-    // Somebody else's file in its place is not ours to remove.
+    // A file that another process has put there must not be removed.
     fs::remove_file(&path).unwrap();
     fs::write(&path, "no socket").unwrap();
     let refused = ControlSocket::bind(&path).unwrap_err().to_string();

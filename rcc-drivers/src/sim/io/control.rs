@@ -1,28 +1,29 @@
-//! The control port's language of the simulated I/O station: one JSON object a line, one JSON object as the answer.
-//! The control port's threads run it.
+//! Requests at the control port of the simulated I/O station: one JSON object per line, answered by one JSON object.
+//! Run by the control port's threads.
 //!
 //! `{"state":null}` · `{"set":{"discrete":{"address":3,"value":true}}}` · `{"set":{"input":{"address":0,"value":512}}}` ·
 //! `{"freeze_ms":200}` · `{"exception":6}` · `{"delay_ms":30}` · `{"drop":10}` · `{"clear":null}` · `{"quit":null}`.
-//! The four before the last are faults, and `clear` ends them all. Addresses count from 0. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
+//! The requests with `freeze_ms`, `exception`, `delay_ms` and `drop` set faults, and `clear` ends them all. Addresses
+//! start at 0. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
 use super::process_image::{POINTS, ProcessImage};
 use serde::Deserialize;
 
-/// A line of the control port.
+/// A request at the control port.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IoCommand {
-    /// All points and counters.
+    /// Returns all points and counters.
     State,
-    /// Sets an input; a wired one keeps the value until the next write of any output.
+    /// Sets an input; a looped-back input keeps this value until the next write of any output.
     Set(Input),
-    /// Answers no Modbus request for this many milliseconds.
+    /// Answers no Modbus request for this number of milliseconds.
     FreezeMs(u64),
     /// Answers every request with this exception; 0 ends it.
     Exception(u8),
-    /// Answers every request later by this many milliseconds; 0 ends it.
+    /// Delays every answer by this number of milliseconds; 0 ends it.
     DelayMs(u64),
-    /// Gives the next requests, so many, no answer.
+    /// Leaves this number of further requests without an answer.
     Drop(u64),
     /// Ends all faults.
     Clear,
@@ -34,17 +35,17 @@ pub enum IoCommand {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Input {
-    /// Digital.
+    /// A discrete input (digital).
     Discrete(PointValue<bool>),
-    /// Analog.
+    /// An input register (analog).
     Input(PointValue<u16>),
 }
 
-/// An address from 0 and a value.
+/// The address of a point, from 0, and its value.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointValue<T> {
-    /// 0 to 63.
+    /// Address, 0 to 63.
     pub address: usize,
     /// New value.
     pub value: T,
@@ -53,13 +54,13 @@ pub struct PointValue<T> {
 /// Why a command was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
-    /// Not a command.
+    /// The line is not a command.
     #[error("not a command: {0}")]
     Syntax(#[from] serde_json::Error),
-    /// No such input.
+    /// No input has this address.
     #[error("inputs have the addresses 0 to {last}, there is no {0}", last = POINTS - 1)]
     Address(usize),
-    /// No such exception.
+    /// No Modbus exception has this code.
     #[error("Modbus has the exceptions 1 to 6, 8, 10 and 11, there is no {0}")]
     Exception(u8),
 }
@@ -68,7 +69,7 @@ impl ProcessImage {
     /// Sets an input.
     ///
     /// # Errors
-    /// There is no such input; nothing has changed then.
+    /// Returns an error if no input has this address; nothing has changed then.
     pub fn set(&mut self, input: &Input) -> Result<(), ControlError> {
         match input {
             Input::Discrete(point) => put(&mut self.discrete, point),

@@ -1,14 +1,14 @@
-//! The points of the simulated I/O station, and what a Modbus request does to them.
-//! Pure; the server's thread runs it under a lock that nobody holds for long.
+//! The process image of the simulated I/O station, and the Modbus requests that read and write it.
+//! Pure; run by the server's thread under a lock that is never held for long.
 
 use serde::Serialize;
 use std::str::FromStr;
 use tokio_modbus::{ExceptionCode, Request, Response};
 
-/// Points of each kind.
+/// Number of points of each kind.
 pub const POINTS: usize = 64;
 
-/// An output that is wired back to an input of the same type, both counted from 0.
+/// An output that is looped back to an input of the same type; addresses from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointLoopback {
     /// Coil to discrete input.
@@ -27,7 +27,7 @@ pub enum PointLoopback {
     },
 }
 
-/// A wire that cannot be.
+/// An invalid loopback.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no wire: coil:N=discrete:N or holding:N=input:N with N from 0 to 63")]
 pub struct LoopbackError(pub String);
@@ -59,7 +59,7 @@ impl FromStr for PointLoopback {
     }
 }
 
-/// All points of the station and what has been asked of it; addresses count from 0.
+/// All points of the station and the request counters; addresses from 0.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ProcessImage {
     /// Digital outputs.
@@ -72,16 +72,16 @@ pub struct ProcessImage {
     pub input: Vec<u16>,
     /// Requests since the start.
     pub requests: u64,
-    /// Of these, the ones that wrote.
+    /// Requests that wrote.
     pub writes: u64,
-    /// Of these, the ones that were refused.
+    /// Requests that were refused.
     pub refused: u64,
     #[serde(skip)]
     wires: Vec<PointLoopback>,
 }
 
 impl ProcessImage {
-    /// A station with everything at 0.
+    /// A station with all points at 0.
     pub fn new(wires: Vec<PointLoopback>) -> Self {
         Self {
             coils: vec![false; POINTS],
@@ -95,10 +95,11 @@ impl ProcessImage {
         }
     }
 
-    /// Does what a Modbus request says: all of it, or nothing.
+    /// Executes a Modbus request completely or not at all.
     ///
     /// # Errors
-    /// `IllegalFunction` for what a simple I/O station does not know, `IllegalDataAddress` outside of the points.
+    /// Returns `IllegalFunction` for functions that a simple I/O station does not support, and `IllegalDataAddress` for
+    /// points that do not exist.
     pub fn answer(&mut self, request: &Request<'_>) -> Result<Response, ExceptionCode> {
         self.requests += 1;
         let answer = self.serve(request);
@@ -166,7 +167,7 @@ impl ProcessImage {
         Ok(())
     }
 
-    /// After a write: every wired input takes the value of its output.
+    /// After a write, copies each looped-back output to its input.
     fn apply_loopbacks(&mut self) {
         self.writes += 1;
         for wire in &self.wires {

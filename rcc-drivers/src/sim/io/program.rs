@@ -1,4 +1,4 @@
-//! The Modbus TCP server and the control port around the simulated I/O io.
+//! The Modbus TCP server and the control port of the simulated I/O station.
 //! One thread runs the server and all its connections; the control port has its own; the main thread waits for the end.
 
 use super::control::{ControlError, IoCommand};
@@ -20,63 +20,63 @@ use tokio::net::TcpStream;
 use tokio_modbus::server::{Service, tcp::Server};
 use tokio_modbus::{ExceptionCode, Request, Response};
 
-/// Why the simulator could not start or go on.
+/// Why the simulator could not start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The control port cannot be where it should.
+    /// The control port cannot be bound.
     #[error("--control {path}: {source}")]
     Control {
-        /// Its path.
+        /// Path of the socket.
         path: PathBuf,
-        /// The reason.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// An address is taken or does not exist.
+    /// An address is in use or does not exist.
     #[error("{what} {address}: {source}")]
     Address {
-        /// Which address.
+        /// Option that gives the address.
         what: &'static str,
         /// The address.
         address: SocketAddr,
-        /// The system's reason.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The system refuses a thread or a socket.
+    /// The operating system refuses a thread or a socket.
     #[error("the system refuses: {0}")]
     System(#[from] io::Error),
-    /// The system refuses signals.
+    /// Signals cannot be handled.
     #[error(transparent)]
     Signals(#[from] SignalError),
 }
 
-/// The io, shared by server and control port.
+/// State of the station, shared by server and control port.
 #[derive(Debug)]
 struct SimulatedIo {
     image: Mutex<ProcessImage>,
     faults: Mutex<InjectedFaults>,
 }
 
-/// What the io does wrong.
+/// Faults that were requested through the control port.
 #[derive(Clone, Copy, Debug, Default)]
 struct InjectedFaults {
     frozen_until: Option<Instant>,
     exception: Option<ExceptionCode>,
     delay: Duration,
-    /// Requests that still get no answer.
+    /// Number of further requests that get no answer.
     drop: u64,
 }
 
-/// A lock that outlives a panic: points are written whole or not at all.
+/// Locks a mutex even after a panic: points are written completely or not at all.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Runs the simulator until SIGTERM, SIGINT, `quit`, or (if asked to) the end of its parent.
+/// Runs the simulator until SIGTERM, SIGINT, `quit` or, if requested, the end of its parent.
 ///
-/// `ready` gets the line that says where the Modbus server and the control port are.
+/// `ready` receives the line with the addresses of the Modbus server and the control port.
 ///
 /// # Errors
-/// It could not start.
+/// Returns an error if the simulator could not start.
 pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
     let stop = Stop::prepare(options.parent_death)?;
     let io = Arc::new(SimulatedIo {
@@ -171,7 +171,7 @@ fn exception(code: u8) -> Result<Option<ExceptionCode>, ControlError> {
     }))
 }
 
-/// What one connection's requests go to.
+/// Serves the requests of one connection.
 #[derive(Clone)]
 struct Connection(Arc<SimulatedIo>);
 
@@ -184,7 +184,7 @@ impl Service for Connection {
     fn call(&self, request: Request<'static>) -> Self::Future {
         let io = self.0.clone();
         Box::pin(async move {
-            // copied first, so that no lock is held while waiting
+            // Copied first, so that no lock is held while waiting.
             let InjectedFaults {
                 frozen_until,
                 delay,
@@ -217,7 +217,7 @@ async fn serve(listener: TcpListener, io: Arc<SimulatedIo>) -> io::Result<()> {
     let connected = |stream: TcpStream, _peer: SocketAddr| {
         let connection = Connection(io.clone());
         async move {
-            // a client that is gone already ends its own connection, never the server
+            // A client that is already gone ends only its own connection, not the server.
             let _ = stream.set_nodelay(true);
             Ok(Some((connection, stream)))
         }

@@ -1,15 +1,15 @@
-//! The moving masses: each joint follows its set-point like a critically damped oscillator.
-//! Pure; the clock thread runs it.
+//! Dynamics of the simulated arm: each joint follows its set-point like a critically damped oscillator.
+//! Pure; run by the clock thread.
 //!
 //! There is no velocity feed-forward: at constant velocity `v` a joint lags `2 v / ω` behind (25 mrad at 1 rad/s with
-//! 80 rad/s). All joints have the same bandwidth, so the lag lies along the path. It never overshoots.
+//! 80 rad/s). All joints have the same bandwidth, so the lag lies along the path. The arm never overshoots.
 
 use super::{JOINTS, Joints};
 
-/// Velocity below which a joint rests, rad/s, and distance to the set-point, rad. Ours.
+/// A joint is at rest below this velocity (rad/s) and this distance to its set-point (rad). The value is ours.
 const REST: f64 = 1e-4;
 
-/// State of the arm and its extremes since the last reset.
+/// State of the arm, and its extremes since the last reset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulatedArm {
     bandwidth: f64,
@@ -40,10 +40,10 @@ impl SimulatedArm {
         }
     }
 
-    /// Follows a set-point that moves evenly `from` → `to` (rad) in `step_s` seconds.
+    /// Follows a set-point that moves at constant velocity from `from` to `to` (rad) in `step_s` seconds.
     ///
-    /// Exact at any step: `x = u(t) − 2r/ω + (e₀ + (ė₀ + ω e₀) t) e^(−ωt)` solves `ẍ = ω²(u − x) − 2ω ẋ` for
-    /// `u(t) = u₀ + r t`.
+    /// Exact for any step: `x = u(t) − 2r/ω + (e₀ + (ė₀ + ω e₀) t) e^(−ωt)` solves `ẍ = ω²(u − x) − 2ω ẋ` for `u(t) =
+    /// u₀ + r t`.
     pub fn follow(&mut self, from: &Joints, to: &Joints, step_s: f64) {
         let w = self.bandwidth;
         let decay = (-w * step_s).exp();
@@ -67,8 +67,8 @@ impl SimulatedArm {
         }
     }
 
-    /// After a step in which the velocity has changed by `acceleration` (rad/s²): extremes, and whether the arm rests with a
-    /// set-point that `stands`, slower than `slow` (rad/s).
+    /// Updates the extremes and the state of rest after a step with mean acceleration `acceleration` (rad/s²). The arm
+    /// is at rest if its set-point `stands` and all joints are slower than `slow` (rad/s).
     pub(super) fn note(&mut self, acceleration: Joints, stands: bool, slow: f64) {
         self.acceleration = acceleration;
         self.rests = stands;
@@ -80,12 +80,12 @@ impl SimulatedArm {
         }
     }
 
-    /// The set-point stood still in the last step and every joint has arrived.
+    /// Returns true if the set-point stood still in the last step and every joint has reached it.
     pub fn is_at_rest(&self) -> bool {
         self.rests
     }
 
-    /// Begins anew to look for extremes.
+    /// Resets the extremes.
     pub fn reset_extremes(&mut self) {
         self.velocity_max = [0.0; JOINTS];
         self.acceleration_max = [0.0; JOINTS];

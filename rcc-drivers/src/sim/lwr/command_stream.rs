@@ -1,11 +1,12 @@
-//! The commanded positions as a stream: supervised for range, velocity and acceleration, extrapolated when one is missed.
-//! Pure; the clock thread runs it.
+//! The stream of commanded positions: supervised for range, velocity and acceleration, extrapolated when a command is
+//! missed.
+//! Pure; run by the clock thread.
 
 use super::fault::KrcFault;
 use super::settings::Settings;
 use super::{JOINTS, Joints};
 
-/// Steps of binary32 by which rounding may move a position in the second difference.
+/// Allowance for rounding to binary32 in the second difference, in rounding steps.
 const ROUNDING_STEPS: f64 = 4.0;
 
 /// Position, velocity and spacing of the last accepted command.
@@ -13,9 +14,9 @@ const ROUNDING_STEPS: f64 = 4.0;
 pub struct CommandStream {
     position: Joints,
     velocity: Joints,
-    /// Seconds between the last accepted command and the one before.
+    /// Time between the last two accepted commands, s.
     spacing_s: f64,
-    /// Periods since the last accepted command.
+    /// Number of periods since the last accepted command.
     missed: u64,
     /// Largest magnitude since the last reset, rad/s.
     pub velocity_max: Joints,
@@ -24,7 +25,7 @@ pub struct CommandStream {
 }
 
 impl CommandStream {
-    /// A stream that begins at rest at `position` (rad).
+    /// A stream that starts at rest at `position` (rad).
     pub fn at_rest(position: Joints, period_s: f64) -> Self {
         Self {
             position,
@@ -36,22 +37,22 @@ impl CommandStream {
         }
     }
 
-    /// Last velocity, rad/s.
+    /// Returns the velocity of the last command, rad/s.
     pub fn velocity(&self) -> Joints {
         self.velocity
     }
 
-    /// Where the stream is expected now, if one more command has been missed: on with the last velocity, rad.
+    /// Counts a missed command and returns the position extrapolated with the last velocity, rad.
     pub fn extrapolate(&mut self, period_s: f64) -> Joints {
         self.missed += 1;
         let time_s = self.missed as f64 * period_s;
         std::array::from_fn(|joint| self.position[joint] + self.velocity[joint] * time_s)
     }
 
-    /// Takes a command in, one period after the last tick.
+    /// Accepts a command, one period after the last tick.
     ///
     /// # Errors
-    /// The first joint that violates a limit. The stream is unchanged then.
+    /// Returns a fault for the first joint that violates a limit; the stream is then unchanged.
     pub fn accept(&mut self, command: &Joints, settings: &Settings) -> Result<(), KrcFault> {
         if let Some(joint) = command.iter().position(|q| !q.is_finite()) {
             return Err(KrcFault::NotFinite { joint });
@@ -89,7 +90,7 @@ impl CommandStream {
         std::array::from_fn(|joint| (command[joint] - self.position[joint]) / spacing_s)
     }
 
-    /// Second difference over unequal spacings: the velocities belong to the middles of their intervals.
+    /// Second difference over unequal spacings: each velocity belongs to the middle of its interval.
     fn accelerations(&self, velocity: &Joints, spacing_s: f64) -> Joints {
         std::array::from_fn(|joint| {
             (velocity[joint] - self.velocity[joint]) * 2.0 / (spacing_s + self.spacing_s)
@@ -97,7 +98,7 @@ impl CommandStream {
     }
 }
 
-/// The limits of velocity and acceleration, the latter with room for rounding to binary32.
+/// Checks the limits of velocity and acceleration, the latter with an allowance for rounding to binary32.
 fn supervise(
     velocity: &Joints,
     acceleration: &Joints,

@@ -1,5 +1,5 @@
-//! The control port's language: one JSON object a line, one JSON object as the answer.
-//! Text is read and written by the control port's threads; [`Krc::execute`] runs on the clock thread, between two ticks.
+//! Requests at the control port of the simulated controller: one JSON object per line, answered by one JSON object.
+//! Parsed by the control port's threads; [`Krc::execute`] runs on the clock thread, between two ticks.
 //!
 //! `{"state":null}` · `{"wrench":{"force":[0,0,15],"torque":[0,0,0]}}` ·
 //! `{"wall":{"point":[0,0,0.3],"normal":[0,0,1],"stiffness":5000,"damping":20}}` · `{"wall":null}` · `{"estop":null}` ·
@@ -9,8 +9,9 @@
 //! `{"wire_bool":{"from":1,"to":1}}` · `{"wire_real":{"from":1,"to":1}}` · `{"reset_statistics":null}` ·
 //! `{"trace":{"path":"trace.csv"}}` · `{"trace":null}` · `{"flush":null}` · `{"quit":null}`.
 //! `network` takes the probabilities of lost, late (with late_steps_max), duplicated, reordered, truncated and corrupted
-//! datagrams; a trace lies below the folder of the socket, where a relative path begins; `clear` ends every fault that was asked for, and acknowledges.
-//! A command without content may also be a bare name, `"state"`. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
+//! datagrams. A trace must be below the folder of the socket, which is also the base of relative paths. `clear` ends every
+//! requested fault, and acknowledges. A command without content may also be a bare name, `"state"`.
+//! Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
 use super::environment::{Wall, WallError};
 use super::krc::Krc;
@@ -22,45 +23,45 @@ use crate::sim::control_socket::PathError;
 use serde::Deserialize;
 use std::path::PathBuf;
 
-/// A line of the control port.
+/// A request at the control port.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KrcCommand {
-    /// Everything at this moment.
+    /// Returns the whole state.
     State,
-    /// Injects a wrench on the flange, base axes; it stays until the next.
+    /// Injects a wrench on the flange, base axes, until the next request.
     Wrench(InjectedWrench),
-    /// Puts an obstacle in place of the last, or takes it away.
+    /// Replaces or removes the obstacle.
     Wall(Option<Wall>),
     /// Presses the emergency stop.
     Estop,
     /// Releases the emergency stop and acknowledges the fault.
     Ack,
-    /// Switches the drives.
+    /// Switches the drives on or off.
     Drives(DriveSwitch),
-    /// Sends nothing for this many milliseconds; the controller's own time goes on.
+    /// Sends nothing for this number of milliseconds; the controller's own time continues.
     FreezeMs(u64),
-    /// Drops a part of the PC's answers.
+    /// Drops a share of the PC's answers.
     Drop(DropRate),
-    /// Loses, delays, doubles, swaps, cuts and corrupts datagrams, from now on.
+    /// Loses, delays, duplicates, reorders, truncates and corrupts datagrams, from now on.
     Network(NetworkRates),
-    /// Ends all faults that were asked for: network, wrench, wall, emergency stop, drives.
+    /// Ends all faults that were requested: network, wrench, wall, emergency stop, drives.
     Clear,
     /// Sets `$FRI_TO_BOOL[number]`.
     SetBool(KrlVariable<bool>),
     /// Sets `$FRI_TO_REA[number]`.
     SetReal(KrlVariable<f32>),
-    /// Wires `$FRI_FRM_BOOL[from]` to `$FRI_TO_BOOL[to]`.
+    /// Loops `$FRI_FRM_BOOL[from]` back to `$FRI_TO_BOOL[to]`.
     WireBool(KrlLoopback),
-    /// Wires `$FRI_FRM_REA[from]` to `$FRI_TO_REA[to]`.
+    /// Loops `$FRI_FRM_REA[from]` back to `$FRI_TO_REA[to]`.
     WireReal(KrlLoopback),
-    /// Counters, faults and extremes begin anew.
+    /// Resets counters, faults and extremes.
     ResetStatistics,
-    /// Traces into a file, or ends the trace.
+    /// Starts a trace into a file, or ends it.
     Trace(Option<TraceFile>),
-    /// Waits until the trace is in its file.
+    /// Waits until the trace has been written to its file.
     Flush,
-    /// The KRL program ends, and the simulator with it.
+    /// Ends the KRL program, and the simulator with it.
     Quit,
 }
 
@@ -76,19 +77,19 @@ pub struct InjectedWrench {
     pub torque: [f64; 3],
 }
 
-/// On or off.
+/// State of the drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSwitch {
-    /// On.
+    /// The drives are on.
     pub on: bool,
 }
 
-/// A part of all.
+/// Share of answers to drop.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DropRate {
-    /// 0 to 100.
+    /// Percentage, 0 to 100.
     pub percent: f64,
 }
 
@@ -96,30 +97,30 @@ pub struct DropRate {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KrlVariable<T> {
-    /// 1 to 16.
+    /// Number of the variable, 1 to 16.
     pub number: usize,
     /// New value.
     pub value: T,
 }
 
-/// Where to trace.
+/// File of a trace.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TraceFile {
-    /// The file, below the folder of the control socket; it is appended to.
+    /// The file, below the folder of the control socket; records are appended.
     pub path: PathBuf,
 }
 
 /// Why a command was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
-    /// Not a command.
+    /// The line is not a command.
     #[error("not a command: {0}")]
     Syntax(#[from] serde_json::Error),
-    /// The wall is impossible.
+    /// The wall is invalid.
     #[error(transparent)]
     Wall(#[from] WallError),
-    /// There is no such KRL variable.
+    /// No KRL variable has this number.
     #[error("KRL variables are numbered from 1 to 16, there is no number {0}")]
     Number(usize),
     /// Not a percentage.
@@ -128,10 +129,10 @@ pub enum ControlError {
     /// Not a probability.
     #[error("{0} is no probability: 0 to 1")]
     Probability(f64),
-    /// Acknowledged too early.
+    /// The arm still moves, so the fault cannot be acknowledged.
     #[error("the arm still moves: ask for `ack` again when `at_rest` is true")]
     Moving,
-    /// The file is not one that requests may name.
+    /// Requests may not name this file.
     #[error(transparent)]
     Path(#[from] PathError),
     /// The trace cannot be written.
@@ -142,20 +143,20 @@ pub enum ControlError {
     NoAnswer,
 }
 
-/// What a command brought.
+/// Result of a command.
 #[derive(Clone, Debug)]
 pub enum ControlAnswer {
-    /// Done.
+    /// The command was executed.
     Done,
-    /// Everything at this moment.
+    /// The whole state.
     State(Box<Snapshot>),
 }
 
 impl Krc {
-    /// Does what a command says. Commands about the trace and its file mean nothing here.
+    /// Executes a command. Commands about the trace are handled elsewhere and ignored here.
     ///
     /// # Errors
-    /// Numbers out of range, or an acknowledgement while the arm moves; nothing has changed then.
+    /// Returns an error for values out of range, or an acknowledgement while the arm moves; nothing has changed then.
     pub fn execute(&mut self, command: KrcCommand) -> Result<ControlAnswer, ControlError> {
         match command {
             KrcCommand::State => return Ok(ControlAnswer::State(Box::new(self.snapshot()))),
@@ -210,7 +211,7 @@ impl Krc {
         Ok(ControlAnswer::Done)
     }
 
-    /// Everything at this moment.
+    /// Returns the whole state.
     pub fn snapshot(&self) -> Snapshot {
         let figures = self.quality.figures();
         Snapshot {
@@ -257,7 +258,7 @@ impl Krc {
     }
 }
 
-/// A KRL number, 1 to 16.
+/// Checks the number of a KRL variable, 1 to 16.
 fn checked(number: usize) -> Result<usize, ControlError> {
     if (1..=16).contains(&number) {
         Ok(number)
@@ -280,7 +281,7 @@ fn variables(block: &KrlBlock) -> KrlVariables {
     }
 }
 
-/// The answer as one line of JSON.
+/// Formats the answer as one line of JSON.
 pub fn to_line(answer: Result<ControlAnswer, ControlError>) -> String {
     let value = match answer {
         Ok(ControlAnswer::Done) => serde_json::json!({ "ok": true }),

@@ -1,40 +1,40 @@
-//! What acts on the flange from outside: an elastic wall, and a wrench injected by hand.
-//! Pure; the clock thread runs it.
+//! The environment of the flange: an elastic wall, and an injected wrench.
+//! Pure; run by the clock thread.
 
 use super::Joints;
 use super::model::Geometry;
 
-/// A plane that pushes back. In position control the arm feels it and does not give way; in impedance control it does.
+/// An elastic plane. In position control the arm feels it but does not yield; in impedance control it yields.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
     /// A point of the plane, m, base frame.
     pub point: [f64; 3],
-    /// Towards the free side, base frame; any length but 0.
+    /// Normal towards the free side, base frame; any length except 0.
     pub normal: [f64; 3],
-    /// N/m.
+    /// Stiffness, N/m.
     pub stiffness: f64,
-    /// Against the velocity into the wall, N s/m.
+    /// Damping against the velocity into the wall, N s/m.
     #[serde(default)]
     pub damping: f64,
 }
 
-/// Why a wall cannot be built.
+/// Why a wall is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum WallError {
-    /// The normal has no direction.
+    /// The normal has length 0 or is not finite.
     #[error("the wall's normal has no direction: its length must be finite and not 0")]
     Normal,
-    /// Stiffness or damping is negative or no number, or the point is not finite.
+    /// Stiffness or damping is negative or not finite, or the point is not finite.
     #[error("the wall's point must be finite, its stiffness and damping finite and not negative")]
     Range,
 }
 
 impl Wall {
-    /// The same wall with a normal of length 1.
+    /// Returns the wall with a normal of length 1.
     ///
     /// # Errors
-    /// A normal of length 0, or numbers out of range.
+    /// Returns an error for a normal of length 0, or values out of range.
     pub fn checked(mut self) -> Result<Self, WallError> {
         let length = self.normal.iter().map(|n| n * n).sum::<f64>().sqrt();
         if !(length.is_finite() && length > 0.0) {
@@ -51,7 +51,8 @@ impl Wall {
         Ok(self)
     }
 
-    /// Force on a flange at `position` (m) with `velocity` (m/s), N, base axes: it pushes and never pulls.
+    /// Returns the force on a flange at `position` (m) with `velocity` (m/s), N, base axes. The wall pushes but never
+    /// pulls.
     pub fn force(&self, position: &[f64; 3], velocity: &[f64; 3]) -> [f64; 3] {
         let along = |v: &[f64; 3]| (0..3).map(|i| self.normal[i] * v[i]).sum::<f64>();
         let depth = along(&self.point) - along(position);
@@ -63,17 +64,17 @@ impl Wall {
     }
 }
 
-/// Everything that acts on the flange.
+/// All external influences on the flange.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Environment {
-    /// The wall, if there is one; its normal has length 1.
+    /// The wall; its normal has length 1.
     pub wall: Option<Wall>,
     /// Injected wrench: force N and torque Nm, base axes, at the flange.
     pub injected: [f64; 6],
 }
 
 impl Environment {
-    /// Wrench on the flange: force N and torque Nm, base axes.
+    /// Returns the wrench on the flange: force N and torque Nm, base axes.
     pub fn wrench(&self, geometry: &Geometry, joint_velocity: &Joints) -> [f64; 6] {
         let mut wrench = self.injected;
         if let Some(wall) = &self.wall {
@@ -89,7 +90,7 @@ impl Environment {
     }
 }
 
-/// A wrench as KUKA sends it: Fx Fy Fz Tz Ty Tx.
+/// Converts a wrench to KUKA's order Fx Fy Fz Tz Ty Tx.
 pub fn wire_wrench(wrench: &[f64; 6]) -> [f32; 6] {
     let [fx, fy, fz, tx, ty, tz] = wrench.map(|value| value as f32);
     [fx, fy, fz, tz, ty, tx]

@@ -1,26 +1,26 @@
-//! Why the simulated controller has stopped the arm, and why it does not command yet.
-//! Plain data; made by the clock thread, read through the control port.
+//! Why the simulated controller has stopped the arm, and why it stays in monitor state.
+//! Plain data; created by the clock thread, read through the control port.
 
 use crate::fri_lwr::wire::Quality;
 use thiserror::Error;
 
-/// Cause of a stop. Joints are counted from 0 inside and from 1 in the texts.
+/// Cause of a stop. Joints are counted from 0 here and from 1 in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum KrcFault {
-    /// More answers in a row were missed than are bridged.
+    /// More consecutive answers were missed than are bridged.
     #[error(
         "{misses} answers in a row were missed; the PC must answer every datagram within its cycle"
     )]
     Lost {
-        /// Missed in a row.
+        /// Number of consecutive missed answers.
         misses: u32,
     },
-    /// The connection's quality fell to UNACCEPTABLE while commanding.
+    /// The connection quality fell to UNACCEPTABLE in command state.
     #[error(
         "the connection's quality fell to UNACCEPTABLE ({answered} of the last 100 cycles were answered)"
     )]
     Quality {
-        /// Answered of the last 100.
+        /// Number of answered cycles among the last 100.
         answered: usize,
     },
     /// The first command differs from the controller's own position.
@@ -36,7 +36,7 @@ pub enum KrcFault {
         value: f64,
         /// The controller's own position, rad.
         own: f64,
-        /// Allowed difference, rad.
+        /// Tolerance, rad.
         tolerance: f64,
     },
     /// A commanded position is out of range.
@@ -49,7 +49,7 @@ pub enum KrcFault {
         /// Limit, rad.
         limit: f64,
     },
-    /// The commanded positions imply too much velocity.
+    /// The commanded positions exceed the velocity limit.
     #[error("joint {} was commanded with {value} rad/s, the limit is ±{limit} rad/s", joint + 1)]
     Velocity {
         /// Index of the joint.
@@ -59,7 +59,7 @@ pub enum KrcFault {
         /// Limit, rad/s.
         limit: f64,
     },
-    /// The commanded positions imply too much acceleration.
+    /// The commanded positions exceed the acceleration limit.
     #[error("joint {} was commanded with {value} rad/s², the limit is ±{limit} rad/s²", joint + 1)]
     Acceleration {
         /// Index of the joint.
@@ -75,7 +75,7 @@ pub enum KrcFault {
         /// Index of the joint.
         joint: usize,
     },
-    /// Command flags that the strategy does not take, or that have changed in command state.
+    /// The command flags do not match the strategy, or have changed in command state.
     #[error(
         "the command flags are {have:#06x}, the strategy takes {want:#06x}; flags may change in monitor state only"
     )]
@@ -88,46 +88,46 @@ pub enum KrcFault {
     /// The emergency stop was pressed.
     #[error("the emergency stop was pressed")]
     EmergencyStop,
-    /// The drives were switched off while commanding.
+    /// The drives were switched off in command state.
     #[error("the drives were switched off")]
     DrivesOff,
-    /// A stiffness, damping, force or torque that KRL would not take.
+    /// A stiffness, damping, force or torque outside the range of KRL.
     #[error("{what} {} was commanded to {value}, the range is {least} to {greatest}", element + 1)]
     Impedance {
-        /// What it is.
+        /// Name of the quantity.
         what: &'static str,
         /// Index of the axis (x y z rx ry rz) or joint.
         element: usize,
         /// Commanded.
         value: f64,
-        /// Allowed.
+        /// Minimum.
         least: f64,
-        /// Allowed.
+        /// Maximum.
         greatest: f64,
     },
-    /// The commanded pose is none, or another one than that of the commanded joint positions.
+    /// The commanded pose is invalid, or does not match the commanded joint positions.
     #[error(
         "the commanded pose is {distance} m and {angle} rad away from that of the commanded joint positions (allowed 0.001 m, \
          0.01 rad)"
     )]
     Pose {
-        /// m.
+        /// Distance, m.
         distance: f64,
-        /// rad.
+        /// Angle, rad.
         angle: f64,
     },
-    /// A force or torque on top where command state begins.
+    /// An added force or torque at the entry into command state.
     #[error(
         "at the entry {value} N or N·m were commanded on top (allowed 1): cmd.addJntTrq not properly initialized"
     )]
     Added {
-        /// The largest.
+        /// Largest added value, N or N·m.
         value: f64,
     },
 }
 
 impl KrcFault {
-    /// What the KRL program reports in `$FRI_TO_INT[2]`: 1 to 13 in the order above, 0 is no fault.
+    /// Returns the code that the KRL program reports in `$FRI_TO_INT[2]`: 1 to 13 in the order above; 0 means no fault.
     pub fn code(&self) -> i32 {
         match self {
             Self::Lost { .. } => 1,
@@ -146,7 +146,7 @@ impl KrcFault {
         }
     }
 
-    /// The drives that report an error because of it, one bit a drive.
+    /// Returns the drives that report an error because of this fault, one bit per drive.
     pub fn drive_bits(&self) -> u16 {
         match *self {
             Self::Mirror { joint, .. }
@@ -162,7 +162,7 @@ impl KrcFault {
 /// Why the controller stays in monitor state.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum MonitorReason {
-    /// A fault is not acknowledged yet.
+    /// A fault has not been acknowledged.
     #[error("a fault is not acknowledged")]
     Acknowledgement,
     /// The emergency stop is pressed.
@@ -177,10 +177,10 @@ pub enum MonitorReason {
     /// The last datagram was not answered.
     #[error("the PC does not answer")]
     Answer,
-    /// The quality is below OK.
+    /// The connection quality is below OK.
     #[error("the quality is {0:?}, at least Ok is needed")]
     Quality(Quality),
-    /// The command's flags are not those of the strategy.
+    /// The command flags do not match the strategy.
     #[error("the command flags are {have:#06x}, {want:#06x} is needed")]
     Flags {
         /// Expected.
@@ -198,10 +198,10 @@ pub enum MonitorReason {
         /// The controller's own position, rad.
         own: f64,
     },
-    /// The PC does not ask for command mode.
+    /// The PC does not request command mode; holds the value of `$FRI_FRM_INT[1]`.
     #[error("the PC does not ask for command mode ($FRI_FRM_INT[1] is {0}, 1 or 10 asks)")]
     Request(i32),
-    /// The program is ending.
+    /// The KRL program is ending.
     #[error("the controller's program is ending")]
     Closing,
 }

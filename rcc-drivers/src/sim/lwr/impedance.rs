@@ -1,11 +1,12 @@
-//! The arm on impedance: what it does in the strategies of impedance control, between what pulls it to the set-point and
-//! what pushes it away from there. Pure; the clock thread runs it.
+//! Impedance control of the simulated arm: springs and dampers towards the set-point against external forces.
+//! Pure; run by the clock thread.
 //!
-//! The laws are those of Schreiber, Stemmer, Bischoff (ICRA 2010 workshop): `F = K (x_set − x) + D (ẋ_set − ẋ) + F_added`
-//! at the flange in axes of the base, or the same in each joint. Each axis and each joint moves one mass of its own (ours:
-//! 5 kg, 0.2 kg m², 0.5 kg m²), so that the damping is `2 ζ √(k m)`; gravity and friction are compensated, as on the robot.
-//! At rest only the impedance count: the deflection is the force over the stiffness. In Cartesian impedance the redundancy
-//! follows the joint set-point. Explicit Euler, semi-implicit, in steps of at most 0.25 ms.
+//! The control laws are those of Schreiber, Stemmer, Bischoff (ICRA 2010 workshop): `F = K (x_set − x) + D (ẋ_set − ẋ)
+//! + F_added` at the flange in base axes, or the same in each joint. Each axis and each joint moves a mass of its own
+//! (our values: 5 kg, 0.2 kg m², 0.5 kg m²), so the damping is `2 ζ √(k m)`; gravity and friction are compensated, as
+//! on the robot. At rest only the springs matter: the deflection is force divided by stiffness. In Cartesian impedance
+//! control the redundancy follows the joint set-point. Integration is semi-implicit Euler with steps of at most 0.25
+//! ms.
 
 use super::arm::SimulatedArm;
 use super::environment::Environment;
@@ -15,42 +16,43 @@ use super::settings::KrlStrategy;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, flags};
 
-/// Longest step, s.
+/// Longest integration step, s.
 const STEP_S: f64 = 0.25e-3;
-/// What moves along and about an axis, and in a joint; kg, kg m², kg m².
+/// Effective mass along an axis, about an axis, and of a joint; kg, kg m², kg m².
 const MASS: [f64; 3] = [5.0, 0.2, 0.5];
-/// How fast the redundancy follows the joint set-point, 1/s.
+/// Rate at which the redundancy follows the joint set-point, 1/s.
 const REDUNDANCY_RATE: f64 = 20.0;
-/// Below this manipulability (square root of the determinant of `J Jᵀ`) the inverse of the Jacobian is damped, at zero by
-/// this much, so that no joint races through a singularity (Nakamura, Hanafusa, 1986). Ours.
+/// Below this manipulability (square root of the determinant of `J Jᵀ`) the inverse of the Jacobian is damped, up to
+/// this λ² at a manipulability of 0, so that joint velocities stay bounded near singularities (Nakamura, Hanafusa,
+/// 1986). The values are ours.
 const MANIPULABILITY: f64 = 3e-3;
 const DAMPING_SQUARED: f64 = 1e-3;
-/// What KRL takes, as users' scripts give it: N/m and N·m/rad.
+/// Ranges that KRL accepts, according to users' scripts: N/m, N·m/rad, N·m/rad per joint.
 const STIFFNESS: [[f64; 2]; 3] = [[0.01, 5000.0], [0.01, 300.0], [0.01, 2000.0]];
 const RATIO: [f64; 2] = [0.1, 1.0];
-/// What `$STIFFNESS` begins with.
+/// Initial values of `$STIFFNESS`.
 const USUAL: [f64; 3] = [2000.0, 200.0, 1000.0];
 const USUAL_RATIO: f64 = 0.7;
-/// Numbers of binary32 may be beyond a range by this part of it.
+/// Relative tolerance of the ranges for binary32.
 const ROUNDING: f64 = 1e-6;
-/// Slower than this an axis or a joint rests, m/s or rad/s. Ours.
+/// An axis or a joint slower than this is at rest, m/s or rad/s. The value is ours.
 const REST: f64 = 1e-4;
 
-/// An axis (six) or a joint (seven), whichever the strategy has.
+/// One value per axis (six) or per joint (seven), depending on the strategy.
 type Elements = [f64; JOINTS];
 
-/// The impedance, dampers and forces that are commanded.
+/// Commanded stiffness, damping and added forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImpedanceSettings {
-    /// N/m and N·m/rad, x y z rx ry rz; or N·m/rad, a joint each.
+    /// N/m and N·m/rad for x y z rx ry rz, or N·m/rad per joint.
     pub stiffness: Elements,
     /// Damping ratio.
     pub damping: Elements,
-    /// N and N·m on top.
+    /// Added forces and torques, N and N·m.
     pub added: Elements,
 }
 
-/// Whether an element turns about an axis (1), goes along one (0), or is a joint (2).
+/// Returns the index into the tables above: 0 along an axis, 1 about an axis, 2 for a joint.
 fn kind(strategy: KrlStrategy, element: usize) -> usize {
     match strategy {
         KrlStrategy::JointImpedance => 2,
@@ -58,7 +60,7 @@ fn kind(strategy: KrlStrategy, element: usize) -> usize {
     }
 }
 
-/// Number of elements.
+/// Returns the number of elements.
 fn count(strategy: KrlStrategy) -> usize {
     match strategy {
         KrlStrategy::Position => 0,
@@ -68,7 +70,7 @@ fn count(strategy: KrlStrategy) -> usize {
 }
 
 impl ImpedanceSettings {
-    /// Those of `$STIFFNESS`, without a force.
+    /// Returns the initial values of `$STIFFNESS`, without an added force.
     pub fn default_for(strategy: KrlStrategy) -> Self {
         let of = |element| USUAL[kind(strategy, element)];
         Self {
@@ -78,12 +80,12 @@ impl ImpedanceSettings {
         }
     }
 
-    /// What a command has for this strategy.
+    /// Returns the settings of a command for this strategy.
     ///
     /// # Errors
-    /// The first element out of range.
+    /// Returns a fault for the first element out of range.
     pub fn of(command: &CommandDatagram, strategy: KrlStrategy) -> Result<Self, KrcFault> {
-        // KUKA's x y z A B C: A turns about z, C about x.
+        // KUKA's order is x y z A B C: A rotates about z, C about x.
         let six = |values: &[f32; 6]| -> Elements {
             let [x, y, z, a, b, c] = values.map(f64::from);
             [x, y, z, c, b, a, 0.0]
@@ -134,7 +136,7 @@ impl ImpedanceSettings {
         })
     }
 
-    /// The force or torque of an element, `deflection` and `rate` towards the set-point.
+    /// Returns the force or torque of an element; `deflection` and `rate` point towards the set-point.
     fn force(&self, strategy: KrlStrategy, element: usize, deflection: f64, rate: f64) -> f64 {
         let (k, mass) = (self.stiffness[element], MASS[kind(strategy, element)]);
         let damping = 2.0 * self.damping[element] * (k * mass).sqrt();
@@ -143,7 +145,7 @@ impl ImpedanceSettings {
 }
 
 impl KrlStrategy {
-    /// The command flags that it takes.
+    /// Returns the command flags of this strategy.
     pub fn flags(self) -> u32 {
         match self {
             KrlStrategy::Position => flags::JOINT_POSITION,
@@ -165,7 +167,8 @@ impl KrlStrategy {
 }
 
 impl SimulatedArm {
-    /// Follows a set-point that moves evenly `from` → `to` (rad) in `step_s` seconds, on impedance.
+    /// Follows a set-point that moves at constant velocity from `from` to `to` (rad) in `step_s` seconds, under
+    /// impedance control.
     pub fn step_impedance(
         &mut self,
         (from, to): (&Joints, &Joints),
@@ -231,7 +234,7 @@ impl SimulatedArm {
             let force = impedance.force(strategy, axis, off[axis], slow) + outside[axis];
             has[axis] + force / MASS[kind(strategy, axis)] * dt_s
         });
-        // What the pose does not say, the joint set-point does.
+        // The joint set-point determines what the pose leaves open.
         let aside: Joints = std::array::from_fn(|joint| {
             rate[joint] + REDUNDANCY_RATE * (goal[joint] - self.position[joint])
         });
@@ -245,7 +248,7 @@ impl SimulatedArm {
     }
 }
 
-/// Velocity and angular velocity of the flange, base axes.
+/// Returns the linear and angular velocity of the flange, base axes.
 fn twist(geometry: &Geometry, velocity: &Joints) -> [f64; 6] {
     std::array::from_fn(|row| {
         let pairs = geometry.jacobian[row].iter().zip(velocity);
@@ -253,7 +256,7 @@ fn twist(geometry: &Geometry, velocity: &Joints) -> [f64; 6] {
     })
 }
 
-/// The way from here to there and the rotation vector, base axes.
+/// Returns the translation and the rotation vector from `here` to `there`, base axes.
 pub(super) fn deflection(here: &Geometry, there: &Geometry) -> [f64; 6] {
     let turn = rotation_vector(&here.rotation, &there.rotation);
     std::array::from_fn(|axis| match axis {
@@ -262,7 +265,7 @@ pub(super) fn deflection(here: &Geometry, there: &Geometry) -> [f64; 6] {
     })
 }
 
-/// Axis times angle of `to fromᵀ`; the angle is less than π.
+/// Returns axis times angle of `to fromᵀ`; the angle is less than π.
 fn rotation_vector(from: &Matrix, to: &Matrix) -> [f64; 3] {
     let element =
         |row: usize, column: usize| -> f64 { (0..3).map(|i| to[row][i] * from[column][i]).sum() };
@@ -278,7 +281,7 @@ fn rotation_vector(from: &Matrix, to: &Matrix) -> [f64; 3] {
     twice_sine.map(|s| s * factor)
 }
 
-/// `y` of `J Jᵀ y = x`, so that `Jᵀ y` is the least joint velocity for the twist `x`; damped near singularities.
+/// Solves `J Jᵀ y = x`, so that `Jᵀ y` is the smallest joint velocity for the twist `x`; damped near singularities.
 fn solved(geometry: &Geometry, x: [f64; 6]) -> [f64; 6] {
     let (exact, determinant) = eliminated(geometry, x, 0.0);
     let part = determinant.max(0.0).sqrt() / MANIPULABILITY;
@@ -289,7 +292,7 @@ fn solved(geometry: &Geometry, x: [f64; 6]) -> [f64; 6] {
     damped
 }
 
-/// `y` of `(J Jᵀ + λ² I) y = x` and the determinant: Gauss with pivots.
+/// Solves `(J Jᵀ + λ² I) y = x` by Gaussian elimination with pivoting; returns `y` and the determinant.
 fn eliminated(geometry: &Geometry, x: [f64; 6], damping_squared: f64) -> ([f64; 6], f64) {
     let jacobian = &geometry.jacobian;
     let mut rows: [[f64; 7]; 6] = std::array::from_fn(|row| {

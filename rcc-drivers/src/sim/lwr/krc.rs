@@ -1,12 +1,13 @@
-//! The simulated controller as a pure state machine: answers in, one tick, the next measurement datagram out.
-//! Runs in virtual time; the program's clock thread calls it at the pace of the clock, tests as fast as they can.
+//! The simulated controller as a pure state machine: receives answers, advances one tick, returns the next measurement
+//! datagram.
+//! Runs in virtual time; the program's clock thread calls it in real time, tests as fast as they can.
 //!
-//! A cycle: a measurement datagram goes out, [`Krc::receive`] takes what comes back, [`Krc::tick`] judges it, lets
-//! the KRL program decide, moves the arm, and builds the next datagram. A bad datagram is counted and never answered:
-//! a real controller is mute as well.
+//! One cycle: a measurement datagram is sent, [`Krc::receive`] takes the answer, [`Krc::tick`] supervises it, runs the
+//! KRL program, moves the arm, and builds the next datagram. An invalid datagram is counted but not answered: a real
+//! controller does not answer either.
 //!
-//! What the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention), otherwise 0;
-//! `$FRI_TO_INT[2]` is the number of the fault that is not acknowledged ([`KrcFault::code`]), 0 without one.
+//! Variables that the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention),
+//! otherwise 0; `$FRI_TO_INT[2]` is the code of the unacknowledged fault ([`KrcFault::code`]), or 0.
 
 use super::arm::SimulatedArm;
 use super::command_stream::CommandStream;
@@ -23,19 +24,20 @@ use super::trace::TraceRecord;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError};
 
-/// Cycles in which the KRL program says that it ends.
+/// Number of cycles in which the KRL program announces its end.
 const CLOSING_CYCLES: u32 = 20;
 
-/// Periods of a stall in which the arm goes on; in longer ones time stands still, because nobody knows whether it did for
-/// the PC as well.
+/// Longest stall, in periods, through which the arm continues to move; in longer ones time stands still, because the PC
+/// may or may not have been stalled as well.
 const STALL_PERIODS_MAX: u64 = 50;
 
-/// Largest force or torque on top at the entry, N or N·m: beyond 1 N·m others have seen a real controller refuse.
+/// Largest added force or torque at the entry into command state, N or N·m: users report that a real controller refuses
+/// more than 1 N·m.
 const ENTRY_ADDED_MAX: f64 = 1.0;
-/// Largest difference of the commanded pose to that of the commanded joint positions, m and rad. Ours.
+/// Tolerance between the commanded pose and that of the commanded joint positions, m and rad. The values are ours.
 const POSE_TOLERANCE: (f64, f64) = (1e-3, 0.01);
 
-/// What the set-point does.
+/// Source of the joint set-point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum SetPointMode {
     Hold,
@@ -58,7 +60,7 @@ pub struct Krc {
     pub(super) counts: KrcCounts,
     pub(super) quality: QualityMeter,
     pub(super) arm: SimulatedArm,
-    /// Commanded in the strategies of impedance control; those of `$STIFFNESS` while nothing is commanded.
+    /// The commanded impedance, or the values of `$STIFFNESS` while nothing is commanded.
     pub(super) impedance: ImpedanceSettings,
     pub(super) environment: Environment,
     pub(super) geometry: Geometry,
@@ -68,7 +70,7 @@ pub struct Krc {
     pub(super) from_pc: KrlBlock,
     pub(super) desired: Joints,
     pub(super) last_stream: CommandStream,
-    /// Position of the controller's own interpolator; FRI's offset is on top of it.
+    /// Position of the controller's own interpolator, rad, without FRI's offset.
     pub(super) base: Joints,
     motion: SetPointMode,
     mirror_checked: bool,
@@ -131,7 +133,7 @@ impl Krc {
         }
     }
 
-    /// Takes a datagram in that came from the PC `delay_s` seconds after the last measurement datagram went out.
+    /// Processes a datagram from the PC that arrived `delay_s` seconds after the last measurement datagram was sent.
     pub fn receive(&mut self, bytes: &[u8], delay_s: f64) {
         let answer = match CommandDatagram::decode(bytes) {
             Ok(answer) => answer,
@@ -144,7 +146,7 @@ impl Krc {
         if answer.reflected_sequence != self.sequence() || self.sent.is_none() {
             return self.counts.late += 1;
         }
-        // a PC that was started again counts from anew, which is no harm while monitoring
+        // A restarted PC counts from the beginning, which does no harm in monitor state.
         let backward = self
             .last_answer_sequence
             .is_some_and(|last| answer.send_sequence.wrapping_sub(last) as i16 <= 0);
@@ -157,16 +159,16 @@ impl Krc {
         self.answer = Some((answer, delay_s));
     }
 
-    /// KrcCounts a datagram that came from somewhere else.
+    /// Counts a datagram from another address.
     pub fn receive_foreign(&mut self) {
         self.counts.foreign += 1;
     }
 
-    /// Ends the cycle and begins the next: the next measurement datagram, `None` while it is withheld on request.
+    /// Ends the cycle and starts the next; returns the next measurement datagram, or `None` while sending is suspended.
     ///
-    /// `periods` is 1, or more after a stall of the machine: the number of periods that went by on its clock. While it is
-    /// commanded, the arm then goes on as it moved, as that of a real controller does, and the sequence numbers tell how
-    /// long it was; at most [`STALL_PERIODS_MAX`] periods more than one.
+    /// `periods` is 1 or, after a stall of the machine, the number of periods that passed on its clock. In command
+    /// state, the arm then continues its motion, as that of a real controller does, and the sequence numbers show the
+    /// length of the stall; at most [`STALL_PERIODS_MAX`] additional periods are simulated.
     pub fn tick(&mut self, periods: u64) -> Option<[u8; MSR_SIZE]> {
         let answer = self.answer.take();
         if self.sent.is_some() {
@@ -200,27 +202,27 @@ impl Krc {
         self.next_measurement()
     }
 
-    /// What went over the wire in the cycle that the last tick has ended.
+    /// Returns the datagrams of the cycle that the last tick has ended.
     pub fn exchanged(&self) -> Option<&TraceRecord> {
         self.exchanged.as_ref()
     }
 
-    /// Sequence number of the last measurement datagram.
+    /// Returns the sequence number of the last measurement datagram.
     pub fn sequence(&self) -> u16 {
         self.tick as u16
     }
 
-    /// The KRL program has said that it ends.
+    /// Returns true if the KRL program has ended.
     pub fn is_closed(&self) -> bool {
         self.closing_cycles == Some(0)
     }
 
-    /// Neither set-point nor arm moves.
+    /// Returns true if neither the set-point nor the arm moves.
     pub fn is_at_rest(&self) -> bool {
         self.arm.is_at_rest() && !matches!(self.motion, SetPointMode::Stop(_))
     }
 
-    /// The drives are on: wanted, no fault, no emergency stop.
+    /// Returns true if the drives are switched on, without a fault or an emergency stop.
     pub fn drives_on(&self) -> bool {
         self.drives_wanted && self.fault.is_none() && !self.emergency_stop
     }
@@ -231,7 +233,7 @@ impl Krc {
         self.fail(KrcFault::EmergencyStop);
     }
 
-    /// Switches the drives.
+    /// Switches the drives on or off.
     pub(super) fn switch_drives(&mut self, on: bool) {
         self.drives_wanted = on;
         if !on && self.command_state {
@@ -239,7 +241,7 @@ impl Krc {
         }
     }
 
-    /// Releases the emergency stop and acknowledges the fault; says whether the arm rests, otherwise nothing changes.
+    /// If the arm is at rest, releases the emergency stop and acknowledges the fault. Returns whether it is at rest.
     pub(super) fn acknowledge(&mut self) -> bool {
         if self.is_at_rest() {
             self.emergency_stop = false;
@@ -248,17 +250,17 @@ impl Krc {
         self.is_at_rest()
     }
 
-    /// Sends nothing for this time, s; the controller goes on and misses the answers.
+    /// Sends nothing for this time, s; the controller continues and misses the answers.
     pub(super) fn withhold(&mut self, time_s: f64) {
         self.withheld_ticks = (time_s / self.settings.period_s).round() as u64;
     }
 
-    /// Drops this part of the answers, percent.
+    /// Drops this share of the answers, percent.
     pub(super) fn drop_answers(&mut self, percent: f64) {
         self.drop_percent = percent;
     }
 
-    /// Lets the KRL program end: it stops, says so for some cycles, and then [`Krc::is_closed`].
+    /// Ends the KRL program: it stops the arm and announces its end for some cycles; then [`Krc::is_closed`] is true.
     pub(super) fn close(&mut self) {
         self.closing_cycles.get_or_insert(CLOSING_CYCLES);
     }
@@ -310,7 +312,7 @@ impl Krc {
         }
     }
 
-    /// Moves the set-point on; says how many periods that took: one while somebody is followed.
+    /// Advances the set-point; returns the number of periods that this took, which is 1 in command state.
     fn move_set_point(&mut self, command: Option<&CommandDatagram>, periods: u64) -> u64 {
         match (self.motion, command) {
             (SetPointMode::Hold, _) => periods,
@@ -372,7 +374,7 @@ impl Krc {
         Ok(())
     }
 
-    /// The impedance of a command in the strategies of impedance control, and whether its pose fits its joint positions.
+    /// Returns the impedance of a command, after checking that its pose matches its joint positions.
     fn impedance_of(
         &self,
         command: &CommandDatagram,
@@ -403,8 +405,8 @@ impl Krc {
         Ok(impedance)
     }
 
-    /// Lets these periods of a stall pass at the last velocity; no answer is missed in them, because none was asked for.
-    /// Says how many there were; none where nobody is followed.
+    /// Continues through a stall with the last velocity; no answers are missed, because none were requested. Returns
+    /// the number of periods simulated, 0 outside command state.
     fn continue_through_stall(&mut self, periods: u64) -> u64 {
         let SetPointMode::Follow(mut stream) = self.motion else {
             return 0;
@@ -418,7 +420,7 @@ impl Krc {
         periods
     }
 
-    /// Goes on with the last velocity, or stops after too many missed answers.
+    /// Continues with the last velocity, or stops after too many missed answers.
     fn bridge_missed_answer(&mut self, mut stream: CommandStream) {
         self.missed_in_a_row += 1;
         self.counts.missed_in_a_row_max = self.counts.missed_in_a_row_max.max(self.missed_in_a_row);
@@ -434,7 +436,7 @@ impl Krc {
         self.motion = SetPointMode::Follow(stream);
     }
 
-    /// The first joint that the command does not hold where the controller is.
+    /// Returns the first joint whose command differs from the controller's position, with the commanded value.
     pub(super) fn not_mirrored(&self, command: &CommandDatagram) -> Option<(usize, f64)> {
         let values = command.joint_position.map(f64::from);
         let tolerance = self.settings.mirror_tolerance_rad;
@@ -456,7 +458,7 @@ impl Krc {
         self.counts.entries += 1;
     }
 
-    /// Brakes, drives off, monitor state; the first cause of a stop is the one that is kept.
+    /// Stops with a fault: brakes, switches the drives off, and enters monitor state; the first cause is kept.
     pub(super) fn fail(&mut self, fault: KrcFault) {
         if self.fault.is_none() {
             self.fault = Some(fault);
@@ -474,7 +476,7 @@ impl Krc {
         self.stop();
     }
 
-    /// Monitor state; a moving set-point is brought to rest.
+    /// Enters monitor state; a moving set-point is brought to rest.
     pub(super) fn stop(&mut self) {
         self.command_state = false;
         self.impedance = ImpedanceSettings::default_for(self.settings.strategy);
@@ -491,7 +493,7 @@ impl Krc {
 
     fn next_measurement(&mut self) -> Option<[u8; MSR_SIZE]> {
         if !self.command_state {
-            // what FRI had added is now the controller's own position, so a mirroring PC sees no jump
+            // FRI's offset becomes part of the controller's own position, so that a mirroring PC sees no jump.
             self.base = self.desired;
         }
         self.to_pc.integers[0] = if self.closing_cycles.is_some() { -1 } else { 0 };
@@ -519,7 +521,7 @@ impl Krc {
         Some(datagram.encode())
     }
 
-    /// SplitMix64: the next number from 0 to 1.
+    /// SplitMix64: returns the next number in [0, 1).
     fn next_chance(&mut self) -> f64 {
         self.chance = self.chance.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.chance;

@@ -1,5 +1,5 @@
-//! The KRL program on the simulated controller: when command state begins and ends, who acknowledges a fault.
-//! Pure; the clock thread runs it once a tick.
+//! The KRL program of the simulated controller: entry into and exit from command state, acknowledgement of faults.
+//! Pure; run by the clock thread once per tick.
 
 use super::fault::{KrcFault, MonitorReason};
 use super::krc::Krc;
@@ -7,7 +7,7 @@ use super::settings::{Acknowledge, KrlProgram};
 use crate::fri_lwr::wire::{CommandDatagram, Quality};
 
 impl Krc {
-    /// One pass of the program: what the PC asks for, what ends, what may begin.
+    /// Runs one pass of the program: requests of the PC, exit from and entry into command state.
     pub(super) fn run_krl_program(&mut self, command: Option<&CommandDatagram>) {
         if let (Some(command), KrlProgram::FirstApp) = (command, self.settings.script) {
             match command.krl.integers[0] {

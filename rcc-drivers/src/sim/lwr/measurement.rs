@@ -1,5 +1,5 @@
-//! What the simulated controller says: its measurement datagram.
-//! Pure; the clock thread runs it once a tick.
+//! The measurement datagram of the simulated controller.
+//! Pure; run by the clock thread once per tick.
 
 use super::environment::wire_wrench;
 use super::krc::Krc;
@@ -10,8 +10,8 @@ use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
 
 impl Krc {
-    /// Approximate are the torques (the external wrench only: no gravity, no inertia) and the temperature (constant);
-    /// mass matrix and gravity are zero.
+    /// The torques (only the external wrench: no gravity, no inertia) and the temperature (constant) are
+    /// approximations; mass matrix and gravity are zero.
     pub(super) fn datagram(&self) -> MeasurementDatagram {
         let figures = self.quality.figures();
         let (base, desired) = (geometry(&self.base), geometry(&self.desired));

@@ -1,20 +1,20 @@
-//! Geometry of the LWR 4+, computed from its Denavit-Hartenberg table and from nothing that our own core computes.
-//! Pure functions; the simulator's clock thread runs them.
+//! Geometry of the LWR 4+, computed from its Denavit-Hartenberg table independently of the RCC's own kinematics.
+//! Pure functions; run by the simulator's clock thread.
 
 use super::{JOINTS, Joints};
 
-/// Distances along the joint axes, m (data sheet: 310.5, 400, 390 and 78 mm).
+/// Link offsets along the joint axes, m (data sheet: 310.5, 400, 390 and 78 mm).
 const D: Joints = [0.3105, 0.0, 0.400, 0.0, 0.390, 0.0, 0.078];
-/// Sine of the twist to the next axis; each is +90°, −90° or 0.
+/// Sine of the twist angle to the next axis, which is +90°, −90° or 0.
 const TWIST_SINE: Joints = [1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 0.0];
 
-/// Rows of a 3×3 matrix.
+/// A 3×3 matrix, by rows.
 pub type Matrix = [[f64; 3]; 3];
 
-/// Pose and Jacobian of the flange in one configuration.
+/// Pose and Jacobian of the flange at one joint position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// Rotation that takes flange coordinates to base coordinates.
+    /// Rotation from flange to base coordinates.
     pub rotation: Matrix,
     /// Flange in the base frame, m.
     pub position: [f64; 3],
@@ -50,7 +50,7 @@ pub fn geometry(q: &Joints) -> Geometry {
     }
 }
 
-/// A pose as FRI sends it, without a Jacobian.
+/// Decodes a pose in FRI's format; the Jacobian is 0.
 pub fn geometry_of(pose: &[f32; 12]) -> Geometry {
     let value = |row: usize, column: usize| f64::from(pose[4 * row + column]);
     Geometry {
@@ -61,12 +61,12 @@ pub fn geometry_of(pose: &[f32; 12]) -> Geometry {
 }
 
 impl Geometry {
-    /// 3×4 row-major `[R|p]` as FRI sends poses.
+    /// Returns the pose in FRI's format, 3×4 row-major `[R|p]`.
     pub fn pose(&self) -> [f32; 12] {
         pose(&self.rotation, &self.position)
     }
 
-    /// The pose's difference to `base` as FRI sends offsets: rotation `R Rbᵀ` and translation `p − pb`.
+    /// Returns the difference to `base` in FRI's format: rotation `R Rbᵀ` and translation `p − pb`.
     pub fn offset_from(&self, base: &Geometry) -> [f32; 12] {
         pose(
             &multiply(&self.rotation, &transposed(&base.rotation)),
@@ -74,13 +74,13 @@ impl Geometry {
         )
     }
 
-    /// The Jacobian as KUKA sends it: 6×7 row-major, rows X Y Z Rz Ry Rx.
+    /// Returns the Jacobian in KUKA's order: 6×7 row-major, rows X Y Z Rz Ry Rx.
     pub fn wire_jacobian(&self) -> [f32; 6 * JOINTS] {
         let order = [0, 1, 2, 5, 4, 3];
         std::array::from_fn(|i| self.jacobian[order[i / JOINTS]][i % JOINTS] as f32)
     }
 
-    /// Velocity of the flange, m/s, base axes.
+    /// Returns the velocity of the flange, m/s, base axes.
     pub fn flange_velocity(&self, joint_velocity: &Joints) -> [f64; 3] {
         std::array::from_fn(|row| {
             self.jacobian[row]
@@ -91,7 +91,7 @@ impl Geometry {
         })
     }
 
-    /// Joint torques that a wrench (force N, torque Nm, base axes) on the flange causes, Nm: `Jᵀ F`.
+    /// Returns the joint torques caused by a wrench (force N, torque Nm, base axes) on the flange, Nm: `Jᵀ F`.
     pub fn joint_torque(&self, wrench: &[f64; 6]) -> Joints {
         std::array::from_fn(|joint| {
             (0..6)

@@ -1,30 +1,30 @@
-//! What a bad network does to the datagrams between the simulated controller and the PC, on request.
-//! Run by the clock thread; one step of time is one cycle.
+//! Simulated network faults between the controller and the PC.
+//! Run by the clock thread; one time step is one cycle.
 
 use serde::{Deserialize, Serialize};
 
 use crate::proxy::{FaultCounts, FaultRates, FaultyLink};
 
-/// How probable each fault is in each direction.
+/// Fault rates of each direction.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NetworkRates {
-    /// Measurements.
+    /// Measurement datagrams.
     pub to_pc: FaultRates,
-    /// Answers.
+    /// Answers of the PC.
     pub from_pc: FaultRates,
 }
 
-/// What was done since the start.
+/// Fault counters since the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
 pub struct NetworkCounts {
-    /// Measurements.
+    /// Measurement datagrams.
     pub to_pc: FaultCounts,
-    /// Answers.
+    /// Answers of the PC.
     pub from_pc: FaultCounts,
 }
 
-/// Both directions.
+/// The links of both directions.
 #[derive(Clone, Debug)]
 pub struct Network {
     rates: NetworkRates,
@@ -33,7 +33,7 @@ pub struct Network {
 }
 
 impl Network {
-    /// A network without faults; chance begins with `seed`.
+    /// A network without faults; `seed` determines the random numbers.
     #[must_use]
     pub fn new(seed: u64) -> Network {
         Network {
@@ -43,7 +43,7 @@ impl Network {
         }
     }
 
-    /// From now on; without faults, what is held back is lost.
+    /// Sets the fault rates, from now on; without any faults, queued datagrams are dropped.
     pub fn set(&mut self, rates: NetworkRates) {
         self.rates = rates;
         self.to_pc.set_rates(rates.to_pc);
@@ -54,29 +54,29 @@ impl Network {
         }
     }
 
-    /// Nothing happens to any datagram.
+    /// Returns true if no faults are set.
     #[must_use]
     pub fn is_clear(&self) -> bool {
         self.rates == NetworkRates::default()
     }
 
-    /// A cycle begins.
+    /// Starts a cycle.
     pub fn step(&mut self) {
         self.to_pc.step();
         self.from_pc.step();
     }
 
-    /// What arrives of a measurement that is sent, and of those before it.
+    /// Sends a measurement; returns the datagrams that arrive now, including delayed ones.
     pub fn to_pc(&mut self, datagram: &[u8]) -> Vec<Vec<u8>> {
         pass(&mut self.to_pc, datagram)
     }
 
-    /// What arrives of an answer, and of those before it.
+    /// Receives an answer; returns the datagrams that arrive now, including delayed ones.
     pub fn from_pc(&mut self, datagram: &[u8]) -> Vec<Vec<u8>> {
         pass(&mut self.from_pc, datagram)
     }
 
-    /// What was done.
+    /// Returns the fault counters.
     #[must_use]
     pub fn counts(&self) -> NetworkCounts {
         NetworkCounts {
@@ -91,7 +91,7 @@ fn pass(line: &mut FaultyLink, datagram: &[u8]) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| line.pop()).collect()
 }
 
-/// The first rate that is no probability.
+/// Returns the first rate that is not a probability.
 #[must_use]
 pub fn impossible(rates: &NetworkRates) -> Option<f64> {
     [rates.to_pc, rates.from_pc]

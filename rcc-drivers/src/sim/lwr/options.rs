@@ -1,4 +1,4 @@
-//! The command line of `lwr-sim`. Every threshold that KUKA does not publish is ours, and says so.
+//! The command line of `lwr-sim`. Thresholds that KUKA does not publish are our own, and marked as such.
 //! Read once, by the main thread.
 
 use super::environment::{Wall, WallError};
@@ -13,33 +13,33 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// The controller's side of a KUKA LWR 4+: speaks FRI 1.0 over UDP, sends first, and moves a simulated arm.
+/// A simulated controller (KRC) of a KUKA LWR 4+: speaks FRI 1.0 over UDP, sends first, and moves a simulated arm.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "lwr-sim", version)]
 pub struct Options {
-    /// Where the PC (the driver) listens; nobody else is listened to
+    /// Address where the PC (the driver) listens; datagrams from elsewhere are ignored
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub driver: SocketAddr,
-    /// Where to send from; port 0 lets the system choose
+    /// Address to send from; port 0 lets the system choose
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     pub bind: SocketAddr,
-    /// Where the control port is: a Unix socket (one JSON object a line) for programs of the same user and of root, in a
-    /// folder that only they can write to; files that requests name lie below that folder. Without it there is none
+    /// Unix socket of the control port (one JSON object per line), for programs of the same user and of root, in a
+    /// folder that only they can write to; files that requests name must be below that folder. Default: no control port
     #[arg(long, value_name = "SOCKET", value_parser = control_socket::path)]
     pub control: Option<PathBuf>,
     /// Period of both directions, ms (KUKA: 1 to 100)
     #[arg(long, value_name = "MS", default_value_t = 1.0)]
     pub period_ms: f64,
-    /// How the KRL program decides about command mode: with first-app the PC writes `$FRI_FRM_INT[1]`,
-    /// 1 and 10 ask for it, 0 and 2 end it; with auto it begins as soon as its conditions hold
+    /// How the KRL program enters command mode: with first-app the PC writes `$FRI_FRM_INT[1]`, 1 and 10 request it, 0
+    /// and 2 end it; with auto it begins as soon as its conditions hold
     #[arg(long, value_enum, default_value = "first-app")]
     pub krl: KrlProgram,
-    /// Control strategy that the KRL program has chosen, `$STIFFNESS.STRATEGY` 10, 20 or 30: in impedance the arm gives
-    /// way; only clients that also command joint positions are followed
+    /// Control strategy that the KRL program has chosen, `$STIFFNESS.STRATEGY` 10, 20 or 30: under impedance control
+    /// the arm yields; only clients that also command joint positions are followed
     #[arg(long, value_enum, default_value = "position")]
     pub strategy: KrlStrategy,
-    /// Who acknowledges a fault: the KRL program once the arm has rested for 0.5 s and the PC mirrors, or the
-    /// control port (the 0.5 s are ours)
+    /// Who acknowledges a fault: the KRL program once the arm has been at rest for 0.5 s and the PC mirrors, or the
+    /// control port (the 0.5 s are our own value)
     #[arg(long, value_enum, default_value = "auto")]
     pub ack: Acknowledge,
     /// Joint positions at the start, rad
@@ -50,21 +50,21 @@ pub struct Options {
         allow_hyphen_values = true
     )]
     pub start: NumberList<JOINTS>,
-    /// Supervised positions, ±degrees (read by others from a controller's files)
+    /// Supervised positions, ±degrees (values that users read from a controller's files)
     #[arg(
         long,
         value_name = "J1,…,J7",
         default_value = "170,120,170,120,170,120,170"
     )]
     pub position_limits: NumberList<JOINTS>,
-    /// Supervised velocities, degrees/s (read by others from a controller's files)
+    /// Supervised velocities, degrees/s (values that users read from a controller's files)
     #[arg(
         long,
         value_name = "J1,…,J7",
         default_value = "120,120,160,160,250,220,220"
     )]
     pub velocity_limits: NumberList<JOINTS>,
-    /// Supervised accelerations, degrees/s² (read by others from a controller's files)
+    /// Supervised accelerations, degrees/s² (values that users read from a controller's files)
     #[arg(
         long,
         value_name = "J1,…,J7",
@@ -74,31 +74,31 @@ pub struct Options {
     /// Factor on the supervised velocities and accelerations, above 0 up to 1
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     pub safety_limits: f64,
-    /// Largest difference to the mirrored position when command mode begins, rad (ours)
+    /// Largest difference to the mirrored position when command mode begins, rad (our own value)
     #[arg(long, value_name = "RAD", default_value_t = 0.01)]
     pub mirror_tolerance: f64,
-    /// Missed answers in a row that are bridged; one more stops the arm (ours)
+    /// Consecutive missed answers that are bridged; one more stops the arm (our own value)
     #[arg(long, value_name = "COUNT", default_value_t = 5)]
     pub bridge: u32,
-    /// Largest deceleration of a stop, rad/s² (ours)
+    /// Largest deceleration of a stop, rad/s² (our own value)
     #[arg(long, value_name = "RAD/S²", default_value_t = 8.0)]
     pub brake_deceleration: f64,
-    /// Largest jerk of a stop, rad/s³ (ours)
+    /// Largest jerk of a stop, rad/s³ (our own value)
     #[arg(long, value_name = "RAD/S³", default_value_t = 200.0)]
     pub brake_jerk: f64,
-    /// Bandwidth of the simulated position control, rad/s: the arm lags 2 v / bandwidth behind (ours)
+    /// Bandwidth of the simulated position control, rad/s: the arm lags 2 v / bandwidth behind (our own value)
     #[arg(long, value_name = "RAD/S", default_value_t = 80.0)]
     pub bandwidth: f64,
-    /// Least answered part of the last 100 cycles for PERFECT, OK and BAD (ours)
+    /// Smallest answered share of the last 100 cycles for PERFECT, OK and BAD (our own values)
     #[arg(long, value_name = "PERFECT,OK,BAD", default_value = "0.99,0.95,0.8")]
     pub quality: NumberList<3>,
-    /// Cycles for which a better quality must have lasted before it is believed (ours)
+    /// Cycles for which a better quality must last before it takes effect (our own value)
     #[arg(long, value_name = "COUNT", default_value_t = 50)]
     pub quality_raise_cycles: u32,
-    /// Wires `$FRI_FRM_BOOL[FROM]` back to `$FRI_TO_BOOL[TO]`
+    /// Loops `$FRI_FRM_BOOL[FROM]` back to `$FRI_TO_BOOL[TO]`
     #[arg(long, value_name = "FROM=TO")]
     pub wire_bool: Vec<KrlLoopback>,
-    /// Wires `$FRI_FRM_REA[FROM]` back to `$FRI_TO_REA[TO]`
+    /// Loops `$FRI_FRM_REA[FROM]` back to `$FRI_TO_REA[TO]`
     #[arg(long, value_name = "FROM=TO")]
     pub wire_real: Vec<KrlLoopback>,
     /// An obstacle: a point of its plane (m), the normal to the free side, stiffness (N/m), damping (N s/m)
@@ -107,10 +107,10 @@ pub struct Options {
     /// Appends every exchanged pair of datagrams to this file as comma-separated values
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
-    /// Seed of the answers that are dropped on request
+    /// Seed of the random numbers for answers that are dropped on request
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// SCHED_FIFO priority of its clock, where the system grants it: a real controller is punctual
+    /// SCHED_FIFO priority of the clock thread, if the system permits it: a real controller is punctual
     #[arg(long, value_name = "1..99", value_parser = clap::value_parser!(u8).range(1..=99))]
     pub priority: Option<u8>,
     /// Ends when the thread that started it ends
@@ -118,14 +118,14 @@ pub struct Options {
     pub parent_death: bool,
 }
 
-/// NumberList in one argument, with commas between them.
+/// Numbers in one argument, separated by commas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NumberList<const N: usize>(pub [f64; N]);
 
 /// Why an option is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptionError {
-    /// Not the right count of numbers.
+    /// The list has the wrong length.
     #[error("{have} numbers, {want} are expected with commas between them")]
     Count {
         /// Expected.
@@ -133,10 +133,10 @@ pub enum OptionError {
         /// Given.
         have: usize,
     },
-    /// Not a finite number.
+    /// An element is not a finite number.
     #[error("`{0}` is not a finite number")]
     Number(String),
-    /// Not a wire.
+    /// An invalid loopback.
     #[error("`{0}` is not FROM=TO with numbers from 1 to 16")]
     Wire(String),
     /// A number is out of range.
@@ -149,7 +149,7 @@ pub enum OptionError {
         /// Allowed.
         range: &'static str,
     },
-    /// The start is outside of the supervised positions.
+    /// The start position is outside the supervised range.
     #[error("--start: joint {} at {value} rad is outside of ±{limit} rad", joint + 1)]
     Start {
         /// Index of the joint.
@@ -159,7 +159,7 @@ pub enum OptionError {
         /// Allowed, rad.
         limit: f64,
     },
-    /// The wall is impossible.
+    /// The wall is invalid.
     #[error("--wall: {0}")]
     Wall(#[from] WallError),
 }
@@ -209,10 +209,10 @@ impl FromStr for KrlLoopback {
 }
 
 impl Options {
-    /// The controller's settings.
+    /// Returns the controller's settings.
     ///
     /// # Errors
-    /// The first number that is out of range.
+    /// Returns an error for the first number that is out of range.
     pub fn settings(&self) -> Result<Settings, OptionError> {
         self.check_ranges()?;
         let [perfect, ok, bad] = self.quality.0;
@@ -284,7 +284,7 @@ impl Options {
         Ok(())
     }
 
-    /// The supervised limits; the start lies within them.
+    /// Returns the supervised limits, after checking the start position against them.
     fn limits(&self) -> Result<SupervisedLimits, OptionError> {
         let radians = |numbers: &NumberList<JOINTS>| -> Joints { numbers.0.map(f64::to_radians) };
         let limits = SupervisedLimits {

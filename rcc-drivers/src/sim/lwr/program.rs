@@ -1,10 +1,11 @@
-//! Sockets, a clock and threads around the simulated controller.
-//! ClockThread thread: sleeps to an absolute deadline, takes what has come, ticks, sends. Receiver thread: stamps what comes.
-//! What came while a busy machine kept the receiver from running, the clock thread takes from the socket itself: only
-//! an answer that did not come is a missed one.
+//! Sockets, clock and threads of the simulated controller.
+//! The clock thread sleeps until an absolute deadline, takes the datagrams that have arrived, ticks and sends. The
+//! receiver thread stamps datagrams on arrival. If a busy machine kept the receiver from running, the clock thread
+//! reads the datagrams from the socket itself: only an answer that did not arrive counts as missed.
 //!
-//! After a stall of the machine the clock goes on at the next deadline that is at least half a period away: ticks are
-//! skipped, never sent in a burst; sequence numbers tell how long it was, as those of a real controller would.
+//! After a stall of the machine the clock continues at the next deadline that is at least half a period away: ticks are
+//! skipped, never sent in a burst, and the sequence numbers show the length of the stall, as those of a real controller
+//! would.
 
 use super::control::{self, ControlAnswer, ControlError, KrcCommand, TraceFile};
 use super::krc::Krc;
@@ -29,42 +30,42 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Datagrams between receiver and clock thread.
+/// Capacity of the queue from the receiver to the clock thread, datagrams.
 const ARRIVALS: usize = 64;
-/// Commands that the clock thread obeys in one tick.
+/// Most commands that the clock thread executes per tick.
 const REQUESTS_PER_TICK: usize = 4;
 
-/// Why the simulator could not start or go on.
+/// Why the simulator could not start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// An option is impossible.
+    /// An option is invalid.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// An address is taken or does not exist.
+    /// An address is in use or does not exist.
     #[error("{what} {address}: {source}")]
     Address {
-        /// Which address.
+        /// Option that gives the address.
         what: &'static str,
         /// The address.
         address: SocketAddr,
-        /// The system's reason.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The control port cannot be where it should.
+    /// The control port cannot be bound.
     #[error("--control {path}: {source}")]
     Control {
-        /// Its path.
+        /// Path of the socket.
         path: PathBuf,
-        /// The reason.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The system refuses a thread or a socket's option.
+    /// The operating system refuses a thread or a socket option.
     #[error("the system refuses: {0}")]
     System(#[from] io::Error),
-    /// The system refuses the clock.
+    /// The operating system refuses access to the clock.
     #[error("the system refuses: {0}")]
-    ClockThread(#[from] Errno),
-    /// The simulator could not be ended as it should.
+    Clock(#[from] Errno),
+    /// Signals cannot be handled.
     #[error(transparent)]
     Signals(#[from] SignalError),
     /// The trace cannot be written.
@@ -75,24 +76,24 @@ pub enum RunError {
     Thread(&'static str),
 }
 
-/// A datagram with the moment at which it came.
+/// A datagram with its time of arrival.
 struct ReceivedDatagram {
-    /// One byte more than a command datagram, so that a longer one is seen as such.
+    /// One byte more than a command datagram, so that a longer one is detected.
     bytes: [u8; CMD_SIZE + 1],
     length: usize,
     foreign: bool,
-    /// CLOCK_MONOTONIC.
+    /// CLOCK_MONOTONIC of the arrival, ns.
     time_ns: i64,
 }
 
 type Request = (KrcCommand, SyncSender<Result<ControlAnswer, ControlError>>);
 
-/// Runs the simulator until SIGTERM, SIGINT, `quit`, or (if asked to) the end of its parent.
+/// Runs the simulator until SIGTERM, SIGINT, `quit` or, if requested, the end of its parent.
 ///
-/// `ready` gets the line that says where it sends from and where its control port is.
+/// `ready` receives the line with the address that it sends from and that of its control port.
 ///
 /// # Errors
-/// It could not start; or a thread has died.
+/// Returns an error if the simulator could not start, or if a thread has died.
 pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
     let stop = Stop::prepare(options.parent_death)?;
     let krc = Krc::new(options.settings()?);
@@ -156,14 +157,14 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         "lwr-sim ready fri={address} driver={driver} control={place}"
     ));
     stop.wait();
-    // Release pairs with the Acquire loads of clock and receiver; nothing else is handed over by it
+    // Release pairs with the Acquire loads of the clock and receiver threads; it publishes no other data.
     ending.store(true, Ordering::Release);
     clock.join().map_err(|_| RunError::Thread("clock"))??;
     receiver.join().map_err(|_| RunError::Thread("receive"))?;
     Ok(trace.close()?)
 }
 
-/// What the control port answers: the trace's commands here, all others on the clock thread.
+/// Handles requests at the control port: trace commands here, all others on the clock thread.
 fn answer_with(
     requests: SyncSender<Request>,
     trace: TraceSink,
@@ -173,7 +174,7 @@ fn answer_with(
         let command = serde_json::from_str(line).map_err(ControlError::from);
         let answer =
             command.and_then(|command| answer_command(command, &requests, &trace, &folder));
-        // `quit` ends the clock thread after its closing_cycles, and that ends the process
+        // `quit` ends the clock thread after its closing cycles, and that ends the process.
         line_server::LineReply {
             line: control::to_line(answer),
             stop: false,
@@ -227,7 +228,7 @@ fn receive(
             }
         };
         let time_ns = now_ns().unwrap_or(0);
-        // a full queue means that the clock thread is far behind; a lost datagram is what a real wire does as well
+        // A full queue means that the clock thread is far behind; dropping a datagram then resembles a real wire.
         let _ = arrived.try_send(ReceivedDatagram {
             bytes,
             length,
@@ -264,7 +265,7 @@ impl ClockThread {
                 self.take(&arrival, sent_ns);
             }
             for (command, answer) in self.commands.try_iter().take(REQUESTS_PER_TICK) {
-                // who asked may be gone by now
+                // The client may be gone by now.
                 let _ = answer.send(self.krc.execute(command));
             }
             sent_ns = now_ns()?;
@@ -298,14 +299,14 @@ impl ClockThread {
         }
     }
 
-    /// A datagram that the receiver thread has not fetched yet.
+    /// Returns a datagram that the receiver thread has not read yet.
     fn unreceived(&self) -> Result<Option<ReceivedDatagram>, Errno> {
         let mut bytes = [0; CMD_SIZE + 1];
         let mut parts = [io::IoSliceMut::new(&mut bytes)];
         let socket = self.socket.as_raw_fd();
         let received = recvmsg::<SockaddrStorage>(socket, &mut parts, None, MsgFlags::MSG_DONTWAIT);
         let Ok((length, source)) = received.map(|message| (message.bytes, message.address)) else {
-            // Nothing is there; whatever else it is, the receiver thread tells.
+            // No datagram is waiting; the receiver thread reports any other error.
             return Ok(None);
         };
         let source = source.and_then(|address| match address.as_sockaddr_in() {

@@ -1,13 +1,13 @@
-//! How well the PC answers: a window of 100 cycles and the quality that follows from it.
-//! Pure; the clock thread runs it. KUKA publishes no thresholds; all of them are ours.
+//! Connection quality, from the answers in a window of 100 cycles.
+//! Pure; run by the clock thread. KUKA publishes no thresholds; all of them are our own.
 
 use super::settings::QualityThresholds;
 use crate::fri_lwr::wire::Quality;
 
-/// Cycles that are looked at.
+/// Length of the window, cycles.
 pub const WINDOW: usize = 100;
 
-/// The last [`WINDOW`] cycles and the present judgement.
+/// The last [`WINDOW`] cycles and the present quality.
 #[derive(Clone, Debug)]
 pub struct QualityMeter {
     rules: QualityThresholds,
@@ -20,10 +20,10 @@ pub struct QualityMeter {
     figures: QualityFigures,
 }
 
-/// What the window says.
+/// Statistics of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct QualityFigures {
-    /// Answered cycles of the last [`WINDOW`].
+    /// Number of answered cycles among the last [`WINDOW`].
     pub answered: usize,
     /// Mean delay of the answers, s.
     pub latency_s: f64,
@@ -32,7 +32,7 @@ pub struct QualityFigures {
 }
 
 impl QualityMeter {
-    /// A connection that nobody has answered yet.
+    /// A connection without any answer yet.
     pub fn new(rules: QualityThresholds, period_s: f64) -> Self {
         Self {
             rules,
@@ -45,7 +45,7 @@ impl QualityMeter {
         }
     }
 
-    /// Takes one cycle in: the answer's delay in s, or a miss.
+    /// Records one cycle: the delay of the answer in s, or a miss.
     pub fn record(&mut self, delay_s: Option<f64>) {
         self.window[self.next] = delay_s;
         self.next = (self.next + 1) % WINDOW;
@@ -63,12 +63,12 @@ impl QualityMeter {
         }
     }
 
-    /// The present judgement.
+    /// Returns the present quality.
     pub fn quality(&self) -> Quality {
         self.quality
     }
 
-    /// The present figures.
+    /// Returns the present statistics.
     pub fn figures(&self) -> QualityFigures {
         self.figures
     }
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn a_fresh_connection_is_unacceptable_and_rises_after_its_hold_time() {
         assert_eq!(meter_after(0, 0.0).quality(), Quality::Unacceptable);
-        // 80 answers make BAD, believed 50 cycles later; by then the window is full
+        // 80 answers give BAD, which takes effect 50 cycles later; by then the window is full.
         assert_eq!(meter_after(128, 1e-4).quality(), Quality::Unacceptable);
         assert_eq!(meter_after(129, 1e-4).quality(), Quality::Perfect);
     }

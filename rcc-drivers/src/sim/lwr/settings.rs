@@ -1,45 +1,45 @@
-//! Everything about the simulated controller that can be chosen, with the values it has when nothing is chosen.
-//! Plain data; read by the clock thread only.
+//! Settings of the simulated controller with their defaults.
+//! Plain data; read only by the clock thread.
 //!
-//! KUKA publishes neither thresholds for the connection's quality nor tolerances nor the number of bridged answers:
-//! those numbers are **ours**. The supervised limits are what others have read out of a controller's files.
+//! KUKA publishes neither thresholds of the connection quality, nor tolerances, nor the number of bridged answers:
+//! those values are **our own**. The supervised limits are values that users have read from a controller's files.
 
 use super::Joints;
 use super::environment::Wall;
 
-/// How the KRL program on the simulated controller decides about command mode.
+/// How the KRL program of the simulated controller enters and leaves command mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum KrlProgram {
-    /// The convention of KUKA's first sample: the PC writes `$FRI_FRM_INT[1]`; 1 and 10 ask for command mode,
-    /// 0 and 2 end it, any other number leaves the last request as it is.
+    /// KUKA's first sample: the PC writes `$FRI_FRM_INT[1]`; 1 and 10 request command mode, 0 and 2 end it, any other
+    /// number leaves the last request unchanged.
     FirstApp,
-    /// Command mode as soon as its conditions hold; the PC's integers mean nothing.
+    /// Command mode as soon as its conditions hold; the PC's integers are ignored.
     Auto,
 }
 
-/// The control strategy that the KRL program has chosen before it opened the interface, `$STIFFNESS.STRATEGY`.
+/// Control strategy that the KRL program chose before it opened the interface, `$STIFFNESS.STRATEGY`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum KrlStrategy {
-    /// 10: the joints are where they are commanded to.
+    /// 10: joint position control.
     Position,
-    /// 20: the flange hangs on impedance at the commanded pose.
+    /// 20: Cartesian impedance control at the flange.
     CartesianImpedance,
-    /// 30: each joint hangs on a spring at its commanded position.
+    /// 30: joint impedance control.
     JointImpedance,
 }
 
 /// Who acknowledges a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Acknowledge {
-    /// The KRL program, once the arm has rested for a while and the PC mirrors. An emergency stop is never
-    /// acknowledged in this way.
+    /// The KRL program, once the arm has been at rest for a while and the PC mirrors. It never acknowledges an
+    /// emergency stop.
     Auto,
     /// Only the command `ack` of the control port.
     Manual,
 }
 
-/// SupervisedLimits that the controller supervises on the commanded positions, each in both directions.
+/// Limits of the commanded positions that the controller supervises, symmetric about 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SupervisedLimits {
     /// rad.
@@ -51,7 +51,7 @@ pub struct SupervisedLimits {
 }
 
 impl Default for SupervisedLimits {
-    /// Read by others from a controller's `rsidef7.dat` (TUM FRICheck), not published by KUKA.
+    /// Values that users read from a controller's `rsidef7.dat` (TUM FRICheck); not published by KUKA.
     fn default() -> Self {
         let radians = |degrees: Joints| degrees.map(f64::to_radians);
         Self {
@@ -62,16 +62,17 @@ impl Default for SupervisedLimits {
     }
 }
 
-/// When the connection has which quality. All numbers are ours.
+/// Thresholds of the connection quality. All values are our own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QualityThresholds {
-    /// Least answered part of the last 100 cycles for PERFECT; mean delay + 2 × jitter must be below half a period.
+    /// Smallest answered share of the last 100 cycles for PERFECT; mean delay + 2 × jitter must also be below half a
+    /// period.
     pub perfect: f64,
-    /// Least answered part for OK.
+    /// Smallest answered share for OK.
     pub ok: f64,
-    /// Least answered part for BAD; below it is UNACCEPTABLE.
+    /// Smallest answered share for BAD; below it the quality is UNACCEPTABLE.
     pub bad: f64,
-    /// Cycles for which a better quality must have lasted before it is believed; a worse one counts at once.
+    /// Cycles for which a better quality must last before it takes effect; a worse one takes effect at once.
     pub raise_cycles: u32,
 }
 
@@ -86,7 +87,7 @@ impl Default for QualityThresholds {
     }
 }
 
-/// One KRL output of the PC that is wired back to an input of the PC; both are counted from 1.
+/// A KRL output of the PC that is looped back to an input of the PC; both are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KrlLoopback {
@@ -103,37 +104,39 @@ pub struct Settings {
     pub period_s: f64,
     /// Joint positions at the start, rad.
     pub start: Joints,
-    /// KRL program.
+    /// Convention of the KRL program.
     pub script: KrlProgram,
     /// Control strategy.
     pub strategy: KrlStrategy,
-    /// Who acknowledges.
+    /// Who acknowledges a fault.
     pub acknowledge: Acknowledge,
-    /// For how long the arm must rest before the KRL program acknowledges, s. Ours.
+    /// How long the arm must be at rest before the KRL program acknowledges, s. The default is our own.
     pub acknowledge_after_s: f64,
     /// Supervised limits before scaling.
     pub limits: SupervisedLimits,
     /// Factor on velocity and acceleration limits (argument of `friStart`), 0 to 1.
     pub safety_limits: f64,
-    /// Largest difference between the command and the controller's own position at the entry, rad. Ours.
+    /// Largest difference between the command and the controller's own position at the entry, rad. The default is our
+    /// own.
     pub mirror_tolerance_rad: f64,
-    /// Missed answers in a row that are bridged with the last velocity; one more stops the arm. Ours.
+    /// Number of consecutive missed answers that are bridged with the last velocity; one more stops the arm. The
+    /// default is our own.
     pub bridged_misses: u32,
-    /// Largest deceleration of a stop, rad/s². Ours.
+    /// Largest deceleration of a stop, rad/s². The default is our own.
     pub brake_deceleration: f64,
-    /// Largest jerk of a stop, rad/s³. Ours.
+    /// Largest jerk of a stop, rad/s³. The default is our own.
     pub brake_jerk: f64,
-    /// Bandwidth of the simulated position control, rad/s. Ours.
+    /// Bandwidth of the simulated position control, rad/s. The default is our own.
     pub bandwidth_rad_s: f64,
     /// Thresholds of the quality.
     pub quality: QualityThresholds,
-    /// Booleans that are wired back.
+    /// Booleans that are looped back.
     pub boolean_wires: Vec<KrlLoopback>,
-    /// Reals that are wired back.
+    /// Reals that are looped back.
     pub real_wires: Vec<KrlLoopback>,
     /// Obstacle at the start.
     pub wall: Option<Wall>,
-    /// Seed of the answers that are dropped on request.
+    /// Seed of the random numbers for answers that are dropped on request.
     pub seed: u64,
 }
 

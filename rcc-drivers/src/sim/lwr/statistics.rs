@@ -1,5 +1,5 @@
-//! What the simulated controller has counted, and its snapshot for the control port.
-//! Plain data; written by the clock thread, turned into JSON by the control port's threads.
+//! Counters of the simulated controller, and its snapshot for the control port.
+//! Plain data; written by the clock thread, converted to JSON by the control port's threads.
 
 use super::Joints;
 use super::environment::Wall;
@@ -7,7 +7,7 @@ use super::network::NetworkCounts;
 use super::settings::KrlStrategy;
 use serde::Serialize;
 
-/// Faults that are remembered.
+/// Number of faults in the history.
 pub const FAULTS_KEPT: usize = 16;
 
 /// Datagrams and events since the start or the last `reset_statistics`.
@@ -21,15 +21,15 @@ pub struct KrcCounts {
     pub missed: u64,
     /// Longest run of cycles without a valid answer while commanding.
     pub missed_in_a_row_max: u32,
-    /// Answers to another datagram than the last.
+    /// Answers that did not reflect the sequence number of the last datagram.
     pub late: u64,
-    /// Further answers to the last datagram, and answers whose counter went backward while commanding.
+    /// Further answers to the last datagram, and answers with a decreasing sequence number in command state.
     pub duplicate: u64,
     /// Datagrams of a wrong size.
     pub wrong_size: u64,
     /// Datagrams with a wrong identity or `packetSize`.
     pub wrong_identity: u64,
-    /// Answers with a commanded position that is no number, while monitoring.
+    /// Answers with a commanded position that is not finite, in monitor state.
     pub not_finite: u64,
     /// Datagrams from another address than the PC's.
     pub foreign: u64,
@@ -37,9 +37,9 @@ pub struct KrcCounts {
     pub dropped: u64,
     /// Cycles whose datagram was withheld on request.
     pub withheld: u64,
-    /// Times at which the machine below let the clock sleep for more than a period.
+    /// Number of stalls, in which the machine let the clock sleep for more than a period.
     pub stalls: u64,
-    /// Ticks that were skipped in them.
+    /// Number of ticks skipped in stalls.
     pub skipped: u64,
     /// Entries into command state.
     pub entries: u64,
@@ -47,16 +47,16 @@ pub struct KrcCounts {
     pub faults: u64,
 }
 
-/// A fault that has happened.
+/// A fault in the history.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FaultRecord {
-    /// Tick in which it was noticed.
+    /// Tick in which the fault was detected.
     pub tick: u64,
     /// Controller's time, s.
     pub time_s: f64,
-    /// Number as in `$FRI_TO_INT[2]`.
+    /// Code as in `$FRI_TO_INT[2]`.
     pub code: i32,
-    /// Cause with numbers.
+    /// Description with values.
     pub reason: String,
 }
 
@@ -71,7 +71,7 @@ pub struct KrlVariables {
     pub integers: [i32; 16],
 }
 
-/// Everything at one moment.
+/// The whole state at one moment, for the control port.
 #[derive(Clone, Debug, Serialize)]
 pub struct Snapshot {
     /// Cycles since the start.
@@ -84,9 +84,9 @@ pub struct Snapshot {
     pub fri_state: &'static str,
     /// `unacceptable`, `bad`, `ok` or `perfect`.
     pub quality: &'static str,
-    /// Why it is not commanding; null while it is.
+    /// Why the controller stays in monitor state; null in command state.
     pub waiting_for: Option<String>,
-    /// The fault that is not acknowledged yet.
+    /// The unacknowledged fault.
     pub fault: Option<String>,
     /// The last faults, oldest first.
     pub faults: Vec<FaultRecord>,
@@ -110,7 +110,7 @@ pub struct Snapshot {
     pub commanded_acceleration_max: Joints,
     /// Neither set-point nor arm moves.
     pub at_rest: bool,
-    /// For how long, s.
+    /// Time since the arm came to rest, s.
     pub at_rest_for_s: f64,
     /// Flange in the base frame, m.
     pub flange_position: [f64; 3],
@@ -120,7 +120,7 @@ pub struct Snapshot {
     pub wrench: [f64; 6],
     /// The obstacle.
     pub wall: Option<Wall>,
-    /// Answered part of the last 100 cycles.
+    /// Answered share of the last 100 cycles.
     pub answer_rate: f64,
     /// Mean delay of the answers, s.
     pub latency_s: f64,
@@ -128,10 +128,10 @@ pub struct Snapshot {
     pub jitter_s: f64,
     /// Counters.
     pub counts: KrcCounts,
-    /// What the network was asked to do to datagrams.
+    /// Counters of the simulated network faults.
     pub network: NetworkCounts,
     /// `$FRI_TO_…`, controller to PC.
     pub krl_to_pc: KrlVariables,
-    /// `$FRI_FRM_…`, PC to controller; kept when the PC is silent.
+    /// `$FRI_FRM_…`, PC to controller; the last values while the PC is silent.
     pub krl_from_pc: KrlVariables,
 }

@@ -1,12 +1,12 @@
-//! The ramp that brings a moving set-point to rest: straight in joint space, deceleration and jerk bounded.
-//! Pure; the clock thread runs it.
+//! The ramp that brings a moving set-point to rest: straight in joint space, with bounded deceleration and jerk.
+//! Pure; run by the clock thread.
 
 use super::Joints;
 
-/// A stop under way: the velocity is `v0 · (1 − 3x² + 2x³)` with `x` = time / duration, for all joints alike.
+/// A stop in progress: the velocity is `v0 · (1 − 3x² + 2x³)` with `x` = time / duration, equal for all joints.
 ///
-/// It begins with no deceleration and ends with none. An acceleration at the moment of the stop is dropped at once;
-/// the arm's own lag rounds that off.
+/// It starts and ends with zero deceleration. An acceleration at the start of the stop is dropped at once; the arm's
+/// own lag smooths this.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopRamp {
     from: Joints,
@@ -27,7 +27,7 @@ impl StopRamp {
         }
     }
 
-    /// The set-point `step_s` seconds on; stays where it ended.
+    /// Advances by `step_s` seconds and returns the set-point, which stays constant after the end.
     pub fn advance(&mut self, step_s: f64) -> Joints {
         self.time_s = (self.time_s + step_s).min(self.duration_s);
         let x = if self.duration_s > 0.0 {
@@ -39,7 +39,7 @@ impl StopRamp {
         std::array::from_fn(|joint| self.from[joint] + self.velocity[joint] * way)
     }
 
-    /// The set-point no longer moves.
+    /// Returns true if the set-point has come to rest.
     pub fn is_at_rest(&self) -> bool {
         self.time_s >= self.duration_s
     }
@@ -63,7 +63,7 @@ mod tests {
                 let next_v = (next[3] - q) / dt;
                 let next_a = (next_v - v) / dt;
                 assert!(next_a.abs() <= 8.0 + 1e-6, "deceleration {next_a}");
-                // the first finite difference spans half a step only
+                // The first finite difference spans only half a step.
                 assert!(steps < 2 || ((next_a - a) / dt).abs() <= 200.0 * 1.01 + 1e-6);
                 assert_eq!(next[0], 0.1);
                 (q, v, a, steps) = (next[3], next_v, next_a, steps + 1);

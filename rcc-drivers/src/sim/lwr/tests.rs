@@ -1,4 +1,4 @@
-//! The simulated controller against a PC that lives in virtual time: a cycle is a step, nobody waits.
+//! The simulated controller against a PC in virtual time, one step per cycle.
 //! Runs in the test harness.
 
 mod entry;
@@ -13,7 +13,7 @@ use super::settings::{Acknowledge, KrlLoopback, KrlProgram, Settings};
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, Quality, SessionState, flags};
 
-/// A PC that mirrors until told otherwise.
+/// A PC that mirrors unless told otherwise.
 struct Pc {
     krc: Krc,
     seen: MeasurementDatagram,
@@ -31,7 +31,7 @@ impl Pc {
         }
     }
 
-    /// The answer of a PC that mirrors and asks for command mode.
+    /// Returns the answer of a PC that mirrors and requests command mode.
     fn mirror(&mut self) -> CommandDatagram {
         self.sequence = self.sequence.wrapping_add(1);
         let mut answer = CommandDatagram {
@@ -48,13 +48,13 @@ impl Pc {
         answer
     }
 
-    /// One cycle with this answer.
+    /// Runs one cycle with this answer.
     fn answer(&mut self, answer: &CommandDatagram) {
         self.krc.receive(&answer.encode(), 1e-4);
         self.continue_through_stall(1);
     }
 
-    /// One cycle without an answer.
+    /// Runs one cycle without an answer.
     fn miss(&mut self) {
         self.continue_through_stall(1);
     }
@@ -72,7 +72,7 @@ impl Pc {
         }
     }
 
-    /// In command state, at rest, having mirrored once.
+    /// Returns a PC in command state and at rest, having mirrored once.
     fn commanding(settings: Settings) -> Self {
         let mut pc = Self::new(settings);
         pc.mirror_for(200);
@@ -80,7 +80,7 @@ impl Pc {
         pc
     }
 
-    /// Where the controller is, as the PC knows it, rad.
+    /// Returns the controller's position as the PC knows it, rad.
     fn position(&self) -> Joints {
         std::array::from_fn(|joint| {
             f64::from(self.seen.commanded_position[joint])
@@ -88,14 +88,14 @@ impl Pc {
         })
     }
 
-    /// One cycle with joint 4 commanded there.
+    /// Runs one cycle with joint 4 commanded to `position`.
     fn command_joint_4(&mut self, position: f64) {
         let mut answer = self.mirror();
         answer.joint_position[3] = position as f32;
         self.answer(&answer);
     }
 
-    /// Commanding and moving joint 4 with `velocity`, reached smoothly.
+    /// Returns a PC in command state that moves joint 4 with `velocity`, reached smoothly.
     fn moving(settings: Settings, velocity: f64) -> Self {
         let mut pc = Self::commanding(settings);
         let (start, period_s) = (pc.position()[3], pc.krc.settings.period_s);

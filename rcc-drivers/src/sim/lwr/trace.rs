@@ -1,5 +1,5 @@
-//! A record of what went over the wire, cycle by cycle, as lines of comma-separated values.
-//! A thread of its own writes it: the clock thread only hands records over and never waits.
+//! The trace: a record of the datagrams of each cycle, as comma-separated values.
+//! Written by a thread of its own: the clock thread only hands records over and never waits.
 
 use super::{JOINTS, Joints};
 use std::fmt::Write as _;
@@ -11,12 +11,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Records under way between the two threads.
+/// Capacity of the queue between the two threads, records.
 const QUEUE: usize = 8192;
-/// Time after which written lines reach the file without being asked for.
+/// Interval at which written lines are flushed to the file.
 const FLUSH_EVERY: Duration = Duration::from_millis(100);
 
-/// First line of a trace.
+/// Header line of a trace.
 pub const HEADER: &str = "tick,time_s,sequence,state,quality,answered,\
     q1,q2,q3,q4,q5,q6,q7,c1,c2,c3,c4,c5,c6,c7,frm_bool,x,y,z,fx,fy,fz";
 
@@ -33,22 +33,22 @@ pub struct TraceRecord {
     pub state: u16,
     /// 0 unacceptable to 3 perfect.
     pub quality: u16,
-    /// There was a valid answer.
+    /// A valid answer was received.
     pub answered: bool,
-    /// Joint positions that were sent as measured, rad, before rounding to binary32.
+    /// Joint positions sent as measured, rad, before rounding to binary32.
     pub measured: Joints,
     /// Joint positions of the answer as received, rad; NaN without an answer.
     pub commanded: [f32; JOINTS],
-    /// `$FRI_FRM_BOOL` of the answer; without one the last.
+    /// `$FRI_FRM_BOOL` of the answer, or the last value without one.
     pub booleans: u16,
-    /// Flange in the base frame that belongs to `measured`, m.
+    /// Position of the flange at `measured`, base frame, m.
     pub flange: [f64; 3],
-    /// Force on the flange that was sent, N, base axes.
+    /// Force on the flange as sent, N, base axes.
     pub force: [f64; 3],
 }
 
 impl TraceRecord {
-    /// Appends the record as one line; every number reads back to the same bits.
+    /// Appends the record as one line; every number can be read back bit-identically.
     pub fn write_to(&self, line: &mut String) -> std::fmt::Result {
         write!(
             line,
@@ -75,7 +75,7 @@ impl TraceRecord {
         Ok(())
     }
 
-    /// The record in one line; `None` if it is not a whole line of a trace.
+    /// Parses one line; returns `None` if it is not a complete record.
     pub fn parse(line: &str) -> Option<Self> {
         let mut fields = line.trim_end().split(',');
         let mut next = || fields.next();
@@ -113,7 +113,7 @@ enum TraceMessage {
     Flush(SyncSender<io::Result<()>>),
 }
 
-/// Where records are handed over; clones reach the same writer.
+/// Handle for handing records to the writer thread; clones share the writer.
 #[derive(Clone)]
 pub struct TraceSink {
     queue: SyncSender<TraceMessage>,
@@ -122,19 +122,20 @@ pub struct TraceSink {
 /// Why a trace could not be opened, closed or flushed.
 #[derive(Debug, thiserror::Error)]
 pub enum TraceError {
-    /// The file refuses.
+    /// The file cannot be written.
     #[error("the trace cannot be written: {0}")]
     File(#[from] io::Error),
-    /// The writer does not answer.
+    /// The writer thread does not answer.
     #[error("the trace's writer does not answer within 5 s")]
     NoAnswer,
 }
 
 impl TraceSink {
-    /// Starts the writer; it ends when every sink is gone. [`TraceSink::close`] makes sure that all is in the file.
+    /// Starts the writer thread, which ends when every sink has been dropped. [`TraceSink::close`] ensures that all
+    /// records are in the file.
     ///
     /// # Errors
-    /// The system gives no thread.
+    /// Returns an error if the operating system refuses to create a thread.
     pub fn start() -> io::Result<Self> {
         let (queue, records) = sync_channel(QUEUE);
         thread::Builder::new()
@@ -143,7 +144,7 @@ impl TraceSink {
         Ok(Self { queue })
     }
 
-    /// Hands a record over without waiting; `false` means that the queue was full and the record is lost.
+    /// Hands a record over without blocking; returns `false` if the queue was full and the record is lost.
     pub fn record(&self, record: TraceRecord) -> bool {
         !matches!(
             self.queue.try_send(TraceMessage::Record(record)),
@@ -151,26 +152,26 @@ impl TraceSink {
         )
     }
 
-    /// Traces into `path` from now on: appends, with a header line if the file is empty.
+    /// Traces into `path` from now on: appends, after a header line if the file is empty.
     ///
     /// # Errors
-    /// The file cannot be opened.
+    /// Returns an error if the file cannot be opened.
     pub fn open(&self, path: PathBuf) -> Result<(), TraceError> {
         self.ask(|answer| TraceMessage::Open(path, answer))
     }
 
-    /// Ends the trace; what was handed over so far is in the file.
+    /// Ends the trace; all records handed over so far are then in the file.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn close(&self) -> Result<(), TraceError> {
         self.ask(TraceMessage::Close)
     }
 
-    /// Waits until what was handed over so far is in the file.
+    /// Waits until all records handed over so far are in the file.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn flush(&self) -> Result<(), TraceError> {
         self.ask(TraceMessage::Flush)
     }
@@ -190,7 +191,7 @@ impl TraceSink {
     }
 }
 
-/// The file that is written at present; a write that fails ends it and is told at the next request.
+/// The file being written; a failed write closes it and is reported with the next request.
 #[derive(Default)]
 struct TraceOutput {
     file: Option<BufWriter<File>>,
@@ -200,7 +201,7 @@ struct TraceOutput {
 impl TraceOutput {
     fn open(&mut self, path: PathBuf) -> io::Result<()> {
         self.close()?;
-        // For our eyes, and not wherever a link leads that somebody has put there.
+        // Readable only by its owner, and not through a link that somebody has planted.
         let file = File::options()
             .create(true)
             .append(true)
@@ -224,7 +225,7 @@ impl TraceOutput {
     fn write(&mut self, record: &TraceRecord, line: &mut String) {
         let Some(file) = &mut self.file else { return };
         line.clear();
-        // writing to a String cannot fail
+        // Writing to a String cannot fail.
         let _ = record.write_to(line);
         if let Err(error) = file.write_all(line.as_bytes()) {
             self.failure = Some(error);
@@ -250,7 +251,7 @@ fn write_all(records: &Receiver<TraceMessage>) {
     let mut output = TraceOutput::default();
     let mut line = String::with_capacity(512);
     let mut flushed = Instant::now();
-    // who asked may be gone by now: an answer that nobody takes is no failure
+    // The requester may be gone by now; an answer that nobody takes is not an error.
     loop {
         match records.recv_timeout(FLUSH_EVERY) {
             Ok(TraceMessage::Record(record)) => output.write(&record, &mut line),

@@ -1,4 +1,4 @@
-//! Bytes against the examples of the standard.
+//! Encoded bytes against the examples of the standard.
 
 use super::*;
 

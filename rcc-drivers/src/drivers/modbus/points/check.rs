@@ -1,4 +1,4 @@
-//! What is refused about a channel's address before the first request goes.
+//! Checks of a channel's address before the first request.
 //! Used once, when a driver is opened.
 
 use rcc_config::{ChannelConfig, DeviceConfig};
@@ -8,7 +8,7 @@ use super::super::settings::RequestLimits;
 use super::AddressedChannel;
 use crate::driver::{DriverError, channel_error, to_raw};
 
-/// Its value fits, and nobody else writes there.
+/// Checks that the channel's values fit into its registers, and that no other output uses them.
 pub(super) fn check_output(
     device: &DeviceConfig,
     channel: &ChannelConfig,
@@ -43,7 +43,7 @@ pub(super) fn check_output(
     Err(channel_error(device, channel, cause, expected))
 }
 
-/// One request holds the whole value: half of one is none.
+/// Checks that one request can hold the whole value: half of a value is invalid.
 pub(super) fn check_size(
     device: &DeviceConfig,
     channel: &ChannelConfig,
@@ -67,7 +67,7 @@ pub(super) fn check_size(
     Err(channel_error(device, channel, cause, expected))
 }
 
-/// Both take one point, or one bit of it.
+/// Returns true if both use the same point, or the same bit of a register.
 #[must_use]
 pub fn overlap(one: &Address, other: &Address) -> bool {
     let end = |address: &Address| u32::from(address.number) + u32::from(address.width());

@@ -1,4 +1,4 @@
-//! What the answers of one server mean.
+//! Processing of the responses of one server.
 //! Pure; run by the host's thread.
 
 use std::time::{Duration, Instant};
@@ -9,11 +9,11 @@ use super::super::points::{InputTarget, ReadBlock};
 use super::super::value::WIDTH_MAX;
 use super::{PendingRequest, Purpose, Server, Step};
 
-/// Before a request is repeated that a busy server has refused.
+/// Pause before a request that a busy server has refused is repeated.
 pub(super) const BUSY_PAUSE: Duration = Duration::from_millis(5);
 
 impl Server {
-    /// Takes all whole messages out of `inbox` and gives it back.
+    /// Processes all complete messages in `inbox` and returns it.
     pub(super) fn process_received(
         &mut self,
         mut inbox: ReceiveBuffer,
@@ -26,7 +26,7 @@ impl Server {
                 Err(broken) => return (inbox, Err(ServerFault::Broken(broken))),
             };
             let result = match self.pending {
-                // One that has not gone yet has no answer: this one is late.
+                // A request that has not been sent completely has no response yet: this one is late.
                 Some(pending)
                     if pending.message.transaction() == incoming.transaction
                         && pending.has_gone() =>
@@ -103,7 +103,7 @@ impl Server {
                 self.continue_at(end);
             }
             (Purpose::Watchdog, _) => self.step = Step::Idle,
-            // A purpose is asked for in its step only.
+            // Each purpose occurs only in its own step.
             _ => {}
         }
     }
@@ -114,7 +114,8 @@ impl Server {
         }
     }
 
-    /// A refused output is left out, so that it keeps none of the others from its value; the fault comes after them.
+    /// Handles an exception. A refused output is skipped, so that it does not block the others; the fault is returned
+    /// after them.
     pub(super) fn handle_exception(
         &mut self,
         pending: &PendingRequest,
@@ -203,7 +204,7 @@ impl Server {
         }
     }
 
-    /// Why there is no answer.
+    /// Returns why there is no response.
     pub(super) fn overdue(&mut self, pending: &PendingRequest) -> ServerFault {
         let why = match self.step {
             Step::Safe { .. } => self.end_sweep(),
@@ -222,7 +223,7 @@ impl Server {
         }
     }
 
-    /// A request in words.
+    /// Returns a description of a request for messages.
     pub(super) fn doing(&self, pending: &PendingRequest) -> String {
         let points = |table: &str, first: u16, count: usize| match count {
             0 | 1 => format!("{table} {first}"),

@@ -1,10 +1,11 @@
-//! The safe values of one server: every one is sent, whatever the server answers, and each once before any is sent again.
+//! The safe values of one server: each is sent, whatever the server answers, and once before any is sent again.
 //! Pure; run by the host's thread.
 //!
-//! A request whose answer does not come in its share of the time-out is overtaken by the next one: both are then on their
-//! way, told apart by their transaction numbers (MODBUS Messaging on TCP/IP V1.0b, 4.2). So all of them are sent within
-//! one time-out. Those that were never confirmed come first, and of them who was sent least often, also over connections:
-//! a server that closes after each request, or drops what comes while it is at work, gets all values in a few rounds.
+//! If the response to a request does not arrive within its share of the time-out, the next request overtakes it: both
+//! are then pending, told apart by their transaction numbers (MODBUS Messaging on TCP/IP V1.0b, 4.2). All of them are
+//! therefore sent within one time-out. Unconfirmed values come first, among them those sent least often, also across
+//! connections: a server that closes the connection after each request, or drops requests while it is busy, gets all
+//! values within a few rounds.
 
 use std::time::{Duration, Instant};
 
@@ -15,40 +16,41 @@ use super::response::BUSY_PAUSE;
 use super::write::unfit;
 use super::{PendingRequest, Purpose, Server, Step};
 
-/// Connections that end after one request take the next one with them; so often, the last of 64 outputs has had its turn.
+/// Attempts per output: a connection that ends after one request also takes the next one with it, and this number
+/// suffices to reach the last of 64 outputs.
 const TRIES_MAX: u32 = 8;
 
-/// What is known of the safe values; rows by the place of an output.
+/// State of the safe values, one row per output.
 #[derive(Debug)]
 pub(super) struct SafeValueSweep {
     rows: Vec<SafeValueState>,
-    /// Sweeps so far: each begins at another output.
+    /// Number of sweeps so far: each starts at another output.
     count: usize,
-    /// RequestLimits that were overtaken; at most one for each output.
+    /// Requests that were overtaken; at most one per output.
     overtaken: Vec<PendingRequest>,
-    /// When the request that waits may be overtaken.
+    /// Time at which the pending request may be overtaken.
     turn: Instant,
-    /// All have been sent; from now on only answers are waited for.
+    /// All values have been sent; only responses are awaited.
     all_sent: bool,
-    /// What comes cannot be understood any more, and is dropped.
+    /// Received bytes are invalid and are dropped.
     ignores_input: bool,
     /// The server was busy.
     busy: Option<ServerFault>,
-    /// Since the last loss all have been sent, and their answers have come or had their time.
+    /// All values have been sent since the last loss, and their responses have arrived or timed out.
     done: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 struct SafeValueState {
-    /// Confirmations since the last loss.
+    /// Number of confirmations since the last loss.
     confirmed: u32,
-    /// RequestLimits since the last loss.
+    /// Number of requests since the last loss.
     tries: u32,
-    /// It was sent in this sweep.
+    /// The value has been sent in this sweep.
     asked: bool,
-    /// Not again before then: the server was busy.
+    /// Not to be sent before this time: the server was busy.
     not_before: Option<Instant>,
-    /// Its register as it was read last; for outputs that are bits.
+    /// Last value read from its register; for outputs that are bits.
     others: Option<u16>,
 }
 
@@ -66,7 +68,7 @@ impl SafeValueSweep {
         }
     }
 
-    /// A sweep begins.
+    /// Starts a sweep.
     pub(super) fn begin(&mut self) {
         for row in &mut self.rows {
             (row.asked, row.not_before) = (false, None);
@@ -76,7 +78,7 @@ impl SafeValueSweep {
         self.count = self.count.wrapping_add(1);
     }
 
-    /// All are as they are to be. Once the server is lost, nothing has been sent.
+    /// Resets the counts once all values are confirmed, so that after the next loss each counts as not sent.
     pub(super) fn forget(&mut self) {
         for row in &mut self.rows {
             (row.confirmed, row.tries) = (0, 0);
@@ -84,7 +86,7 @@ impl SafeValueSweep {
         self.done = false;
     }
 
-    /// The server says that it has done these.
+    /// Counts the confirmation of these outputs.
     pub(super) fn confirm(&mut self, places: std::ops::Range<usize>) {
         for row in self.rows.get_mut(places).unwrap_or_default() {
             row.confirmed = row.confirmed.saturating_add(1);
@@ -95,14 +97,14 @@ impl SafeValueSweep {
         self.rows.get(place).is_some_and(|row| row.asked)
     }
 
-    /// Keeps what a register is beside our bits.
+    /// Stores the value of a register that contains our bits and others.
     pub(super) fn keep(&mut self, place: usize, register: u16) {
         if let Some(row) = self.rows.get_mut(place) {
             row.others = Some(register);
         }
     }
 
-    /// These are to be sent again in this sweep, after the others.
+    /// Marks these outputs to be sent again in this sweep, after the others.
     fn repeat(&mut self, places: std::ops::Range<usize>, not_before: Option<Instant>) {
         for row in self.rows.get_mut(places).unwrap_or_default() {
             (row.asked, row.not_before) = (false, not_before);
@@ -111,14 +113,14 @@ impl SafeValueSweep {
 }
 
 impl Server {
-    /// Every safe value has been sent since the last loss, and its answer has come or had its time.
+    /// Returns true if every safe value has been sent since the last loss, and its response has arrived or timed out.
     #[must_use]
     pub fn is_released(&self) -> bool {
         self.sweep.done
     }
 
-    /// Some output has neither confirmed its safe value since the last loss, nor been sent it often enough: a request may
-    /// be lost with its connection.
+    /// Returns true if some output has neither confirmed its safe value since the last loss, nor been sent it often
+    /// enough: a request may be lost with its connection.
     #[must_use]
     pub fn has_unsent_safe_values(&self) -> bool {
         let rows = self.sweep.rows.iter().zip(&self.points.outputs);
@@ -126,7 +128,7 @@ impl Server {
         open.any(|(_, output)| matches!(output.desired(&self.released), DesiredValue::Value(_)))
     }
 
-    /// The next safe value is sent, or there is none left: then true when all answers have come.
+    /// Sends the next safe value; if none is left, returns true once all responses have arrived.
     pub(super) fn continue_sweep(&mut self, now: Instant) -> bool {
         for place in 0..self.points.outputs.len() {
             if let Some(DesiredValue::Unfit(value)) = self.desired(place) {
@@ -151,7 +153,7 @@ impl Server {
         false
     }
 
-    /// The request that waits gives way to the next one, if its time is over.
+    /// Lets the next request overtake the pending one, if its share of the time-out is over.
     pub(super) fn overtake_pending(&mut self, now: Instant) {
         let Some(pending) = self.pending.filter(PendingRequest::has_gone) else {
             return;
@@ -164,7 +166,7 @@ impl Server {
         match pending.purpose {
             _ if self.sweep.ignores_input => {}
             Purpose::Fetch { place } if self.can_write_blind(&pending) => {
-                // Nobody else writes the register, so it is as it was.
+                // Nobody else writes the register, so its last value is still valid.
                 self.fetched = self.sweep.rows[place]
                     .others
                     .map(|register| (place, register));
@@ -174,27 +176,27 @@ impl Server {
         }
     }
 
-    /// When [`Server::overtake_pending`] has something to do.
+    /// Returns the time at which [`Server::overtake_pending`] has work to do.
     pub(super) fn turn(&self) -> Option<Instant> {
         let is_blind = self.pending.is_some_and(|one| self.can_write_blind(&one));
         let gives_way = self.sweep.ignores_input || is_blind || self.next_safe().is_some();
         gives_way.then_some(self.sweep.turn)
     }
 
-    /// An answer that is awaited still, though its request was overtaken.
+    /// Returns the overtaken request with this transaction number, if its response is still awaited.
     pub(super) fn take_overtaken(&mut self, transaction: u16) -> Option<PendingRequest> {
         let mut overtaken = self.sweep.overtaken.iter();
         let place = overtaken.position(|one| one.message.transaction() == transaction)?;
         Some(self.sweep.overtaken.swap_remove(place))
     }
 
-    /// The oldest request without an answer.
+    /// Returns the oldest request without a response.
     pub(super) fn unanswered(&self) -> Option<PendingRequest> {
         let oldest = self.sweep.overtaken.iter().min_by_key(|one| one.from);
         oldest.copied().or(self.pending)
     }
 
-    /// The time of this sweep is over: why.
+    /// Ends a sweep at its deadline; returns the fault, if any.
     pub(super) fn end_sweep(&mut self) -> Option<ServerFault> {
         self.sweep.done |= self.sweep.all_sent;
         let busy = self.sweep.busy.take();
@@ -204,7 +206,7 @@ impl Server {
             .or(busy)
     }
 
-    /// The answers of this sweep have come.
+    /// Ends a sweep after its last response; returns the fault, if any.
     pub(super) fn finish_sweep(&mut self, again: bool) -> Option<ServerFault> {
         self.sweep.done = true;
         self.refused
@@ -212,7 +214,8 @@ impl Server {
             .filter(|_| again || self.sweep.ignores_input)
     }
 
-    /// What came is no answer. The safe values are sent all the same; the fault is told after them.
+    /// Drops all received bytes after an invalid response. The safe values are still sent; the fault is returned
+    /// afterwards.
     pub(super) fn ignore_input(&mut self, fault: ServerFault) {
         self.refused = Some(fault);
         self.sweep.ignores_input = true;
@@ -221,12 +224,12 @@ impl Server {
         self.pending = self.pending.filter(|pending| !pending.has_gone());
     }
 
-    /// What comes is dropped.
+    /// Returns true if received bytes are dropped.
     pub(super) fn ignores_input(&self) -> bool {
         matches!(self.step, Step::Safe { .. }) && self.sweep.ignores_input
     }
 
-    /// A safe value was refused: what is tried again, and what is not.
+    /// Handles the refusal of a safe value: decides whether it is tried again.
     pub(super) fn handle_refusal_in_sweep(
         &mut self,
         purpose: Purpose,
@@ -250,12 +253,13 @@ impl Server {
         }
     }
 
-    /// A register was read that is changed in part: it is written next.
+    /// Marks an output whose register has been read: its bits are written next.
     pub(super) fn write_fetched(&mut self, place: usize) {
         self.sweep.repeat(place..place + 1, None);
     }
 
-    /// The output that is sent next: one whose register has just been read, or who was confirmed, then sent least often.
+    /// Returns the output to send next: one whose register has just been read, otherwise the one with the fewest
+    /// confirmations, then the fewest requests.
     fn next_safe(&self) -> Option<usize> {
         if let Some((place, _)) = self.fetched
             && self.changed(place).is_some()
@@ -273,7 +277,7 @@ impl Server {
         open.min_by_key(order).map(|(place, _)| place)
     }
 
-    /// The request that has just been made counts.
+    /// Counts the request that has just been made.
     fn count_asked(&mut self, now: Instant) {
         let Some(pending) = &mut self.pending else {
             return;
@@ -295,9 +299,9 @@ impl Server {
         }
     }
 
-    /// How long an answer is waited for before the next request is sent.
+    /// Returns how long a response is awaited before the next request is sent.
     fn share(&self) -> Duration {
-        // Bits take two requests if their register must be read before.
+        // Bits need two requests if their register must be read first.
         let each = if self.settings.mask_write { 1 } else { 2 };
         let requests = u32::try_from(each * self.points.outputs.len()).unwrap_or(u32::MAX);
         self.settings.timeout / requests.max(1)
@@ -314,7 +318,7 @@ impl Server {
         }
     }
 
-    /// The answer to a request that was overtaken.
+    /// Processes the response to an overtaken request.
     pub(super) fn handle_late_response(
         &mut self,
         late: &PendingRequest,

@@ -1,4 +1,4 @@
-//! The dialog in virtual time, against a server of a few lines that reads the bytes by itself.
+//! The request sequence in virtual time, against a minimal server that parses the bytes independently.
 
 use std::time::Duration;
 
@@ -15,13 +15,13 @@ mod safe_values;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// 100 points of each kind.
+/// A server with 100 points of each kind.
 struct ScriptedServer {
     bits: [[bool; 100]; 2],
     registers: [[u16; 100]; 2],
-    /// Functions of all requests, and their first addresses.
+    /// Function codes and first addresses of all requests.
     asked: Vec<(u8, u16)>,
-    /// RequestLimits of this function and address are refused with this code.
+    /// Requests with this function code and address are refused with this exception code.
     refuses: Vec<(u8, u16, u8)>,
 }
 
@@ -35,7 +35,7 @@ impl ScriptedServer {
         }
     }
 
-    /// The bytes that answer a request.
+    /// Returns the response to a request, as bytes.
     fn answer(&mut self, request: &[u8]) -> Vec<u8> {
         let word = |at: usize| u16::from_be_bytes([request[at], request[at + 1]]);
         let (function, first) = (request[7], word(8));
@@ -108,7 +108,7 @@ impl ScriptedServer {
     }
 }
 
-/// The dialog, the device and the time.
+/// The request sequence, the server and the time.
 struct ServerFixture {
     server: Server,
     device: ScriptedServer,
@@ -132,7 +132,7 @@ impl ServerFixture {
         }
     }
 
-    /// The next request, if there is one.
+    /// Returns the next request, if any.
     fn request(&mut self) -> Result<Option<Vec<u8>>, ServerFault> {
         self.server.advance(self.now)?;
         let bytes = self.server.to_send(self.now).to_vec();
@@ -145,7 +145,7 @@ impl ServerFixture {
         self.server.received(bytes.len(), self.now)
     }
 
-    /// Until nothing is asked any more.
+    /// Runs until nothing is requested any more.
     fn run(&mut self) -> Result<(), ServerFault> {
         while let Some(request) = self.request()? {
             let answer = self.device.answer(&request);
@@ -439,7 +439,7 @@ fn a_busy_server_is_asked_again_until_the_time_out() {
             .contains("exception 6: the device is busy")
     );
     assert_eq!(bench.device.asked.len(), 4);
-    // The same, but it has time before the time-out.
+    // The same, but with enough time before the time-out.
     let mut bench = ServerFixture::new(json!({"timeout": "20 ms"}), &rows);
     bench.run().unwrap();
     assert!(bench.server.tick(bench.now));
@@ -462,7 +462,7 @@ fn late_answers_and_those_of_other_units_are_discarded() {
     bench.now += 100 * MS;
     let fault = bench.request().unwrap_err();
     assert!(matches!(fault, ServerFault::Timeout { .. }), "{fault}");
-    // The same connection goes on; the answer of before comes now, and says something else.
+    // On the same connection; the answer of before arrives now, with another content.
     bench.server.prepare(bench.now);
     bench.run().unwrap();
     assert!(bench.server.tick(bench.now));
@@ -512,7 +512,7 @@ fn the_watchdog_lives_only_while_rounds_end() {
         })
         .collect();
     assert_eq!(signs, [1, 2, 2, 3, 3, 4]);
-    // Nobody says what the outputs are: whoever should has died.
+    // No outputs are commanded: the host has died.
     for _ in 0..5 {
         bench.now += 20 * MS;
         assert!(bench.server.tick(bench.now));

@@ -1,4 +1,4 @@
-//! What one server is written besides its outputs: `on_connect`, and signs of life.
+//! Writes to one server besides its outputs: `on_connect` and the watchdog.
 //! Pure; run by the host's thread.
 
 use std::time::Instant;
@@ -8,7 +8,7 @@ use super::super::frame::ModbusRequest;
 use super::{Purpose, Server};
 
 impl Server {
-    /// The next value of `on_connect`; false behind the last.
+    /// Writes the next value of `on_connect`; returns false after the last one.
     pub(super) fn assign(&mut self, place: usize, now: Instant) -> bool {
         let Some(assignment) = self.settings.on_connect.get(place) else {
             return false;
@@ -36,7 +36,7 @@ impl Server {
         true
     }
 
-    /// A sign of life, if it is time for one.
+    /// Writes the watchdog if it is due.
     pub(super) fn write_watchdog(&mut self, now: Instant) -> bool {
         let Some(watchdog) = self
             .settings
@@ -47,7 +47,7 @@ impl Server {
             return false;
         };
         let first = watchdog.address.number;
-        // Not a burst after a pause.
+        // No burst after a pause.
         self.watchdog_due = (self.watchdog_due + watchdog.every).max(now);
         self.watchdog_count = self.watchdog_count.wrapping_add(1);
         let (on, count) = (self.watchdog_count & 1 == 1, self.watchdog_count);

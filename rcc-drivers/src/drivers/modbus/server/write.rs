@@ -1,4 +1,4 @@
-//! The outputs of one server: which have changed, and which of them go in one request.
+//! Writing the outputs of one server: finds the changed ones and combines them into requests.
 //! Pure; run by the host's thread.
 
 use std::time::Instant;
@@ -11,11 +11,11 @@ use super::super::frame::ModbusRequest;
 use super::super::points::{DesiredValue, OutputPoint, OutputSource, RawOutput};
 use super::{Purpose, Server, Step};
 
-/// More registers than one write has.
+/// More registers than one write can contain.
 const REGISTERS_MAX: usize = 128;
 
 impl Server {
-    /// The next outputs from `cursor` on that are not yet as they are to be; false if there are none.
+    /// Writes the next outputs from `cursor` on that have changed; returns false if there are none.
     pub(super) fn write_next(&mut self, cursor: usize, now: Instant) -> bool {
         for place in cursor..self.points.outputs.len() {
             if let Some(DesiredValue::Unfit(value)) = self.desired(place) {
@@ -23,7 +23,7 @@ impl Server {
                 self.refused.get_or_insert(fault);
             }
             if let Some(wanted) = self.changed(place) {
-                // What lies before needs no request, and is not what the answer is about.
+                // The outputs before need no request, and the response does not concern them.
                 self.continue_at(place);
                 match self.points.outputs[place].source {
                     OutputSource::Bits { .. } => self.write_bits(place, wanted, now),
@@ -36,7 +36,7 @@ impl Server {
         false
     }
 
-    /// The outputs up to `end` are as they are to be.
+    /// Marks the outputs up to `end` as written.
     pub(super) fn confirm(&mut self, from: usize, end: usize, mask: u16) {
         for place in from..end {
             let Some(DesiredValue::Value(wanted)) = self.desired(place) else {
@@ -105,7 +105,8 @@ impl Server {
         );
     }
 
-    /// Gives `put` the changed outputs from `from` on that follow each other without a hole: offset, value, width.
+    /// Calls `put` with offset, value and width of the changed outputs from `from` on that are contiguous; returns the
+    /// end.
     fn gather(
         &self,
         from: usize,
@@ -134,12 +135,13 @@ impl Server {
         place
     }
 
-    /// A safe value that is under way already.
+    /// Returns true if this safe value has already been sent in this sweep.
     fn is_asked(&self, place: usize) -> bool {
         matches!(self.step, Step::Safe { .. }) && self.sweep.was_asked(place)
     }
 
-    /// Bits of a register: whole if all are ours, by function 22, or read and written back.
+    /// Writes bits of a register: the whole register if all bits are ours, otherwise by function 22, or by reading it
+    /// and writing it back.
     pub(super) fn write_bits(&mut self, place: usize, wanted: RawOutput, now: Instant) {
         let first = self.points.outputs[place].address;
         let changes = self.written[place].changes(&wanted);

@@ -1,5 +1,5 @@
-//! Servers that do what they are told and answer badly: late, as another unit, with half an answer, never. Whatever they
-//! answer, every safe value is sent to them, each once before any is sent again.
+//! Servers that execute requests but answer badly: late, as another unit, incompletely, never.
+//! Whatever they answer, every safe value is sent to them, each once before any is sent again.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -13,34 +13,34 @@ use super::super::Modbus;
 use crate::conformance::{self, SafeValueState};
 use crate::driver::{Driver, Inputs, LinkError, Outputs};
 
-/// How it answers; it acts at once.
+/// How the server answers; it executes at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Manner {
     Well,
-    /// So long after the request, each by itself.
+    /// After this delay, each response by itself.
     Late(Duration),
     OtherUnit,
     Half,
     Never,
-    /// Answers with another function than was asked for.
+    /// With another function code than in the request.
     Nonsense,
-    /// With bytes that are no Modbus.
+    /// With bytes that are not Modbus.
     Garbage,
-    /// With this exception, though it acts.
+    /// With this exception, although it executes the request.
     Exception(u8),
-    /// Answers, and closes.
+    /// Answers, then closes the connection.
     Closes,
-    /// Closes without an answer.
+    /// Closes the connection without an answer.
     Hangs,
-    /// What comes while it is at work (so long for each) is dropped.
+    /// Drops requests while it is busy, for this time per request.
     OneAtATime(Duration),
 }
 
 struct State {
     manner: Manner,
-    /// Coils, and holding registers.
+    /// Coils and holding registers.
     points: [[u16; 32]; 2],
-    /// Which points were written, in order: table, number.
+    /// Written points in order: table, number.
     written: Vec<(usize, usize)>,
 }
 
@@ -78,7 +78,7 @@ impl Stubborn {
         state.written.clear();
     }
 
-    /// Ends with the connection.
+    /// Serves one connection until it ends.
     fn serve(&self, mut stream: TcpStream) {
         stream.set_nodelay(true).expect("a socket");
         loop {
@@ -102,7 +102,7 @@ impl Stubborn {
                     let mut own = stream.try_clone().expect("a socket");
                     std::thread::spawn(move || {
                         std::thread::sleep(time);
-                        // The driver may have gone.
+                        // The driver may be gone.
                         let _ = own.write_all(&answer);
                     });
                     continue;
@@ -121,7 +121,7 @@ impl Stubborn {
                 Manner::OneAtATime(time) => {
                     std::thread::sleep(time);
                     stream.set_nonblocking(true).expect("a socket");
-                    // Whatever came meanwhile.
+                    // Requests that arrived meanwhile.
                     while stream.read(&mut [0; 1000]).is_ok_and(|count| count > 0) {}
                     stream.set_nonblocking(false).expect("a socket");
                 }
@@ -132,7 +132,7 @@ impl Stubborn {
         }
     }
 
-    /// Does what is asked for; returns function and data.
+    /// Executes a request; returns function code and data.
     fn act(&self, request: &[u8]) -> Vec<u8> {
         let word = |at: usize| u16::from_be_bytes([request[at], request[at + 1]]);
         let (function, first, second) = (request[0], usize::from(word(1)), word(3));
@@ -158,7 +158,7 @@ impl Stubborn {
             .all(|&(table, number)| state.points[table][number] == value)
     }
 
-    /// How often each output has been written since [`Stubborn::behave`].
+    /// Returns how often each output has been written since [`Stubborn::behave`].
     fn tries(&self, outputs: &[(usize, usize)]) -> Vec<usize> {
         let state = self.state.lock().expect("no panic");
         let count = |output| state.written.iter().filter(|one| *one == output).count();
@@ -166,7 +166,7 @@ impl Stubborn {
     }
 }
 
-/// Where the outputs are: each needs a request of its own.
+/// Addresses of the outputs: each needs a request of its own.
 const OUTPUTS: [(usize, usize); 8] = [
     (0, 0),
     (0, 2),
@@ -215,24 +215,24 @@ fn all(on: bool) -> Outputs {
     outputs
 }
 
-/// One exchange as the host does it.
+/// Performs one exchange as the host does.
 fn exchange(driver: &mut Modbus, outputs: &Outputs) -> Result<(), LinkError> {
     driver.receive(Duration::from_millis(10), &mut Inputs::NONE.clone())?;
     driver.send(outputs)
 }
 
-/// A driver whose outputs are all on.
+/// Returns a driver with all outputs on.
 fn running(server: &Stubborn, settings: &serde_json::Value) -> Modbus {
     let mut driver = Modbus::open(&device(server.address, settings)).expect("a configuration");
     until(|| {
-        // Not yet connected, or not yet read.
+        // Not connected yet, or not read yet.
         let _ = exchange(&mut driver, &all(true));
         server.all_are(&OUTPUTS, 1)
     });
     driver
 }
 
-/// Waits for it without a bound that a slow machine could miss.
+/// Waits without a time limit, which a slow machine could miss.
 fn until(mut done: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !done() {
@@ -246,7 +246,7 @@ fn settings() -> serde_json::Value {
     serde_json::json!({"timeout": "80 ms", "period": "5 ms"})
 }
 
-/// Tries of an output until all have had theirs: the write that was under way may be one.
+/// Most writes of an output until all have been written: the write in progress may be one.
 const TRIES_MAX: usize = 3;
 
 const MANNERS: [Manner; 12] = [
@@ -264,7 +264,8 @@ const MANNERS: [Manner; 12] = [
     Manner::OneAtATime(Duration::from_millis(120)),
 ];
 
-/// It takes one request of a connection or a round, so that some are told again before the last has had its turn.
+/// Returns true for a server that executes one request per connection or round: some outputs are then written again
+/// before the last one.
 fn takes_rounds(manner: Manner) -> bool {
     matches!(
         manner,
@@ -279,7 +280,7 @@ fn every_safe_value_is_sent_whatever_the_server_answers() {
         let mut driver = running(&server, &settings());
         server.behave(manner);
         until(|| {
-            // It is lost, sooner or later.
+            // The server is lost, sooner or later.
             let _ = exchange(&mut driver, &all(false));
             let tries = server.tries(&OUTPUTS);
             let most = tries.iter().max().copied().unwrap_or(0);
@@ -297,14 +298,14 @@ fn every_safe_value_is_sent_whatever_the_server_answers() {
 fn every_safe_value_is_sent_before_the_driver_ends() {
     for manner in MANNERS {
         if takes_rounds(manner) {
-            // At the end nobody waits for them longer than a supervisor does.
+            // At the end, the driver waits for such servers no longer than a supervisor does.
             continue;
         }
         let server = Stubborn::start();
         let settings = serde_json::json!({"timeout": "400 ms", "period": "5 ms"});
         let mut driver = running(&server, &settings);
         server.behave(manner);
-        // The last word of the host.
+        // The last outputs of the host.
         let _ = driver.send(&all(false));
         drop(driver);
         until(|| server.all_are(&OUTPUTS, 0));
@@ -323,6 +324,6 @@ fn a_driver_ends_though_its_server_never_answers() {
     server.behave(Manner::Never);
     let begun = Instant::now();
     drop(driver);
-    // The supervisor kills after 2 s; a machine under load may be late, but not by that much.
+    // The supervisor kills after 2 s; a loaded machine may be late, but not by this much.
     assert!(begun.elapsed() < 100 * TIMEOUT);
 }

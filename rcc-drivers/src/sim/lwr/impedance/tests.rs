@@ -1,4 +1,4 @@
-//! The arm on impedance against what statics and the theory of second-order systems say.
+//! Impedance control of the simulated arm against statics and the theory of second-order systems.
 //! Runs in the test harness.
 
 use super::*;
@@ -12,7 +12,7 @@ fn start() -> Joints {
     Settings::default().start
 }
 
-/// After `time_s` with a set-point that stands at the start.
+/// Returns the arm after `time_s` with a set-point that stays at the start.
 fn settled(
     strategy: KrlStrategy,
     impedance: &ImpedanceSettings,
@@ -107,7 +107,7 @@ fn against_a_wall_two_springs_share_the_depth() {
     assert!((force - both * depth).abs() < 1e-3, "{force}");
 }
 
-/// From 0.01 rad beside its set-point joint 1 swings to this part of that beyond it.
+/// Returns the relative overshoot of joint 1 from an initial deflection of 0.01 rad.
 fn overshoot(ratio: f64) -> f64 {
     let impedance = ImpedanceSettings {
         damping: [ratio; JOINTS],
@@ -156,7 +156,7 @@ fn a_set_point_that_moves_evenly_is_followed_without_lag() {
 
 #[test]
 fn a_singularity_is_pushed_through_without_racing() {
-    // The stretched arm, pushed along itself and aside.
+    // The stretched arm, pushed along its axis and sideways.
     let (goal, mut arm) = ([0.0; JOINTS], SimulatedArm::new([0.0; JOINTS], 80.0));
     let around = pushed([5.0, 3.0, -20.0, 0.0, 0.0, 0.0]);
     for _ in 0..2000 {

@@ -1,4 +1,4 @@
-//! How command state begins, and that the arm follows then.
+//! Entry into command state, and following afterwards.
 //! Runs in the test harness.
 
 use super::*;
@@ -95,7 +95,7 @@ fn a_first_command_elsewhere_brakes_and_leaves_command_state() {
 fn the_arm_follows_what_is_commanded() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
     let goal = pc.krc.desired[3] + 0.005;
-    // a last step down to rest, then hold
+    // A last step down to rest, then hold.
     for i in 1..=20 {
         let x = f64::from(i) / 20.0;
         pc.command_joint_4(goal - 0.005 + 0.01 * (x - 0.5 * x * x));

@@ -1,4 +1,4 @@
-//! What goes over the wire: counters, variables, forces, the record of it.
+//! Datagrams on the wire: counters, variables, forces, and their trace.
 //! Runs in the test harness.
 
 use super::*;

@@ -1,4 +1,4 @@
-//! Impedance control as a client sees it: flags, entry, ranges, what is measured.
+//! Impedance control seen from a client: flags, entry, ranges, measured values.
 //! Runs in the test harness.
 
 use super::*;
@@ -13,7 +13,7 @@ fn settings(strategy: KrlStrategy) -> Settings {
 }
 
 impl Pc {
-    /// As [`Pc::mirror`], with everything that the strategy takes.
+    /// As [`Pc::mirror`], with all fields of the strategy.
     fn soft(&mut self) -> CommandDatagram {
         let strategy = self.krc.settings.strategy;
         let usual = ImpedanceSettings::default_for(strategy);
@@ -118,7 +118,7 @@ fn the_arm_gives_way_and_what_is_commanded_is_told_as_before() {
     let (measured, commanded) = (pc.seen.measured_pose, pc.seen.commanded_pose);
     assert!((measured[7] - pose[7] - 0.02).abs() < 1e-5);
     assert_eq!(commanded[7], pose[7]);
-    // With the program over, the impedance are those of $STIFFNESS: 10 N over 2000 N/m.
+    // After the end of the program, $STIFFNESS applies: 10 N over 2000 N/m.
     pc.soft_for(3000, |answer| {
         answer.cartesian_stiffness[1] = 500.0;
         answer.krl.integers[0] = 2;

@@ -1,4 +1,4 @@
-//! How command state ends: faults, losses, requests, and the way back.
+//! Exit from command state: faults, losses, requests, and the return.
 //! Runs in the test harness.
 
 use super::*;
@@ -167,7 +167,7 @@ fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_told() 
     let before = pc.krc.sequence();
     pc.continue_through_stall(9);
     assert_eq!(pc.krc.sequence(), before + 9);
-    // So many periods have passed for the PC, too.
+    // The same number of periods has passed for the PC.
     next += 8.0 * 0.5e-3;
     for _ in 0..50 {
         next += 0.5e-3;

@@ -1,4 +1,4 @@
-//! Safe values, in virtual time: what is sent though answers are late, broken or missing, and in which order.
+//! Safe values in virtual time: requests and their order while responses are late, invalid or missing.
 
 use super::*;
 
@@ -12,7 +12,7 @@ fn lamps() -> [SafeValueState<'static>; 4] {
     ]
 }
 
-/// The requests that go until the time-out, each answered by nobody, and what the wait ends with.
+/// Returns the requests until the time-out, without any response, and the fault at the end.
 fn unanswered(bench: &mut ServerFixture) -> (Vec<Vec<u8>>, ServerFault) {
     let mut requests = Vec::new();
     loop {
@@ -36,7 +36,7 @@ fn safe_values_overtake_a_request_that_is_not_answered() {
         requests.push(bench.request().unwrap().expect("the next one"));
         bench.now = bench.server.wake(bench.now).unwrap();
     }
-    // The last one has its whole time-out, and the late answers count.
+    // The last request has its whole time-out, and late responses count.
     assert_eq!(bench.now, begun + 175 * MS);
     assert!(!bench.server.is_idle());
     for request in [3, 0, 2, 1].map(|place| requests[place].clone()) {
@@ -71,7 +71,7 @@ fn each_sweep_of_safe_values_begins_at_another_output() {
 fn what_was_never_confirmed_is_sent_first_on_a_new_connection() {
     let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     for (address, done) in [(0, false), (4, false), (6, false), (2, true)] {
-        // The first is confirmed; the second goes into a connection that ends.
+        // The first is confirmed; the second is lost with its connection.
         let request = bench.request().unwrap().unwrap();
         assert_eq!(request[9], address);
         let answer = bench.device.answer(&request);
