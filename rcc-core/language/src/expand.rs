@@ -217,7 +217,7 @@ impl<'a> Expander<'a, '_> {
             let fault = Diagnostic::error(fault::NET_TOO_LARGE, span, message);
             let fault = fault.label("the first one too many");
             self.faults
-                .push(fault.help("use fewer or smaller fragments"));
+                .push(fault.help("use fewer or smaller instances"));
         }
         false
     }

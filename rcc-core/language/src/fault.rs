@@ -12,15 +12,15 @@ pub struct FaultDescription {
     pub remedy: &'static str,
 }
 
-macro_rules! rules {
+macro_descriptions! rules {
     ($($name:ident = $code:expr, $meaning:literal, $remedy:literal;)*) => {
         $(#[doc = $meaning] pub const $name: &str = $code;)*
         /// All codes, sorted.
-        pub const RULES: &[FaultDescription] = &[$(FaultDescription { code: $name, meaning: $meaning, remedy: $remedy }),*];
+        pub const DESCRIPTIONS: &[FaultDescription] = &[$(FaultDescription { code: $name, meaning: $meaning, remedy: $remedy }),*];
     };
 }
 
-rules! {
+descriptions! {
     BROKEN = rcc_config::yaml::BROKEN, "The text is not YAML, JSON or DirectIONet.",
         "correct the text at the place shown";
     DUPLICATE_KEY = rcc_config::yaml::DUPLICATE_KEY, "A key, for example the id of a primitive, occurs twice.",
@@ -41,9 +41,9 @@ rules! {
         "use lowercase letters, digits and _ (in a net's name -), beginning with a letter";
     BAD_QUANTITY = "RCC1105", "A number with a unit cannot be read.",
         "write a number, or a number with a unit: `12 N`, `0.25 m/s`, `deg(30)`, `100 Hz`";
-    NOT_NORMALISED = "RCC1106", "A quaternion is not of length 1.",
+    NOT_NORMALISED = "RCC1106", "The length of a quaternion is not 1.",
         "divide all four elements by the length";
-    FRAGMENT_TWICE = "RCC1107", "Two fragments have the same name.",
+    DUPLICATE_FRAGMENT = "RCC1107", "Two fragments have the same name.",
         "rename one of the two";
     UNKNOWN_TYPE = "RCC1201", "A primitive has an unknown type.",
         "`rcc-cli primitives` lists all types";
@@ -78,7 +78,7 @@ rules! {
     UNIT_MISMATCH = "RCC1304", "A value has the wrong unit.",
         "connect a value in the required unit, or convert it with Multiply or Divide by a constant that has a unit";
     RATE_TOO_HIGH = "RCC1305", "A rate is faster than the cycle.",
-        "choose a rate up to the cycle's";
+        "choose a rate up to the cycle rate";
     NOT_A_MULTIPLE = "RCC1306", "The period or phase of a net is not a whole number of the cell's cycles.",
         "choose a multiple of the cell's period";
     SLOW_ARM = "RCC1307", "A net that commands joints is not evaluated in every cycle.",
@@ -97,11 +97,11 @@ rules! {
         "delay one link of the loop: `{from: a.out, delayed: true, initial: 0}`";
     LOOP_WITHOUT_INITIAL = "RCC1406", "A delayed link that closes a loop has no initial value.",
         "add `initial:` to the delayed link";
-    NULL_FOR_EVER = "RCC1407", "A loop could never recover from null.",
+    LOOP_STAYS_NULL = "RCC1407", "A loop could never recover from null.",
         "insert an OrElse into the loop, so that it gets a value again";
     NOT_USED = "RCC1408", "A parameter or input of a fragment is not used in it.",
         "use it, or remove it";
-    FRAGMENT_IN_ITSELF = "RCC1409", "A fragment contains itself.",
+    RECURSIVE_FRAGMENT = "RCC1409", "A fragment contains itself.",
         "remove one of the instances";
     DELAYED_TWICE = "RCC1410", "A link is delayed in a fragment and at its instance.",
         "remove one of the two `delayed: true`";
@@ -125,29 +125,29 @@ rules! {
         "name the arm that it was made for: `# devices: theirs=ours` before the net";
     NOT_CANCELABLE = "RCC1901", "The net commands devices and cannot be cancelled (warning).",
         "add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion";
-    RATE_ROUNDED = "RCC1902", "A rate does not divide the cycle's and was rounded (warning).",
-        "choose a rate that divides the cycle's";
+    RATE_ROUNDED = "RCC1902", "A rate does not divide the cycle rate and was rounded (warning).",
+        "choose a rate that divides the cycle rate";
     FRAGMENT_NOT_USED = "RCC1903", "A fragment is not used (warning).",
         "remove it, or move it to a library";
     NO_HISTORY = "RCC1911", "A debug history is not kept (warning).",
         "`rcc-cli watch` shows any port";
-    NEVER_ENDS = "RCC1912", "A net of the predecessor never ends by itself (warning).",
+    NEVER_ENDS = "RCC1912", "A net of the predecessor never terminates (warning).",
         "name the results that end it: `# end: _1, _2` before the net";
 }
 
 /// Returns the general help text of a code.
 #[must_use]
 pub fn remedy(code: &str) -> Option<&'static str> {
-    let rule = RULES.iter().find(|rule| rule.code == code);
-    rule.map(|rule| rule.remedy)
+    let description = DESCRIPTIONS.iter().find(|description| description.code == code);
+    description.map(|description| description.remedy)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::RULES;
+    use super::DESCRIPTIONS;
 
     #[test]
     fn codes_are_sorted_and_free_of_duplicates() {
-        assert!(RULES.windows(2).all(|pair| pair[0].code < pair[1].code));
+        assert!(DESCRIPTIONS.windows(2).all(|pair| pair[0].code < pair[1].code));
     }
 }

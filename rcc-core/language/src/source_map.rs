@@ -188,7 +188,7 @@ impl SourceMap {
 const CODES_WITH_FULL_NAMES: &[&str] = &[
     fault::LOOP_WITHOUT_DELAY,
     fault::LOOP_WITHOUT_INITIAL,
-    fault::NULL_FOR_EVER,
+    fault::LOOP_STAYS_NULL,
     fault::CLAIMED_TWICE,
     fault::OWN_TOPIC,
     fault::MANY_TERMINATIONS,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
 use rcc_language::devices::DeviceTable;
-use rcc_language::fault::RULES;
+use rcc_language::fault::DESCRIPTIONS;
 use rcc_language::library::{FileLibraries, LibraryError, LibrarySource};
 use rcc_language::{Compiled, Faults, compile_with};
 
@@ -88,12 +88,12 @@ fn every_bad_net_gives_its_expected_diagnostics() {
 #[test]
 fn every_code_has_a_net() {
     let stems = nets().iter().map(|path| stem(path)).collect::<Vec<_>>();
-    for rule in RULES {
-        let has = stems.iter().any(|stem| stem.starts_with(rule.code));
+    for description in DESCRIPTIONS {
+        let has = stems.iter().any(|stem| stem.starts_with(description.code));
         assert!(
             has,
             "{}: {} needs a file in tests/nets/bad",
-            rule.code, rule.meaning
+            description.code, description.meaning
         );
     }
 }

@@ -124,7 +124,7 @@ pub fn loops_can_lose_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             continue;
         }
         let message = format!("this loop could never recover from null: {path}");
-        let fault = Diagnostic::error(fault::NULL_FOR_EVER, link.span, message);
+        let fault = Diagnostic::error(fault::LOOP_STAYS_NULL, link.span, message);
         faults.push(
             fault.help(
                 "insert an OrElse into the loop: `{type: OrElse, inputs: {in: …, other: 0}}`",

@@ -169,7 +169,7 @@ pub fn motion_outputs_are_read(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             format!("neither `{id}.joints` nor `{id}.pose` is read: the motion moves no arm");
         let fault = Diagnostic::error(fault::NOT_READ, item.primitive.id.span, message);
         faults.push(fault.help(format!(
-            "add `{{type: JointPositionCommand, parameters: {{device: …}}, inputs: {{position: {id}.joints}}}}`, or say that it is meant: `discard: [{id}.joints]`"
+            "add `{{type: JointPositionCommand, parameters: {{device: …}}, inputs: {{position: {id}.joints}}}}`, or discard it: `discard: [{id}.joints]`"
         )));
     }
 }

@@ -176,7 +176,7 @@ fn other_type(
     })
 }
 
-const WHOLE_AND_REAL: &str = "whole and real numbers do not mix: lead the whole one through `{type: ToReal, inputs: {in: …}}`";
+const WHOLE_AND_REAL: &str = "Int and Real are not converted implicitly: convert the Int with `{type: ToReal, inputs: {in: …}}`";
 
 /// Requires that constants at inputs and parameters have the types and units of their ports.
 pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
@@ -292,7 +292,7 @@ fn example_of(literal: &Literal, ty: Type) -> Option<String> {
             Some("a number in quotes is text: remove the quotes".to_string())
         }
         (_, LiteralShape::Text(text)) if text.contains('.') => Some(format!(
-            "a parameter is a constant: `{text}` can feed an input only"
+            "a parameter must be a constant: `{text}` can only be connected to an input"
         )),
         (Type::Pose, _) => {
             Some("write `{xyz: [0.4, 0.1, 0.5], rpy: [deg(180), 0, 0]}`".to_string())

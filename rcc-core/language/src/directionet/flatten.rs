@@ -204,7 +204,7 @@ impl<'t> Flattener<'t, '_> {
         let name = item.name.name.as_str();
         if let Some((_, first)) = self.scope_of(scope).names.get(name).copied() {
             self.twice(&item.name, "primitive");
-            let message = format!("the first `{name}` stands here");
+            let message = format!("the first definition of `{name}`");
             let first = Diagnostic::error(fault::DUPLICATE_KEY, first, message);
             self.faults.push(first.help("rename one of the two"));
         } else if let Some(scope) = self.scopes.get_mut(scope) {

@@ -107,7 +107,7 @@ impl<'a> Bodies<'a> {
             let name = &fragment.name;
             if by_name.contains_key(name.name.as_str()) {
                 let message = format!("fragment `{}` is defined more than once", name.name);
-                let fault = Diagnostic::error(fault::FRAGMENT_TWICE, name.span, message);
+                let fault = Diagnostic::error(fault::DUPLICATE_FRAGMENT, name.span, message);
                 faults.push(fault);
                 continue;
             }
@@ -154,7 +154,7 @@ impl<'a> Bodies<'a> {
                 continue;
             };
             let message = format!("a fragment contains itself: {}", names.join(" → "));
-            let fault = Diagnostic::error(fault::FRAGMENT_IN_ITSELF, first.name.span, message);
+            let fault = Diagnostic::error(fault::RECURSIVE_FRAGMENT, first.name.span, message);
             faults.push(fault);
         }
     }

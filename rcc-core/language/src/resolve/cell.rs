@@ -152,7 +152,7 @@ impl<'a> Resolver<'a, '_> {
             _ => (declared_unit(literal).is_some(), DECLARED_UNITS_HELP),
         };
         if !good && literal.shape != LiteralShape::Null {
-            let message = format!("{literal} is no {}", parameter.name);
+            let message = format!("invalid {}: {literal}", parameter.name);
             self.error(fault::WRONG_SHAPE, literal.span, message, Some(help.into()));
         }
     }
