@@ -1,5 +1,5 @@
-//! Linear filters of at most second order: their coefficients from physical parameters, off the real-time thread, and
-//! their step in the cycle, which has no transcendental function.
+//! Linear filters of at most second order: coefficients computed from physical parameters off the real-time thread, and
+//! the step in the cycle, which uses no transcendental function.
 //!
 //! Analog prototypes become digital ones by the bilinear transform with prewarping, which keeps the gain at one frequency
 //! exact (Oppenheim and Schafer, *Discrete-Time Signal Processing*, 3rd ed., section 7.2.2): with K = tan(π f dt) the
@@ -14,13 +14,13 @@ use crate::types::NULL_REAL;
 /// A filter `H(z) = (b0 + b1/z + b2/z²) / (1 + a1/z + a2/z²)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Biquad {
-    /// Of the inputs: this cycle's, the last one's, the one's before.
+    /// Coefficients of the inputs: this cycle's, the last one's, the one before.
     pub b: [f64; 3],
-    /// Of the outputs: the last cycle's, the one's before.
+    /// Coefficients of the outputs: the last cycle's, the one before.
     pub a: [f64; 2],
 }
 
-/// K of the bilinear transform for a frequency, Hz; the parameter's range keeps it below half of the rate.
+/// Returns K of the bilinear transform for a frequency, Hz; the parameter's range keeps it below half of the rate.
 fn prewarped(frequency_hz: f64, dt_s: f64) -> f64 {
     libm::tan(PI * frequency_hz * dt_s)
 }
@@ -62,31 +62,31 @@ impl Biquad {
         }
     }
 
-    /// The output for a constant input of 1, after ever; not finite if the filter integrates.
+    /// Returns the steady-state output for a constant input of 1; not finite if the filter integrates.
     pub fn steady_gain(&self) -> f64 {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
         (b0 + b1 + b2) / (1.0 + a1 + a2)
     }
 }
 
-/// What a filter keeps in the arena: b0 b1 b2 a1 a2, the steady gain, and its memory, two numbers.
+/// The state of a filter in the arena: b0 b1 b2 a1 a2, the steady-state gain, and two numbers of memory.
 pub const STATE: StateSpec = StateSpec {
     reals: 8,
     ..StateSpec::NONE
 };
 const MEMORY: u32 = 6;
 
-/// Puts a filter into the initial arena, without memory; `state` is the slot of its [`STATE`].
+/// Writes a filter with empty memory into the initial arena; `state` is the slot of its [`STATE`].
 pub fn prepare(preparation: &mut Preparation<'_>, state: u32, filter: Biquad) {
     let ([b0, b1, b2], [a1, a2]) = (filter.b, filter.a);
     let gain = finite(filter.steady_gain());
     preparation.set_reals(state, [b0, b1, b2, a1, a2, gain, NULL_REAL, NULL_REAL]);
 }
 
-/// One cycle, in the transposed direct form II (Oppenheim and Schafer, section 6.3.4).
+/// Runs one cycle in the transposed direct form II (Oppenheim and Schafer, section 6.3.4).
 ///
-/// Without memory, in the beginning and after an overflow, the filter begins as if its input had been there for ever; a
-/// filter that integrates, at rest. A null input gives null and holds the memory.
+/// With empty memory, at the start and after an overflow, the filter starts in the steady state of its input; an
+/// integrating filter starts at rest. A null input gives null and holds the memory.
 #[inline(always)]
 pub fn step(frame: &mut Frame<'_>, input: u32, out: u32, state: u32) -> Option<()> {
     let x = frame.get_real(input)?;
@@ -106,7 +106,7 @@ pub fn step(frame: &mut Frame<'_>, input: u32, out: u32, state: u32) -> Option<(
     if x.is_nan() {
         return Some(());
     }
-    // An overflow makes the memory NaN: it begins anew.
+    // An overflow makes the memory NaN, which restarts the filter.
     let memory = [finite(b1 * x - a1 * y + s2), b2 * x - a2 * y];
     frame.put_reals(state.saturating_add(MEMORY), memory)
 }

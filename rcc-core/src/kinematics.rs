@@ -1,5 +1,5 @@
-//! Closed-form kinematics of the arms that the core knows: forward, Jacobian and inverse in a fixed number of steps.
-//! Pure functions of their arguments; used by the loader and by the real-time thread.
+//! Closed-form kinematics of the supported arm types: forward, Jacobian and inverse in a fixed number of steps. Pure
+//! functions of their arguments; used by the loader and by the real-time thread.
 
 mod arm;
 mod arm_angles;

@@ -1,12 +1,12 @@
-//! Systems of linear equations up to 8×8: Gauss-Jordan elimination with the largest pivot of each column. Golub, Van Loan:
-//! "Matrix Computations", 4th edition, sections 3.2 and 3.4. The real-time thread.
+//! Systems of linear equations up to 8×8: Gauss-Jordan elimination with partial pivoting. Golub, Van Loan: "Matrix
+//! Computations", 4th edition, sections 3.2 and 3.4. Run by the real-time thread.
 
 use crate::frame::Frame;
 
-/// Most rows of a square matrix here.
+/// Maximum number of rows of a square matrix.
 pub const SIDE_MAX: usize = 8;
 
-/// A square matrix with further columns at its right, `W` in all; rows behind the matrix are empty.
+/// A square matrix augmented with columns at its right, `W` columns in total; rows beyond the matrix are empty.
 pub struct AugmentedMatrix<const W: usize> {
     rows: [[f64; W]; SIDE_MAX],
     side: usize,
@@ -31,7 +31,7 @@ impl<const W: usize> AugmentedMatrix<W> {
         Some(AugmentedMatrix { rows, side: count })
     }
 
-    /// Sets the elements behind the matrix: `value(row, column)` for each row and each of those columns, from 0.
+    /// Sets the augmented columns: `value(row, column)` for each row and each augmented column, from 0.
     pub fn fill(&mut self, value: impl Fn(u32, u32) -> Option<f64>) -> Option<()> {
         for (row, number) in self.rows.iter_mut().take(self.side).zip(0u32..) {
             for (place, column) in row.iter_mut().skip(self.side).zip(0u32..) {
@@ -41,21 +41,22 @@ impl<const W: usize> AugmentedMatrix<W> {
         Some(())
     }
 
-    /// The elements behind the matrix, as [`AugmentedMatrix::fill`] counts them.
+    /// Returns an element of the augmented columns, indexed as in [`AugmentedMatrix::fill`].
     pub fn get(&self, row: u32, column: u32) -> Option<f64> {
         let row = self.rows.get(row as usize)?;
         row.get(self.side + column as usize).copied()
     }
 
-    /// The size that a pivot of a matrix that can be inverted has at least: rounding makes as much of nothing.
+    /// Returns the pivot size at or below which a matrix counts as singular: the magnitude that rounding gives to a
+    /// zero pivot.
     pub fn least_pivot(&self) -> f64 {
         let elements = self.rows.iter().flat_map(|row| row.iter().take(self.side));
         let largest = elements.fold(0.0, |largest: f64, value| largest.max(value.abs()));
         largest * f64::EPSILON * self.side as f64
     }
 
-    /// Makes the matrix the identity and what is behind it the solution, and says the determinant; `None` as soon as a
-    /// pivot is not greater than `least`.
+    /// Reduces the matrix to the identity and the augmented columns to the solution; returns the determinant, or `None`
+    /// as soon as a pivot is not greater than `least`.
     pub fn reduce(&mut self, least: f64) -> Option<f64> {
         let mut determinant = 1.0;
         for column in 0..self.side {

@@ -1,5 +1,5 @@
-//! Motion along a path: what a primitive asks for when its net is made ready, and what it gets in each cycle.
-//! Plain data and two traits; what needs a heap to be built is implemented outside of this package (rcc-motion).
+//! Motion along a path: the request that a primitive makes when its net is prepared, and the state that it gets in each
+//! cycle. Plain data and two traits; implementations that need a heap are in another package (rcc-motion).
 
 use serde::{Deserialize, Serialize};
 
@@ -18,12 +18,13 @@ use crate::frame::PrepareFault;
 use crate::message::Joints;
 use crate::pose::Pose;
 
-/// How far and how fast the path parameter s may go, from rest at 0 to rest at `length`.
+/// Limits of the path parameter s, which moves from rest at 0 to rest at `length`.
 ///
-/// s is metres for a straight line, radians for a rotation, or any other unit as long as all four agree.
+/// The unit of s is the metre for a straight line, the radian for a rotation, or any other unit, as long as all four
+/// values use it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PathLimits {
-    /// Length of the path (≥ 0; 0 is a path that is done at once).
+    /// Length of the path (≥ 0; a path of length 0 is done at once).
     pub length: f64,
     /// Largest ds/dt (> 0), per second.
     pub velocity: f64,
@@ -33,63 +34,64 @@ pub struct PathLimits {
     pub jerk: f64,
 }
 
-/// Where a path clock is in this cycle.
+/// The state of a path clock in this cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PathState {
-    /// Path parameter, in [0, length]; exactly `length` at the end, never smaller than in the cycle before.
+    /// Path parameter, in [0, length]; exactly `length` at the end, never decreasing.
     pub s: f64,
     /// ds/dt, in [0, velocity limit].
     pub velocity: f64,
     /// d²s/dt², within the acceleration limit.
     pub acceleration: f64,
-    /// d³s/dt³, within the jerk limit, with which the motion goes on; 0 at rest.
+    /// d³s/dt³ of the motion from here on, within the jerk limit; 0 at rest.
     pub jerk: f64,
-    /// At rest for good: at the end of the path, or where a stop ended.
+    /// Permanently at rest: at the end of the path, or where a stop ended.
     pub done: bool,
-    /// A stop was asked for in this cycle or an earlier one.
+    /// A stop was requested in this cycle or an earlier one.
     pub stopping: bool,
 }
 
-/// What a net says to a motion in one cycle.
+/// The inputs of a motion in one cycle: stop, pause and speed override.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpeedOverride {
-    /// Come to rest on the path, for good.
+    /// Comes to rest on the path, permanently.
     pub stop: bool,
-    /// Come to rest on the path while this is true, and go on afterwards.
+    /// Comes to rest on the path while true, and continues afterwards.
     pub pause: bool,
-    /// Part of every velocity limit that may be used, 0..1; more is 1; below 10⁻⁶, or NaN, is a pause.
+    /// Fraction of every velocity limit that may be used, 0..1; values above 1 count as 1, values below 10⁻⁶ or NaN as
+    /// a pause.
     pub speed: f64,
 }
 
 impl SpeedOverride {
-    /// Go on, with all that the limits allow.
+    /// Full speed: everything that the limits allow.
     pub const RUN: SpeedOverride = SpeedOverride {
         stop: false,
         pause: false,
         speed: 1.0,
     };
 
-    /// Come to rest for good.
+    /// Comes to rest permanently.
     pub const STOP: SpeedOverride = SpeedOverride {
         stop: true,
         ..SpeedOverride::RUN
     };
 }
 
-/// Where a motion is in this cycle.
+/// The state of a motion in this cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionState {
-    /// Along the whole path, in the path's own unit.
+    /// State of the path clock along the whole path, in the path's own unit.
     pub path: PathState,
-    /// The leg that the motion is in, from 0; a blend belongs to the leg that it leaves.
+    /// Index of the current leg, from 0; a blend belongs to the leg that it leaves.
     pub leg: u32,
     /// Set-point of the flange, in the arm's base.
     pub pose: Pose,
     /// Set-point of the joints, rad.
     pub joints: Joints,
-    /// Part of the whole path that is behind it, 0 to 1; never falls.
+    /// Completed part of the whole path, 0 to 1; never decreases.
     pub progress: f64,
-    /// Way of the flange since the start, m.
+    /// Distance travelled by the flange since the start, m.
     pub distance: f64,
     /// Speed of the flange along the path, m/s.
     pub speed: f64,
@@ -97,35 +99,35 @@ pub struct MotionState {
     pub acceleration: f64,
 }
 
-/// The motions of one running net, by index. The real-time thread.
+/// The motions of one running net, by index. Used by the real-time thread.
 pub trait Motions {
-    /// Steps motion `index` by one cycle; the first step gives its start, at rest.
+    /// Steps motion `index` by one cycle; the first step returns its start, at rest.
     ///
-    /// It never leaves its path, goes forward only, and keeps its limits whatever the drives are. `None`: there is no
-    /// such motion.
+    /// The motion never leaves its path, never moves backwards, and keeps its limits for any sequence of inputs.
+    /// `None`: the motion does not exist.
     fn step(&mut self, index: usize, drive: SpeedOverride) -> Option<MotionState>;
 
-    /// The way of one axis from any state to rest at `goal`, as fast as `limits` allow; it keeps nothing.
+    /// Plans the motion of one axis from any state to rest at `goal`, as fast as `limits` allow; stores nothing.
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases;
 }
 
 impl Motions for () {
-    /// A net without motions.
+    /// There are no motions.
     fn step(&mut self, _index: usize, _drive: SpeedOverride) -> Option<MotionState> {
         None
     }
 
-    /// Without a planner: to rest first, and on from there.
+    /// Without a planner: stops first, and moves to the goal from there.
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         stop_and_go(from, goal, limits)
     }
 }
 
-/// Builds the motions of a net that is made ready; off the real-time thread.
+/// Builds the motions of a net that is being prepared; off the real-time thread.
 pub trait MotionBuilder {
     /// Builds motion `index`.
     ///
     /// # Errors
-    /// What cannot be gone along as asked for.
+    /// Returns the leg that cannot be travelled as requested, with the reason.
     fn path(&mut self, index: u32, request: &PathRequest<'_>) -> Result<(), PrepareFault>;
 }

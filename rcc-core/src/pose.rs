@@ -1,14 +1,15 @@
-//! Position and orientation of a frame in another one, and the few operations that the cycle needs.
-//! Pure mathematics without allocation or panic; used by the loader and by the real-time thread.
+//! Position and orientation of one frame in another, and the operations that the cycle needs. Pure mathematics without
+//! allocation or panic; used by the loader and by the real-time thread.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-/// Two orientations whose half-angle cosine is below this are "half a turn apart": the way between them is undefined.
+/// Two orientations with a half-angle cosine below this are 180° apart: the rotation between them is undefined.
 const HALF_TURN_COSINE: f64 = 1e-9;
 
-/// A frame seen from another one: x_outer = R · x_inner + position.
+/// The pose of an inner frame in an outer one: x_outer = R · x_inner + position.
 ///
-/// A pose with a NaN in it is null. No operation panics; NaN in any used element gives NaN in what depends on it.
+/// A pose that contains NaN is null. No operation panics; NaN in any used element gives NaN in everything that depends
+/// on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Origin of the inner frame in axes of the outer one, m, `[x y z]`.
@@ -18,7 +19,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Both frames are the same.
+    /// The identity: both frames coincide.
     pub const IDENTITY: Self = Self {
         position: [0.0; 3],
         orientation: [0.0, 0.0, 0.0, 1.0],
@@ -30,7 +31,8 @@ impl Pose {
         orientation: [f64::NAN; 4],
     };
 
-    /// From a position (m) and roll, pitch, yaw (rad) about the fixed axes x, y, z: R = Rz(yaw)·Ry(pitch)·Rx(roll).
+    /// Creates a pose from a position (m) and roll, pitch, yaw (rad) about the fixed axes x, y, z: R =
+    /// Rz(yaw)·Ry(pitch)·Rx(roll).
     #[must_use]
     pub fn from_xyz_rpy(position: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Self {
         Self::new(
@@ -39,7 +41,8 @@ impl Pose {
         )
     }
 
-    /// From a position (m) and a rotation matrix (row-major, orthonormal, inner → outer). The quaternion has w ≥ 0.
+    /// Creates a pose from a position (m) and a rotation matrix (row-major, orthonormal, inner → outer). The quaternion
+    /// has w ≥ 0.
     #[must_use]
     pub fn from_rotation_matrix(position: [f64; 3], rotation: &[[f64; 3]; 3]) -> Self {
         let [[a, b, c], [d, e, f], [g, h, i]] = *rotation;
@@ -53,7 +56,7 @@ impl Pose {
         Self::new(position, UnitQuaternion::new_normalize(short))
     }
 
-    /// The orientation as a rotation matrix (row-major, inner → outer).
+    /// Returns the orientation as a rotation matrix (row-major, inner → outer).
     #[must_use]
     pub fn rotation_matrix(&self) -> [[f64; 3]; 3] {
         let r = self.unit_quaternion().to_rotation_matrix();
@@ -65,13 +68,13 @@ impl Pose {
         ]
     }
 
-    /// The vector of the inner frame in axes of the outer one (rotation only).
+    /// Transforms a vector from axes of the inner frame to axes of the outer one (rotation only).
     #[must_use]
     pub fn rotate(&self, vector: [f64; 3]) -> [f64; 3] {
         (self.unit_quaternion() * Vector3::from(vector)).into()
     }
 
-    /// `self` followed by `inner`: the frame that `inner` describes within `self`, seen from outside of `self`.
+    /// Composes two poses: `inner` is given in the inner frame of `self`, the result in its outer frame.
     #[must_use]
     pub fn compose(&self, inner: &Self) -> Self {
         let moved = Vector3::from(self.position) + Vector3::from(self.rotate(inner.position));
@@ -79,16 +82,16 @@ impl Pose {
         Self::new(moved.into(), UnitQuaternion::new_normalize(product))
     }
 
-    /// The outer frame seen from the inner one.
+    /// Returns the pose of the outer frame in the inner one.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let back = self.unit_quaternion().inverse();
         Self::new((-(back * Vector3::from(self.position))).into(), back)
     }
 
-    /// The pose `fraction` (0 = `self`, 1 = `to`) of the way: the position on the straight line, the orientation by
-    /// the short way around one fixed axis at a constant rate. `None` if the orientations are half a turn (180°)
-    /// apart, because then the axis is not determined.
+    /// Interpolates between `self` (fraction 0) and `to` (fraction 1): the position on a straight line, the orientation
+    /// by the shorter rotation about one fixed axis at a constant rate. `None` if the orientations are 180° apart,
+    /// because then the axis is undetermined.
     #[must_use]
     pub fn slerp(&self, to: &Self, fraction: f64) -> Option<Self> {
         let from_orientation = self.quaternion();
@@ -124,15 +127,15 @@ impl Pose {
         ))
     }
 
-    /// The smallest angle that turns this orientation into the other one, rad, in [0, π].
+    /// Returns the smallest angle that rotates this orientation into the other one, rad, in [0, π].
     #[must_use]
     pub fn angle_to(&self, other: &Self) -> f64 {
         let turn = other.quaternion() * self.quaternion().conjugate();
         2.0 * libm::atan2(turn.imag().norm(), libm::fabs(turn.w))
     }
 
-    /// The rotation that turns this orientation into the other one, as axis × angle in axes of the outer frame, rad;
-    /// its length is `angle_to`. At half a turn one of the two axes is taken.
+    /// Returns the rotation from this orientation to the other one, as axis × angle in axes of the outer frame, rad;
+    /// its length is `angle_to`. At 180° one of the two axes is returned.
     #[must_use]
     pub fn rotation_vector_to(&self, other: &Self) -> [f64; 3] {
         let turn = other.quaternion() * self.quaternion().conjugate();
@@ -146,26 +149,27 @@ impl Pose {
         (turn.imag() * scale).into()
     }
 
-    /// The distance between the two origins, m.
+    /// Returns the distance between the two origins, m.
     #[must_use]
     pub fn distance_to(&self, other: &Self) -> f64 {
         (Vector3::from(other.position) - Vector3::from(self.position)).norm()
     }
 
-    /// Whether every element is a finite number.
+    /// Returns true if every element is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         self.to_slots().iter().all(|element| element.is_finite())
     }
 
-    /// The seven elements `[x y z qx qy qz qw]`.
+    /// Returns the seven elements `[x y z qx qy qz qw]`.
     #[must_use]
     pub fn to_slots(&self) -> [f64; 7] {
         let ([x, y, z], [qx, qy, qz, qw]) = (self.position, self.orientation);
         [x, y, z, qx, qy, qz, qw]
     }
 
-    /// From the seven elements `[x y z qx qy qz qw]`; the quaternion is taken as it is and must be of length one.
+    /// Creates a pose from the seven elements `[x y z qx qy qz qw]`; the quaternion is used as it is and must be
+    /// normalized.
     #[must_use]
     pub fn from_slots([x, y, z, qx, qy, qz, qw]: [f64; 7]) -> Self {
         Self {

@@ -1,9 +1,9 @@
-//! Rotations as unit quaternions `[x y z w]` and what they are made from and taken apart into.
-//! Pure mathematics without allocation or panic; used by the loader and by the real-time thread.
+//! Rotations as unit quaternions `[x y z w]`, and conversions from and to other representations. Pure mathematics
+//! without allocation or panic; used by the loader and by the real-time thread.
 //!
-//! q and −q are the same rotation; what comes out is never different for the two. A rotation "of B in A" takes what is
-//! given in axes of B to axes of A. Conventions: Solà, "Quaternion kinematics for the error-state Kalman filter",
-//! arXiv:1711.02508, table 1 (Hamilton: ij = k, right-handed, local to global).
+//! q and −q are the same rotation; no result depends on the sign. A rotation "of B in A" transforms vectors from axes
+//! of B to axes of A. Conventions: Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv:1711.02508,
+//! table 1 (Hamilton: ij = k, right-handed, local to global).
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -16,19 +16,19 @@ pub use matrix::{Matrix, from_axes, from_matrix, to_matrix};
 /// A unit quaternion `[x y z w]`.
 pub type Quaternion = [f64; 4];
 
-/// No turn.
+/// The identity rotation.
 pub const IDENTITY: Quaternion = [0.0, 0.0, 0.0, 1.0];
 
-/// A quaternion whose squared length is this near to 1 is taken as it is: rounding, not drift.
+/// A quaternion whose squared length is this close to 1 is not normalized again: the difference is rounding, not drift.
 const UNIT_TOLERANCE: f64 = 1e-14;
 
-/// The cosine of half of an angle that counts as half a turn: which way is shorter is not determined.
+/// Two rotations with a half-angle cosine below this count as 180° apart: the shorter way is undetermined.
 const HALF_TURN_COSINE: f64 = 1e-9;
 
-/// A pitch this near to ±90° (rad, about) is at the gimbal lock: roll and yaw turn about the same axis.
+/// A pitch this close to ±90° (rad, approximately) counts as gimbal lock: roll and yaw rotate about the same axis.
 const GIMBAL_LOCK: f64 = 1e-10;
 
-/// The quaternion at length one; `None` if it has no direction (zero, not finite, or too long or short to be squared).
+/// Normalizes a quaternion; `None` if that is impossible (zero, not finite, or too long or short to be squared).
 #[must_use]
 pub fn unit(quaternion: Quaternion) -> Option<Quaternion> {
     let square = length_squared(quaternion);
@@ -42,7 +42,7 @@ pub fn unit(quaternion: Quaternion) -> Option<Quaternion> {
     Some(quaternion.map(|element| element / length))
 }
 
-/// The one of q and −q that begins its half of the sphere: w > 0, or w = 0 and the last of z, y, x that is not zero > 0.
+/// Returns the one of q and −q with w > 0 or, for w = 0, with a positive last nonzero element of x, y, z.
 #[must_use]
 pub fn canonical(quaternion: Quaternion) -> Quaternion {
     let leading = quaternion.iter().rev().find(|element| **element != 0.0);
@@ -52,7 +52,8 @@ pub fn canonical(quaternion: Quaternion) -> Quaternion {
     }
 }
 
-/// The rotation `b` and then `a`, both about axes of the outer frame: C in A from B in A and C in B. Of length one again.
+/// Composes two rotations, `b` first and then `a`, both about axes of the outer frame: C in A from B in A and C in B.
+/// The result is normalized.
 #[must_use]
 pub fn product(a: Quaternion, b: Quaternion) -> Quaternion {
     let [ax, ay, az, aw] = a;
@@ -67,13 +68,13 @@ pub fn product(a: Quaternion, b: Quaternion) -> Quaternion {
     product.map(|element| element / length)
 }
 
-/// The rotation back.
+/// Returns the inverse rotation.
 #[must_use]
 pub fn inverse([x, y, z, w]: Quaternion) -> Quaternion {
     [-x, -y, -z, w]
 }
 
-/// The vector, given in axes of the inner frame, in axes of the outer one.
+/// Transforms a vector from axes of the inner frame to axes of the outer one.
 #[must_use]
 pub fn rotate([x, y, z, w]: Quaternion, vector: Vector) -> Vector {
     // v + 2w(u × v) + 2u × (u × v), with u = [x y z].
@@ -83,7 +84,7 @@ pub fn rotate([x, y, z, w]: Quaternion, vector: Vector) -> Vector {
     vector::add(turned, vector::cross(axis, twice))
 }
 
-/// Rz(yaw)·Ry(pitch)·Rx(roll), angles in rad: roll, pitch and yaw about the fixed axes x, y, z.
+/// Returns Rz(yaw)·Ry(pitch)·Rx(roll), angles in rad: roll, pitch and yaw about the fixed axes x, y, z.
 #[must_use]
 pub fn from_rpy([roll, pitch, yaw]: [f64; 3]) -> Quaternion {
     let [(sr, cr), (sp, cp), (sy, cy)] = [roll, pitch, yaw].map(|angle| libm::sincos(angle / 2.0));
@@ -95,11 +96,12 @@ pub fn from_rpy([roll, pitch, yaw]: [f64; 3]) -> Quaternion {
     ]
 }
 
-/// Roll and yaw in [−π, π], pitch in [−π/2, π/2], rad. At the gimbal lock, pitch ±π/2, only the sum or the difference of
-/// roll and yaw is determined, and yaw is 0.
+/// Returns roll and yaw in [−π, π] and pitch in [−π/2, π/2], rad. At the gimbal lock, pitch ±π/2, only the sum or the
+/// difference of roll and yaw is determined, and yaw is 0.
 ///
-/// By half sums and differences of the angles, which lose no digits near the lock: Bernardes & Viollet, "Quaternion to
-/// Euler angles conversion: A direct, general and computationally efficient method", PLoS ONE 17(11), 2022.
+/// Uses half sums and differences of the angles, which lose no digits near the gimbal lock: Bernardes & Viollet,
+/// "Quaternion to Euler angles conversion: A direct, general and computationally efficient method", PLoS ONE 17(11),
+/// 2022.
 #[must_use]
 pub fn to_rpy([x, y, z, w]: Quaternion) -> [f64; 3] {
     // cos p/2 ± sin p/2 times sine and cosine of (roll ∓ yaw)/2.
@@ -120,10 +122,10 @@ pub fn to_rpy([x, y, z, w]: Quaternion) -> [f64; 3] {
     ]
 }
 
-/// The rotation by |v| rad about the direction of `vector`: the exponential map.
+/// Returns the rotation by |vector| rad about the direction of `vector`: the exponential map.
 ///
-/// sin(θ/2)/θ is a series near 0: Grassia, "Practical parameterization of rotations using the exponential map", Journal
-/// of Graphics Tools 3(3), 1998, section 3.
+/// sin(θ/2)/θ is computed as a series near 0: Grassia, "Practical parameterization of rotations using the exponential
+/// map", Journal of Graphics Tools 3(3), 1998, section 3.
 #[must_use]
 pub fn exp(vector: Vector) -> Quaternion {
     let angle = vector::norm(vector);
@@ -136,13 +138,13 @@ pub fn exp(vector: Vector) -> Quaternion {
     [x, y, z, libm::cos(angle / 2.0)]
 }
 
-/// Axis times angle, rad, of length in [0, π]: the logarithm, inverse of [`exp`]. At half a turn both axes are right, and
-/// the one that [`canonical`] prefers is taken.
+/// Returns axis × angle, rad, with a length in [0, π]: the logarithm, inverse of [`exp`]. At 180° both axes are valid,
+/// and the one that [`canonical`] prefers is returned.
 #[must_use]
 pub fn log(quaternion: Quaternion) -> Vector {
     let [x, y, z, w] = canonical(quaternion);
     let sine = vector::norm([x, y, z]);
-    // 2·atan2(s, w)/s → 2/w: the first term left out is of the order of s².
+    // 2·atan2(s, w)/s → 2/w: the first omitted term is of order s².
     let factor = if sine < 1e-9 {
         2.0 / w
     } else {
@@ -151,7 +153,8 @@ pub fn log(quaternion: Quaternion) -> Vector {
     vector::scale([x, y, z], factor)
 }
 
-/// The rotation by `angle` (rad) about the direction of `axis`; `None` for an axis of length zero or not finite.
+/// Returns the rotation by `angle` (rad) about the direction of `axis`; `None` for an axis of length zero or not
+/// finite.
 #[must_use]
 pub fn from_axis_angle(axis: Vector, angle: f64) -> Option<Quaternion> {
     let (sine, cosine) = libm::sincos(angle / 2.0);
@@ -159,7 +162,7 @@ pub fn from_axis_angle(axis: Vector, angle: f64) -> Option<Quaternion> {
     Some([x, y, z, cosine])
 }
 
-/// Axis (of length one) and angle in [0, π], rad. No turn has the axis z.
+/// Returns the unit axis, and the angle in [0, π], rad. The identity has the axis z.
 #[must_use]
 pub fn to_axis_angle(quaternion: Quaternion) -> (Vector, f64) {
     let [x, y, z, w] = canonical(quaternion);
@@ -167,8 +170,8 @@ pub fn to_axis_angle(quaternion: Quaternion) -> (Vector, f64) {
     (axis, 2.0 * libm::atan2(vector::norm([x, y, z]), w))
 }
 
-/// The shortest turn that brings the direction of `from` to that of `to`; `None` if one has no direction, or if they are
-/// opposite: then there is a shortest turn about every axis square to them.
+/// Returns the shortest rotation from the direction of `from` to that of `to`; `None` if one has no direction, or if
+/// they are opposite, where the axis is undetermined.
 #[must_use]
 pub fn between(from: Vector, to: Vector) -> Option<Quaternion> {
     let (from, to) = (vector::normalized(from)?, vector::normalized(to)?);
@@ -182,14 +185,16 @@ pub fn between(from: Vector, to: Vector) -> Option<Quaternion> {
     unit([x, y, z, square / 2.0])
 }
 
-/// The rotation vector that turns `from` into `to`, in axes of the outer frame, rad, of length in [0, π]: from + error = to.
+/// Returns the rotation vector that rotates `from` into `to`, in axes of the outer frame, rad, with a length in [0, π]:
+/// from + error = to.
 #[must_use]
 pub fn error(from: Quaternion, to: Quaternion) -> Vector {
     log(product(to, inverse(from)))
 }
 
-/// The rotation `fraction` (0 = `from`, 1 = `to`, others beyond) of the way, by the shorter way about one axis; `None` if
-/// they are half a turn apart. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985, eq. for Slerp.
+/// Interpolates between `from` (fraction 0) and `to` (fraction 1; other values extrapolate), by the shorter way about
+/// one axis; `None` if they are 180° apart. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985, eq.
+/// for Slerp.
 #[must_use]
 pub fn slerp(from: Quaternion, to: Quaternion, fraction: f64) -> Option<Quaternion> {
     let turn = canonical(product(to, inverse(from)));
@@ -200,8 +205,8 @@ pub fn slerp(from: Quaternion, to: Quaternion, fraction: f64) -> Option<Quaterni
     Some(product(exp(vector::scale(log(turn), fraction)), from))
 }
 
-/// The point at `s` (0 = the first, 1 = the last) of the cubic Bézier curve of four rotations: de Casteljau's construction
-/// with [`slerp`] (Shoemake 1985). `None` if two rotations of it are half a turn apart.
+/// Returns the point at `s` (0 = first, 1 = last) of the cubic Bézier curve of four rotations: de Casteljau's
+/// construction with [`slerp`] (Shoemake 1985). `None` if two of its rotations are 180° apart.
 #[must_use]
 pub fn bezier([a, b, c, d]: [Quaternion; 4], s: f64) -> Option<Quaternion> {
     let (ab, bc, cd) = (slerp(a, b, s)?, slerp(b, c, s)?, slerp(c, d, s)?);
@@ -212,7 +217,7 @@ fn length_squared([x, y, z, w]: Quaternion) -> f64 {
     x * x + y * y + z * z + w * w
 }
 
-/// An angle in (−2π, 2π] less a whole turn, in [−π, π].
+/// Reduces an angle in (−2π, 2π] by a full turn to [−π, π].
 fn within_half_turn(angle: f64) -> f64 {
     let turns = if angle > PI {
         -2.0 * PI
@@ -224,7 +229,7 @@ fn within_half_turn(angle: f64) -> f64 {
     bounded(angle + turns, PI)
 }
 
-/// Takes away what rounding put beyond ±`bound`; NaN stays.
+/// Removes an excess beyond ±`bound` caused by rounding; NaN stays.
 fn bounded(value: f64, bound: f64) -> f64 {
     if value > bound {
         bound

@@ -1,5 +1,5 @@
-//! Twists and wrenches: other reference points, other frames, and the step from a twist to the next pose and back.
-//! Pure mathematics without allocation or panic; used by the loader and by the real-time thread.
+//! Twists and wrenches: change of reference point and frame, and integration of a twist to the next pose and back. Pure
+//! mathematics without allocation or panic; used by the loader and by the real-time thread.
 //!
 //! A twist is the velocity of a reference point of a body and the body's angular velocity, a wrench a force and the torque
 //! about a reference point, both in axes of one frame. Lynch & Park, "Modern Robotics", 2017, sections 3.3.2 and 3.4; the
@@ -12,46 +12,47 @@ use crate::vector::{self, Vector};
 /// Two vectors `[x y z x y z]`: velocity and angular velocity, or force and torque.
 pub type SpatialVector = [f64; 6];
 
-/// The two vectors.
+/// Splits into the two vectors.
 #[must_use]
 pub fn split([a, b, c, d, e, f]: SpatialVector) -> (Vector, Vector) {
     ([a, b, c], [d, e, f])
 }
 
-/// From two vectors.
+/// Joins two vectors.
 #[must_use]
 pub fn join([a, b, c]: Vector, [d, e, f]: Vector) -> SpatialVector {
     [a, b, c, d, e, f]
 }
 
-/// The twist of the same motion with its reference point `by` further, same axes: v' = v + ω × by.
+/// Returns the twist of the same motion with the reference point shifted by `by`, same axes: v' = v + ω × by.
 #[must_use]
 pub fn shift_twist(twist: SpatialVector, by: Vector) -> SpatialVector {
     let (linear, angular) = split(twist);
     join(vector::add(linear, vector::cross(angular, by)), angular)
 }
 
-/// The wrench of the same load with its reference point `by` further, same axes: t' = t − by × f.
+/// Returns the wrench of the same load with the reference point shifted by `by`, same axes: t' = t − by × f.
 #[must_use]
 pub fn shift_wrench(wrench: SpatialVector, by: Vector) -> SpatialVector {
     let (force, torque) = split(wrench);
     join(force, vector::subtract(torque, vector::cross(by, force)))
 }
 
-/// A twist in axes and with the origin of B, as one in axes and with the origin of A, for the pose of B in A: the adjoint.
+/// Transforms a twist in axes and with the origin of B to axes and the origin of A, for the pose of B in A: the
+/// adjoint.
 #[must_use]
 pub fn transform_twist(pose: &Pose, twist: SpatialVector) -> SpatialVector {
     shift_twist(turn(pose, twist), vector::scale(pose.position, -1.0))
 }
 
-/// A wrench in axes and about the origin of B, as one in axes and about the origin of A, for the pose of B in A.
+/// Transforms a wrench in axes and about the origin of B to axes and the origin of A, for the pose of B in A.
 #[must_use]
 pub fn transform_wrench(pose: &Pose, wrench: SpatialVector) -> SpatialVector {
     shift_wrench(turn(pose, wrench), vector::scale(pose.position, -1.0))
 }
 
-/// The pose after `time_s` of a constant twist in axes of the outer frame, whose reference point is the pose's origin:
-/// the origin on a straight line, the orientation by the exponential map.
+/// Returns the pose after `time_s` of a constant twist in axes of the outer frame, with the pose's origin as reference
+/// point: the origin moves on a straight line, the orientation by the exponential map.
 #[must_use]
 pub fn integrate(pose: &Pose, twist: SpatialVector, time_s: f64) -> Pose {
     let (linear, angular) = split(twist);
@@ -62,7 +63,8 @@ pub fn integrate(pose: &Pose, twist: SpatialVector, time_s: f64) -> Pose {
     }
 }
 
-/// The constant twist that leads from `previous` to `pose` in `time_s`, as [`integrate`] takes it; by the shorter turn.
+/// Returns the constant twist that leads from `previous` to `pose` in `time_s`, as used by [`integrate`]; by the
+/// shorter rotation.
 #[must_use]
 pub fn difference(previous: &Pose, pose: &Pose, time_s: f64) -> SpatialVector {
     let way = vector::subtract(pose.position, previous.position);
@@ -70,7 +72,7 @@ pub fn difference(previous: &Pose, pose: &Pose, time_s: f64) -> SpatialVector {
     join(way, turn).map(|element| element / time_s)
 }
 
-/// Both vectors in axes of the outer frame, same reference point.
+/// Rotates both vectors to axes of the outer frame, same reference point.
 fn turn(pose: &Pose, six: SpatialVector) -> SpatialVector {
     let (a, b) = split(six);
     join(
@@ -108,7 +110,7 @@ mod tests {
         prop::array::uniform6(-5.0..5.0f64)
     }
 
-    /// Where the point of the body that is at `point` now is after `time_s`.
+    /// Returns the position after `time_s` of the body point that is at `point` now.
     fn carried(twist: SpatialVector, point: Vector, time_s: f64) -> Vector {
         let (linear, angular) = split(twist);
         let turn = rotation::exp(vector::scale(angular, time_s));

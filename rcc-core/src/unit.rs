@@ -5,8 +5,8 @@
 use core::f64::consts::PI;
 use core::fmt;
 
-/// A product of powers of base units. The radian counts as a base unit, so that an angle is not
-/// mistaken for a plain number.
+/// A product of powers of base units. The radian counts as a base unit, so that an angle is not mistaken for a
+/// dimensionless number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Unit {
     /// Exponents of m, kg, s, A, K, rad.
@@ -22,7 +22,7 @@ const fn unit(m: i8, kg: i8, s: i8, a: i8, k: i8, rad: i8) -> Unit {
 }
 
 impl Unit {
-    /// A plain number.
+    /// Dimensionless.
     pub const ONE: Unit = unit(0, 0, 0, 0, 0, 0);
     /// Length.
     pub const METRE: Unit = unit(1, 0, 0, 0, 0, 0);
@@ -49,17 +49,17 @@ impl Unit {
     /// Angular jerk.
     pub const RADIAN_PER_SECOND3: Unit = unit(0, 0, -3, 0, 0, 1);
 
-    /// The unit of a product.
+    /// Returns the unit of a product.
     pub const fn times(self, other: Unit) -> Unit {
         self.combine(other, 1)
     }
 
-    /// The unit of a quotient.
+    /// Returns the unit of a quotient.
     pub const fn per(self, other: Unit) -> Unit {
         self.combine(other, -1)
     }
 
-    /// The unit whose square this is; `None` if a power is odd.
+    /// Returns the square root of the unit; `None` if an exponent is odd.
     pub const fn root(self) -> Option<Unit> {
         let [a, b, c, d, e, f] = self.exponents;
         if (a | b | c | d | e | f) & 1 != 0 {
@@ -83,8 +83,8 @@ impl Unit {
         }
     }
 
-    /// Reads `m/s`, `N`, `deg/s^2`, `mm`, …: the SI unit and the factor to it.
-    /// `None` if a name is not in [`UNIT_NAMES`].
+    /// Parses `m/s`, `N`, `deg/s^2`, `mm`, …; returns the SI unit and the factor to it. `None` if a name is not in
+    /// [`UNIT_NAMES`].
     pub fn parse(text: &str) -> Option<(Unit, f64)> {
         let mut result = (Unit::ONE, 1.0);
         let mut sign = 1;
@@ -117,7 +117,7 @@ impl Unit {
     }
 }
 
-/// A name that text may use for a unit.
+/// A unit name that text may use.
 #[derive(Clone, Copy, Debug)]
 pub struct UnitName {
     /// As written.
@@ -132,7 +132,7 @@ const fn named(name: &'static str, factor: f64, unit: Unit) -> UnitName {
     UnitName { name, factor, unit }
 }
 
-/// Every name; the first of a unit is how it is printed.
+/// All names; the first name of a unit is the one that is printed.
 pub const UNIT_NAMES: &[UnitName] = &[
     named("1", 1.0, Unit::ONE),
     named("m", 1.0, Unit::METRE),

@@ -1,11 +1,11 @@
-//! Vectors of three numbers: the few operations that directions, rotations, twists and wrenches are made of.
-//! Pure mathematics without allocation or panic; NaN in, NaN out. Used by the loader and by the real-time thread.
+//! Vectors of three numbers: the basic operations for directions, rotations, twists and wrenches. Pure mathematics
+//! without allocation or panic; NaN in, NaN out. Used by the loader and by the real-time thread.
 
 /// Three numbers along x, y and z.
 pub type Vector = [f64; 3];
 
-/// Two directions whose sine is below this are parallel, and those whose half sum is shorter are opposite: rounding decides
-/// what is left of them.
+/// Two directions count as parallel if the sine of the angle between them is below this, and as opposite if their sum
+/// is shorter: below it, rounding dominates.
 pub const PARALLEL_SINE: f64 = 1e-9;
 
 /// a + b.
@@ -20,7 +20,7 @@ pub fn subtract([a, b, c]: Vector, [x, y, z]: Vector) -> Vector {
     [a - x, b - y, c - z]
 }
 
-/// The vector, `factor` times as long.
+/// Returns the vector multiplied by `factor`.
 #[must_use]
 pub fn scale([x, y, z]: Vector, factor: f64) -> Vector {
     [x * factor, y * factor, z * factor]
@@ -38,16 +38,16 @@ pub fn cross([a, b, c]: Vector, [x, y, z]: Vector) -> Vector {
     [b * z - c * y, c * x - a * z, a * y - b * x]
 }
 
-/// The length; it overflows only if it is itself too large for a number.
+/// Returns the length; overflows only if the length itself is out of range.
 #[must_use]
 pub fn norm([x, y, z]: Vector) -> f64 {
     libm::hypot(libm::hypot(x, y), z)
 }
 
-/// The direction: the vector at length one. `None` for a vector of length zero, or one that is not finite.
+/// Returns the unit vector; `None` for a vector of length zero, or one that is not finite.
 #[must_use]
 pub fn normalized(vector: Vector) -> Option<Vector> {
-    // The largest element becomes one first, so that no square is lost at either end of the range.
+    // The largest element is scaled to 1 first, so that no square underflows or overflows.
     let [x, y, z] = vector.map(libm::fabs);
     let largest = libm::fmax(libm::fmax(x, y), z);
     if !is_finite(vector) || largest == 0.0 {
@@ -58,7 +58,7 @@ pub fn normalized(vector: Vector) -> Option<Vector> {
     Some(near_one.map(|element| element / length))
 }
 
-/// Whether every element is a finite number.
+/// Returns true if every element is finite.
 #[must_use]
 pub fn is_finite(vector: Vector) -> bool {
     vector.iter().all(|element| element.is_finite())

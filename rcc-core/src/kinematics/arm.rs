@@ -1,5 +1,5 @@
-//! An arm of any kind that the core knows, behind one set of functions: what the rest of the core works with.
-//! Plain data, `Copy`, no heap; each function looks at the kind once. Used by the loader and by the real-time thread.
+//! An arm of any supported kind behind one set of functions, which the rest of the core uses. Plain data, `Copy`, no
+//! heap; each function matches on the kind once. Used by the loader and by the real-time thread.
 
 use core::fmt;
 
@@ -15,40 +15,40 @@ use crate::pose::Pose;
 /// columns beyond the arm's joints are 0.
 pub type ArmJacobian = [[f64; JOINTS_MAX]; 6];
 
-/// Numbers that describe an arm of any kind, see [`Arm::parameters`].
+/// Number of parameters that describe an arm of any kind, see [`Arm::parameters`].
 pub const PARAMETERS: usize = 19;
 
 /// The kinematics of an arm. Joint positions are in rad, in the robot's own directions and zeros, from the base to the
-/// flange; elements beyond [`Arm::joints`] are not looked at, and 0 in what comes back.
+/// flange; elements beyond [`Arm::joints`] are ignored in arguments and 0 in results.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Arm {
     /// Seven joints: spherical shoulder, elbow hinge, spherical wrist.
     Srs(SrsArm),
-    /// Six joints: two parallel axes square to the first, spherical wrist.
+    /// Six joints: two parallel axes perpendicular to the first, spherical wrist.
     OrthoParallel(OrthoParallelArm),
 }
 
-/// Where an arm loses a direction, or joints that share a turn are free.
+/// The kinds of singularities: the flange loses a direction of motion, or aligned axes leave their joints undetermined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SingularityKind {
-    /// Stretched (or folded): no way to go further out.
+    /// Stretched (or folded): no motion further out.
     Elbow,
-    /// The two axes of the wrist that turn the same way are in line.
+    /// The first and the last axis of the wrist are aligned.
     Wrist,
-    /// S-R-S: the axes of joints 1 and 3 are in line. Ortho-parallel: the wrist is above (or below) axis 1.
+    /// S-R-S: the axes of joints 1 and 3 are aligned. Ortho-parallel: the wrist is above (or below) axis 1.
     Shoulder,
-    /// S-R-S: the wrist is above (or below) the shoulder, where the arm angle is not defined.
+    /// S-R-S: the wrist is above (or below) the shoulder, where the arm angle is undefined.
     ArmAngle,
 }
 
 impl SingularityKind {
-    /// The kind as a number from 1, in the order of declaration.
+    /// Returns the kind as a number from 1, in the order of declaration.
     #[must_use]
     pub fn number(self) -> u32 {
         self as u32 + 1
     }
 
-    /// The contrary of [`SingularityKind::number`].
+    /// Returns the kind of a [`SingularityKind::number`]; `None` if the number is unknown.
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
         [Self::Elbow, Self::Wrist, Self::Shoulder, Self::ArmAngle]
@@ -68,13 +68,13 @@ impl fmt::Display for SingularityKind {
     }
 }
 
-/// The nearest singular position.
+/// The nearest singularity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Singularity {
-    /// Which.
+    /// Kind.
     pub kind: SingularityKind,
-    /// How far: the sine of the angle that is left, 0 to 1; for the wrist above axis 1 its distance from the axis as part of
-    /// the arm's reach. NaN for joints that are null.
+    /// Distance: the sine of the remaining angle, 0 to 1; for a wrist above axis 1 its distance from the axis relative
+    /// to the arm's reach. NaN for null joints.
     pub distance: f64,
 }
 
@@ -85,7 +85,7 @@ impl Singularity {
             distance: f64::INFINITY,
         };
         all.into_iter().fold(first, |nearest, (kind, distance)| {
-            // Asked so that null wins and stays.
+            // The comparison is written so that null wins and stays.
             if distance >= nearest.distance || nearest.distance.is_nan() {
                 nearest
             } else {
@@ -96,7 +96,7 @@ impl Singularity {
 }
 
 impl Arm {
-    /// Number of joints: 6 or 7.
+    /// Returns the number of joints: 6 or 7.
     #[must_use]
     pub const fn joints(&self) -> usize {
         match self {
@@ -105,7 +105,7 @@ impl Arm {
         }
     }
 
-    /// Where the flange is, base frame. NaN in, NaN out.
+    /// Returns the flange pose in the base frame. NaN in, NaN out.
     #[must_use]
     pub fn forward(&self, joints: &Joints) -> Pose {
         match self {
@@ -114,7 +114,7 @@ impl Arm {
         }
     }
 
-    /// The geometric Jacobian. NaN in, NaN out.
+    /// Returns the geometric Jacobian. NaN in, NaN out.
     #[must_use]
     pub fn jacobian(&self, joints: &Joints) -> ArmJacobian {
         match self {
@@ -123,7 +123,7 @@ impl Arm {
         }
     }
 
-    /// The branch that joints are in.
+    /// Returns the branch of joint positions.
     #[must_use]
     pub fn branch(&self, joints: &Joints) -> Branch {
         match self {
@@ -132,7 +132,7 @@ impl Arm {
         }
     }
 
-    /// The arm angle, rad in (−π, π]; `None` for six joints, which have none.
+    /// Returns the arm angle, rad in (−π, π]; `None` for six joints, where it does not exist.
     #[must_use]
     pub fn arm_angle(&self, joints: &Joints) -> Option<f64> {
         match self {
@@ -141,7 +141,7 @@ impl Arm {
         }
     }
 
-    /// Branch and arm angle: with the pose of the flange, all there is to say about joints.
+    /// Returns branch and arm angle; together with the flange pose they determine the joints.
     #[must_use]
     pub fn configuration(&self, joints: &Joints) -> ArmConfiguration {
         ArmConfiguration {
@@ -150,12 +150,12 @@ impl Arm {
         }
     }
 
-    /// The joints that bring the flange to `pose` (base frame) with an arm angle (rad; not looked at for six joints) in a
-    /// branch, each by as many whole turns away as brings it nearest to `hint`. Where two axes are in line, one of their
-    /// joints is taken from `hint`. Joint limits are not looked at, see [`Arm::inverse_within`].
+    /// Returns the joints that bring the flange to `pose` (base frame) with an arm angle (rad; ignored for six joints)
+    /// in a branch, each by the whole turn nearest to `hint`. Where two axes are aligned, one of their joints is taken
+    /// from `hint`. Joint limits are not checked, see [`Arm::inverse_within`].
     ///
     /// # Errors
-    /// The wrist is too far from the shoulder or too close to it, or an argument is null.
+    /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, or an argument is null.
     #[inline]
     pub fn inverse(
         &self,
@@ -171,10 +171,10 @@ impl Arm {
         Ok(nearest_turns(&found, hint))
     }
 
-    /// As [`Arm::inverse`], each joint by as many whole turns away as bring it within its limits, nearest to `hint` of those.
+    /// As [`Arm::inverse`], with each joint by the whole turn that is within its limits and nearest to `hint`.
     ///
     /// # Errors
-    /// As [`Arm::inverse`], or the joint that no whole turn brings within its limits.
+    /// As [`Arm::inverse`], or the first joint that no whole turn brings within its limits.
     pub fn inverse_within(
         &self,
         pose: &Pose,
@@ -187,7 +187,7 @@ impl Arm {
         Ok(turns_within(&found, hint, limits)?)
     }
 
-    /// The joints of all branches, by [`Branch::index`], as [`Arm::inverse`] gives them.
+    /// Returns the joints of all branches, by [`Branch::index`], as computed by [`Arm::inverse`].
     pub fn all_branches(
         &self,
         pose: &Pose,
@@ -199,7 +199,7 @@ impl Arm {
         })
     }
 
-    /// The nearest singular position. A motion in space that comes near it makes joints turn fast.
+    /// The nearest singularity.
     #[must_use]
     pub fn singularity(&self, joints: &Joints) -> Singularity {
         match self {
@@ -208,8 +208,8 @@ impl Arm {
         }
     }
 
-    /// KUKA's Status (S) of joints, bits 0 to 2; `None` for seven joints, whose Status KUKA counts otherwise. See
-    /// [`OrthoParallelArm::status`].
+    /// Returns KUKA's Status (S) of joint positions, bits 0 to 2; `None` for seven joints, whose Status KUKA defines
+    /// differently. See [`OrthoParallelArm::status`].
     #[must_use]
     pub fn status(&self, joints: &Joints) -> Option<u8> {
         match self {
@@ -218,7 +218,7 @@ impl Arm {
         }
     }
 
-    /// The branch that KUKA's Status (S) asks for; `None` for seven joints. Bits from 3 on are not looked at.
+    /// Returns the branch of KUKA's Status (S); `None` for seven joints. Bits from 3 on are ignored.
     #[must_use]
     pub fn branch_of_status(&self, status: u8) -> Option<Branch> {
         match self {
@@ -227,7 +227,7 @@ impl Arm {
         }
     }
 
-    /// KUKA's Turn (T) of joints: bit i is set if joint i + 1 is negative.
+    /// Returns KUKA's Turn (T) of joint positions: bit i is set if joint i + 1 is negative.
     #[must_use]
     pub fn turn(&self, joints: &Joints) -> u8 {
         let negative = joints.iter().take(self.joints()).map(|joint| *joint < 0.0);
@@ -235,9 +235,9 @@ impl Arm {
         bits.fold(0, |all, bit| all | bit)
     }
 
-    /// The kind as a number and what describes it, for hashes and files: `(1, S-R-S)` shoulder height, upper arm, forearm,
-    /// wrist to flange, seven signs; `(2, ortho-parallel)` shoulder height and offset, lateral offset, upper arm, elbow
-    /// offset, forearm, wrist to flange, six signs, six zeros. The rest is 0.
+    /// Returns the kind as a number and its parameters, for hashes and files: `(1, S-R-S)` shoulder height, upper arm,
+    /// forearm, wrist to flange, seven signs; `(2, ortho-parallel)` shoulder height and offset, lateral offset, upper
+    /// arm, elbow offset, forearm, wrist to flange, six signs, six zeros. Unused elements are 0.
     #[must_use]
     pub fn parameters(&self) -> (u32, [f64; PARAMETERS]) {
         let mut all = [0.0; PARAMETERS];
@@ -260,7 +260,7 @@ impl Arm {
         (kind, all)
     }
 
-    /// The contrary of [`Arm::parameters`]; `None` for a number that is no kind.
+    /// Creates an arm from [`Arm::parameters`]; `None` for an unknown kind.
     #[must_use]
     pub fn from_parameters(kind: u32, parameters: &[f64; PARAMETERS]) -> Option<Arm> {
         match kind {
@@ -294,18 +294,18 @@ impl Arm {
     }
 }
 
-/// Why an arm cannot be brought to a pose.
+/// The reason why an arm cannot reach a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum InverseKinematicsError {
-    /// No joint position leads there.
+    /// No joint position gives the pose.
     Unreachable(Unreachable),
-    /// One does, but the robot's limits do not allow it.
+    /// A joint position gives the pose, but violates the joint limits.
     OutOfLimits(OutOfLimits),
 }
 
 impl InverseKinematicsError {
-    /// The number that primitives say at their port `reason`: 1 an input is null, 2 too far, 3 too close, 4 joint limit; 0 is
-    /// for no fault.
+    /// Returns the number for the port `reason` of primitives: 1 an input is null, 2 too far, 3 too close, 4 joint
+    /// limit; 0 is reserved for no fault.
     #[must_use]
     pub fn reason(&self) -> i64 {
         match self {
@@ -316,7 +316,7 @@ impl InverseKinematicsError {
         }
     }
 
-    /// The joint at its limit, from 1; 0 for other faults.
+    /// Returns the joint at its limit, from 1; 0 for other faults.
     #[must_use]
     pub fn joint(&self) -> i64 {
         match self {

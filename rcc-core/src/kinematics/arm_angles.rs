@@ -1,9 +1,10 @@
-//! The arm angles of an S-R-S arm that its joint limits allow for a pose, as intervals: what a redundancy may be used for.
-//! Closed form with a constant number of steps, no heap; used by the loader and by the real-time thread.
+//! The intervals of arm angles of an S-R-S arm that the joint limits allow for a pose: the usable range of its
+//! redundancy. Closed form with a constant number of steps, no heap; used by the loader and by the real-time thread.
 //!
-//! Shimizu et al., IEEE T-RO 24(5), 2008, section IV: while the elbow goes round, every element of the shoulder's and of the
-//! wrist's rotation is A·sin ψ + B·cos ψ + C, so each limit of a joint has at most two arm angles. Between neighbours of
-//! all these the joints are within their limits everywhere or nowhere, which one inverse in the middle tells.
+//! Shimizu et al., IEEE T-RO 24(5), 2008, section IV: while the elbow swivels, every element of the shoulder's and of
+//! the wrist's rotation is A·sin ψ + B·cos ψ + C, so each limit of a joint is reached at no more than two arm angles.
+//! Between two neighbouring ones the joints are within their limits either everywhere or nowhere, which one inverse in
+//! the middle decides.
 
 use core::f64::consts::{PI, TAU};
 
@@ -16,13 +17,13 @@ use super::turns::within_limits;
 use crate::guard::JointLimits;
 use crate::pose::Pose;
 
-/// Two limits of six joints with two arm angles each; Shimizu counts 20, for limits that are alike on both sides.
+/// Two limits of six joints with two arm angles each; Shimizu counts 20, for symmetric limits.
 const ROOTS_MAX: usize = 24;
 
-/// Arm angles nearer to each other than this (rad) are one.
+/// Arm angles closer to each other than this (rad) are merged.
 const SAME: f64 = 1e-12;
 
-/// Intervals of arm angles, rad: in each, joints go from one limit to another without leaving theirs or their branch.
+/// Intervals of arm angles, rad: within each, all joints stay within their limits and in their branch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmAngles {
     intervals: [[f64; 2]; ROOTS_MAX],
@@ -35,15 +36,15 @@ impl ArmAngles {
         count: 0,
     };
 
-    /// The intervals [lower, upper], in order; lower is in (−π, π], and upper beyond π if π is inside. The whole circle is
-    /// [−π, π]. None: there is no arm angle for this pose in this branch.
+    /// Returns the intervals [lower, upper] in order; lower is in (−π, π], and upper exceeds π if π is inside. The
+    /// whole circle is [−π, π]. Empty if no arm angle is allowed for this pose in this branch.
     #[must_use]
     pub fn intervals(&self) -> &[[f64; 2]] {
         self.intervals.get(..self.count).unwrap_or(&[])
     }
 
-    /// The interval that an arm angle is in, by whole turns as the angle is; an angle at the edge of one is in it. The whole
-    /// circle is π to both sides.
+    /// Returns the interval that contains an arm angle, shifted by whole turns to the angle; the bounds belong to the
+    /// interval. The whole circle extends π to both sides of the angle.
     #[must_use]
     pub fn around(&self, angle: f64) -> Option<[f64; 2]> {
         self.intervals().iter().find_map(|&[lower, upper]| {
@@ -95,7 +96,7 @@ impl LimitAngles {
     }
 }
 
-/// A rotation that turns with the elbow: `sin`·sin ψ + `cos`·cos ψ + `rest`.
+/// A rotation as a function of the arm angle ψ: `sin`·sin ψ + `cos`·cos ψ + `rest`.
 struct ElbowRotation {
     sin: Matrix3<f64>,
     cos: Matrix3<f64>,
@@ -103,7 +104,7 @@ struct ElbowRotation {
 }
 
 impl ElbowRotation {
-    /// Where a joint whose tangent is `y`/`x` is at this angle (or half a turn away).
+    /// Returns the coefficients of the condition that a joint with tangent `y`/`x` is at this angle (or 180° away).
     fn tangent(
         &self,
         y: impl Fn(&Matrix3<f64>) -> f64,
@@ -114,17 +115,18 @@ impl ElbowRotation {
         [&self.sin, &self.cos, &self.rest].map(|m| y(m) * cos - x(m) * sin)
     }
 
-    /// Where a joint whose cosine is the last element is at this angle to either side.
+    /// Returns the coefficients of the condition that a joint with the last element as cosine is at ± this angle.
     fn cosine(&self, limit: f64) -> [f64; 3] {
         [self.sin.m33, self.cos.m33, self.rest.m33 - libm::cos(limit)]
     }
 }
 
 impl SrsArm {
-    /// The arm angles with which the joints (each in [−π, π]) that reach `pose` in `branch` are within `limits`.
+    /// Returns the arm angles with which the joints (each in [−π, π]) that reach `pose` in `branch` are within
+    /// `limits`.
     ///
     /// # Errors
-    /// The pose cannot be reached with any arm angle, or is null.
+    /// Returns `Unreachable` if the pose is out of reach for every arm angle, or is null.
     pub fn arm_angles(
         &self,
         pose: &Pose,
@@ -186,7 +188,7 @@ impl SrsArm {
     }
 }
 
-/// Joins the gaps between neighbours (sorted, in [−π, π]) that are allowed.
+/// Joins the allowed gaps between neighbouring angles (sorted, in [−π, π]).
 fn between(roots: &[f64], allowed: impl Fn(f64) -> bool) -> ArmAngles {
     let mut found = ArmAngles::NONE;
     let (Some(&first), Some(&last)) = (roots.first(), roots.last()) else {
@@ -211,7 +213,7 @@ fn between(roots: &[f64], allowed: impl Fn(f64) -> bool) -> ArmAngles {
             (None, false) => None,
         };
     }
-    // The gap through π; the interval before it goes on in it, and ends in the first of all.
+    // The gap through π continues the interval before it, and ends in the first of all intervals.
     if !allowed(0.5 * (last + first + TAU)) {
         if let Some(closed) = open {
             found.push(closed);
@@ -226,7 +228,7 @@ fn between(roots: &[f64], allowed: impl Fn(f64) -> bool) -> ArmAngles {
     match goes_on {
         _ if open.is_some_and(|[from, _]| from <= first + SAME) => found.push([-PI, PI]),
         Some(interval) => {
-            // It begins before π now: the last one in order.
+            // It now starts before π and is therefore the last one in order.
             let upper = interval[1] + TAU;
             let count = found.count;
             if let Some(all) = found.intervals.get_mut(..count) {

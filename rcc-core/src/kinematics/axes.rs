@@ -1,23 +1,24 @@
-//! Rotations about single axes, and how two or three of them share what is wanted: what all arms have in common.
-//! Pure arithmetic; used by the loader and by the real-time thread.
+//! Rotations about single axes, and the distribution of a rotation to two or three of them: shared by all arms. Pure
+//! arithmetic; used by the loader and by the real-time thread.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Below this sine of the angle between them two axes count as one, and the hint decides how they share the turn …
+/// Below this sine of the angle between them two axes count as aligned, and the hint decides how they share the
+/// rotation …
 const ALIGNED_SINE: f64 = 1e-9;
 
-/// … unless the pose would be wrong by more than this angle (rad) with the hint.
+/// … unless the pose would then be wrong by more than this angle (rad).
 const HINT_ERROR: f64 = 1e-12;
 
-/// A wrist this little beyond the stretched (or within the folded) arm, relative to its length, is rounding and counts as
-/// stretched (or folded).
+/// A wrist beyond the stretched (or within the folded) arm by less than this, relative to the arm's length, counts as
+/// stretched (or folded): rounding.
 pub(super) const STRETCH_TOLERANCE: f64 = 1e-12;
 
 pub(super) fn sign(negative: bool) -> f64 {
     if negative { -1.0 } else { 1.0 }
 }
 
-/// `m`·Rz of an angle with this sine and cosine.
+/// Returns `m`·Rz of an angle with this sine and cosine.
 pub(super) fn turned_z(m: &Matrix3<f64>, (sin, cos): (f64, f64)) -> Matrix3<f64> {
     Matrix3::new(
         m.m11 * cos + m.m12 * sin,
@@ -32,7 +33,7 @@ pub(super) fn turned_z(m: &Matrix3<f64>, (sin, cos): (f64, f64)) -> Matrix3<f64>
     )
 }
 
-/// `m`·Ry of an angle with this sine and cosine.
+/// Returns `m`·Ry of an angle with this sine and cosine.
 pub(super) fn turned_y(m: &Matrix3<f64>, (sin, cos): (f64, f64)) -> Matrix3<f64> {
     Matrix3::new(
         m.m11 * cos - m.m13 * sin,
@@ -47,12 +48,12 @@ pub(super) fn turned_y(m: &Matrix3<f64>, (sin, cos): (f64, f64)) -> Matrix3<f64>
     )
 }
 
-/// Rz of an angle with this sine and cosine.
+/// Returns Rz of an angle with this sine and cosine.
 pub(super) fn rz((sin, cos): (f64, f64)) -> Matrix3<f64> {
     Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0)
 }
 
-/// The directions of the axes of a frame.
+/// Returns the x axis of a frame; `y_of` and `z_of` return the other axes.
 pub(super) fn x_of(m: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(m.m11, m.m21, m.m31)
 }
@@ -65,12 +66,13 @@ pub(super) fn z_of(m: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(m.m13, m.m23, m.m33)
 }
 
-/// Length of a vector in a plane of metres or of sines: neither can overflow a square, and what underflows is aligned.
+/// Returns the length of a vector in a plane of metres or of sines: its squares cannot overflow, and if they underflow
+/// it counts as aligned.
 pub(super) fn length(x: f64, y: f64) -> f64 {
     libm::sqrt(x * x + y * y)
 }
 
-/// A direction as two angles, with the sine and cosine of each: nobody has to ask for them again.
+/// A direction as two angles, with their sines and cosines, so that these need not be computed again.
 pub(super) struct PolarDirection {
     pub azimuth: f64,
     pub polar: f64,
@@ -78,8 +80,8 @@ pub(super) struct PolarDirection {
     pub tilt: (f64, f64),
 }
 
-/// Azimuth and polar angle of the unit vector (x, y, z) = Rz(azimuth)·Ry(polar)·e_z with the given sign of the polar
-/// angle; the azimuth of a vector along z is `hint`.
+/// Returns azimuth and polar angle of the unit vector (x, y, z) = Rz(azimuth)·Ry(polar)·e_z with the given sign of the
+/// polar angle; the azimuth of a vector along z is `hint`.
 pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> PolarDirection {
     let level = length(x, y);
     if level < ALIGNED_SINE
@@ -101,8 +103,8 @@ pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> Pol
     }
 }
 
-/// How far (x, y) is in the direction of `hint` (rad), which may be backwards, and the sine and cosine of `hint`; `None` if it
-/// is more than `tolerance` beside that direction. A hint that is null makes them null.
+/// Returns the extent of (x, y) in the direction of `hint` (rad), which may be negative, and the sine and cosine of
+/// `hint`; `None` if (x, y) is more than `tolerance` beside that direction. A null hint makes them null.
 #[cold]
 pub(super) fn beside_hint(x: f64, y: f64, hint: f64, tolerance: f64) -> Option<(f64, (f64, f64))> {
     let (sin, cos) = libm::sincos(hint);
@@ -111,10 +113,11 @@ pub(super) fn beside_hint(x: f64, y: f64, hint: f64, tolerance: f64) -> Option<(
     (beside.is_nan() || beside.abs() <= tolerance).then_some((along, (sin, cos)))
 }
 
-/// The three angles of Rz·Ry·Rz = `rest` with the given sign of the second; the first is `hint` where the second is 0 or π.
+/// Returns the three angles of Rz·Ry·Rz = `rest` with the given sign of the second; the first is `hint` where the
+/// second is 0 or π.
 pub(super) fn wrist(rest: &Matrix3<f64>, sign: f64, hint: f64) -> (f64, f64, f64) {
     let axis = azimuth_polar(rest.m13, rest.m23, rest.m33, sign, hint);
-    // From the residual, not from W31 and W32, which vanish with the second angle.
+    // Computed from the residual instead of W31 and W32, which vanish with the second angle.
     let (sin, cos) = axis.turn;
     let third = libm::atan2(
         cos * rest.m21 - sin * rest.m11,

@@ -1,16 +1,16 @@
-//! The ways in which an arm reaches a pose, and why it does not.
-//! Plain data; used by the loader and by the real-time thread.
+//! The branches in which an arm reaches a pose, and the reasons why it cannot. Plain data; used by the loader and by
+//! the real-time thread.
 
 use core::fmt;
 
-/// How many branches there are, of every arm.
+/// Number of branches, for every arm.
 pub const BRANCHES: usize = 8;
 
-/// One of the eight ways to reach a pose (with a given arm angle, if the arm has one).
+/// One of the eight solutions for a pose (with a given arm angle, if the arm has one).
 ///
-/// An S-R-S arm: on which side of zero the canonical joints 2, 4 and 6 are (Faria 2018: GC2, GC4, GC6). An ortho-parallel
-/// arm: on which side of axis 1 the wrist is, of the line through axes 2 and 3 the forearm is, and of zero the canonical
-/// joint 5 is. Zero counts as not negative.
+/// S-R-S arm: the signs of the canonical joints 2, 4 and 6 (Faria 2018: GC2, GC4, GC6). Ortho-parallel arm: the side of
+/// axis 1 on which the wrist is, the side of the line through axes 2 and 3 on which the forearm is, and the sign of the
+/// canonical joint 5. Zero counts as not negative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Branch {
     /// S-R-S: canonical q2 < 0. Ortho-parallel: the wrist is behind axis 1 (reached overhead).
@@ -22,7 +22,7 @@ pub struct Branch {
 }
 
 impl Branch {
-    /// The branch as a number in 0..8: bit 0 shoulder, bit 1 elbow, bit 2 wrist.
+    /// Returns the branch as a number in 0..8: bit 0 shoulder, bit 1 elbow, bit 2 wrist.
     #[must_use]
     pub fn index(self) -> u8 {
         u8::from(self.shoulder_negative)
@@ -30,13 +30,13 @@ impl Branch {
             | u8::from(self.wrist_negative) << 2
     }
 
-    /// The branch of a number in 0..8, `None` beyond.
+    /// Returns the branch of a number in 0..8, `None` for other numbers.
     #[must_use]
     pub fn from_index(index: u8) -> Option<Self> {
         (index < 8).then_some(Self::from_bits(index))
     }
 
-    /// The branch of the lowest three bits of a number.
+    /// Returns the branch of the lowest three bits of a number.
     #[must_use]
     pub fn from_bits(bits: u8) -> Self {
         let bit = |n: u8| bits >> n & 1 == 1;
@@ -47,22 +47,22 @@ impl Branch {
         }
     }
 
-    /// All of them, by their number.
+    /// Returns all branches, by their number.
     pub fn all() -> impl Iterator<Item = Self> {
         (0..BRANCHES as u8).map(Self::from_bits)
     }
 }
 
-/// What joints say beside the pose of the flange: with it, the pose says the joints.
+/// Branch and arm angle of joint positions: together with the flange pose they determine the joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmConfiguration {
     /// The branch.
     pub branch: Branch,
-    /// The arm angle, rad; 0 for an arm that has none.
+    /// The arm angle, rad; 0 for an arm without one.
     pub arm_angle: f64,
 }
 
-/// Why no joint position was found.
+/// The reason why no joint position was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Unreachable {
     /// The wrist would be `distance` m from the shoulder, but the stretched arm reaches only `reach` m.
@@ -72,15 +72,15 @@ pub enum Unreachable {
         /// Largest possible distance, m.
         reach: f64,
     },
-    /// The wrist would be `distance` m from the shoulder (or from axis 1, if the arm is beside it); the folded arm does
-    /// not come to within `reach` m.
+    /// The wrist would be `distance` m from the shoulder (or from axis 1, for an arm with a lateral offset); the folded
+    /// arm reaches no closer than `reach` m.
     TooClose {
         /// Shoulder to wrist, m.
         distance: f64,
         /// Smallest possible distance (excluded for an S-R-S arm), m.
         reach: f64,
     },
-    /// The pose, the arm angle or a hint that was needed is null (NaN) or infinite.
+    /// The pose, the arm angle or a required hint is null (NaN) or infinite.
     NotFinite,
 }
 

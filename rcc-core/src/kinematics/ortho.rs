@@ -1,10 +1,12 @@
-//! The 6-joint arm with an ortho-parallel basis and a spherical wrist, such as KUKA's KR series: axis 1 upright, axes 2 and 3
-//! parallel and square to it. Closed form, no iteration, no table; used by the loader and by the real-time thread.
+//! The 6-joint arm with an ortho-parallel basis and a spherical wrist, such as KUKA's KR series: axis 1 vertical, axes
+//! 2 and 3 parallel to each other and perpendicular to it. Closed form, no iteration, no table; used by the loader and
+//! by the real-time thread.
 //!
-//! Inside, joints are *canonical*: Rz(θ1)·Ry(θ2)·Ry(θ3)·Rz(θ4)·Ry(θ5)·Rz(θ6), all 0 with the arm stretched upwards, θ = sign·q +
-//! zero for a robot's joint q. Lengths as in Brandstötter, Angerer, Hofbaur, "An analytical solution of the inverse kinematics
-//! problem of industrial serial manipulators with an ortho-parallel basis and a spherical wrist", Austrian Robotics Workshop
-//! 2014; solved here without arc cosines, so that nothing is lost near stretched and aligned positions.
+//! Inside, joints are *canonical*: Rz(θ1)·Ry(θ2)·Ry(θ3)·Rz(θ4)·Ry(θ5)·Rz(θ6), all 0 with the arm stretched upwards, θ =
+//! sign·q + zero for a robot's joint q. Lengths as in Brandstötter, Angerer, Hofbaur, "An analytical solution of the
+//! inverse kinematics problem of industrial serial manipulators with an ortho-parallel basis and a spherical wrist",
+//! Austrian Robotics Workshop 2014; solved here without arc cosines, which would lose digits near stretched and aligned
+//! positions.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -16,14 +18,14 @@ use super::axes::{
 use super::branch::{Branch, Unreachable};
 use crate::pose::Pose;
 
-/// A wrist nearer to axis 1 than this (m) is on it, and the hint decides joint 1 …
+/// A wrist closer to axis 1 than this (m) counts as on it, and the hint decides joint 1 …
 const ON_AXIS_M: f64 = 1e-9;
 
-/// … unless the position would be wrong by more than this (m) with the hint.
+/// … unless the position would then be wrong by more than this (m).
 const HINT_ERROR_M: f64 = 1e-12;
 
-/// Lengths, directions and zeros of an ortho-parallel arm. Base: z along the first axis, on the mounting face; flange: z along
-/// the last axis. With θ = 0 the arm points up, and x points to where its offsets are counted.
+/// Lengths, directions and zeros of an ortho-parallel arm. Base: z along the first axis, on the mounting face; flange:
+/// z along the last axis. With θ = 0 the arm points up, and x is the direction in which its offsets are measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OrthoParallelArm {
     /// Base to axis 2, along axis 1, m (c1).
@@ -34,15 +36,15 @@ pub struct OrthoParallelArm {
     pub lateral_offset: f64,
     /// Axis 2 to axis 3, m (c2).
     pub upper_arm: f64,
-    /// Axis 3 to axis 4, square to axis 4, forwards with the arm upright, m (a2).
+    /// Axis 3 to axis 4, perpendicular to axis 4, forwards with the arm upright, m (a2).
     pub elbow_offset: f64,
     /// Axis 3 to the wrist, along axis 4, m (c3).
     pub forearm: f64,
     /// Wrist to flange, m (c4).
     pub wrist_to_flange: f64,
-    /// +1 or −1 a joint: the direction of the robot's joint in the canonical chain.
+    /// +1 or −1 per joint: the direction of the robot's joint in the canonical chain.
     pub signs: [f64; 6],
-    /// The canonical angle where the robot's joint is 0, rad.
+    /// The canonical angle at which the robot's joint is 0, rad.
     pub zeros: [f64; 6],
 }
 
@@ -56,7 +58,7 @@ struct OrthoFrames {
     rotation: Matrix3<f64>,
 }
 
-/// Joint 1 for a wrist, and the wrist as axis 2 sees it.
+/// Joint 1 for a wrist position, and the wrist relative to axis 2.
 struct ArmPlane {
     theta1: f64,
     turn1: (f64, f64),
@@ -75,15 +77,15 @@ struct PlanarJoints {
 }
 
 impl OrthoParallelArm {
-    /// Where the flange is, base frame, for joints in rad. NaN in, NaN out.
+    /// Returns the flange pose in the base frame, for joints in rad. NaN in, NaN out.
     #[must_use]
     pub fn forward(&self, joints: &[f64; 6]) -> Pose {
         let chain = self.chain(joints);
         Pose::from_rotation_matrix(chain.flange.into(), &rows(&chain.rotation))
     }
 
-    /// The geometric Jacobian for joints in rad: rows vx vy vz (m/s) wx wy wz (rad/s) of the flange origin, in base
-    /// axes, per rad/s of each joint.
+    /// Returns the geometric Jacobian for joints in rad: rows vx vy vz (m/s) wx wy wz (rad/s) of the flange origin, in
+    /// base axes, per rad/s of each joint.
     #[must_use]
     pub fn jacobian(&self, joints: &[f64; 6]) -> [[f64; 6]; 6] {
         let chain = self.chain(joints);
@@ -104,8 +106,8 @@ impl OrthoParallelArm {
         jacobian
     }
 
-    /// The branch that joints (rad) are in: the wrist behind axis 1, the forearm bent backwards, canonical θ5 < 0 (of the
-    /// turn in (−π, π]).
+    /// Returns the branch of joints (rad): the wrist behind axis 1, the forearm bent backwards, canonical θ5 < 0 (of
+    /// the turn in (−π, π]).
     #[must_use]
     pub fn branch(&self, joints: &[f64; 6]) -> Branch {
         let [_, t2, t3, _, t5, _] = self.canonical(joints);
@@ -113,16 +115,17 @@ impl OrthoParallelArm {
         let (sin3, cos3) = libm::sincos(t3);
         Branch {
             shoulder_negative: self.shoulder_offset + forward < 0.0,
-            // The bend from upper arm to the line from axis 3 to the wrist, which is turned by the elbow's offset.
+            // The bend from the upper arm to the line from axis 3 to the wrist, which is inclined by the elbow's
+            // offset.
             elbow_negative: sin3 * self.forearm + cos3 * self.elbow_offset < 0.0,
             wrist_negative: libm::sin(t5) < 0.0,
         }
     }
 
-    /// KUKA's Status (S) of joints (rad), as its controllers count it (KUKA System Software, operating and programming
-    /// instructions for system integrators, section on Status and Turn): bit 0: the wrist is in the overhead area, behind
-    /// axis 1; bit 1: A3 is beyond the stretched arm (A3 ≥ φ, φ = 0 without offset between A3 and A4, else its angle); bit
-    /// 2: A5 < 0. (Bit 3 is not used, bit 4 says that the robot is calibrated.)
+    /// Returns KUKA's Status (S) of joints (rad), as defined by its controllers (KUKA System Software, operating and
+    /// programming instructions for system integrators, section on Status and Turn): bit 0: the wrist is in the
+    /// overhead area, behind axis 1; bit 1: A3 is beyond the stretched arm (A3 ≥ φ, φ = 0 without offset between A3 and
+    /// A4, else its angle); bit 2: A5 < 0. (Bit 3 is not used, bit 4 says that the robot is calibrated.)
     #[must_use]
     pub fn status(&self, joints: &[f64; 6]) -> u8 {
         let branch = self.branch(joints);
@@ -131,7 +134,7 @@ impl OrthoParallelArm {
             | u8::from(branch.wrist_negative != self.wrist_is_mirrored()) << 2
     }
 
-    /// The branch that KUKA's Status asks for; bits from 3 on are not looked at.
+    /// Returns the branch of KUKA's Status; bits from 3 on are ignored.
     #[must_use]
     pub fn branch_of_status(&self, status: u8) -> Branch {
         let bit = |n: u8| status >> n & 1 == 1;
@@ -152,7 +155,7 @@ impl OrthoParallelArm {
         sign < 0.0
     }
 
-    /// The nearest singular position to joints (rad).
+    /// Returns the singularity nearest to joints (rad).
     #[must_use]
     pub fn singularity(&self, joints: &[f64; 6]) -> Singularity {
         let [_, t2, t3, _, t5, _] = self.canonical(joints);
@@ -168,11 +171,12 @@ impl OrthoParallelArm {
         ])
     }
 
-    /// The joints (rad, within two turns of 0) that bring the flange to `pose` (base frame) in the given branch. Where θ5 is 0
-    /// joint 4 is taken from `hint` (rad), and where the wrist is on axis 1 joint 1 is. Joint limits are not looked at.
+    /// Returns the joints (rad, within two turns of 0) that bring the flange to `pose` (base frame) in the given
+    /// branch. Where θ5 is 0, joint 4 is taken from `hint` (rad), and where the wrist is on axis 1, joint 1. Joint
+    /// limits are not checked.
     ///
     /// # Errors
-    /// The wrist is too far from the shoulder or too close to it, or an argument is null.
+    /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, or an argument is null.
     pub fn inverse(
         &self,
         pose: &Pose,
@@ -187,7 +191,7 @@ impl OrthoParallelArm {
         let wrist_at = Vector3::from(pose.position) - z_of(&rotation) * self.wrist_to_flange;
         let plane = self.plane(&wrist_at, sign(branch.shoulder_negative), hint1)?;
         let reach = self.reach(&plane, sign(branch.elbow_negative))?;
-        // What is left of the rotation is the wrist's: Rz(θ4)·Ry(θ5)·Rz(θ6).
+        // The remaining rotation is that of the wrist: Rz(θ4)·Ry(θ5)·Rz(θ6).
         let forearm = turned_y(&rz(plane.turn1), reach.turn);
         let rest = forearm.tr_mul(&rotation);
         let (theta4, theta5, theta6) = wrist(&rest, sign(branch.wrist_negative), hint4);
@@ -207,7 +211,8 @@ impl OrthoParallelArm {
         }
     }
 
-    /// Joint 1: the plane of the arm goes through the wrist, which is before (`side` = 1) or behind axis 1 (−1).
+    /// Solves joint 1: the plane of the arm contains the wrist, which is in front of axis 1 (`side` = 1) or behind it
+    /// (−1).
     fn plane(&self, wrist: &Vector3<f64>, side: f64, hint: f64) -> Result<ArmPlane, Unreachable> {
         let (cx, cy, b) = (wrist.x, wrist.y, self.lateral_offset);
         let from_axis = length(cx, cy);
@@ -230,7 +235,7 @@ impl OrthoParallelArm {
             });
         }
         let forward = side * libm::sqrt(libm::fmax(beside, 0.0));
-        // (forward, b) turned by θ1 is (cx, cy).
+        // (forward, b) rotated by θ1 is (cx, cy).
         let square = from_axis * from_axis;
         let sin = (cy * forward - cx * b) / square;
         let cos = (cx * forward + cy * b) / square;
@@ -242,7 +247,7 @@ impl OrthoParallelArm {
         })
     }
 
-    /// Joints 2 and 3: the triangle of axis 2, axis 3 and wrist, bent forwards (`side` = 1) or backwards (−1).
+    /// Solves joints 2 and 3: the triangle of axis 2, axis 3 and wrist, bent forwards (`side` = 1) or backwards (−1).
     fn reach(&self, plane: &ArmPlane, side: f64) -> Result<PlanarJoints, Unreachable> {
         let ArmPlane { x, z, .. } = *plane;
         let (a, b) = (self.upper_arm, length(self.forearm, self.elbow_offset));
@@ -268,12 +273,12 @@ impl OrthoParallelArm {
         let sum = beyond + within;
         let sin_bend = side * 2.0 * libm::sqrt(beyond * within) / sum;
         let cos_bend = (within - beyond) / sum;
-        // The upper arm, turned from the line to the wrist by the triangle's angle at axis 2.
+        // The upper arm, rotated from the line to the wrist by the triangle's angle at axis 2.
         let (along, across) = (a + b * cos_bend, b * sin_bend);
         let square = along * along + across * across;
         let sin2 = (x * along - z * across) / square;
         let cos2 = (z * along + x * across) / square;
-        // Without the part of the bend that the offset makes.
+        // Without the part of the bend that stems from the elbow's offset.
         let (c, o) = (self.forearm, self.elbow_offset);
         let sin3 = (c * sin_bend - o * cos_bend) / b;
         let cos3 = (c * cos_bend + o * sin_bend) / b;
@@ -286,7 +291,7 @@ impl OrthoParallelArm {
         })
     }
 
-    /// Where the wrist is as axis 2 sees it, forwards and upwards, m.
+    /// Returns the wrist position relative to axis 2, forwards and upwards, m.
     fn wrist_in_plane(&self, theta2: f64, theta3: f64) -> (f64, f64) {
         let (sin2, cos2) = libm::sincos(theta2);
         let (sin, cos) = libm::sincos(theta2 + theta3);
@@ -328,7 +333,7 @@ impl OrthoParallelArm {
         }
     }
 
-    /// Robot joints to canonical ones.
+    /// Converts robot joints to canonical ones.
     fn canonical(&self, joints: &[f64; 6]) -> [f64; 6] {
         let mut turned = *joints;
         for ((joint, sign), zero) in turned.iter_mut().zip(self.signs).zip(self.zeros) {
@@ -337,7 +342,7 @@ impl OrthoParallelArm {
         turned
     }
 
-    /// Canonical joints to the robot's.
+    /// Converts canonical joints to robot joints.
     fn joints(&self, canonical: &[f64; 6]) -> [f64; 6] {
         let mut turned = *canonical;
         for ((joint, sign), zero) in turned.iter_mut().zip(self.signs).zip(self.zeros) {
@@ -346,7 +351,7 @@ impl OrthoParallelArm {
         turned
     }
 
-    /// The lengths in the order of the fields.
+    /// Returns the lengths in the order of the fields.
     pub(super) fn lengths(&self) -> [f64; 7] {
         [
             self.shoulder_height,

@@ -30,7 +30,7 @@ pub struct SrsArm {
     pub forearm: f64,
     /// Wrist to flange, m.
     pub wrist_to_flange: f64,
-    /// +1 or −1 a joint: the direction of the robot's joint in the canonical chain.
+    /// +1 or −1 per joint: the direction of the robot's joint in the canonical chain.
     pub signs: [f64; 7],
 }
 
@@ -45,27 +45,27 @@ struct SrsFrames {
     rotation: Matrix3<f64>,
 }
 
-/// Where the elbow is for a wrist position and an arm angle.
+/// The elbow for a wrist position and an arm angle.
 struct ElbowGeometry {
     q4: f64,
     sin4: f64,
     cos4: f64,
     /// Shoulder to elbow, unit.
     upper_arm: Vector3<f64>,
-    /// In the arm plane, square to the upper arm, on the side of the wrist; unit.
+    /// In the arm plane, perpendicular to the upper arm, on the side of the wrist; unit.
     inward: Vector3<f64>,
 }
 
 impl SrsArm {
-    /// Where the flange is, base frame, for joints in rad. NaN in, NaN out.
+    /// Returns the flange pose in the base frame, for joints in rad. NaN in, NaN out.
     #[must_use]
     pub fn forward(&self, joints: &[f64; 7]) -> Pose {
         let chain = self.chain(joints);
         Pose::from_rotation_matrix(chain.flange.into(), &rows(&chain.rotation))
     }
 
-    /// The geometric Jacobian for joints in rad: rows vx vy vz (m/s) wx wy wz (rad/s) of the flange origin, in base
-    /// axes, per rad/s of each joint.
+    /// Returns the geometric Jacobian for joints in rad: rows vx vy vz (m/s) wx wy wz (rad/s) of the flange origin, in
+    /// base axes, per rad/s of each joint.
     #[must_use]
     pub fn jacobian(&self, joints: &[f64; 7]) -> [[f64; 7]; 6] {
         let chain = self.chain(joints);
@@ -85,14 +85,15 @@ impl SrsArm {
         jacobian
     }
 
-    /// The arm angle for joints in rad: how far the elbow is turned about the line from shoulder to wrist, in (−π, π],
-    /// 0 with the elbow up. Continuous through the stretched arm (q4 = 0).
+    /// Returns the arm angle for joints in rad: the rotation of the elbow about the line from shoulder to wrist, in
+    /// (−π, π], 0 with the elbow up. Continuous through the stretched arm (q4 = 0).
     #[must_use]
     pub fn arm_angle(&self, joints: &[f64; 7]) -> f64 {
         let chain = self.chain(joints);
         let [_, _, _, axis4, ..] = chain.axes;
         let (up, side) = reference((chain.wrist - chain.shoulder).normalize());
-        // The elbow is square to the hinge; unlike the elbow's own offset, the hinge is defined at q4 = 0 too.
+        // The elbow is perpendicular to the hinge axis; unlike the elbow's own offset, the hinge axis is defined at q4
+        // = 0 too.
         let hinge = if self.branch(joints).elbow_negative {
             -axis4
         } else {
@@ -101,7 +102,7 @@ impl SrsArm {
         libm::atan2(hinge.dot(&up), -hinge.dot(&side))
     }
 
-    /// The branch that joints (rad) are in.
+    /// Returns the branch of joints (rad).
     #[must_use]
     pub fn branch(&self, joints: &[f64; 7]) -> Branch {
         let [_, q2, _, q4, _, q6, _] = self.canonical(joints);
@@ -112,7 +113,7 @@ impl SrsArm {
         }
     }
 
-    /// Where the arm is singular in some way, and how far from it joints (rad) are, as the sine of an angle.
+    /// Returns the singularity nearest to joints (rad), with its distance as the sine of an angle.
     #[must_use]
     pub fn singularity(&self, joints: &[f64; 7]) -> Singularity {
         let [_, q2, _, q4, _, q6, _] = *joints;
@@ -125,11 +126,12 @@ impl SrsArm {
         ])
     }
 
-    /// The joints (rad, each in [−π, π]) that bring the flange to `pose` (base frame) with the given arm angle (rad) in
-    /// the given branch. Where q2 or q6 is 0, q1 or q5 is taken from `hint` (rad). Joint limits are not looked at.
+    /// Returns the joints (rad, each in [−π, π]) that bring the flange to `pose` (base frame) with the given arm angle
+    /// (rad) in the given branch. Where q2 or q6 is 0, q1 or q5 is taken from `hint` (rad). Joint limits are not
+    /// checked.
     ///
     /// # Errors
-    /// The wrist is too far from the shoulder or too close to it, or an argument is null.
+    /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, or an argument is null.
     pub fn inverse(
         &self,
         pose: &Pose,
@@ -153,12 +155,12 @@ impl SrsArm {
         // Shimizu 2008, with the branch signs of Faria 2018: the shoulder points the upper arm at the elbow …
         let e = elbow.upper_arm;
         let aim = azimuth_polar(e.x, e.y, e.z, gc2, hint1);
-        // … and turns it until the forearm lies in the arm plane.
+        // … and rotates it until the forearm lies in the arm plane.
         let shoulder = turned_y(&rz(aim.turn), aim.tilt);
         let inward = shoulder.tr_mul(&elbow.inward);
         let (sin3, cos3) = (gc4 * inward.y, gc4 * inward.x);
 
-        // What is left of the rotation is the wrist's: W = Rz(q5)·Ry(q6)·Rz(q7).
+        // The remaining rotation is that of the wrist: W = Rz(q5)·Ry(q6)·Rz(q7).
         let upper_arm = turned_z(&shoulder, (sin3, cos3));
         let forearm = turned_y(&upper_arm, (elbow.sin4, elbow.cos4));
         let (q5, q6, q7) = wrist(&forearm.tr_mul(&rotation), gc6, hint5);
@@ -172,7 +174,7 @@ impl SrsArm {
         }
     }
 
-    /// The triangle of shoulder, elbow and wrist, turned to the arm angle (Shimizu 2008).
+    /// Returns the triangle of shoulder, elbow and wrist, rotated to the arm angle (Shimizu 2008).
     fn elbow(
         &self,
         pose: &Pose,
@@ -253,7 +255,7 @@ impl SrsArm {
         }
     }
 
-    /// The lengths in the order of the fields.
+    /// Returns the lengths in the order of the fields.
     pub(super) fn lengths(&self) -> [f64; 4] {
         [
             self.shoulder_height,
@@ -263,7 +265,7 @@ impl SrsArm {
         ]
     }
 
-    /// Robot joints to canonical ones, or back.
+    /// Converts robot joints to canonical ones, or back.
     pub(super) fn canonical(&self, joints: &[f64; 7]) -> [f64; 7] {
         let mut turned = *joints;
         for (joint, sign) in turned.iter_mut().zip(self.signs) {
@@ -273,8 +275,8 @@ impl SrsArm {
     }
 }
 
-/// The directions that span the plane square to `along` (unit): up (arm angle 0) and side (arm angle 90°). Straight up
-/// or down "up" is undefined, and the limit for a wrist that comes from −x is taken.
+/// Returns the directions that span the plane perpendicular to `along` (unit): up (arm angle 0) and side (arm angle
+/// 90°). Where `along` is vertical, "up" is undefined, and the limit for a wrist that approaches from −x is used.
 fn reference(along: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let (x, y, z) = (along.x, along.y, along.z);
     let level = length(x, y);
@@ -283,13 +285,14 @@ fn reference(along: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     } else {
         (-1.0, 0.0)
     };
-    // e_z less its part along `along`, which is −z·(cos, sin) level and `level` up: of length one by construction.
+    // e_z minus its component along `along`, which is −z·(cos, sin) horizontally and `level` vertically: of length one
+    // by construction.
     let up = Vector3::new(-z * cos, -z * sin, level);
     (up, along.cross(&up))
 }
 
-/// The sine of the angle between the first axis and the line from shoulder to wrist, at joints in rad: 0 where the arm
-/// angle is not defined.
+/// Returns the sine of the angle between the first axis and the line from shoulder to wrist, at joints in rad: 0 where
+/// the arm angle is undefined.
 fn levelness(arm: &SrsArm, joints: &[f64; 7]) -> f64 {
     let chain = arm.chain(joints);
     let along = chain.wrist - chain.shoulder;

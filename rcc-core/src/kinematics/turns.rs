@@ -1,5 +1,5 @@
-//! Whole turns of joints: which of q + 2π·n is meant, and whether it is within the limits of the robot.
-//! Pure arithmetic; used by the loader and by the real-time thread.
+//! Whole turns of joints: the choice among q + 2π·n, and whether it is within the limits of the robot. Pure arithmetic;
+//! used by the loader and by the real-time thread.
 
 use core::f64::consts::{PI, TAU};
 use core::fmt;
@@ -7,20 +7,20 @@ use core::fmt;
 use crate::guard::JointLimits;
 use crate::message::Joints;
 
-/// No joint has more turns than this to either side.
+/// Maximum number of turns of a joint in either direction.
 const TURNS_MAX: f64 = 8.0;
 
-/// A position may be beyond its limit by this part of it: as the guard lets it be.
+/// Relative tolerance of position limits, the same as the guard's.
 const TOLERANCE: f64 = 1e-9;
 
-/// A joint that would have to be where its robot cannot be.
+/// A joint that would exceed its limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OutOfLimits {
     /// The joint, from 0.
     pub joint: u8,
-    /// Where it would be, rad.
+    /// Required position, rad.
     pub value: f64,
-    /// The limit that it is beyond, rad.
+    /// The limit that it exceeds, rad.
     pub limit: f64,
 }
 
@@ -38,14 +38,14 @@ impl fmt::Display for OutOfLimits {
 
 impl core::error::Error for OutOfLimits {}
 
-/// Each joint by as many whole turns away as brings it nearest to `hint` (rad): joints that move along a path do not jump by
-/// a turn. A hint that is null or more than eight turns away leaves its joint as it is.
+/// Returns each joint shifted by the number of whole turns that brings it nearest to `hint` (rad), so that joints on a
+/// path do not jump by a turn. A hint that is null or more than eight turns away leaves its joint unchanged.
 #[must_use]
 pub fn nearest_turns(joints: &Joints, hint: &Joints) -> Joints {
     let mut turned = *joints;
     for (joint, near) in turned.iter_mut().zip(hint) {
         let away = near - *joint;
-        // Most of the time; rounding is dear where the processor has no instruction for it.
+        // The common case; rounding is expensive where the processor has no instruction for it.
         if away.abs() <= PI {
             continue;
         }
@@ -57,10 +57,10 @@ pub fn nearest_turns(joints: &Joints, hint: &Joints) -> Joints {
     turned
 }
 
-/// Each joint by as many whole turns away as bring it within its limits, and among those nearest to `hint` (rad).
+/// Returns each joint shifted by whole turns into its limits, as near as possible to `hint` (rad).
 ///
 /// # Errors
-/// The first joint that no number of turns brings within its limits, by the turn that is nearest to `hint`.
+/// Returns the first joint that no number of turns brings within its limits, with the turn nearest to `hint`.
 pub fn turns_within(
     joints: &Joints,
     hint: &Joints,
@@ -69,7 +69,7 @@ pub fn turns_within(
     let mut turned = nearest_turns(joints, hint);
     let ranges = limits.lower.iter().zip(&limits.upper).take(limits.joints);
     for (joint, (lower, upper)) in turned.iter_mut().zip(ranges) {
-        // The nearest of all that are allowed is next to the limit on the side of the hint, or nowhere.
+        // The nearest allowed turn is next to the limit on the side of the hint, or does not exist.
         let (over, under) = (*joint - upper, lower - *joint);
         let back = |beyond: f64| libm::ceil((beyond - TOLERANCE) * (1.0 / TAU)) * TAU;
         let moved = if over > 0.0 {
@@ -87,8 +87,8 @@ pub fn turns_within(
     Ok(turned)
 }
 
-/// The turn of each joint that has a given sign: in [−2π, 0) where its bit is set, else in [0, 2π). This is what KUKA's Turn
-/// says (bit 0: axis 1, 1 for an angle < 0°). An angle within 10⁻⁹ rad of 0 has either sign.
+/// Returns each joint in the turn with a given sign: in [−2π, 0) if its bit is set, otherwise in [0, 2π). This is the
+/// definition of KUKA's Turn (bit 0: axis 1, 1 for an angle < 0°). An angle within 10⁻⁹ rad of 0 has either sign.
 #[must_use]
 pub fn turns_by_signs(joints: &Joints, negative: u8) -> Joints {
     let mut turned = *joints;
@@ -106,10 +106,10 @@ pub fn turns_by_signs(joints: &Joints, negative: u8) -> Joints {
     turned
 }
 
-/// Says the first joint that is beyond its limits (by more than the guard lets it be).
+/// Checks joint positions against their limits, with the guard's tolerance.
 ///
 /// # Errors
-/// That joint.
+/// Returns the first joint that exceeds its limits.
 pub fn within_limits(joints: &Joints, limits: &JointLimits) -> Result<(), OutOfLimits> {
     let ranges = limits.lower.iter().zip(&limits.upper).take(limits.joints);
     for ((&value, (&lower, &upper)), joint) in joints.iter().zip(ranges).zip(0..) {
@@ -124,7 +124,7 @@ pub fn within_limits(joints: &Joints, limits: &JointLimits) -> Result<(), OutOfL
     Ok(())
 }
 
-/// The limit that a position is beyond; asked so that NaN is beyond.
+/// Returns the limit that a position exceeds; the comparison is written so that NaN exceeds.
 fn beyond(value: f64, lower: f64, upper: f64) -> Option<f64> {
     let above = value >= lower - TOLERANCE * lower.abs();
     let below = value <= upper + TOLERANCE * upper.abs();

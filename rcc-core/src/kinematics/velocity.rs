@@ -1,5 +1,5 @@
-//! Joint velocities for a wanted twist of the flange, by damped least squares.
-//! A fixed number of steps, no heap; used by the real-time thread.
+//! Joint velocities for a desired twist of the flange, by damped least squares. A fixed number of steps, no heap; used
+//! by the real-time thread.
 //!
 //! Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control 108(3), 1986; Wampler, IEEE T-SMC 16(1), 1986: Jᵀ (J Jᵀ + λ² 1)⁻¹ twist.
 
@@ -9,10 +9,10 @@ use super::arm::Arm;
 use crate::message::{JOINTS_MAX, Joints};
 
 impl Arm {
-    /// The smallest joint velocities (rad/s) that move the flange with a twist `[vx vy vz wx wy wz]` (m/s, rad/s, base axes,
-    /// reference point the flange's origin) at joints in rad, with 1 m weighing as much as 1 rad. `damping` (λ) bounds them
-    /// near singular positions: none is above |twist|/(2 λ). `None` for null or infinite arguments, and at a singular position
-    /// with a damping of 0.
+    /// Returns the smallest joint velocities (rad/s) that move the flange with a twist `[vx vy vz wx wy wz]` (m/s,
+    /// rad/s, base axes, reference point the flange's origin) at joints in rad, with 1 m weighted as 1 rad. `damping`
+    /// (λ) bounds them near singularities: none exceeds |twist|/(2 λ). `None` for null or infinite arguments, and at a
+    /// singularity with a damping of 0.
     #[must_use]
     pub fn joint_velocities(
         &self,

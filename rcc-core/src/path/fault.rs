@@ -1,9 +1,9 @@
-//! Why a path cannot be made, or not be gone along: places on it, joints, values and limits, for words elsewhere.
-//! Plain data; made off the real-time thread.
+//! Reasons why a path cannot be built or travelled: places on it, joints, values and limits, which messages are made
+//! from elsewhere. Plain data; created off the real-time thread.
 
 use serde::{Deserialize, Serialize};
 
-/// What a limit is of.
+/// The quantity that a limit applies to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Quantity {
     /// The position of the flange: m/s, m/s², m/s³.
@@ -14,89 +14,89 @@ pub enum Quantity {
     Joint(u8),
 }
 
-/// Why a leg of a path cannot be gone along.
+/// The reason why a leg of a path cannot be travelled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum MotionFault {
-    /// It turns by 180°: both ways are equally short.
+    /// The leg rotates by 180°, and both directions are equally short.
     AmbiguousRotation,
-    /// Speed, acceleration and jerk are useless together: they leave nothing for a bend of the path.
+    /// The limits of speed, acceleration and jerk cannot be met together: they leave nothing for a curve of the path.
     Limits,
-    /// There is no such motion in the plan.
+    /// The plan has no such motion.
     NoMotion,
-    /// A pose, joint or angle is null or not finite, or joints are missing.
+    /// A pose, joint or angle is null or not finite, or joint values are missing.
     NotFinite,
-    /// There is no leg, or there are too many.
+    /// The path has no legs, or too many.
     Legs {
-        /// How many there are.
+        /// Their number.
         count: u32,
     },
-    /// More joints are given than the arm has.
+    /// More joint values are given than the arm has joints.
     JointCount {
-        /// How many the arm has.
+        /// Number of joints of the arm.
         joints: u8,
     },
     /// The three points of an arc lie on a line.
     Collinear,
     /// The angle of an arc is 0.
     NoAngle,
-    /// Two points of a path are one.
+    /// Two points of a path coincide.
     Coincident {
-        /// How far they are from each other, m.
+        /// Distance between them, m.
         distance_m: f64,
     },
-    /// A point of a spline is turned too far from the middle one.
+    /// The orientation of a spline point is too far from that of the middle point.
     TurnsTooFar {
-        /// By how much, rad; 4 at most.
+        /// Angle between them, rad; at most 4.
         angle_rad: f64,
     },
-    /// An arm angle is given, and the arm has none: it has six joints.
+    /// An arm angle is given, but the arm has six joints and therefore none.
     NoArmAngle,
-    /// The roundings at both ends leave no way on which the elbow could turn.
+    /// The blends at both ends leave no section on which the elbow could move.
     NoRoomForElbow,
-    /// A Status is given, and the arm has none: it has seven joints.
+    /// A Status is given, but the arm has seven joints and therefore none.
     NoStatus,
-    /// The flange cannot be brought there.
+    /// The flange pose is out of reach.
     Unreachable {
-        /// Part of the leg, 0 to 1.
+        /// Position on the leg, 0 to 1.
         fraction: f64,
     },
-    /// A joint would have to be beyond its limit.
+    /// A joint would exceed its position limit.
     JointRange {
-        /// Part of the leg, 0 to 1.
+        /// Position on the leg, 0 to 1.
         fraction: f64,
-        /// From 0.
+        /// The joint, from 0.
         joint: u8,
-        /// Where it would be, rad.
+        /// Required position, rad.
         value: f64,
         /// Its limit, rad.
         limit: f64,
     },
-    /// A joint jumps: the leg goes through a singular position.
+    /// A joint would jump, because the leg passes through a singularity.
     Singular {
-        /// Part of the leg, 0 to 1.
+        /// Position on the leg, 0 to 1.
         fraction: f64,
-        /// From 0.
+        /// The joint, from 0.
         joint: u8,
     },
-    /// The speed that is given is too fast for the joints, or for a bend of the path.
+    /// The given speed is too fast for the joints, or for a curve of the path.
     TooFast {
-        /// Part of the leg, 0 to 1.
+        /// Position on the leg, 0 to 1.
         fraction: f64,
-        /// What would be beyond its limit.
+        /// The quantity that would exceed its limit.
         quantity: Quantity,
-        /// 1 velocity, 2 acceleration, 3 jerk.
+        /// Order of the derivative: 1 velocity, 2 acceleration, 3 jerk.
         order: u8,
-        /// What it would come to.
+        /// Required value.
         value: f64,
-        /// What is allowed.
+        /// Limit.
         limit: f64,
-        /// The part of the given speed that is possible.
+        /// Fraction of the given speed that is possible.
         possible: f64,
     },
 }
 
 impl MotionFault {
-    /// The same with its place on the leg mapped.
+    /// Returns the fault with its position on the leg mapped by `place`.
     #[must_use]
     pub fn at(mut self, place: impl Fn(f64) -> f64) -> Self {
         match &mut self {

@@ -1,5 +1,5 @@
-//! Legs as rows of numbers: how a path lies in a plan, [`WIDTH`] numbers a leg or a point of a spline, null where nothing is
-//! given. Written by the language, read when a net is made ready.
+//! Legs as rows of numbers: the representation of a path in a plan, with [`WIDTH`] numbers for each leg or spline
+//! point, null where no value is given. Written by the language, read when a net is prepared.
 //!
 //! | column | what |
 //! | --- | --- |
@@ -20,7 +20,7 @@
 use super::{ArcOrientation, ElbowMotion, Leg, MotionLimits, PathSegment, RelativeTo};
 use crate::pose::Pose;
 
-/// Numbers of a leg.
+/// Numbers per leg.
 pub const WIDTH: usize = 26;
 
 /// `ptp` to joints.
@@ -31,7 +31,7 @@ pub const PTP_POSE: f64 = 1.0;
 pub const LIN: f64 = 2.0;
 /// `circ`.
 pub const CIRC: f64 = 3.0;
-/// A point of a `spline` behind which another one comes.
+/// A point of a `spline` that is followed by another one.
 pub const THROUGH: f64 = 4.0;
 /// The last point of a `spline`.
 pub const SPLINE: f64 = 5.0;
@@ -39,23 +39,23 @@ pub const SPLINE: f64 = 5.0;
 /// The column of KUKA's Turn, in a row of [`PTP_POSE`].
 pub const TURN: usize = 10;
 
-/// What the orientation does on an arc, by its number in a row.
+/// Orientations on an arc, by their number in a row.
 pub const ORIENTATIONS: &[&str] = &["even", "constant", "path"];
-/// What the elbow does, by its number in a row.
+/// Elbow motions, by their number in a row.
 pub const ELBOWS: &[&str] = &["stays", "middle"];
 
 /// A row.
 pub type LegRow = [f64; WIDTH];
 
-/// The pose of a row.
+/// Returns the pose of a row.
 #[must_use]
 pub fn pose(row: &LegRow) -> Pose {
     let [_, x, y, z, qx, qy, qz, qw, ..] = *row;
     Pose::from_slots([x, y, z, qx, qy, qz, qw])
 }
 
-/// The leg of a row; of the last row of a spline, with all its poses. `None` for a point that is not the last one, and for
-/// a row that is none.
+/// Returns the leg of a row; for the last row of a spline, with all its poses. `None` for a spline point that is not
+/// the last one, and for an invalid row.
 #[must_use]
 pub fn leg<'a>(row: &LegRow, through: &'a [Pose]) -> Option<Leg<'a>> {
     let [
@@ -127,7 +127,7 @@ pub fn leg<'a>(row: &LegRow, through: &'a [Pose]) -> Option<Leg<'a>> {
     })
 }
 
-/// What the elbow does, by the arm angle at the end (null: none is given) and the number of a word.
+/// Returns the elbow motion for the arm angle at the end (null: not given) and the number of a keyword.
 #[must_use]
 pub fn elbow(arm_angle: f64, word: f64) -> ElbowMotion {
     match (arm_angle.is_nan(), word) {
@@ -137,7 +137,7 @@ pub fn elbow(arm_angle: f64, word: f64) -> ElbowMotion {
     }
 }
 
-/// The orientation of a number in a row.
+/// Returns the orientation for its number in a row.
 #[must_use]
 pub fn arc_orientation(number: f64) -> ArcOrientation {
     match number {

@@ -1,19 +1,19 @@
-//! A path as a net asks for it: legs one after the other.
-//! Plain data that primitives hand over when their net is made ready; not for the cycle.
+//! A path as requested by a net: a sequence of legs. Plain data that primitives pass on when their net is prepared; not
+//! used in the cycle.
 
 use serde::{Deserialize, Serialize};
 
 use crate::message::Joints;
 use crate::pose::Pose;
 
-/// Most legs of a path; each point of a spline counts as one.
+/// Maximum number of legs of a path; each point of a spline counts as one.
 pub const LEGS_MAX: usize = 128;
 
-/// Greatest speed, acceleration and jerk of something along its way, in its unit per s, s² and s³ (each > 0; infinite: only
-/// what the joints allow).
+/// Limits of velocity, acceleration and jerk along a path or axis, in its unit per s, s² and s³ (each > 0; infinite:
+/// limited only by the joints).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MotionLimits {
-    /// Per second. If it is finite it is a promise: the leg is gone along that fast, or refused.
+    /// Per second. A finite value for a leg is guaranteed: the leg is travelled at this velocity, or refused.
     pub velocity: f64,
     /// Per second squared.
     pub acceleration: f64,
@@ -22,14 +22,14 @@ pub struct MotionLimits {
 }
 
 impl MotionLimits {
-    /// None.
+    /// No limits.
     pub const NONE: MotionLimits = MotionLimits {
         velocity: f64::INFINITY,
         acceleration: f64::INFINITY,
         jerk: f64::INFINITY,
     };
 
-    /// From velocity, acceleration and jerk; null (NaN) is no limit.
+    /// Creates limits from velocity, acceleration and jerk; null (NaN) is no limit.
     #[must_use]
     pub fn of(values: [f64; 3]) -> MotionLimits {
         let [velocity, acceleration, jerk] =
@@ -42,103 +42,104 @@ impl MotionLimits {
     }
 }
 
-/// What the orientation does on an arc.
+/// The orientation on an arc.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ArcOrientation {
-    /// It turns evenly from that of the start to that of the end.
+    /// Rotates at a uniform rate from the orientation of the start to that of the end.
     #[default]
     Even,
-    /// It stays as at the start.
+    /// Keeps the orientation of the start.
     Constant,
-    /// It stays as at the start relative to the path: it turns with the arc.
+    /// Keeps the orientation of the start relative to the path: it rotates with the arc.
     Path,
 }
 
-/// What poses of a leg are relative to, instead of the arm's base.
+/// The frame that the poses of a leg are relative to, instead of the arm's base.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RelativeTo {
-    /// To the flange at the beginning of the leg, in its axes.
+    /// The flange at the start of the leg, in its axes.
     Tool,
-    /// To the flange at the beginning of the leg, in axes of the base: position added, orientation turned.
+    /// The flange at the start of the leg, in axes of the base: the position is added, the orientation rotated.
     Base,
 }
 
-/// One piece of a path, from where the one before ends.
+/// The shape of a leg, starting at the end of the previous one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PathSegment<'a> {
-    /// A straight line of the flange, and the shortest turn.
+    /// A straight line of the flange with the shortest rotation.
     Line {
-        /// Its end.
+        /// End.
         to: Pose,
     },
     /// An arc of the flange.
     Circle {
-        /// A point on it.
+        /// A point on the arc.
         via: [f64; 3],
-        /// Its end; with an angle, another point on it.
+        /// End; with `angle`, another point of the circle.
         to: Pose,
-        /// What the orientation does.
+        /// Orientation on the arc.
         orientation: ArcOrientation,
-        /// How far around, rad, instead of to `to`; negative: the other way around.
+        /// Angle of the arc, rad, instead of the end at `to`; negative: opposite direction.
         angle: Option<f64>,
     },
     /// A smooth curve of the flange.
     Spline {
-        /// The poses that it goes through, the last one its end.
+        /// The poses that the curve passes through; the last one is the end.
         through: &'a [Pose],
     },
     /// A straight line of the joints (PTP).
     Joints {
-        /// Its end, rad; null where the arm has no joint.
+        /// End, rad; null for joints that the arm does not have.
         to: Joints,
     },
-    /// A straight line of the joints to where the flange is at a pose.
+    /// A straight line of the joints to a flange pose.
     JointsToPose {
-        /// Of the flange.
+        /// Flange pose.
         to: Pose,
-        /// The branch, 0 to 7; `None`: the one that is reached soonest.
+        /// Branch, 0 to 7; `None`: the one that is reached soonest.
         branch: Option<u8>,
-        /// KUKA's Status of a 6-axis arm, which says the branch.
+        /// KUKA's Status of a 6-axis arm, which determines the branch.
         status: Option<u8>,
         /// KUKA's Turn: bit i is set if joint i + 1 is negative.
         turn: Option<u8>,
     },
 }
 
-/// What the elbow of an arm of seven joints does on a leg of the flange: how its arm angle changes, smoothly and along the
-/// path, outside of the roundings at its ends.
+/// The elbow motion of a seven-joint arm on a leg of the flange: how the arm angle changes, smoothly along the path,
+/// outside the blends at its ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ElbowMotion {
-    /// The arm angle stays.
+    /// The arm angle stays constant.
     Stays,
-    /// It is this at the end, rad, the shorter way round.
+    /// The arm angle at the end, rad, approached by the shorter way.
     To(f64),
-    /// It is in the middle of what the joint limits allow at the end, without leaving the interval that it is in; where they
-    /// allow all, it stays.
+    /// The arm angle moves to the middle of the range that the joint limits allow at the end, without leaving its
+    /// current interval; if every angle is allowed, it stays constant.
     Middle,
 }
 
-/// A segment and how to go along it.
+/// A path segment and the way it is travelled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leg<'a> {
-    /// Its shape.
+    /// Shape.
     pub segment: PathSegment<'a>,
-    /// What its poses are relative to; `None`: the arm's base.
+    /// Frame of its poses; `None`: the arm's base.
     pub relative: Option<RelativeTo>,
-    /// What the elbow does; it stays on legs of joints.
+    /// Elbow motion; not used on legs of joints.
     pub elbow: ElbowMotion,
-    /// Of the flange's position, m.
+    /// Limits of the flange's position, m.
     pub line: MotionLimits,
-    /// Of the flange's orientation, rad.
+    /// Limits of the flange's orientation, rad.
     pub turn: MotionLimits,
-    /// The part of velocity, acceleration and jerk of each joint that it uses, above 0 to 1.
+    /// Fraction of each joint's velocity, acceleration and jerk limits to use, above 0 to 1.
     pub scale: f64,
-    /// How far before its end, and behind, the path is rounded into the next leg, m; 0: it rests at its end.
+    /// Blend distance before and after its end, m, within which the path is rounded into the next leg; 0: it comes to
+    /// rest at its end.
     pub blend: f64,
 }
 
 impl<'a> Leg<'a> {
-    /// As fast as the joints allow, to rest at its end.
+    /// Creates a leg that is as fast as the joints allow and ends at rest.
     #[must_use]
     pub const fn new(segment: PathSegment<'a>) -> Leg<'a> {
         Leg {
@@ -153,27 +154,26 @@ impl<'a> Leg<'a> {
     }
 }
 
-/// A path that a net asks for.
+/// A path requested by a net.
 #[derive(Debug, Clone, Copy)]
 pub struct PathRequest<'a> {
     /// Index of the arm.
     pub device: u32,
-    /// Flange at the start, in the arm's base, with joints near the hold set-point, on its branch and with its arm angle;
-    /// `None`: at the arm's hold set-point.
+    /// Flange at the start, in the arm's base, reached with joints near the hold set-point, in its branch and with its
+    /// arm angle; `None`: at the arm's hold set-point.
     pub from: Option<Pose>,
-    /// In order; at least one.
+    /// Legs in order; at least one.
     pub legs: &'a [Leg<'a>],
-    /// How the speed along the path is chosen.
+    /// The speed profile along a path, within all limits.
     pub pace: SpeedProfile,
 }
 
-/// How the speed along a path is chosen, within all limits.
+/// The speed profile along a path, within all limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpeedProfile {
-    /// Velocity limits for its parts, one acceleration and one jerk for all of it.
+    /// Velocity limits for its parts, one acceleration and one jerk limit for the whole path.
     #[default]
     Even,
-    /// The law of motion that is soonest at the end. Limits of the flange bind it, too, but a speed that is given is no
-    /// promise.
+    /// Time-optimal parameterization. Limits of the flange apply, too, but a given speed is then only a limit.
     Fastest,
 }

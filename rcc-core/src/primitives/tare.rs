@@ -62,7 +62,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             )
             .default(DefaultValue::Null),
         ],
-        // last trigger; last mean was refused
+        // last trigger, last mean was refused; 1 + number of values averaged so far, 0 while not averaging
         state: StateSpec {
             bools: 2,
             ints: 1,

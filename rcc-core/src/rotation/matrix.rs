@@ -1,5 +1,5 @@
-//! Rotation matrices, row-major, and the nearest rotation of a matrix that is nearly one.
-//! Pure mathematics without allocation or panic; used by the loader and by the real-time thread.
+//! Rotation matrices, row-major, and the rotation nearest to an approximate rotation matrix. Pure mathematics without
+//! allocation or panic; used by the loader and by the real-time thread.
 
 use super::{Quaternion, canonical, unit};
 use crate::vector::{self, PARALLEL_SINE, Vector};
@@ -7,10 +7,10 @@ use crate::vector::{self, PARALLEL_SINE, Vector};
 /// Three rows; the columns are the axes of the inner frame in axes of the outer one.
 pub type Matrix = [[f64; 3]; 3];
 
-/// An element of MᵀM that differs more from the identity was not meant to be a rotation.
+/// Largest deviation of an element of MᵀM from the identity; a matrix beyond it is not accepted as a rotation.
 const ORTHONORMAL_TOLERANCE: f64 = 1e-3;
 
-/// The rotation matrix of a unit quaternion.
+/// Returns the rotation matrix of a unit quaternion.
 #[must_use]
 pub fn to_matrix([x, y, z, w]: Quaternion) -> Matrix {
     [
@@ -32,11 +32,11 @@ pub fn to_matrix([x, y, z, w]: Quaternion) -> Matrix {
     ]
 }
 
-/// The rotation that is nearest to a matrix; `None` if an element of MᵀM − 1 is greater than 10⁻³, or if it mirrors.
+/// Returns the rotation nearest to a matrix; `None` if an element of MᵀM − 1 exceeds 10⁻³, or for a reflection.
 ///
-/// Three steps of M ← M(3 − MᵀM)/2 make it orthonormal to rounding (Björck & Bowie, "An iterative algorithm for computing
-/// the best estimate of an orthogonal matrix", SIAM J. Numer. Anal. 8(2), 1971); then Shepperd, "Quaternion from rotation
-/// matrix", J. Guidance and Control 1(3), 1978, which divides by the largest element. w ≥ 0.
+/// Three steps of M ← M(3 − MᵀM)/2 make it orthonormal to rounding (Björck & Bowie, "An iterative algorithm for
+/// computing the best estimate of an orthogonal matrix", SIAM J. Numer. Anal. 8(2), 1971); then Shepperd, "Quaternion
+/// from rotation matrix", J. Guidance and Control 1(3), 1978, which divides by the largest element. w ≥ 0.
 #[must_use]
 pub fn from_matrix(matrix: &Matrix) -> Option<Quaternion> {
     let [a, b, c] = *matrix;
@@ -49,8 +49,8 @@ pub fn from_matrix(matrix: &Matrix) -> Option<Quaternion> {
     unit(canonical(shepperd(&near)))
 }
 
-/// The rotation whose x axis points along `x` and whose y axis is in the half plane of `y`; `None` if one has no direction or
-/// they are parallel.
+/// Returns the rotation whose x axis points along `x` and whose y axis is in the half plane of `y`; `None` if one has
+/// no direction or they are parallel.
 #[must_use]
 pub fn from_axes(x: Vector, y: Vector) -> Option<Quaternion> {
     let (x, y) = (vector::normalized(x)?, vector::normalized(y)?);
@@ -59,7 +59,7 @@ pub fn from_axes(x: Vector, y: Vector) -> Option<Quaternion> {
         return None;
     }
     let z = vector::normalized(z)?;
-    // Again, so that z is square to x also where the cross product lost digits.
+    // Computed again, so that z is perpendicular to x even where the cross product lost digits.
     let y = vector::normalized(vector::cross(z, x))?;
     let [z1, z2, z3] = vector::cross(x, y);
     let ([x1, x2, x3], [y1, y2, y3]) = (x, y);
@@ -70,14 +70,14 @@ pub fn from_axes(x: Vector, y: Vector) -> Option<Quaternion> {
     ])))
 }
 
-/// MᵀM, by rows.
+/// Returns MᵀM, by rows.
 fn gram([[a, b, c], [d, e, f], [g, h, i]]: &Matrix) -> Matrix {
     let (x, y, z) = ([*a, *d, *g], [*b, *e, *h], [*c, *f, *i]);
     let row = |u: Vector| [vector::dot(u, x), vector::dot(u, y), vector::dot(u, z)];
     [row(x), row(y), row(z)]
 }
 
-/// The largest element of |MᵀM − 1|; NaN for a matrix with NaN.
+/// Returns the largest element of |MᵀM − 1|; NaN for a matrix with NaN.
 fn deviation(matrix: &Matrix) -> f64 {
     let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = gram(matrix);
     let off = [xx - 1.0, yy - 1.0, zz - 1.0, xy, xz, yz].map(libm::fabs);
@@ -92,7 +92,7 @@ fn deviation(matrix: &Matrix) -> f64 {
 
 fn nearer(matrix: &Matrix) -> Matrix {
     let [g0, g1, g2] = gram(matrix);
-    // G is symmetric: its columns are its rows.
+    // G is symmetric: its columns equal its rows.
     matrix.map(|row| {
         let product = [
             vector::dot(row, g0),

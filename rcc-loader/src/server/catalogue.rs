@@ -152,7 +152,7 @@ fn type_words(ty: PortType) -> String {
         PortType::Scalar => "Bool, Int or Real".to_owned(),
         PortType::Number => "Int or Real".to_owned(),
         PortType::Linear => "Int, Real, Vector3, Twist, Wrench, array or matrix".to_owned(),
-        PortType::Of(family) => family.words().to_owned(),
+        PortType::Of(family) => family.members().to_owned(),
         PortType::Part => "Int or Real".to_owned(),
         PortType::Array(elements, length) => {
             let elements = match elements {
