@@ -12,7 +12,7 @@ pub struct FaultDescription {
     pub remedy: &'static str,
 }
 
-macro_descriptions! rules {
+macro_rules! descriptions {
     ($($name:ident = $code:expr, $meaning:literal, $remedy:literal;)*) => {
         $(#[doc = $meaning] pub const $name: &str = $code;)*
         /// All codes, sorted.
@@ -138,7 +138,9 @@ descriptions! {
 /// Returns the general help text of a code.
 #[must_use]
 pub fn remedy(code: &str) -> Option<&'static str> {
-    let description = DESCRIPTIONS.iter().find(|description| description.code == code);
+    let description = DESCRIPTIONS
+        .iter()
+        .find(|description| description.code == code);
     description.map(|description| description.remedy)
 }
 
@@ -148,6 +150,10 @@ mod tests {
 
     #[test]
     fn codes_are_sorted_and_free_of_duplicates() {
-        assert!(DESCRIPTIONS.windows(2).all(|pair| pair[0].code < pair[1].code));
+        assert!(
+            DESCRIPTIONS
+                .windows(2)
+                .all(|pair| pair[0].code < pair[1].code)
+        );
     }
 }
