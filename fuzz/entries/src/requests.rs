@@ -5,7 +5,7 @@
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::Store;
-use rcc_engine::queue::{EngineRequest, Reading};
+use rcc_engine::queue::{EngineRequest, ValueReading};
 use rcc_ipc::control::{Answer, Call, InputValue, READ_ELEMENTS_MAX, SWITCH_MAX};
 use rcc_ipc::{Announcement, wire};
 use rcc_loader::server::store::CommandFile;
@@ -123,7 +123,7 @@ fn obey(harness: &mut EngineHarness, call: Call) {
             if widths.sum::<u64>() > READ_ELEMENTS_MAX as u64 {
                 return;
             }
-            let reading = Reading::of(points);
+            let reading = ValueReading::of(points);
             harness.ask(|ticket| EngineRequest::Read {
                 ticket,
                 id,

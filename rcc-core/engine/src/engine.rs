@@ -231,8 +231,8 @@ impl Engine {
         self.status.running == 0
     }
 
-    /// Stops the cell: from now on no net is started; running nets are cancelled, or aborted if they cannot be
-    /// cancelled.
+    /// Begins to stop the engine: from now on no net is started; running nets are cancelled, or aborted if they cannot
+    /// be cancelled.
     pub fn begin_stop(&mut self) {
         if !std::mem::replace(&mut self.stopping, true) {
             self.cancel_all();

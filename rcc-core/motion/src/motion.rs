@@ -22,8 +22,8 @@ pub struct Motion {
     sections: Box<[MotionSection]>,
     section: usize,
     clock: PathClock,
-    /// Set while a section with a time law is being stopped: the clock then counts the path parameter s directly instead of the
-    /// time of the law.
+    /// Set while a section with a time law is being stopped: the clock then counts the path parameter s directly
+    /// instead of the time of the law.
     braking: Option<Braking>,
     /// Sum of the lengths of all sections, in units of the clock.
     length: f64,
@@ -76,8 +76,8 @@ impl Motion {
         self.state(path)
     }
 
-    /// Stops on a section with a time law by counting the path parameter directly, as soon as the state satisfies a set of
-    /// braking limits: the time law alone would keep accelerating while its time is slowed down.
+    /// Stops on a section with a time law by counting the path parameter directly, as soon as the state satisfies a set
+    /// of braking limits: the time law alone would keep accelerating while its time is slowed down.
     fn brake(&mut self) -> Option<MotionState> {
         let MotionSection { begin, stops, .. } = self.sections.get(self.section)?;
         let (begin, stops) = (*begin, stops.as_ref()?);

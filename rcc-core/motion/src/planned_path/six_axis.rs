@@ -57,7 +57,8 @@ fn arm() -> Arm {
     kr6().arm.unwrap()
 }
 
-/// A line, a `ptp` to the pose of [`GOAL`] with this Status and Turn, and a line from there; the states at the ends of legs.
+/// A line, a `ptp` to the pose of [`GOAL`] with this Status and Turn, and a line from there; the states at the ends of
+/// legs.
 fn sequence(status: Option<u8>, turn: Option<u8>) -> Result<[MotionState; 3], MotionFault> {
     let goal = arm().forward(&GOAL);
     let beside = |pose: &Pose, z| pose.compose(&Pose::from_xyz_rpy([0.0, 0.02, z], [0.0; 3]));
