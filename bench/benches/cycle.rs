@@ -1,11 +1,11 @@
-//! What a cycle costs: chains of simple primitives, and the executor's whole cycle with a motion.
-//! `cargo bench -p rcc-bench --bench cycle`. Only ratios within one run carry over to other machines.
-#![allow(missing_docs)] // criterion makes an undocumented function.
+//! Benchmarks a cycle: chains of simple primitives, and the executor's whole cycle with a motion. Run with `cargo bench
+//! -p rcc-bench --bench cycle`. Only ratios within one run carry over to other machines.
+#![allow(missing_docs)] // criterion generates an undocumented function.
 
 #[path = "../../rcc-core/engine/tests/common/mod.rs"]
 mod common;
 
-use common::{Bench, Plan, endless_net, line_net};
+use common::{EngineFixture, TestPlan, endless_net, line_net};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rcc_bench::executor::BenchExecutor;
 use rcc_bench::graph::Graph;
@@ -15,9 +15,9 @@ use rcc_ipc::control::PlanData;
 use rcc_language::compile_for;
 use std::time::Duration;
 
-/// A chain of `count` additions, each reading the one before.
+/// Returns a chain of `count` additions, each reading the one before.
 fn chain(count: u32) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let no = plan.bool(0);
     let one = plan.reals(&[1.0]);
     let first = plan.reals(&vec![f64::NAN; count as usize + 1]);
@@ -30,7 +30,7 @@ fn chain(count: u32) -> PlanData {
     plan.data
 }
 
-/// As many additions that do not depend on each other.
+/// Returns `count` additions that do not depend on each other.
 fn row(count: u32) -> PlanData {
     let mut plan = chain(count);
     let first = plan.operands[0];
@@ -41,12 +41,12 @@ fn row(count: u32) -> PlanData {
 }
 
 fn primitives(criterion: &mut Criterion) {
-    let bench = Bench::new();
+    let fixture = EngineFixture::new();
     let mut group = criterion.benchmark_group("add");
     for count in [50, 500, 2000] {
         group.throughput(Throughput::Elements(u64::from(count)));
         for (kind, plan) in [("independent", row(count)), ("chain", chain(count))] {
-            let mut net = bench.build(plan).expect("a good plan");
+            let mut net = fixture.build(plan).expect("a good plan");
             group.bench_function(BenchmarkId::new(kind, count), |b| {
                 b.iter(|| net.evaluate(&[], &[], 1e-3))
             });
@@ -58,26 +58,26 @@ fn primitives(criterion: &mut Criterion) {
 fn executor(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("executor cycle");
     group.bench_function("idle, one arm", |b| {
-        let mut bench = Bench::new();
-        b.iter(|| bench.step());
+        let mut fixture = EngineFixture::new();
+        b.iter(|| fixture.step());
     });
     group.bench_function("one output net", |b| {
-        let mut bench = Bench::new();
-        let id = bench.load(endless_net(0));
-        bench.start(id);
-        b.iter(|| bench.step());
+        let mut fixture = EngineFixture::new();
+        let id = fixture.load(endless_net(0));
+        fixture.start(id);
+        b.iter(|| fixture.step());
     });
     group.bench_function("line, kinematics, guard, command, monitor", |b| {
         b.iter_custom(|iterations| {
             let mut total = Duration::ZERO;
             let mut left = iterations;
             while left > 0 {
-                let mut bench = Bench::new();
-                let id = bench.load(line_net());
-                bench.start(id);
+                let mut fixture = EngineFixture::new();
+                let id = fixture.load(line_net());
+                fixture.start(id);
                 let cycles = left.min(700);
                 let begun = std::time::Instant::now();
-                bench.steps(cycles as usize);
+                fixture.steps(cycles as usize);
                 total += begun.elapsed();
                 left -= cycles;
             }
@@ -87,7 +87,8 @@ fn executor(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Latch, evaluate, guard, write and record, with boards in shared memory, as the executor itself measures it.
+/// Benchmarks latching, evaluation, guard, writing and recording, with boards in shared memory, as the executor itself
+/// measures it.
 fn whole(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("whole cycle");
     let text = net(&Graph::load("full", 50).expect("a graph of this package")).text;

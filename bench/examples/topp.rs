@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 mod motions;
 
 use motions::sampled::{Sample, Sampled, sampled};
-use motions::{Kind, robots};
+use motions::{MotionKind, robots};
 
 /// As many times as high is a jerk limit that hardly counts.
 const JERK: f64 = 100.0;
@@ -20,7 +20,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let count = std::env::args().nth(1).ok_or("usage: topp COUNT")?;
     let count: usize = count.parse()?;
     let mut out = std::io::stdout().lock();
-    for kind in [Kind::Line, Kind::Circle, Kind::Spline, Kind::Sequence] {
+    for kind in [
+        MotionKind::Line,
+        MotionKind::Circle,
+        MotionKind::Spline,
+        MotionKind::Sequence,
+    ] {
         for robot in &robots() {
             let built = (0..).filter_map(|seed| Some((seed, sampled(kind, robot, seed, JERK)?)));
             for (seed, motion) in built.take(count) {
