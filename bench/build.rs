@@ -1,5 +1,5 @@
-//! Turns the graphs of `graphs/` into plain Rust, which `src/straight.rs` includes; without the feature `straight-line` into
-//! an empty table. Run by cargo before the package is compiled.
+//! Translates the graphs of `graphs/` to plain Rust, which `src/straight.rs` includes; without the feature
+//! `straight-line` to an empty table. Run by cargo before the package is compiled.
 
 #[path = "build/straight.rs"]
 mod straight;
@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::{env, fs};
 
-/// Programs of these mixes exist without null too: nothing in them ever becomes null.
+/// Mixes in which nothing ever becomes null; their programs also exist without null.
 const NEVER_NULL: [&str; 2] = ["scalar", "mat"];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     writeln!(
         code,
-        "/// Every program.\npub const ALL: &[StraightLineProgram] = &[\n{table}];"
+        "/// All programs.\npub const ALL: &[StraightLineProgram] = &[\n{table}];"
     )?;
     fs::write(Path::new(&env::var("OUT_DIR")?).join("straight.rs"), code)?;
     Ok(())

@@ -1,7 +1,7 @@
-//! The benchmark graphs: the interpreter, and with `--features straight-line` the same graphs as plain Rust in the same run.
-//! `cargo bench -p rcc-bench --features straight-line --bench graphs`. Only ratios within one run carry over to other
-//! machines; `--example performance` measures in turns and writes docs/performance.md.
-#![allow(missing_docs)] // criterion makes an undocumented function.
+//! Benchmarks the graphs: the interpreter, and with `--features straight-line` the same graphs as plain Rust in the
+//! same run. Run with `cargo bench -p rcc-bench --features straight-line --bench graphs`. Only ratios within one run
+//! carry over to other machines; `--example performance` measures in turns and writes docs/performance.md.
+#![allow(missing_docs)] // criterion generates an undocumented function.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rcc_bench::graph::{Graph, MIXES, SIZES};

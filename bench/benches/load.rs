@@ -1,6 +1,6 @@
-//! What loading costs, by size: the text of a net to its plan, the plan as it is sent, and the executor's side of it.
-//! `cargo bench -p rcc-bench --bench load`; the stages of the loader are in docs/performance.md.
-#![allow(missing_docs)] // criterion makes an undocumented function.
+//! Benchmarks loading, by size: compiling the text of a net to a plan, and building the net from the plan. Run with
+//! `cargo bench -p rcc-bench --bench load`; docs/performance.md has the stages of the loader.
+#![allow(missing_docs)] // criterion generates an undocumented function.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rcc_bench::graph::{Graph, SIZES};

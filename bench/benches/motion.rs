@@ -1,6 +1,6 @@
-//! What motion costs in a cycle: kinematics, the path clock, each kind of motion, and whole nets that move one arm and two.
-//! `cargo bench -p rcc-bench --bench motion`. Only ratios within one run carry over to other machines.
-#![allow(missing_docs)] // criterion makes an undocumented function.
+//! Benchmarks motion in a cycle: kinematics, the path clock, each kind of motion, and whole nets that move one arm and
+//! two. Run with `cargo bench -p rcc-bench --bench motion`. Only ratios within one run carry over to other machines.
+#![allow(missing_docs)] // criterion generates an undocumented function.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rcc_bench::motion::groups;

@@ -1,11 +1,11 @@
-//! What each kernel of the catalogue costs: a run of 256 of it in a net that has nothing else but `Termination`.
-//! `cargo bench -p rcc-bench --bench primitives`. Only ratios within one run carry over to other machines.
-#![allow(missing_docs)] // criterion makes an undocumented function.
+//! Benchmarks each kernel of the catalogue: a run of 256 of it in a net that otherwise contains only `Termination`. Run
+//! with `cargo bench -p rcc-bench --bench primitives`. Only ratios within one run carry over to other machines.
+#![allow(missing_docs)] // criterion generates an undocumented function.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rcc_bench::kernel_nets::{count, devices, models, net, rows};
 
-/// Cycles between two starts: a motion must not come to its end.
+/// Number of cycles between two starts, so few that no motion comes to its end.
 const CYCLES: u64 = 100;
 
 fn catalogue(criterion: &mut Criterion) {

@@ -1,5 +1,5 @@
-//! One graph as straight-line Rust: a `let` a node, in the order of evaluation. What crosses from one function to another
-//! or from one cycle to the next, and what nobody reads (the result), is kept in the `State`. Run by the build step.
+//! Translates one graph to straight-line Rust: one `let` per node, in the order of evaluation. Values that cross
+//! functions or cycles, and the sinks, are stored in `State`. Run by the build script.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -7,10 +7,10 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-/// Nodes in one function: larger ones take the compiler more than linear time.
+/// Maximum number of nodes per function: the compile time of larger functions grows more than linearly.
 const NODES_IN_A_FUNCTION: usize = 500;
 
-/// The four kinds of values, and the arrays of the state that hold them.
+/// The four types of values, which select the arrays of the state.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum ValueKind {
     Real,
@@ -34,7 +34,7 @@ struct GeneratedNode<'a> {
 }
 
 impl GeneratedNode<'_> {
-    /// The nodes that it reads.
+    /// Returns the nodes that it reads.
     fn sources(&self) -> impl Iterator<Item = usize> {
         let nodes = self.inputs.iter().filter(|(kind, _)| *kind == "n");
         nodes.map(|(_, index)| index.as_u64().unwrap_or(0) as usize)
@@ -51,7 +51,7 @@ impl GeneratedNode<'_> {
         }
     }
 
-    /// What it remembers besides its output.
+    /// Returns the type and initial value of its memory, if it has any besides its output.
     fn remembers(&self) -> Option<(ValueKind, String)> {
         match self.op {
             "lowpass" => Some((ValueKind::Real, "0.0".into())),
@@ -63,7 +63,7 @@ impl GeneratedNode<'_> {
     }
 }
 
-/// Places in the state.
+/// Layout of the state: the element that stores each output and memory.
 #[derive(Default)]
 struct StateLayout {
     outputs: BTreeMap<usize, String>,
@@ -104,10 +104,10 @@ impl StateLayout {
     }
 }
 
-/// Writes the module `<name>_<variant>`; `variant` is the module with the operations.
+/// Writes the module `<name>_<variant>`; `variant` names the module with the operations.
 ///
 /// # Errors
-/// The file is no graph.
+/// Returns an error if the value is not a graph.
 pub fn write(
     code: &mut String,
     graph: &Value,
@@ -276,7 +276,7 @@ fn write_node(
     }
 }
 
-/// A literal that is read back as the same bits.
+/// Formats a literal that reads as the same bits.
 fn real(value: &Value) -> String {
     format!("{:?}_f64", value.as_f64().unwrap_or(f64::NAN))
 }

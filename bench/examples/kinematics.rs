@@ -1,6 +1,7 @@
-//! Our kinematics and those of rs-opw-kinematics at positions of a file: `kinematics ROBOT[:opw] CHAIN POSITIONS POSES` writes
-//! the chain of a robot of `configs/robots` (ours), poses and Jacobians, and prints one line of JSON. For
-//! `bench/kinematics/compare`, which runs other programs in turns with it; the format is in `bench/kinematics/program.hpp`.
+//! Measures our kinematics and those of rs-opw-kinematics at the positions of a file: `kinematics ROBOT[:opw] CHAIN
+//! POSITIONS POSES` writes the chain of a robot of `configs/robots` (ours only), poses and Jacobians, and prints one
+//! line of JSON. Used by `bench/kinematics/compare`, which runs other programs in turns with it;
+//! `bench/kinematics/program.hpp` defines the format.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -22,7 +23,7 @@ use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 
 const BATCHES: usize = 100;
 
-/// Names of what was measured, with ns a call.
+/// Names of the measured functions, and ns per call.
 type Figures = Vec<(&'static str, f64)>;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -73,7 +74,8 @@ fn read_positions(path: &str) -> Result<Vec<Joints>, Box<dyn Error>> {
     fs::read_to_string(path)?.lines().map(read).collect()
 }
 
-/// The chain as axes and origins: the flange in the last joint's frame, then axis, origin, zero and sign of each joint.
+/// Returns the chain as axes and origins: the flange in the last joint's frame, then axis, origin, zero and sign of
+/// each joint.
 fn chain_of(arm: &Arm) -> String {
     const Y: [f64; 3] = [0.0, 1.0, 0.0];
     const Z: [f64; 3] = [0.0, 0.0, 1.0];
@@ -116,7 +118,7 @@ fn chain_of(arm: &Arm) -> String {
     text
 }
 
-/// A line for each position: p R J.
+/// Returns a line for each position: position, rotation and Jacobian.
 fn lines(arm: &Arm, positions: &[Joints], pose: impl Fn(&Joints) -> Pose) -> String {
     let line = |joints: &Joints| {
         let pose = pose(joints);
@@ -132,7 +134,7 @@ fn lines(arm: &Arm, positions: &[Joints], pose: impl Fn(&Joints) -> Pose) -> Str
 
 fn our_poses(arm: &Arm, positions: &[Joints]) -> String {
     lines(arm, positions, |joints| {
-        // There and back, so that the inverse is compared as well.
+        // Inverse kinematics and forward again, so that the inverse is compared as well.
         let pose = arm.forward(joints);
         let ArmConfiguration { branch, arm_angle } = arm.configuration(joints);
         match arm.inverse(&pose, arm_angle, branch, joints) {
@@ -142,7 +144,7 @@ fn our_poses(arm: &Arm, positions: &[Joints]) -> String {
     })
 }
 
-/// Its poses; it has no Jacobian in closed form, so that ours stands for it.
+/// Returns the poses of rs-opw-kinematics; it has no closed-form Jacobian, so ours takes its place.
 fn opw_poses(other: &OPWKinematics, arm: &Arm, positions: &[Joints]) -> String {
     lines(arm, positions, |joints| {
         let pose = other.forward(&six(joints));
@@ -153,7 +155,8 @@ fn opw_poses(other: &OPWKinematics, arm: &Arm, positions: &[Joints]) -> String {
     })
 }
 
-/// ns a call: the best of batches, each of which goes through all positions. What else runs on the machine only adds.
+/// Returns ns per call: the best of several batches, each of which goes through all positions. Other programs on the
+/// machine only add time.
 fn measure(positions: usize, mut call: impl FnMut(usize)) -> f64 {
     let batch = |_| {
         let begun = Instant::now();
@@ -231,7 +234,7 @@ fn opw_figures(other: &OPWKinematics, positions: &[Joints]) -> Figures {
     ]
 }
 
-/// Its parameters with the lengths of our robot file.
+/// Returns the parameters of rs-opw-kinematics with the lengths of our robot file.
 fn opw_parameters(arm: &Arm) -> Result<Parameters, Box<dyn Error>> {
     let Arm::OrthoParallel(arm) = arm else {
         return Err("rs-opw-kinematics knows arms of six axes only".into());

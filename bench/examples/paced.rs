@@ -1,5 +1,6 @@
-//! A graph in a SCHED_FIFO loop, as the executor would run it: `paced GRAPH [--seconds S] [--core N] [--period US]` prints one
-//! line of JSON with the median time of a cycle. For `bench/hal`, which runs LinuxCNC HAL in turns with it.
+//! Runs a graph in a SCHED_FIFO loop, as the executor would: `paced GRAPH [--seconds S] [--core N] [--period US]`
+//! prints one line of JSON with the median duration of a cycle. Used by `bench/hal`, which runs LinuxCNC HAL in turns
+//! with it.
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -10,7 +11,7 @@ use rcc_bench::measure::median;
 use rcc_exec::setup::{FIFO, Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
 
-/// Below the watchdogs of the kernel, as an executor.
+/// The priority of an executor, below the kernel's watchdogs.
 const PRIORITY: u8 = 80;
 
 fn main() -> ExitCode {
@@ -43,7 +44,7 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Median time of so many cycles, two looks at the clock included.
+/// Returns the median duration of a cycle, ns, including two reads of the clock.
 fn run(mut instance: Instance, cycles: usize, period_ns: u64) -> f64 {
     let mut times = Vec::with_capacity(cycles);
     let mut deadline_ns = monotonic_ns();

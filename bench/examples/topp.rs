@@ -1,6 +1,6 @@
-//! Joint paths of random motions and how ours go along them: `topp COUNT` prints a line of JSON for each of the first COUNT
-//! motions of each kind and robot (those of `rcc-core/motion/tests/motions`) that can be built. For `bench/topp/compare`,
-//! which goes along the same paths with another program.
+//! Prints the joint paths of random motions and our motions along them: `topp COUNT` prints a line of JSON for each of
+//! the first COUNT motions of each kind and robot (those of `rcc-core/motion/tests/motions`) that can be built. Used by
+//! `bench/topp/compare`, which computes motions along the same paths with another program.
 
 use std::error::Error;
 use std::io::Write;
@@ -13,7 +13,7 @@ mod motions;
 use motions::sampled::{Sample, Sampled, sampled};
 use motions::{MotionKind, robots};
 
-/// As many times as high is a jerk limit that hardly counts.
+/// Factor of a jerk limit so high that it hardly matters.
 const JERK: f64 = 100.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -48,7 +48,7 @@ fn line(motion: &Sampled) -> Value {
     let s = |part: &[Sample]| part.iter().map(|(s, _)| *s).collect::<Vec<_>>();
     let parts = motion.path.iter().zip(&motion.fastest);
     let parts = parts.map(|(path, run)| {
-        // Of the clock of a law only the joints tell where on the path it is.
+        // The time-scaled motion has no path parameter; only its joints tell where on the path it is.
         json!({"s": s(path), "q": joints(path), "fastest_q": joints(run)})
     });
     let [velocity, acceleration, jerk] = motion.limits.map(|row| row[..motion.joints].to_vec());

@@ -1,6 +1,6 @@
-//! How punctually a running executor was woken, from its own histogram: `wake_histogram CELL` prints one line of JSON, µs.
-//! `wake_histogram CELL remove` removes what the cell left in shared memory, after its end. For `bench/wakeup`, which runs
-//! cyclictest in turns with an executor.
+//! Prints the wake-up latency of a running executor from its own histogram: `wake_histogram CELL` prints one line of
+//! JSON, µs. `wake_histogram CELL remove` removes what the cell has left in shared memory, after its end. Used by
+//! `bench/wakeup`, which runs cyclictest in turns with an executor.
 
 use std::error::Error;
 
@@ -13,15 +13,15 @@ use rcc_ipc::{Cell, Role, Session};
 fn main() -> Result<(), Box<dyn Error>> {
     let name = std::env::args()
         .nth(1)
-        .ok_or("which cell? wake_histogram CELL")?;
-    let cell = Cell::find(&name)?.ok_or_else(|| format!("there is no cell {name}"))?;
+        .ok_or("usage: wake_histogram CELL [remove]")?;
+    let cell = Cell::find(&name)?.ok_or_else(|| format!("cell `{name}` not found"))?;
     if std::env::args().nth(2).as_deref() == Some("remove") {
         rcc_bench::executor::remove(&cell);
         return Ok(());
     }
     let announced = cell
         .announced(Role::Executor, "exec")?
-        .ok_or("no executor is announced")?;
+        .ok_or("no executor is running in this cell")?;
     let session = Session::join(&cell, Role::Cli, "wake-histogram")?;
     let service = |name: &str| {
         announced

@@ -1,5 +1,5 @@
-//! A whole executor in one thread, without its pause: engine, recorder, boards in shared memory in a cell of its own, and
-//! drivers that answer at once. Run by the benchmarks; the cell is gone when it is dropped.
+//! A whole executor in one thread, without its sleep: engine, flight recorder, boards in shared memory in a cell of its
+//! own, and drivers that answer at once. Used by the benchmarks; the cell is removed when it is dropped.
 
 use std::fs;
 use std::path::PathBuf;
@@ -19,32 +19,32 @@ use rcc_ipc::{
 };
 use rcc_language::devices::DeviceTable;
 
-/// As a cell's configuration has it by default.
+/// The defaults of a cell's configuration.
 const RECORDER_MEMORY: usize = 64 << 20;
 const RECORDER_SPAN_NS: u64 = 10_000_000_000;
 static NEXT_CELL: AtomicU32 = AtomicU32::new(0);
 
-/// Why there is no executor, or no net in it.
+/// The reason why the executor or a net cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchExecutorError {
-    /// No cell.
+    /// The cell cannot be created.
     #[error(transparent)]
     Cell(#[from] CellError),
-    /// No session.
+    /// The session cannot be opened.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// No board.
+    /// A board cannot be created.
     #[error(transparent)]
     Board(#[from] BoardError),
     /// The net was refused.
-    #[error("the net is refused: {0:?}")]
+    #[error("the net was refused: {0:?}")]
     Refused(Refusal),
-    /// The engine did not answer as it should.
-    #[error("the engine answers {0:?}")]
+    /// The engine gave an unexpected answer.
+    #[error("unexpected answer of the engine: {0:?}")]
     Answer(Option<Answer>),
 }
 
-/// A driver that follows set-points at once.
+/// A driver whose device follows set-points at once.
 struct InstantDriver {
     measurement: Measurement,
     board: BoardWriter<Measurement>,
@@ -72,7 +72,7 @@ impl InstantDriver {
     }
 }
 
-/// See the module.
+/// An executor in one thread; see the module.
 pub struct BenchExecutor {
     engine: Engine,
     boards: Boards,
@@ -86,7 +86,7 @@ pub struct BenchExecutor {
     _cell_guard: CellGuard,
 }
 
-/// Everything of the cell, removed when dropped, after those who use it.
+/// Removes everything of the cell when dropped; declared last, so that its users are dropped first.
 struct CellGuard {
     cell: Cell,
     folder: PathBuf,
@@ -95,14 +95,14 @@ struct CellGuard {
 impl Drop for CellGuard {
     fn drop(&mut self) {
         remove(&self.cell);
-        // As below.
+        // What cannot be removed stays in the temporary folder.
         let _ = fs::remove_dir_all(&self.folder);
     }
 }
 
-/// Removes what a cell without processes left in shared memory.
+/// Removes what a cell without processes has left in shared memory.
 pub fn remove(cell: &Cell) {
-    // Whatever cannot be removed stays in temporary folders; nothing else can be done about it here.
+    // What cannot be removed stays in temporary folders; nothing else can be done about it here.
     for path in cell.leftovers().unwrap_or_default() {
         let _ = fs::remove_file(path);
     }
@@ -110,12 +110,12 @@ pub fn remove(cell: &Cell) {
 }
 
 impl BenchExecutor {
-    /// An executor for these devices; arms are held at `hold`.
+    /// Creates an executor for these devices; arms are held at `hold`, rad.
     ///
     /// # Errors
-    /// The system does not let us.
+    /// Returns an error if the cell, its session or a board cannot be created.
     pub fn new(devices: DeviceTable, hold: Joints) -> Result<BenchExecutor, BenchExecutorError> {
-        // No two of one process at the same time have the same number.
+        // Numbers the cells of this process.
         let number = NEXT_CELL.fetch_add(1, Ordering::Relaxed);
         let folder =
             std::env::temp_dir().join(format!("rcc-bench-{}-{number}", std::process::id()));
@@ -202,10 +202,10 @@ impl BenchExecutor {
         Ok(())
     }
 
-    /// Loads a plan and starts it.
+    /// Loads a plan, starts it, and returns the command's id.
     ///
     /// # Errors
-    /// It is refused.
+    /// Returns an error if the plan is refused.
     pub fn start(&mut self, plan: PlanData) -> Result<u64, BenchExecutorError> {
         let holds: Vec<_> = self
             .drivers
@@ -236,10 +236,10 @@ impl BenchExecutor {
         Ok(id)
     }
 
-    /// Ends a net and frees its row.
+    /// Aborts a net and frees its row.
     ///
     /// # Errors
-    /// There is no such net.
+    /// Returns an error if the engine does not answer.
     pub fn end(&mut self, id: u64) -> Result<(), BenchExecutorError> {
         self.ask(|ticket| EngineRequest::Abort { ticket, id })?;
         self.cycles(20);
@@ -270,12 +270,13 @@ impl BenchExecutor {
         Err(BenchExecutorError::Answer(None))
     }
 
-    /// So many cycles; how long they took together, ns.
+    /// Runs `count` cycles; returns their total duration, ns.
     pub fn cycles(&mut self, count: usize) -> u64 {
         (0..count).map(|_| self.cycle()).sum()
     }
 
-    /// One cycle as the real-time thread does it, but for the sleep; how long it took, ns, measured as the executor does.
+    /// Runs one cycle as the real-time thread does, without the sleep; returns its duration as the executor measures
+    /// it, ns.
     pub fn cycle(&mut self) -> u64 {
         let before_ns = monotonic_ns();
         self.drivers
@@ -291,7 +292,7 @@ impl BenchExecutor {
         exec_ns
     }
 
-    /// Nets that run.
+    /// Returns the number of running nets.
     #[must_use]
     pub fn running(&self) -> u32 {
         self.engine.status().running
@@ -307,7 +308,7 @@ mod tests {
     use rcc_language::compile_for;
 
     #[test]
-    fn nets_run_in_it_and_nothing_is_left_of_it() {
+    fn nets_run_in_it_and_its_files_are_removed() {
         let text = net(&Graph::load("full", 50).unwrap()).text;
         let plan = compile_for(&text, "graph.json", &cell()).unwrap().plan;
         let mut executor = BenchExecutor::new(cell(), [0.0; 8]).unwrap();

@@ -1,15 +1,15 @@
-//! A benchmark graph as its file says it: nodes, sinks and expected results. Knows nothing of nets, so that a build step
-//! can use it to write the same graph as code. Any thread.
+//! A benchmark graph as read from its file: nodes, sinks and expected results. It does not depend on nets, so that a
+//! build script can translate the same graph to code. Any thread.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-/// The kinds of graphs.
+/// The mixes of operations.
 pub const MIXES: [&str; 3] = ["scalar", "mat", "full"];
 /// The numbers of nodes.
 pub const SIZES: [usize; 4] = [50, 500, 2000, 10_000];
-/// The word that stands for a null number or transform in hashes.
+/// The word that represents a null number or transform in hashes.
 pub const NULL_WORD: u64 = 0x7ff8_0000_0000_1eaf;
 
 /// A graph.
@@ -17,32 +17,32 @@ pub const NULL_WORD: u64 = 0x7ff8_0000_0000_1eaf;
 pub struct Graph {
     /// One of [`MIXES`].
     pub mix: String,
-    /// In the order of evaluation; the place of a node is its id.
+    /// The nodes in the order of evaluation; a node's index is its id.
     pub nodes: Vec<GraphNode>,
-    /// The nodes that nobody reads, in the order of the hash.
+    /// The nodes without a reader, in the order of the hash.
     pub sinks: Vec<usize>,
-    /// By cycle, counted from 1.
+    /// Expected results by cycle, counted from 1.
     pub expected: BTreeMap<u64, ExpectedResults>,
 }
 
-/// What a cycle must come to.
+/// The expected results of a cycle.
 #[derive(Clone, Debug, Deserialize)]
 pub struct ExpectedResults {
     /// Hash of the sinks, hexadecimal.
     pub sinks_hash: String,
-    /// Results of some nodes; `None` is null.
+    /// Results of some nodes by index; `None` is null.
     pub values: BTreeMap<usize, Option<NodeValue>>,
 }
 
-/// A result.
+/// The result of a node.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(untagged)]
 pub enum NodeValue {
-    /// Of a condition.
+    /// A truth value.
     Bool(bool),
-    /// Of a node that counts.
+    /// An integer.
     Int(i64),
-    /// Of a node that computes.
+    /// A real number.
     Real(f64),
     /// A transform, row-major.
     Transform([f64; 16]),
@@ -51,30 +51,30 @@ pub enum NodeValue {
 /// A node.
 #[derive(Clone, Debug, Deserialize)]
 pub struct GraphNode {
-    /// What it does.
+    /// Operation.
     pub op: Op,
-    /// What it reads.
+    /// Sources of its inputs.
     #[serde(rename = "in")]
     pub inputs: Vec<NodeInput>,
-    /// Its constants.
+    /// Constants.
     pub params: Vec<NodeValue>,
 }
 
-/// What feeds an input.
+/// The source of an input.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(from = "(Kind, Value)")]
+#[serde(from = "(SourceKind, NodeValue)")]
 pub enum NodeInput {
     /// The output of a node.
     Node(usize),
     /// A constant.
     Constant(NodeValue),
-    /// An external number.
+    /// An external number, by index.
     Real(usize),
-    /// An external truth value.
+    /// An external truth value, by index.
     Bool(usize),
 }
 
-/// The letter of a source in a file.
+/// The letter of a source in the file.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum SourceKind {
@@ -99,7 +99,7 @@ impl From<(SourceKind, NodeValue)> for NodeInput {
     }
 }
 
-/// The operations; `graphs/README.md` says what they do.
+/// The operations; `graphs/README.md` defines them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs)] // One table, not twice.
@@ -139,18 +139,18 @@ pub enum Op {
 }
 
 impl Graph {
-    /// Reads a file.
+    /// Parses the text of a graph.
     ///
     /// # Errors
-    /// It is no graph.
+    /// Returns an error if the text is not a graph.
     pub fn read(text: &str) -> Result<Graph, serde_json::Error> {
         serde_json::from_str(text)
     }
 
-    /// The graph of a mix and size of this package.
+    /// Loads the graph of a mix and size from this package.
     ///
     /// # Errors
-    /// There is none, or its file was damaged.
+    /// Returns an error if there is no such graph or its file is damaged.
     pub fn load(mix: &str, size: usize) -> Result<Graph, LoadError> {
         let path = format!("{}/graphs/{mix}_{size}.json", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(&path);
@@ -162,7 +162,7 @@ impl Graph {
     }
 }
 
-/// Why there is no graph.
+/// The reason why a graph cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file cannot be read.
@@ -170,27 +170,27 @@ pub enum LoadError {
     File {
         /// The file.
         path: String,
-        /// Why.
+        /// The cause.
         source: std::io::Error,
     },
-    /// The file is no graph.
-    #[error("{path} is no graph: {source}")]
+    /// The file is not a graph.
+    #[error("{path} is not a graph: {source}")]
     Content {
         /// The file.
         path: String,
-        /// Why.
+        /// The cause.
         source: serde_json::Error,
     },
 }
 
-/// External number `k` in a cycle, counted from 1.
+/// Returns external number `k` in a cycle, counted from 1.
 #[must_use]
 #[allow(clippy::cast_precision_loss)] // Below 1000.
 pub fn external_real(cycle: u64, k: usize) -> f64 {
     ((cycle * (2 * k as u64 + 3)) % 1000) as f64 / 500.0 - 1.0
 }
 
-/// External truth value `k` in a cycle.
+/// Returns external truth value `k` in a cycle, counted from 1.
 #[must_use]
 pub fn external_bool(cycle: u64, k: usize) -> bool {
     cycle >> k & 1 == 1
@@ -221,7 +221,7 @@ impl SinkHash {
         });
     }
 
-    /// The hash, as files write it.
+    /// Returns the hash in hexadecimal, as the files contain it.
     #[must_use]
     pub fn hex(self) -> String {
         format!("{:016x}", self.0)

@@ -1,5 +1,5 @@
 //! A loaded graph in virtual time: the arenas of its plan, a station that measures the external inputs, and the same
-//! `cycle()` as on a robot. Whatever thread measures or tests.
+//! `cycle()` as on a robot. Any thread.
 
 use std::collections::HashMap;
 
@@ -17,12 +17,12 @@ use crate::graph::{Graph, NULL_WORD, NodeValue, SinkHash, external_bool, externa
 use crate::net::{DEVICE, net};
 use crate::straight::Inputs;
 
-/// External numbers of a graph.
+/// Number of external numbers of a graph.
 pub const REALS: usize = 8;
-/// External truth values of a graph.
+/// Number of external truth values of a graph.
 pub const BOOLS: usize = 4;
 
-/// The cell that the nets are for: one station with the external inputs as channels.
+/// Returns the devices of the cell that the nets are for: one station whose channels are the external inputs.
 #[must_use]
 pub fn cell() -> DeviceTable {
     let channels = |letter: char, count: usize| {
@@ -65,7 +65,7 @@ pub fn cell() -> DeviceTable {
     }
 }
 
-/// What the station measures in a cycle, counted from 1.
+/// Returns what the station measures in a cycle, counted from 1.
 #[must_use]
 pub fn measurement(cycle: u64) -> Measurement {
     let mut measurement = Measurement::zeroed();
@@ -90,24 +90,24 @@ struct ResultSlots {
 
 /// A running graph.
 pub struct Instance {
-    /// What the loader made of it.
+    /// The compiled net.
     pub net: Compiled,
     reals: Vec<f64>,
     bools: Vec<u8>,
     ints: Vec<i64>,
     models: Vec<DeviceModel>,
     devices: [DeviceInput; 1],
-    /// By node of the graph.
+    /// Slots by node of the graph.
     slots: Vec<ResultSlots>,
     sinks: Vec<usize>,
     cycles: u64,
 }
 
 impl Instance {
-    /// Takes a graph through the whole loader.
+    /// Compiles a graph with the whole loader.
     ///
     /// # Errors
-    /// What the loader says about the net: a mistake of this package.
+    /// Returns the faults of the net, which would be a bug of this package.
     pub fn new(graph: &Graph) -> Result<Instance, rcc_language::Faults> {
         let text = net(graph);
         let cell = cell();
@@ -118,7 +118,7 @@ impl Instance {
         });
         let ports: HashMap<_, _> = ports.collect();
         let slots = text.outputs.iter().map(|output| {
-            // Every place names an output of the net that was just made of it.
+            // Every reference names an output of the net that was just generated.
             let port = ports[output.id.as_str()].expect("an output `out`");
             let (slot, width) = (port.slot as usize, port.width as usize);
             let element = output.index.map(|index| (slot + index as usize, 1));
@@ -145,13 +145,13 @@ impl Instance {
         })
     }
 
-    /// The next cycle with its external inputs.
+    /// Runs the next cycle with its external inputs.
     pub fn step(&mut self) {
         self.devices[0].measurement = measurement(self.cycles + 1);
         self.evaluate();
     }
 
-    /// The next cycle with the external inputs of the one before: what benchmarks time.
+    /// Runs the next cycle with the external inputs of the previous one: what benchmarks time.
     pub fn evaluate(&mut self) {
         let mut frame = Frame {
             reals: &mut self.reals,
@@ -171,7 +171,7 @@ impl Instance {
         self.cycles = frame.cycle;
     }
 
-    /// Sets the external inputs of the next evaluations: as cheap as a driver's board, for benchmarks.
+    /// Sets the external inputs of the next evaluations, as cheaply as reading a driver's board.
     pub fn measure(&mut self, inputs: &Inputs) {
         let measurement = &mut self.devices[0].measurement;
         for (place, value) in measurement.analog.iter_mut().zip(inputs.u) {
@@ -181,13 +181,13 @@ impl Instance {
         measurement.digital = bits.fold(0, |bits, bit| bits << 1 | u64::from(*bit));
     }
 
-    /// Cycles so far.
+    /// Returns the number of cycles so far.
     #[must_use]
     pub fn cycles(&self) -> u64 {
         self.cycles
     }
 
-    /// Primitives that a cycle evaluates.
+    /// Returns the number of primitives that a cycle evaluates.
     #[must_use]
     pub fn primitives(&self) -> usize {
         let runs = &self.net.plan.runs;
@@ -200,7 +200,7 @@ impl Instance {
             .sum()
     }
 
-    /// The result of a node; `None` is null.
+    /// Returns the result of a node; `None` is null.
     #[must_use]
     pub fn value(&self, node: usize) -> Option<NodeValue> {
         let ResultSlots { store, slot, width } = self.slots[node];
@@ -225,7 +225,7 @@ impl Instance {
         }
     }
 
-    /// The hash of the sinks.
+    /// Returns the hash of the sinks.
     #[must_use]
     pub fn hash(&self) -> SinkHash {
         let mut hash = SinkHash::default();

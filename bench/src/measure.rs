@@ -1,5 +1,5 @@
-//! Who is faster: subjects are measured in turns, round after round, so that what disturbs the machine for a while disturbs
-//! all of them. Run by the programs that write reports; the thread that calls.
+//! Compares subjects by measuring them in turns, round after round, so that a temporary disturbance of the machine
+//! affects all of them. Used by the programs that write reports; runs in the calling thread.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 pub struct Subject<'a>(Box<dyn FnMut(usize) -> Duration + 'a>);
 
 impl<'a> Subject<'a> {
-    /// Runs so many cycles; its time is that of the call.
+    /// Creates a subject that runs the given number of cycles; the duration of the call is measured.
     pub fn new(mut run: impl FnMut(usize) + 'a) -> Subject<'a> {
         Subject::timing_itself(move |cycles| {
             let begun = Instant::now();
@@ -16,18 +16,18 @@ impl<'a> Subject<'a> {
         })
     }
 
-    /// Runs so many cycles and says how long they took, without what it has to do besides.
+    /// Creates a subject that runs the given number of cycles and returns their duration itself, without any overhead.
     pub fn timing_itself(run: impl FnMut(usize) -> Duration + 'a) -> Subject<'a> {
         Subject(Box::new(run))
     }
 
-    /// Runs so many cycles and says how long they took.
+    /// Runs the given number of cycles and returns their duration.
     pub fn run(&mut self, cycles: usize) -> Duration {
         (self.0)(cycles)
     }
 }
 
-/// How long one cycle of a subject takes, ns: the median of its rounds, and the fastest and slowest round.
+/// Duration of one cycle of a subject, ns: the median of its rounds, and the fastest and slowest round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeStats {
     /// Median of the rounds.
@@ -38,12 +38,12 @@ pub struct TimeStats {
     pub high: f64,
 }
 
-/// How much is measured.
+/// The amount of measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
-    /// Every subject once a round.
+    /// Number of rounds; each measures every subject once.
     pub rounds: usize,
-    /// Stretches a round; the round's figure is their median.
+    /// Number of stretches per round; the round's result is their median.
     pub stretches: usize,
     /// Length of a stretch.
     pub stretch: Duration,
@@ -58,7 +58,7 @@ impl Effort {
     };
 }
 
-/// Measures all subjects in turns; the figures are in their order. Every stretch begins hot.
+/// Measures all subjects in turns and returns the results in their order. Every stretch starts with warm caches.
 pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<TimeStats> {
     let cycles: Vec<usize> = subjects
         .iter_mut()
@@ -76,7 +76,7 @@ pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<TimeStats>
     rounds.into_iter().map(figure).collect()
 }
 
-/// How many cycles last about so long.
+/// Returns the number of cycles that take about the wanted time.
 fn fitting(subject: &mut Subject<'_>, wanted: Duration) -> usize {
     let mut cycles = 1;
     loop {
@@ -89,7 +89,7 @@ fn fitting(subject: &mut Subject<'_>, wanted: Duration) -> usize {
     }
 }
 
-/// The figure of some rounds.
+/// Summarizes the rounds of a subject.
 #[must_use]
 pub fn figure(rounds: Vec<f64>) -> TimeStats {
     let low = rounds.iter().copied().fold(f64::INFINITY, f64::min);
@@ -101,7 +101,7 @@ pub fn figure(rounds: Vec<f64>) -> TimeStats {
     }
 }
 
-/// The middle one; NaN of none.
+/// Returns the median; NaN of an empty list.
 #[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

@@ -1,5 +1,5 @@
-//! What motion costs: kinematics, the path clock, each kind of motion, and nets that move one arm and two, each as something
-//! to measure. Run by `cargo bench -p rcc-bench --bench motion` and by `examples/motion`; one thread.
+//! Benchmark subjects of motion: kinematics, the path clock, each kind of motion, and nets that move one arm and two.
+//! Used by `cargo bench -p rcc-bench --bench motion` and by `examples/motion`; one thread.
 
 mod cycles;
 pub mod replan;
@@ -14,30 +14,30 @@ use rcc_core::pose::Pose;
 
 use crate::measure::Subject;
 
-/// Where motions begin.
+/// Start position of the motions, rad.
 const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
-/// Positions that kinematics are measured at, one after the other: no branch of the code is foreseen by the processor.
+/// Number of positions at which kinematics are measured in turn, so that the processor cannot predict branches.
 const POSITIONS: usize = 256;
-/// A wanted twist of the flange, m/s and rad/s.
+/// Twist of the flange, m/s and rad/s.
 pub const TWIST: [f64; 6] = [0.1, 0.05, -0.02, 0.1, 0.0, 0.2];
-/// Damping of velocity kinematics.
+/// Damping of the velocity kinematics.
 pub const DAMPING: f64 = 0.05;
 
-/// Subjects that belong together.
+/// A group of related subjects.
 pub struct SubjectGroup {
-    /// Of what.
+    /// Title of the group.
     pub name: &'static str,
-    /// What is measured.
+    /// The subjects.
     pub subjects: Vec<NamedSubject>,
 }
 
-/// A subject with its name.
+/// A subject with its name and goal.
 pub struct NamedSubject {
-    /// One cycle of what.
+    /// What one cycle does.
     pub name: String,
-    /// The longest that it may take, ns, where that was decided before it was measured.
+    /// Maximum duration that was set as a goal before it was measured, ns.
     pub goal_ns: Option<f64>,
-    /// Runs cycles.
+    /// Runs the cycles.
     pub subject: Subject<'static>,
 }
 
@@ -58,7 +58,7 @@ impl NamedSubject {
     }
 }
 
-/// Everything, in the order of a page.
+/// Returns all groups, in the order of the report.
 #[must_use]
 pub fn groups() -> Vec<SubjectGroup> {
     vec![
@@ -70,7 +70,7 @@ pub fn groups() -> Vec<SubjectGroup> {
     ]
 }
 
-/// An LWR 4+.
+/// Returns the kinematics of an LWR 4+.
 #[must_use]
 pub fn lwr() -> Arm {
     Arm::Srs(SrsArm {
@@ -121,7 +121,8 @@ fn beside(x: f64, y: f64, z: f64) -> Pose {
     start.compose(&Pose::from_xyz_rpy([x, y, z], [0.1, 0.0, 0.0]))
 }
 
-/// In −1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
+/// Returns a pseudo-random number in −1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line
+/// 26).
 fn random(state: &mut u64) -> f64 {
     *state = state
         .wrapping_mul(6_364_136_223_846_793_005)
@@ -129,7 +130,7 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// A position of an arm, and what inverse kinematics are asked there.
+/// A position of an arm, with the inputs of its inverse kinematics.
 #[derive(Clone, Copy)]
 struct ArmSample {
     joints: Joints,

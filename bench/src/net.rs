@@ -1,30 +1,30 @@
-//! A graph as the text of a net, every node a primitive: constants are literals, external inputs are channels of a
-//! station, a `delay` is a delayed link. Any thread.
+//! Translates a graph to the text of a net, with one primitive per node: constants are literals, external inputs are
+//! channels of a station, a `delay` is a delayed link. Any thread.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::graph::{Graph, GraphNode, NodeInput, NodeValue, Op};
 
-/// The name of the device that the external inputs are channels of.
+/// Name of the device whose channels are the external inputs.
 pub const DEVICE: &str = "station";
 
-/// A net and where the nodes of its graph are in it.
+/// A net, and the outputs that carry the results of the graph's nodes.
 #[derive(Clone, Debug)]
 pub struct GraphNet {
-    /// The text: JSON.
+    /// The text, JSON.
     pub text: String,
-    /// By node: the output that carries its result.
+    /// The output that carries the result of each node, by node.
     pub outputs: Vec<OutputRef>,
 }
 
 /// An output, or one of its elements.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct OutputRef {
-    /// Id of a primitive.
+    /// Id of the primitive.
     pub id: String,
-    /// Its output.
+    /// Name of the output.
     pub port: &'static str,
-    /// The element.
+    /// Index of the element, if it is one.
     pub index: Option<i64>,
 }
 
@@ -45,7 +45,7 @@ impl OutputRef {
     }
 }
 
-/// Writes a graph as a net.
+/// Translates a graph to a net.
 #[must_use]
 pub fn net(graph: &Graph) -> GraphNet {
     let mut writer = GraphNetWriter {
@@ -74,7 +74,8 @@ pub fn net(graph: &Graph) -> GraphNet {
     }
 }
 
-/// Where the result of each node is: an element of a transform is read where it stands, everything else is an output.
+/// Returns the output with the result of each node: an element of a transform is read in place, everything else is an
+/// output of its own.
 fn outputs(graph: &Graph) -> Vec<OutputRef> {
     let mut outputs = Vec::new();
     for (number, node) in graph.nodes.iter().enumerate() {
@@ -95,9 +96,9 @@ fn outputs(graph: &Graph) -> Vec<OutputRef> {
 
 struct GraphNetWriter {
     outputs: Vec<OutputRef>,
-    /// By id.
+    /// Text of each primitive, by id.
     primitives: BTreeMap<String, String>,
-    /// Ids of primitives that somebody reads.
+    /// Ids of primitives that have a reader.
     read: BTreeSet<String>,
 }
 
@@ -117,7 +118,7 @@ impl GraphNetWriter {
         self.primitives.insert(id.to_string(), text + "}");
     }
 
-    /// What an input is written as; external inputs become primitives where they are first read.
+    /// Returns the text of an input's source; external inputs become primitives at their first use.
     fn source(&mut self, source: &NodeInput) -> String {
         let (id, ty, channel) = match source {
             NodeInput::Constant(value) => return literal(value),
@@ -165,7 +166,7 @@ impl GraphNetWriter {
             Op::Select => ("Select", &["condition", "no", "yes"]),
             Op::Mmul => ("Compose", &["a", "b"]),
             Op::Minv => ("Invert", &["in"]),
-            // Its place is an element.
+            // Its result is an element of another primitive's output.
             Op::Mget => return,
             Op::Edge => {
                 let inputs = with_ports(&["in"], inputs);
@@ -209,8 +210,8 @@ impl GraphNetWriter {
                 return self.primitive(&id, "BitAnd", &with_ports(&["a", "b"], inputs), "");
             }
             Op::Delay => {
-                // Null is delayed too. A link alone would do, but a loop that can keep null for ever is refused; the
-                // choice that is always the same one is what the rule takes for a way out.
+                // Null is delayed too. A delayed link alone would do, but a loop that can keep null forever is refused;
+                // the rule accepts this `Select`, whose condition is constant, as a way out of the loop.
                 let link = format!(
                     "{{\"from\": {}, \"delayed\": true, \"initial\": {}}}",
                     inputs.join(""),
@@ -229,7 +230,7 @@ fn with_ports<'p>(ports: &[&'p str], inputs: Vec<String>) -> Vec<(&'p str, Strin
     ports.iter().copied().zip(inputs).collect()
 }
 
-/// A constant; the shortest text that reads as the same double.
+/// Formats a constant as the shortest text that reads as the same double.
 fn literal(value: &NodeValue) -> String {
     match value {
         NodeValue::Bool(value) => value.to_string(),

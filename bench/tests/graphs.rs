@@ -1,4 +1,4 @@
-//! Every graph through the whole loader, against what an independent interpreter computed.
+//! Compiles every graph with the whole loader, and compares its results with those of an independent interpreter.
 
 use rcc_bench::graph::{Graph, MIXES, SIZES};
 use rcc_bench::instance::Instance;
@@ -44,7 +44,8 @@ fn graphs_with_null_agree_with_the_reference() {
 
 #[test]
 fn equal_primitives_come_one_after_the_other() {
-    // Three a run at least, in the mix with the deepest graphs and the fewest kinds; 2.2 by the longest ready list.
+    // At least three per run, in the mix with the deepest graphs and the fewest operations; sorting by the longest
+    // ready list gives 2.2.
     let graph = Graph::load("scalar", 2000).unwrap();
     let instance = Instance::new(&graph).unwrap_or_else(|faults| panic!("{faults}"));
     let runs = instance.net.plan.runs.len();

@@ -56,10 +56,10 @@ fn writer_of(path: &Path) -> Option<(ProcessInstance, bool)> {
 
 /// Results of the last recordings. Added by the thread that writes the files, read by the intake thread.
 #[derive(Clone, Debug, Default)]
-pub struct RecordingResults(Arc<Mutex<VecDeque<(u64, Recorded)>>>);
+pub struct RecordingResults(Arc<Mutex<VecDeque<(u64, RecordingState)>>>);
 
 impl RecordingResults {
-    fn add(&self, last_cycle: u64, recorded: Recorded) {
+    fn add(&self, last_cycle: u64, recorded: RecordingState) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         all.push_back((last_cycle, recorded));
         if all.len() > RECORDINGS_MAX {
@@ -69,7 +69,7 @@ impl RecordingResults {
 
     /// Returns the result of the recording that a request froze in `cycle`: the first one that reaches that cycle.
     #[must_use]
-    pub fn find(&self, cycle: u64) -> Recorded {
+    pub fn find(&self, cycle: u64) -> RecordingState {
         let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let found = all.iter().find(|(last_cycle, _)| *last_cycle >= cycle);
         found.map_or(RecordingState::NotYet, |(_, recorded)| recorded.clone())
@@ -401,7 +401,7 @@ impl IncidentWriter {
         recording: &FrozenRecording,
         head: &IncidentHead,
         path: &Path,
-    ) -> Recorded {
+    ) -> RecordingState {
         info!("incident written: {}", path.display());
         let cycles = head.last_cycle.saturating_sub(head.first_cycle) + 1;
         self.tell(
@@ -419,7 +419,7 @@ impl IncidentWriter {
         }
     }
 
-    fn report_failure(&self, error: &io::Error) -> Recorded {
+    fn report_failure(&self, error: &io::Error) -> RecordingState {
         let why = format!("{}: {error}", self.folder.display());
         warn!("cannot write incident: {why}");
         let why = events::event_text(&why);

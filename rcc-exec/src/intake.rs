@@ -103,7 +103,7 @@ pub struct Intake {
     /// Limits log lines about drivers whose liveness is unknown or whose board cannot be opened.
     liveness_log: LogThrottle,
     recorder: Option<EventRecorder>,
-    incident_writer: Option<Sender<incidents::BuildOutcome>>,
+    incident_writer: Option<Sender<incidents::PreparedNet>>,
     recordings: RecordingResults,
     announcement: Announcement,
 }
@@ -184,7 +184,7 @@ impl Intake {
     #[must_use]
     pub fn with_incident_writer(
         mut self,
-        incident_writer: Option<Sender<incidents::BuildOutcome>>,
+        incident_writer: Option<Sender<incidents::PreparedNet>>,
         recordings: RecordingResults,
     ) -> Intake {
         self.incident_writer = incident_writer;

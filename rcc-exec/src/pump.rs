@@ -127,7 +127,7 @@ impl Pump {
         let words = event.sentence(&|_, id| format!("command {id}"));
         let cycle = cycle.map_or_else(String::new, |cycle| format!(" (cycle {cycle})"));
         match event.severity {
-            events::Severity::Info => info!("{words}{cycle}"),
+            events::EventSeverity::Info => info!("{words}{cycle}"),
             _ => warn!("{words}{cycle}"),
         }
         recorder.record(event);
@@ -150,7 +150,7 @@ impl Pump {
                 ..
             } => {
                 let reason = EndReason::from_number(reason);
-                let faulty = reason == EndReason::CommandFault;
+                let faulty = reason == EndReason::Fault;
                 EventKind::Command {
                     command: id,
                     state: CommandState::from_number(state).name().to_owned(),

@@ -357,11 +357,11 @@ fn a_process_that_holds_too_many_connections_gets_no_more_and_another_one_is_ser
 fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
     let test = TestCell::new("often");
     let served = TestServer::with(&test.cell, &tcp(&test.cell));
-    let connection = served.address.unwrap();
+    let address = served.address.unwrap();
     let request = get("/nothing", &with_token());
     let limit = Instant::now() + LIMIT;
     loop {
-        let (status, body) = exchange(connect_from(1, connection), &request);
+        let (status, body) = exchange(connect_from(1, address), &request);
         if status == 429 {
             assert!(
                 body["message"]
@@ -375,7 +375,7 @@ fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
         assert_eq!(status, 404);
         assert!(Instant::now() < limit, "never refused");
     }
-    assert_eq!(exchange(connect_from(2, connection), &request).0, 404);
+    assert_eq!(exchange(connect_from(2, address), &request).0, 404);
     assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
     wait_for_log(&served, "requests per second");
 }
@@ -384,25 +384,21 @@ fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
 fn an_address_that_holds_too_many_connections_gets_no_more_and_another_one_is_served() {
     let test = TestCell::new("half-open");
     let served = TestServer::with(&test.cell, &tcp(&test.cell));
-    let connection = served.address.unwrap();
+    let address = served.address.unwrap();
     let _held: Vec<_> = (0..TCP.connections_of_peer)
         .map(|_| {
-            let mut stream = connect_from(1, connection);
+            let mut stream = connect_from(1, address);
             stream.write_all(&slow_body(&with_token())).unwrap();
             stream
         })
         .collect();
     let request = get("/primitives", &with_token());
     assert_eq!(
-        exchange(connect_from(1, connection), &request).1["code"],
+        exchange(connect_from(1, address), &request).1["code"],
         "RCC4010"
     );
     assert_eq!(
-        exchange(
-            connect_from(2, connection),
-            &get("/primitives", &with_token())
-        )
-        .0,
+        exchange(connect_from(2, address), &get("/primitives", &with_token())).0,
         200
     );
     assert!(another_process_is_served(&test.cell));
@@ -412,11 +408,11 @@ fn an_address_that_holds_too_many_connections_gets_no_more_and_another_one_is_se
 fn tcp_requires_the_token() {
     let test = TestCell::new("token");
     let served = TestServer::with(&test.cell, &tcp(&test.cell));
-    let connection = served.address.unwrap();
+    let address = served.address.unwrap();
     let almost = format!("authorization: Bearer {}0\r\n", &TOKEN[1..]);
     let basic = format!("authorization: Basic {TOKEN}\r\n");
     for lines in ["", "authorization: Bearer \r\n", &almost, &basic] {
-        let (status, body) = exchange(connect_from(1, connection), &get("/primitives", lines));
+        let (status, body) = exchange(connect_from(1, address), &get("/primitives", lines));
         assert_eq!((status, &body["code"]), (401, &"RCC4015".into()), "{lines}");
         assert!(
             body["help"].as_str().unwrap().contains("RCC_TOKEN"),
@@ -425,11 +421,7 @@ fn tcp_requires_the_token() {
     }
     wait_for_log(&served, "RCC4015");
     assert_eq!(
-        exchange(
-            connect_from(1, connection),
-            &get("/primitives", &with_token())
-        )
-        .0,
+        exchange(connect_from(1, address), &get("/primitives", &with_token())).0,
         200
     );
     assert!(!served.log().contains(TOKEN));
@@ -439,11 +431,11 @@ fn tcp_requires_the_token() {
 fn wrong_tokens_take_nothing_from_the_holder_of_the_right_one_at_the_same_address() {
     let test = TestCell::new("lock-out");
     let served = TestServer::with(&test.cell, &tcp(&test.cell));
-    let connection = served.address.unwrap();
+    let address = served.address.unwrap();
     let wrong = get("/primitives", "authorization: Bearer wrong\r\n");
     let mut refused = [0, 0];
     for _ in 0..3 * TCP.burst {
-        match exchange(connect_from(1, connection), &wrong).0 {
+        match exchange(connect_from(1, address), &wrong).0 {
             401 => refused[0] += 1,
             // Closed with an error, or at once.
             _ => refused[1] += 1,
@@ -455,11 +447,11 @@ fn wrong_tokens_take_nothing_from_the_holder_of_the_right_one_at_the_same_addres
     );
     // Connections that never send a head do not take the holder's slot either.
     let _silent: Vec<_> = (0..HEADS_MAX + 8)
-        .map(|_| connect_from(1, connection))
+        .map(|_| connect_from(1, address))
         .collect();
     for _ in 0..60 {
         let right = get("/nothing", &with_token());
-        assert_eq!(exchange(connect_from(1, connection), &right).0, 404);
+        assert_eq!(exchange(connect_from(1, address), &right).0, 404);
     }
 }
 

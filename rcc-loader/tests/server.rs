@@ -1,5 +1,5 @@
-//! The loader's service against an executor that only keeps a table: life cycle, names, restarts, and what is said when
-//! there is no executor. Each test has a cell of its own.
+//! Tests the loader's service against a fake executor that only keeps a table: life cycle, names, restarts, and errors
+//! without an executor. Each test has a cell of its own.
 
 #[path = "server/fake_executor.rs"]
 mod fake_executor;
@@ -26,7 +26,7 @@ use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::{CommandFile, CommandStore};
 use test_server::{TestServer, ask, config, service};
 
-/// Somebody who waits as long as it takes.
+/// Returns a caller without a deadline.
 fn patient() -> Caller {
     Caller::default()
 }
@@ -131,7 +131,7 @@ fn a_restarted_loader_rejects_what_a_dead_one_was_loading_and_keeps_names() {
 }
 
 #[test]
-fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
+fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
     let test = TestCell::new("handover");
     let rows = [
         (3, CommandState::Running),
@@ -201,7 +201,7 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
 }
 
 #[test]
-fn a_hand_over_is_asked_for_with_start_or_alone() {
+fn a_hand_over_can_be_requested_with_start_or_alone() {
     let test = TestCell::new("switch");
     let rows = [
         (1, CommandState::Running),
@@ -246,7 +246,7 @@ fn a_hand_over_is_asked_for_with_start_or_alone() {
 }
 
 #[test]
-fn an_operation_means_the_newest_net_of_a_name_that_it_suits() {
+fn an_operation_applies_to_the_newest_suitable_net_of_a_name() {
     let test = TestCell::new("newest");
     let rows = [(3, CommandState::Running), (4, CommandState::Ready)];
     let executor = FakeExecutor::start(&test.cell, &rows, None);
@@ -320,7 +320,7 @@ fn an_executor_that_is_gone_is_named_and_the_next_one_is_found() {
     );
 }
 
-/// Command 3 publishes what command 8 subscribes to as something else.
+/// Returns names with which command 3 publishes a topic that command 8 subscribes to with another type.
 fn names_with_topic(id: u64) -> Names {
     let (topic, primitive) = ("tool/force".to_owned(), "force".to_owned());
     match id {
@@ -466,11 +466,11 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
 }
 
 #[test]
-fn without_an_executor_every_address_says_so_and_the_catalogue_is_there() {
+fn without_an_executor_every_route_reports_it_and_the_catalogue_is_available() {
     let test = TestCell::new("rest");
     let cell = test.cell.clone();
     let _served = TestServer::start(&cell);
-    // A client that connects and says nothing, and one that talks nonsense.
+    // One client connects and sends nothing, another sends garbage.
     let _silent = UnixStream::connect(cell.socket()).expect("connected");
     let mut nonsense = UnixStream::connect(cell.socket()).expect("connected");
     nonsense.write_all(b"\x00\xff\r\n\r\n").expect("sent");

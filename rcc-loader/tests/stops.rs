@@ -1,5 +1,5 @@
-//! CANCEL, ABORT and whatever is asked by name against everything that could keep them waiting: loads in flight, files,
-//! full places, clients that are gone. Each test has a cell of its own.
+//! Tests that CANCEL, ABORT and requests by name are not delayed by loads in flight, missing files, exhausted quotas,
+//! or clients that are gone. Each test has a cell of its own.
 
 #[path = "server/fake_executor.rs"]
 #[allow(dead_code)]
@@ -30,7 +30,7 @@ fn line() -> String {
     std::fs::read_to_string(path).expect("the net of figure 3")
 }
 
-/// Commands with these states and names in the executor, as a loader that died left them.
+/// Starts a fake executor with commands in these states and with these names, as a dead loader left them.
 fn commands(test: &TestCell, rows: &[(u64, CommandState, &str)]) -> FakeExecutor {
     let states: Vec<_> = rows.iter().map(|(id, state, _)| (*id, *state)).collect();
     let executor = FakeExecutor::start(&test.cell, &states, None);
@@ -119,7 +119,7 @@ fn an_abort_does_not_wait_for_a_load_that_the_executor_has_not_answered() {
 }
 
 #[test]
-fn what_was_given_up_is_not_begun_but_an_abort_is() {
+fn a_request_that_was_given_up_is_not_started_but_an_abort_is() {
     let test = TestCell::new("given-up");
     let rows = [
         (3, CommandState::Ready, "lamp"),
@@ -147,7 +147,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
     executor.hold(true);
     let first = send(&test.cell, "POST /commands/lamp/start", "", b"");
     executor.saw(1, is_start);
-    // This one has to wait for the first one, and says for how long it does.
+    // This request waits for the first one, and announces how long it waits.
     let told = send(
         &test.cell,
         "POST /commands/weld/start",
@@ -155,7 +155,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
         b"",
     );
     let left = send(&test.cell, "POST /commands/weld/start", "", b"");
-    // The loader has its head and its body when it has answered one that came after it.
+    // The loader has received its head and body when it has answered a request that came later.
     assert_eq!(ask(&test.cell, "GET /commands/weld?brief=true", b"").0, 200);
     std::thread::sleep(Duration::from_millis(100));
     drop(left);
@@ -171,7 +171,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
 }
 
 #[test]
-fn a_client_whose_places_are_all_taken_can_still_abort() {
+fn a_client_that_has_used_up_its_quota_can_still_abort() {
     let test = TestCell::new("places");
     let rows = [
         (3, CommandState::Ready, "lamp"),
@@ -195,7 +195,7 @@ fn a_client_whose_places_are_all_taken_can_still_abort() {
 }
 
 #[test]
-fn each_address_takes_so_long_a_body_and_no_longer() {
+fn each_route_limits_the_size_of_its_body() {
     let test = TestCell::new("bodies");
     let rows = [
         (3, CommandState::Ready, "lamp"),
@@ -216,6 +216,6 @@ fn each_address_takes_so_long_a_body_and_no_longer() {
         let (status, body) = ask(&test.cell, head, body);
         assert_eq!((status, &body["code"]), (413, &"RCC4006".into()), "{head}");
     }
-    // Whoever wants the arm to stop is not refused for what comes with it.
+    // A request to stop the arm is not refused because of its body.
     assert_eq!(ask(&test.cell, "POST /commands/weld/abort", &long).0, 200);
 }

@@ -1,6 +1,6 @@
-//! Measures motion and writes docs/performance-motion.md: `cargo run --release -p rcc-bench --example motion -- [--kinematics
-//! FILE] [--topp FILE] [--rounds N] [--output FILE]`. The files are what `bench/kinematics/compare --json` and
-//! `bench/topp/compare --json` wrote. One thread.
+//! Measures motion and writes docs/performance-motion.md: `cargo run --release -p rcc-bench --example motion --
+//! [--kinematics FILE] [--topp FILE] [--rounds N] [--output FILE]`. The files are written by `bench/kinematics/compare
+//! --json` and `bench/topp/compare --json`. One thread.
 
 #[path = "../performance/machine.rs"]
 mod machine;
@@ -19,14 +19,14 @@ use rcc_bench::motion::{groups, replan};
 
 use crate::table::{spread, table, verdict};
 
-/// How the page is made.
+/// The commands that create the page.
 const CONSOLE: &str = "\
 $ bench/kinematics/compare --json target/kinematics.json      # as root, where the others are installed\n\
 $ bench/topp/compare --json target/topp.json                  # where toppra is installed\n\
 $ cargo build --release -p rcc-bench --example motion\n\
 $ chrt -f 10 taskset -c 1 target/release/examples/motion --kinematics target/kinematics.json \\\n    --topp target/topp.json\n";
 
-/// What was asked for.
+/// Command-line arguments.
 struct Arguments {
     effort: Effort,
     kinematics: Option<PathBuf>,
@@ -71,16 +71,17 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
             "--topp" => arguments.topp = Some(value.into()),
             "--output" => arguments.output = value.into(),
             _ => {
-                return Err(
-                    format!("{name} is unknown: --rounds, --kinematics, --topp, --output").into(),
-                );
+                return Err(format!(
+                    "unknown option `{name}`: use --rounds, --kinematics, --topp or --output"
+                )
+                .into());
             }
         }
     }
     Ok(arguments)
 }
 
-/// All subjects in turns, a table for each group.
+/// Measures all subjects in turns; one table for each group.
 fn cycles(effort: Effort) -> String {
     eprintln!("motion: kinematics, path clock, motions, nets");
     let (mut heads, mut subjects) = (Vec::new(), Vec::new());
@@ -116,7 +117,7 @@ fn cycles(effort: Effort) -> String {
 }
 
 fn replanning() -> String {
-    eprintln!("motion: planning anew");
+    eprintln!("motion: replanning");
     let rows = replan::measure().into_iter().map(|spread| {
         let times = spread.ns.map(|ns| ns.to_string());
         [spread.name.to_owned()].into_iter().chain(times).collect()

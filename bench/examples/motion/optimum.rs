@@ -1,4 +1,4 @@
-//! How many times as long ours take as TOPP-RA does along the same paths (`bench/topp/compare`).
+//! Compares the duration of our motions with those of TOPP-RA along the same paths (`bench/topp/compare`).
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -14,12 +14,12 @@ use crate::table::{digits, table};
 struct ToppRow {
     kind: String,
     robot: String,
-    /// Of toppra.
+    /// Version of toppra.
     version: String,
     motions: usize,
-    /// Paths that toppra did not solve.
+    /// Number of paths that toppra did not solve.
     failed: usize,
-    /// Motions with a reference that keeps limits of jerk.
+    /// Number of motions with a reference that keeps limits of jerk.
     references: usize,
     times: BTreeMap<String, TimeRatios>,
 }
@@ -28,12 +28,12 @@ struct ToppRow {
 struct TimeRatios {
     least: f64,
     median: f64,
-    /// What 90 % do not exceed.
+    /// 90th percentile.
     most: f64,
     worst: f64,
 }
 
-/// Columns of the page: head and key in the file.
+/// Columns of the page: title, and key in the file.
 const COLUMNS: [(&str, &str); 5] = [
     ("even", "even"),
     ("fastest", "fastest"),
@@ -42,7 +42,7 @@ const COLUMNS: [(&str, &str); 5] = [
     ("fastest, by that law", "of_reference"),
 ];
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
     let head = "## Time-optimal motions and the optimum\n\n";
     let Some(file) = file else {

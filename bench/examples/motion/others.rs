@@ -1,4 +1,4 @@
-//! What other programs of kinematics measured in turns with ours (`bench/kinematics/compare`).
+//! Results of other kinematics libraries, measured in turns with ours (`bench/kinematics/compare`).
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -18,14 +18,14 @@ struct KinematicsRow {
     version: String,
     rounds: usize,
     fifo: bool,
-    /// Of poses and Jacobians from ours.
+    /// Maximum difference of poses and Jacobians from ours.
     difference: f64,
     ns: BTreeMap<String, f64>,
     times_ours: BTreeMap<String, f64>,
     solved: BTreeMap<String, f64>,
 }
 
-/// What is compared: its name in the file and in the page.
+/// The compared functions: key in the file, and title.
 const SUBJECTS: [(&str, &str); 6] = [
     ("forward", "forward"),
     ("jacobian", "Jacobian"),
@@ -35,7 +35,7 @@ const SUBJECTS: [(&str, &str); 6] = [
     ("velocity", "joint velocities of a twist, damped"),
 ];
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
     let head = "## Other programs\n\n";
     let Some(file) = file else {
@@ -108,7 +108,7 @@ fn robot_text(robot: &str, programs: &[&KinematicsRow]) -> String {
     text
 }
 
-/// How many searches found something.
+/// Returns how many searches found a solution.
 fn searched(program: &KinematicsRow) -> String {
     let solved = |key: &str| program.solved.get(key).copied();
     match (solved("inverse_solved"), solved("inverse_near_solved")) {

@@ -1,4 +1,5 @@
-//! What a fragment of 500 primitives costs while it is active, while it is not, and a net without it.
+//! Measures the cost of a fragment of 500 primitives while it is active and while it is not, compared with a net
+//! without it.
 
 use std::error::Error;
 use std::fmt::Write;
@@ -13,7 +14,7 @@ use crate::{EFFORT, PERIOD_S, RunningNet, devices};
 
 const SIZE: usize = 500;
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section() -> Result<String, Box<dyn Error>> {
     eprintln!("nets: fragments");
     let cases = [
@@ -84,7 +85,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     ))
 }
 
-/// A net with sums and products in a fragment; `None`: without them.
+/// Returns the text of a net with sums and products in a fragment; `None`: without the fragment.
 fn text(active: Option<&str>) -> String {
     let mut text = "net: fragment\n".to_owned();
     if active.is_some() {

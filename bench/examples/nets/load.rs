@@ -1,4 +1,5 @@
-//! How the time to load grows with the size of the text: chains and the mixed graphs, text to checked plan.
+//! Measures how the loading time grows with the size of the text, from the text to the checked plan: chains and the
+//! mixed graphs.
 
 use std::error::Error;
 use std::fmt::Write;
@@ -12,14 +13,14 @@ use rcc_language::compile_for;
 
 use crate::table::{digits, table, verdict};
 
-/// Each text is loaded so often.
+/// Number of times that each text is loaded.
 const ROUNDS: usize = 7;
-/// A megabyte, and what it may take to load it, ms: well under a second.
+/// Texts from this size on, bytes, have a goal for the loading time, ms: well under a second.
 const MEGABYTE: usize = 1_000_000;
 const GOAL_MS: f64 = 500.0;
 const CHAINS: [usize; 6] = [500, 1000, 2000, 4000, 8000, 20_000];
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section() -> Result<String, Box<dyn Error>> {
     let mut rows = Vec::new();
     for size in CHAINS {
@@ -75,7 +76,7 @@ fn row(name: String, size: usize, text: &str) -> Result<Vec<String>, Box<dyn Err
     ])
 }
 
-/// Sums, one after the other.
+/// Returns the text of a net with a chain of sums.
 fn chain(size: usize) -> String {
     let mut text = "net: chain\nprimitives:\n  n0: {type: Time}\n".to_owned();
     for number in 1..size {

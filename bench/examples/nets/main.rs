@@ -1,5 +1,5 @@
-//! Measures nets as people have them and writes docs/performance-nets.md: `cargo run --release -p rcc-bench --example nets`.
-//! One thread; what is compared is measured in turns in one run.
+//! Measures typical nets and writes docs/performance-nets.md: `cargo run --release -p rcc-bench --example nets`. One
+//! thread; subjects that are compared are measured in turns in one run.
 
 mod fragment;
 mod load;
@@ -18,7 +18,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{Joints, Measurement};
 use rcc_engine::net::{Evaluation, Net};
 
-/// Many short stretches: on a busy machine some fall between two disturbances.
+/// Many short stretches: on a busy machine some of them fall between two disturbances.
 const EFFORT: Effort = Effort {
     rounds: 9,
     stretches: 15,
@@ -64,12 +64,12 @@ fn head() -> Result<String, Box<dyn Error>> {
     ))
 }
 
-/// The repository.
+/// Returns the root folder of the repository.
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A running net and the devices that it sees.
+/// A running net, and the devices that it sees.
 struct RunningNet {
     net: Box<Net>,
     models: Vec<DeviceModel>,
@@ -77,7 +77,7 @@ struct RunningNet {
 }
 
 impl RunningNet {
-    /// One cycle; an arm is where it was commanded to be. Starts again at its end.
+    /// Runs one cycle, with the arm where it was commanded to be. Restarts the net at its end.
     fn step(&mut self) {
         if self.net.evaluate(&self.models, &self.devices, PERIOD_S) != Evaluation::Running {
             self.net.reset();
@@ -85,7 +85,7 @@ impl RunningNet {
     }
 }
 
-/// Devices that are there, with all digital inputs known, and arms that rest at `hold`.
+/// Returns devices that are present, with all digital inputs known, and arms at rest at `hold`.
 fn devices(models: &[DeviceModel], hold: Joints) -> Vec<DeviceInput> {
     let measured = |model: &DeviceModel| {
         let mut measurement: Measurement = bytemuck::Zeroable::zeroed();

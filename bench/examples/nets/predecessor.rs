@@ -1,4 +1,4 @@
-//! The nets that the predecessor's library generated: how large they are here, and what a cycle of each takes.
+//! Measures the nets that the predecessor's library generated: their size here, and the duration of a cycle.
 
 use std::error::Error;
 
@@ -12,12 +12,12 @@ use crate::table::{digits, spread, table};
 use crate::{EFFORT, PERIOD_S, RunningNet, devices, root};
 
 const FOLDER: &str = "tests/data/directionet/flat";
-/// Names of theirs in a cell of ours.
+/// Header lines that map their names to a cell of ours.
 const HEADER: &str = "# devices: io0=io, iiwa=lwr\n# channels: io.InBool.8=door_closed, io.InReal.1=temperature, io.OutBool.2=clamp\n";
-/// Where the straight motions begin, rad.
+/// Start position of the straight motions, rad.
 const HOLD: Joints = [0.3, 0.4, 0.0, -1.4, 0.0, 1.1, 0.0, 0.0];
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section() -> Result<String, Box<dyn Error>> {
     eprintln!("nets: the predecessor's");
     let cell = CellConfig::load_offline(&root().join("configs/cells/demo.yaml"))?;
@@ -78,7 +78,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     ))
 }
 
-/// The next figure belongs to the next net that was loaded.
+/// Takes the next result if the net was loaded.
 trait NextIfSome: Iterator<Item = TimeStats> {
     fn next_if_some(&mut self, loaded: Option<usize>) -> Option<TimeStats> {
         loaded.and_then(|_| self.next())

@@ -1,5 +1,5 @@
-//! What it costs the real-time thread that somebody reads values of a running net, when it happens in every cycle (in a
-//! cell at most one reading is made in a cycle, and `rcc-cli watch` asks at most 100 times a second).
+//! Measures the cost for the real-time thread if a client reads values of a running net in every cycle (a cell serves
+//! at most one reading per cycle, and `rcc-cli watch` reads at most 100 times a second).
 
 use std::error::Error;
 
@@ -15,10 +15,10 @@ use rcc_language::compile_for;
 use crate::table::{digits, spread, table};
 use crate::{EFFORT, PERIOD_S, RunningNet, devices};
 
-/// So many ports are read; the last is the most that a reading may have.
+/// Numbers of ports that are read; the last is the maximum of one reading.
 const PORTS: [usize; 5] = [0, 1, 10, 100, 1024];
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section() -> Result<String, Box<dyn Error>> {
     eprintln!("nets: reading values");
     let text = net(&Graph::load("full", 2000)?).text;
@@ -54,7 +54,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         Subject::new(|cycles| {
             for _ in 0..cycles {
                 running.step();
-                // Every point is one of the plan's; the figure would show it if nothing were read.
+                // Every point is in the plan; if nothing were read, the result would show it.
                 let _ = running.net.read(reading);
             }
         })

@@ -1,4 +1,4 @@
-//! Whole cycles of an executor: latch, evaluate, guard, write, record, with boards in shared memory.
+//! Measures whole cycles of an executor: latch, evaluate, guard, write, record, with boards in shared memory.
 
 use std::error::Error;
 use std::time::Duration;
@@ -14,9 +14,9 @@ use rcc_language::devices::{CellDevice, DeviceTable};
 
 use crate::table::{digits, spread, table, verdict};
 
-/// Longest cycle with one net of 50, ns.
+/// Maximum duration of a cycle with one net of 50 nodes, ns.
 const GOAL_NS: f64 = 1000.0;
-/// A line that lasts longer than it is measured: hours.
+/// A line motion that takes hours, longer than the measurement.
 const LINE: &str = r#"
 net: line
 primitives:
@@ -29,7 +29,7 @@ primitives:
   watch: {type: Monitor, inputs: {value: move.pose}}
 "#;
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     eprintln!("performance: whole cycles");
     let mut names = Vec::new();

@@ -1,4 +1,5 @@
-//! The benchmark graphs: the interpreter against straight-line Rust, after both have shown the expected results.
+//! Measures the benchmark graphs: the interpreter against straight-line Rust, after both have computed the expected
+//! results.
 
 use std::error::Error;
 
@@ -9,7 +10,7 @@ use rcc_bench::straight::{ALL, Inputs, Program};
 
 use crate::table::{digits, spread, table, verdict};
 
-/// ns a node that a graph must not exceed.
+/// Returns the goal for a graph, ns per node.
 fn goal(mix: &str, size: usize) -> f64 {
     match (mix, size) {
         ("mat", _) => 2.0,
@@ -18,7 +19,7 @@ fn goal(mix: &str, size: usize) -> f64 {
     }
 }
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     let mut rows = Vec::new();
     for mix in MIXES {
@@ -101,7 +102,7 @@ fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Er
     ])
 }
 
-/// Everything that is measured computes what the graph's file expects.
+/// Checks that every subject computes what the graph's file expects.
 fn check(
     name: &str,
     graph: &Graph,

@@ -1,4 +1,4 @@
-//! What loading costs, by size and stage, and how much memory a loaded net takes.
+//! Measures loading by size and stage, and the memory of a loaded net.
 
 use std::error::Error;
 use std::fs;
@@ -18,9 +18,10 @@ use rcc_language::{compile_for, infer, lower, resolve, syntax};
 
 use crate::table::{digits, table};
 
-/// Each size is loaded so often.
+/// Number of times that each size is loaded.
 const ROUNDS: usize = 7;
-/// So many bytes of nets are made at once to be measured: much more than what loading left free in the heap.
+/// Total size of the nets that are created at once to measure their memory, bytes: much more than loading has left free
+/// in the heap.
 const MEASURED: usize = 512 << 20;
 const STAGES: [&str; 6] = [
     "text",
@@ -31,7 +32,7 @@ const STAGES: [&str; 6] = [
     "executor",
 ];
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section() -> Result<String, Box<dyn Error>> {
     let (mut times, mut memory) = (Vec::new(), Vec::new());
     for size in SIZES {
@@ -69,7 +70,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     ))
 }
 
-/// ms of each stage.
+/// Returns the duration of each stage, ms.
 fn stages(text: &str, cell: &DeviceTable) -> Result<[f64; STAGES.len()], Box<dyn Error>> {
     let mut times = [0.0; STAGES.len()];
     let mut begun = Instant::now();
@@ -113,7 +114,7 @@ fn plan_bytes(plan: &PlanData) -> usize {
     arena_bytes(plan) + links + size_of_val(&plan.operands[..]) + size_of_val(&plan.runs[..])
 }
 
-/// Resident bytes a net.
+/// Returns the resident memory per net, bytes.
 fn measured(plan: &PlanData) -> Result<f64, Box<dyn Error>> {
     let count = MEASURED / (plan_bytes(plan) + arena_bytes(plan));
     let (models, fingerprint) = (cell().models(), cell().fingerprint);
@@ -127,7 +128,7 @@ fn measured(plan: &PlanData) -> Result<f64, Box<dyn Error>> {
     Ok(grown as f64 / count as f64)
 }
 
-/// Resident bytes of this process.
+/// Returns the resident memory of this process, bytes.
 fn resident() -> Result<u64, Box<dyn Error>> {
     let status = fs::read_to_string("/proc/self/status")?;
     let line = status

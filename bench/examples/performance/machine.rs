@@ -1,4 +1,4 @@
-//! The head of the report: on what machine, when, with what, and how it is measured.
+//! The head of a report: the machine, the time, the versions, and the method.
 
 use std::error::Error;
 use std::fs;
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use rcc_bench::measure::Effort;
 
-/// See the module. `console` is how the page is made.
+/// Returns the head; `console` shows how the page is created.
 pub fn section(title: &str, console: &str, effort: &Effort) -> Result<String, Box<dyn Error>> {
     let cpu = fs::read_to_string("/proc/cpuinfo")?;
     let value = |name: &str| {
@@ -62,14 +62,14 @@ pub fn section(title: &str, console: &str, effort: &Effort) -> Result<String, Bo
     ))
 }
 
-/// This process is SCHED_FIFO: field 41 of proc_pid_stat(5), the 39th after the name.
+/// Returns true if this process runs under SCHED_FIFO: field 41 of proc_pid_stat(5), the 39th after the name.
 fn real_time() -> Result<bool, Box<dyn Error>> {
     let stat = fs::read_to_string("/proc/self/stat")?;
     let (_, fields) = stat.rsplit_once(')').ok_or("no name in /proc/self/stat")?;
     Ok(fields.split_whitespace().nth(38) == Some("1"))
 }
 
-/// What a program prints.
+/// Returns the output of a program.
 fn output(program: &str, arguments: &[&str]) -> Result<String, Box<dyn Error>> {
     let output = Command::new(program).args(arguments).output()?;
     Ok(String::from_utf8(output.stdout)?.trim().to_owned())

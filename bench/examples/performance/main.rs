@@ -1,6 +1,6 @@
-//! Measures and writes docs/performance.md: `cargo run --release -p rcc-bench --features straight-line --example performance
-//! -- [--rounds N] [--hal FILE] [--wakeup FILE] [--output FILE]`. The files are what `bench/hal --json` and
-//! `bench/wakeup --json` wrote; what is not given is said not to be measured. One thread.
+//! Measures and writes docs/performance.md: `cargo run --release -p rcc-bench --features straight-line --example
+//! performance -- [--rounds N] [--hal FILE] [--wakeup FILE] [--output FILE]`. The files are written by `bench/hal
+//! --json` and `bench/wakeup --json`; without a file the page says that it was not measured. One thread.
 
 mod executor;
 mod graphs;
@@ -17,13 +17,13 @@ use std::time::Duration;
 
 use rcc_bench::measure::Effort;
 
-/// How the page is made.
+/// The commands that create the page.
 const CONSOLE: &str = "\
 $ bench/hal --json target/hal.json; bench/wakeup --json target/wakeup.json      # as root, where installed\n\
 $ cargo build --release -p rcc-bench --features straight-line --example performance\n\
 $ chrt -f 10 taskset -c 1 target/release/examples/performance --hal target/hal.json --wakeup target/wakeup.json\n";
 
-/// What was asked for.
+/// Command-line arguments.
 struct Arguments {
     effort: Effort,
     hal: Option<PathBuf>,
@@ -33,7 +33,7 @@ struct Arguments {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = arguments()?;
-    // In this order: what a long run does to the machine must not reach the shortest times.
+    // In this order, because the effects of a long run on the machine must not disturb the shortest times.
     let machine = machine::section("Performance", CONSOLE, &arguments.effort)?;
     let graphs = graphs::section(arguments.effort)?;
     let executor = executor::section(arguments.effort)?;
@@ -68,9 +68,10 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
             "--wakeup" => arguments.wakeup = Some(value.into()),
             "--output" => arguments.output = value.into(),
             _ => {
-                return Err(
-                    format!("{name} is unknown: --rounds, --hal, --wakeup, --output").into(),
-                );
+                return Err(format!(
+                    "unknown option `{name}`: use --rounds, --hal, --wakeup or --output"
+                )
+                .into());
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What other programs measured in turns with ours: LinuxCNC HAL (`bench/hal`) and cyclictest (`bench/wakeup`).
+//! Results of other programs, measured in turns with ours: LinuxCNC HAL (`bench/hal`) and cyclictest (`bench/wakeup`).
 
 use std::error::Error;
 use std::fs;
@@ -41,7 +41,7 @@ struct WakeupRow {
     load_average: f64,
 }
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<dyn Error>> {
     let hal: Option<Vec<HalRow>> = hal.map(read).transpose()?;
     let wakeup: Option<Vec<WakeupRow>> = wakeup.map(read).transpose()?;
@@ -65,7 +65,7 @@ pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<
     ))
 }
 
-/// The rows that a script wrote.
+/// Reads the rows that a script wrote.
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, Box<dyn Error>> {
     Ok(serde_json::from_str(&fs::read_to_string(path)?)?)
 }

@@ -1,4 +1,4 @@
-//! What each kernel of the catalogue costs.
+//! Measures each kernel of the catalogue.
 
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -10,10 +10,10 @@ use rcc_engine::net::Net;
 
 use crate::table::{digits, table};
 
-/// Cycles between two starts: no motion comes to its end.
+/// Number of cycles between two starts, so few that no motion comes to its end.
 const CYCLES: usize = 100;
 
-/// See the module.
+/// Returns the section of the page; see the module.
 pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     eprintln!("performance: every kernel of the catalogue");
     let all: Vec<CatalogueKernel> = rows()
@@ -39,7 +39,7 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
             total
         }));
     }
-    // Many of them: a shorter stretch is enough for a run of 256.
+    // There are many subjects, and a shorter stretch is enough for a run of 256.
     let effort = Effort {
         stretch: effort.stretch / 4,
         ..effort

@@ -1,8 +1,8 @@
-//! Tables and figures in Markdown.
+//! Formats tables and numbers in Markdown.
 
 use rcc_bench::measure::TimeStats;
 
-/// A table: the first column is text, the others are figures.
+/// Formats a table: the first column is text, the others are numbers.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
     let mut text = line(head.iter().map(|cell| (*cell).to_owned()).collect());
@@ -15,7 +15,7 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Three significant digits.
+/// Formats a number with three significant digits.
 pub fn digits(value: f64) -> String {
     match value.abs() {
         _ if !value.is_finite() => "–".to_owned(),
@@ -25,7 +25,7 @@ pub fn digits(value: f64) -> String {
     }
 }
 
-/// A median with the fastest and the slowest round, all divided by `by`.
+/// Formats a median with the fastest and the slowest round, all divided by `by`.
 pub fn spread(figure: TimeStats, by: f64) -> String {
     format!(
         "{} ({}–{})",
@@ -35,7 +35,7 @@ pub fn spread(figure: TimeStats, by: f64) -> String {
     )
 }
 
-/// Whether a goal is met, and by how much it is missed.
+/// Formats whether a goal is met, and by how much it is missed.
 pub fn verdict(value: f64, goal: f64) -> String {
     if value <= goal {
         format!("≤ {goal}: met")

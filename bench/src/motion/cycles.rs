@@ -61,7 +61,7 @@ fn motion(legs: &[Leg<'_>], pace: SpeedProfile) -> MotionSet {
     builder.finish().expect("it was asked for")
 }
 
-/// A cycle of a motion, which begins again at its end.
+/// Returns a subject that runs cycles of a motion, which starts again at its end.
 fn running(name: &str, legs: &[Leg<'_>]) -> NamedSubject {
     paced(name, legs, SpeedProfile::Even)
 }
@@ -80,7 +80,7 @@ fn paced(name: &str, legs: &[Leg<'_>], pace: SpeedProfile) -> NamedSubject {
 pub(super) fn motions() -> SubjectGroup {
     let to = beside(0.1, 0.1, 0.0);
     let through = [beside(0.05, 0.0, 0.0), beside(0.05, 0.08, 0.02), to];
-    // So slow that a run is much longer than its ends.
+    // Slow, so that a run is much longer than its acceleration and deceleration.
     let leg = |segment, blend| Leg {
         scale: 0.02,
         blend,
@@ -118,7 +118,7 @@ pub(super) fn motions() -> SubjectGroup {
     }
 }
 
-/// A net that moves each of these arms along a line of its own, as `configs/nets/guarded-line.yaml` does.
+/// Returns a net that moves each of these arms along a line of its own, as `configs/nets/guarded-line.yaml` does.
 fn lines(arms: &[&str], done: &str) -> String {
     let mut text = String::from("net: lines\nprimitives:\n  cancel: {type: Cancel}\n");
     for (index, arm) in arms.iter().enumerate() {

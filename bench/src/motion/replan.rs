@@ -1,5 +1,5 @@
-//! What it costs to plan the way of seven joints anew, from any state to any goal: not a mean, but how the times of many
-//! cases are spread. See the parent module.
+//! Measures the cost of replanning the motion of seven joints from any state to any goal: not as a mean, but as the
+//! distribution over many cases. See the parent module.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -13,11 +13,11 @@ use super::random;
 const ROUNDS: usize = 200_000;
 const PERIOD_S: f64 = 1e-3;
 
-/// How long something took in many cases, ns.
+/// Distribution of the durations of many cases.
 pub struct TimeQuantiles {
-    /// What.
+    /// What was measured.
     pub name: &'static str,
-    /// The times that 50, 99, 99.9 and 100 % of the cases did not exceed, ns.
+    /// The durations that 50, 99, 99.9 and 100 % of the cases did not exceed, ns.
     pub ns: [u64; 4],
 }
 
@@ -36,7 +36,7 @@ fn timed(work: impl FnOnce()) -> u64 {
     begun.elapsed().as_nanos() as u64
 }
 
-/// An LWR 4+: 110 to 204 deg/s, 1200 to 4400 deg/s², ten times that per s³.
+/// Returns the limits of an LWR 4+: 110 to 204 deg/s, 1200 to 4400 deg/s², and ten times that per s³.
 fn limits() -> [MotionLimits; 7] {
     [1.92, 1.92, 2.23, 2.23, 3.56, 3.21, 3.21].map(|velocity: f64| MotionLimits {
         velocity,
@@ -53,7 +53,7 @@ fn state(seed: &mut u64, limits: &MotionLimits) -> AxisState {
     }
 }
 
-/// Measures, for seconds.
+/// Runs all measurements, which takes seconds.
 #[must_use]
 pub fn measure() -> Vec<TimeQuantiles> {
     let (mut seed, limits) = (7, limits());
@@ -74,7 +74,8 @@ pub fn measure() -> Vec<TimeQuantiles> {
     ]
 }
 
-/// Cycles of seven joints on their way, with new goals every 20 cycles: those without and those with new ones.
+/// Measures cycles of seven joints with new goals every 20 cycles; returns the durations of cycles without and with new
+/// goals, ns.
 fn follow(seed: &mut u64, limits: &[MotionLimits; 7]) -> (Vec<u64>, Vec<u64>) {
     let mut joints = limits.map(|_| AxisFollower::at_rest(0.0));
     let mut words = joints.map(|joint| joint.words());

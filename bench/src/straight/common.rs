@@ -1,5 +1,5 @@
-//! The operations of the graphs that are the same with and without null, because NaN passes through them.
-//! Run by the benchmarks.
+//! The operations of the graphs that are the same with and without null, because NaN passes through them. Used by the
+//! benchmarks.
 
 use super::Hash;
 
@@ -22,7 +22,7 @@ operations! {
     i_hash(hash: &mut Hash, value: &i64) -> () { hash.word(*value as u64) }
 }
 
-/// A frame; null in every element if a coordinate is.
+/// Returns a frame; every element is null if a coordinate is.
 #[allow(clippy::too_many_arguments)] // As in the graphs: three coordinates, then the rotation row by row.
 #[inline(always)]
 pub fn mkframe(
@@ -44,7 +44,7 @@ pub fn mkframe(
     frame.map(|element| if null { f64::NAN } else { element })
 }
 
-/// The product of two frames.
+/// Returns the product of two frames.
 #[inline(always)]
 pub fn mmul(a: &[f64; 16], b: &[f64; 16]) -> [f64; 16] {
     let mut out = [0.0; 16];
@@ -57,7 +57,7 @@ pub fn mmul(a: &[f64; 16], b: &[f64; 16]) -> [f64; 16] {
     out
 }
 
-/// The inverse of a frame.
+/// Returns the inverse of a frame.
 #[inline(always)]
 pub fn minv(m: &[f64; 16]) -> [f64; 16] {
     let mut out = [0.0; 16];
@@ -72,7 +72,7 @@ pub fn minv(m: &[f64; 16]) -> [f64; 16] {
     out
 }
 
-/// A matrix is null when its last element is.
+/// Adds a matrix to the hash; it is null if its last element is.
 #[inline(always)]
 pub fn m_hash(hash: &mut Hash, value: &[f64; 16]) {
     if value[15].is_nan() {

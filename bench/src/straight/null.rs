@@ -1,5 +1,5 @@
-//! The operations of the graphs with null in band: a Real is null when it is NaN, a Bool when it is 2, an Int when it is
-//! `i64::MIN`. Free of branches, like the interpreter's. Run by the benchmarks.
+//! The operations of the graphs with in-band null: a Real is null if it is NaN, a Bool if it is 2, an Int if it is
+//! `i64::MIN`. Branch-free, like the interpreter's. Used by the benchmarks.
 
 use super::Hash;
 #[allow(unused_imports)] // Without straight-line code.

@@ -1,4 +1,4 @@
-//! The operations of the graphs where nothing is ever null: what one would write by hand. Run by the benchmarks.
+//! The operations of the graphs if nothing is ever null, as one would write them by hand. Used by the benchmarks.
 
 use super::Hash;
 #[allow(unused_imports)] // Without straight-line code.

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_is_an_id_and_a_name_is_none() {
+    fn a_number_is_an_id_and_anything_else_a_name() {
         for (text, address) in [
             ("7", Some(CommandAddress::Id(7))),
             ("#7", Some(CommandAddress::Id(7))),

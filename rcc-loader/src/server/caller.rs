@@ -73,7 +73,7 @@ mod tests {
     const MOST: Duration = Duration::from_secs(5);
 
     #[test]
-    fn a_caller_whose_time_is_over_or_who_is_gone_waits_no_more() {
+    fn an_expired_or_disconnected_caller_does_not_wait() {
         assert_eq!(Caller::default().remaining_time(MOST), Ok(MOST));
         let soon = Caller::until(Some(Instant::now() + Duration::from_secs(2)));
         assert!(soon.remaining_time(MOST).is_ok_and(|left| left < MOST));

@@ -83,7 +83,7 @@ impl Service {
         let announced = self
             .executor
             .cell()
-            .announced(Role::ExecutorLink, EXECUTOR_LABEL);
+            .announced(Role::Executor, EXECUTOR_LABEL);
         // If it is gone or unreadable meanwhile, the next check reports it.
         let announced = announced.ok().flatten();
         if let Some(executor) = announced.filter(|one| one.liveness().is_alive()) {

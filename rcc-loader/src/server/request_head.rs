@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_is_whole_at_its_empty_line_and_tells_its_token() {
+    fn a_head_is_complete_at_its_empty_line_and_yields_its_token() {
         let text = b"GET /status HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer abc\r\n\r\n";
         for end in 0..text.len() {
             assert_eq!(parse(&text[..end]), Ok(None), "{end}");
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_that_is_none_is_refused_with_a_code() {
+    fn an_invalid_address_is_refused_with_a_code() {
         for path in ["/a\"b", "//:x:y", "http://", "a b"] {
             let text = format!("GET {path} HTTP/1.1\r\n\r\n");
             let said = parse(text.as_bytes());
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_and_too_many_lines_are_told_apart() {
+    fn malformed_heads_and_too_many_lines_have_different_codes() {
         assert_eq!(code(parse(b"\x00\xff")), Some("RCC4011"));
         assert_eq!(code(parse(b"\x16\x03\x01\x02\x00")), Some("RCC4011"), "TLS");
         let lines = "a: b\r\n".repeat(HEADERS_MAX + 1);

@@ -107,7 +107,7 @@ fn limit_findings(findings: &mut Vec<Finding>) {
     for row in findings.iter_mut() {
         truncate_text(&mut row.message);
         truncate_text(&mut row.rendered);
-        row.help.iter_mut().for_each(shorten);
+        row.help.iter_mut().for_each(truncate_text);
         for place in row.place.iter_mut().chain(&mut row.used_at) {
             truncate_text(&mut place.file);
             truncate_text(&mut place.label);

@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn patterns_name_ports_elements_and_what_is_in_fragments() {
+    fn patterns_select_ports_elements_and_ports_in_fragments() {
         let all = ["move.pose", "move.done", "move.speed", "a/filter.out"].map(str::to_owned);
         assert_eq!(ports(&[]).as_deref(), Ok(&all[..]));
         assert_eq!(ports(&["move.stop"]), Ok(vec!["move.stop".to_owned()]));
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_is_not_there_is_refused_with_a_near_one() {
+    fn an_unknown_port_is_refused_with_a_similar_name() {
         let refused = ports(&["move.pose", "move.pos"]);
         let help = refused.map_err(|error| (error.code, error.help));
         assert_eq!(

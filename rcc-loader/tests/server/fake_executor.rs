@@ -1,4 +1,4 @@
-//! An executor as the loader sees it, without a cycle: it keeps a table and answers calls.
+//! A fake executor without cycles: it keeps a table and answers calls.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use rcc_ipc::{
     Announced, Announcement, BoardWriter, Cell, Configuration, Role, Server, Session, wire,
 };
 
-/// A cell in a folder of its own, removed at the end of its test.
+/// A cell in a temporary folder, removed at the end of its test.
 pub struct TestCell {
     pub cell: Cell,
     base: PathBuf,
@@ -41,17 +41,17 @@ impl Drop for TestCell {
     }
 }
 
-/// What the executor was asked, and what it saw when asked.
+/// The calls to the fake executor, and what it observed.
 #[derive(Default)]
 pub struct CallLog {
     pub calls: Vec<Call>,
-    /// At an Install: the file with the names was there already.
+    /// True if the file with the names already existed at Install.
     pub named_before_install: bool,
-    /// Everything but CANCEL and ABORT is answered only when this is false again.
+    /// While true, only CANCEL and ABORT are answered.
     pub holds: bool,
 }
 
-/// The fake; ends when dropped.
+/// The fake executor; it ends when dropped.
 pub struct FakeExecutor {
     pub incarnation: u64,
     pub seen: Arc<Mutex<CallLog>>,
@@ -70,13 +70,13 @@ struct State {
 }
 
 impl FakeExecutor {
-    /// With these commands in its table; Install is answered with that refusal, if there is one.
+    /// Starts a fake executor with these commands in its table; it answers Install with `refuse`, if given.
     pub fn start(
         cell: &Cell,
         rows: &[(u64, CommandState)],
         refuse: Option<Refusal>,
     ) -> FakeExecutor {
-        let session = Session::join(cell, Role::ExecutorLink, "exec").expect("join");
+        let session = Session::join(cell, Role::Executor, "exec").expect("join");
         let server = session.serve(CONTROL).expect("serve");
         let mut status = session.create_board::<CycleStatus>(STATUS).expect("status");
         let board = session.create_board::<Tables>(TABLES).expect("tables");
@@ -141,14 +141,14 @@ impl FakeExecutor {
     }
 }
 
-#[allow(dead_code)] // Each test program uses a part of it.
+#[allow(dead_code)] // Each test program uses only a part of it.
 impl FakeExecutor {
-    /// Everything but CANCEL and ABORT waits for its answer from now on, or not any more.
+    /// Holds back all answers except those to CANCEL and ABORT, or releases them.
     pub fn hold(&self, holds: bool) {
         self.seen.lock().expect("seen").holds = holds;
     }
 
-    /// Waits until so many of the calls that it saw are such.
+    /// Waits until `count` of the received calls match.
     pub fn saw(&self, count: usize, such: impl Fn(&Call) -> bool) {
         let begun = std::time::Instant::now();
         while self.count(&such) < count {
@@ -160,7 +160,7 @@ impl FakeExecutor {
         }
     }
 
-    /// How many of the calls that it saw are such.
+    /// Returns how many of the received calls match.
     pub fn count(&self, such: impl Fn(&Call) -> bool) -> usize {
         let seen = self.seen.lock().expect("seen");
         seen.calls.iter().filter(|call| such(call)).count()
@@ -195,7 +195,7 @@ fn serve(server: &Server, state: &mut State, stop: &AtomicBool) {
                 continue;
             }
             let bytes = wire::encode(&answer).expect("an answer");
-            // Its client may have given it up.
+            // The client may have given up.
             let _ = request.answer(&bytes);
         }
         if idle {

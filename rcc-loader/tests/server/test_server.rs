@@ -1,5 +1,5 @@
-//! The loader's doors in a thread of the test, and clients of them.
-#![allow(dead_code)] // Each test program uses a part of it.
+//! Runs the loader's listeners in a thread of the test, with client functions for them.
+#![allow(dead_code)] // Each test program uses only a part of it.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -17,7 +17,7 @@ use rcc_loader::server::service::Service;
 use serde_json::Value;
 use tracing_subscriber::fmt::MakeWriter;
 
-/// Far longer than anything takes; only a broken test reaches it.
+/// Much longer than any step takes; only a failing test reaches it.
 pub const LIMIT: Duration = Duration::from_secs(60);
 
 pub fn config() -> CellConfig {
@@ -35,9 +35,9 @@ pub fn service(cell: &Cell) -> Service {
     Service::new(ExecutorLink::new(session), config())
 }
 
-/// A server on the cell's socket until it is dropped.
+/// Serves on the cell's socket until it is dropped.
 pub struct TestServer {
-    /// Where its TCP door is.
+    /// Address of its TCP listener.
     pub address: Option<std::net::SocketAddr>,
     log: Log,
     stop: Option<tokio::sync::oneshot::Sender<()>>,
@@ -51,7 +51,7 @@ impl TestServer {
 
     pub fn with(cell: &Cell, access: &AccessConfig) -> TestServer {
         let service = Arc::new(service(cell));
-        let listeners = Listeners::open(cell, access).expect("doors");
+        let listeners = Listeners::open(cell, access).expect("listeners");
         let address = listeners.address();
         let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
         let log = Log::default();
@@ -80,7 +80,7 @@ impl TestServer {
 }
 
 impl TestServer {
-    /// What it told its log so far.
+    /// Returns the log so far.
     pub fn log(&self) -> String {
         String::from_utf8_lossy(&self.log.0.lock().expect("a log")).into_owned()
     }
@@ -117,7 +117,7 @@ impl Drop for TestServer {
     }
 }
 
-/// One request on the cell's socket: status and body.
+/// Sends one request on the cell's socket; returns status and body.
 pub fn ask(cell: &Cell, head: &str, body: &[u8]) -> (u16, Value) {
     let stream = UnixStream::connect(cell.socket()).expect("connected");
     stream.set_read_timeout(Some(LIMIT)).expect("a time limit");
@@ -126,13 +126,14 @@ pub fn ask(cell: &Cell, head: &str, body: &[u8]) -> (u16, Value) {
     exchange(stream, &[head.as_bytes(), body].concat())
 }
 
-/// Sends the bytes and reads to the end: status and body. A server that cuts a client off need not read all of it.
+/// Sends the bytes and reads to the end; returns status and body. A server that disconnects a client need not read
+/// everything.
 pub fn exchange(mut stream: impl Read + Write, bytes: &[u8]) -> (u16, Value) {
     let _ = stream.write_all(bytes);
     answer(stream)
 }
 
-/// Reads to the end: status and body.
+/// Reads to the end; returns status and body.
 pub fn answer(mut stream: impl Read) -> (u16, Value) {
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);

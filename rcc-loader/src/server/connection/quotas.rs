@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peer_has_so_many_requests_and_others_still_have_theirs() {
+    fn the_requests_of_a_peer_are_limited_and_others_keep_their_share() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let one = usual(&listener, Peer::Process(1), now);
         let _two = usual(&listener, Peer::Process(1), now);
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_has_used_up_everything_can_still_cancel() {
+    fn a_peer_that_has_used_up_its_quota_can_still_cancel() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let peer = Peer::Process(1);
         let held: Vec<_> = (0..2).map(|_| usual(&listener, peer, now)).collect();
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peer_makes_so_many_requests_a_second_and_others_theirs() {
+    fn the_request_rate_of_a_peer_is_limited_and_others_keep_theirs() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let peer = Peer::Address(IpAddr::from([127, 0, 0, 1]));
         let admitted = |now| {
@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn strangers_cost_the_holders_of_their_address_nothing() {
+    fn unauthenticated_requests_take_nothing_from_token_holders_at_the_same_address() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let peer = Peer::Address(IpAddr::from([127, 0, 0, 1]));
         let told = (0..1000).filter(|_| {
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_too_many_displaces_the_oldest_of_whoever_has_most() {
+    fn one_head_too_many_displaces_the_oldest_one_of_the_peer_with_most() {
         let listener = Quotas::new(LIMITS);
         let mut quiet = listener.await_head(Peer::Process(1));
         let mut held: Vec<_> = (1..HEADS_MAX)
