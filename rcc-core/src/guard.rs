@@ -175,7 +175,7 @@ impl fmt::Display for Violation {
         }
         match self.kind {
             ViolationKind::NotFinite => {
-                write!(f, "the set-point {value} is not a finite number of {unit}")
+                write!(f, "set-point {value} {unit} is not finite")
             }
             ViolationKind::Range => write!(
                 f,
@@ -185,20 +185,20 @@ impl fmt::Display for Violation {
             ViolationKind::Acceleration => {
                 write!(f, "acceleration {value} {unit} exceeds {limit} {unit}")
             }
-            ViolationKind::Jump => write!(f, "jump of {value} {unit}, allowed are {limit} {unit}"),
+            ViolationKind::Jump => write!(f, "jump of {value} {unit} exceeds {limit} {unit}"),
             ViolationKind::Stiffness => write!(
                 f,
                 "stiffness {value} {unit} is beyond the limit {limit} {unit}"
             ),
             ViolationKind::StiffnessRate => write!(
                 f,
-                "the stiffness changes with {value} {unit}, allowed are {limit} {unit}"
+                "rate of change of the stiffness {value} {unit} exceeds {limit} {unit}"
             ),
             ViolationKind::Damping => {
                 write!(f, "damping ratio {value} is beyond the limit {limit}")
             }
             ViolationKind::Added => {
-                write!(f, "{value} {unit} on top exceed {limit} {unit}")
+                write!(f, "additional load {value} {unit} exceeds {limit} {unit}")
             }
             ViolationKind::Strategy => {
                 let (asked, runs) = (
@@ -207,18 +207,18 @@ impl fmt::Display for Violation {
                 );
                 write!(
                     f,
-                    "the set-point is for {asked}, the controller runs {runs}"
+                    "the set-point is for {asked}, but the controller runs {runs}"
                 )
             }
             ViolationKind::Workspace => {
                 write!(
                     f,
-                    "{value} {unit} is outside of the workspace, the bound is {limit} {unit}"
+                    "position {value} {unit} is outside the workspace: the bound is {limit} {unit}"
                 )
             }
             ViolationKind::Singularity => write!(
                 f,
-                "too near to a singular position: {value}, the workspace allows {limit}"
+                "distance {value} from a singularity is below {limit}, the minimum of the workspace"
             ),
         }
     }

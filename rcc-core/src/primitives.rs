@@ -1,4 +1,4 @@
-//! The catalogue: one `mod` line and one row a primitive, sorted by name.
+//! The catalogue: one `mod` line and one row per primitive, sorted by name.
 
 use crate::frame::Frame;
 pub use crate::primitive::CatalogueEntry;
@@ -209,7 +209,7 @@ mod wrench_shift;
 mod wrench_transform;
 mod xor;
 
-/// Every primitive, sorted by name.
+/// All primitives, sorted by name.
 pub const CATALOGUE: &[&CatalogueEntry] = &[
     &abs::ENTRY,
     &add::ENTRY,
@@ -415,7 +415,7 @@ pub const CATALOGUE: &[&CatalogueEntry] = &[
     &xor::ENTRY,
 ];
 
-/// Most kernels of one primitive.
+/// Maximum number of kernels of one primitive.
 pub const KERNELS_MAX: usize = 8;
 
 /// Finds a primitive by name.
@@ -426,12 +426,12 @@ pub fn find(name: &str) -> Option<(usize, &'static CatalogueEntry)> {
     Some((index, CATALOGUE.get(index)?))
 }
 
-/// The number of kernel `kernel` of row `entry` in plans.
+/// Returns the number in plans of kernel `kernel` of row `entry`.
 pub const fn kernel_number(entry: usize, kernel: usize) -> u16 {
     (entry * KERNELS_MAX + kernel) as u16
 }
 
-/// The kernel with this number.
+/// Returns the kernel with this number and its primitive.
 #[inline]
 pub fn kernel(number: u16) -> Option<(&'static CatalogueEntry, &'static Kernel)> {
     let number = usize::from(number);
@@ -439,13 +439,13 @@ pub fn kernel(number: u16) -> Option<(&'static CatalogueEntry, &'static Kernel)>
     Some((entry, entry.kernels.get(number % KERNELS_MAX)?))
 }
 
-/// Runs all primitives of a run of one kernel.
+/// A kernel's function: evaluates all primitives of a run.
 pub type RunKernel = fn(&mut Frame<'_>, operands: &[u32]);
 
-/// What each kernel's number runs: the cycle's way to a kernel, one look instead of four.
+/// Kernel functions by kernel number: the cycle finds a kernel with one lookup instead of four.
 static RUNS: [RunKernel; CATALOGUE.len() * KERNELS_MAX] = runs();
 
-// Runs when this is compiled: what is outside does not compile.
+// Evaluated at compile time: an index out of bounds does not compile.
 #[allow(clippy::indexing_slicing)]
 const fn runs() -> [RunKernel; CATALOGUE.len() * KERNELS_MAX] {
     let mut runs = [nothing as RunKernel; CATALOGUE.len() * KERNELS_MAX];
@@ -460,10 +460,10 @@ const fn runs() -> [RunKernel; CATALOGUE.len() * KERNELS_MAX] {
     runs
 }
 
-/// What a number without a kernel runs.
+/// The function of a number without a kernel.
 fn nothing(_: &mut Frame<'_>, _: &[u32]) {}
 
-/// Runs the kernel with this number; without one, nothing.
+/// Runs the kernel with this number; does nothing if it does not exist.
 #[inline]
 pub fn run(number: u16, frame: &mut Frame<'_>, operands: &[u32]) {
     if let Some(run) = RUNS.get(usize::from(number)) {
@@ -471,8 +471,8 @@ pub fn run(number: u16, frame: &mut Frame<'_>, operands: &[u32]) {
     }
 }
 
-/// A hash of names, ports and parameters: two builds with equal fingerprints mean the same by the
-/// same kernel numbers.
+/// Returns a hash of names, ports and parameters: builds with equal fingerprints agree on the meaning of kernel
+/// numbers.
 pub fn fingerprint() -> u64 {
     topic::hash(CATALOGUE.iter().flat_map(|entry| {
         let spec = &entry.spec;

@@ -1,5 +1,5 @@
-//! A bench for one primitive: lays its slots out, sets inputs, runs its kernel, reads outputs.
-//! Test code only.
+//! A test harness for one primitive: allocates its slots, sets inputs, runs its kernel and reads outputs. Test code
+//! only.
 
 use std::boxed::Box;
 use std::vec;
@@ -21,7 +21,7 @@ use crate::primitive::{CatalogueEntry, Kernel, Operand, Size, Sizes};
 use crate::primitives;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
-/// A motion that is under way until it is stopped: for tests of what a primitive makes of it.
+/// A motion that continues until it is stopped, for tests of the primitives that use it.
 #[derive(Default)]
 struct EndlessMotion {
     built: bool,
@@ -62,7 +62,7 @@ impl Motions for EndlessMotion {
     }
 }
 
-/// What FRI takes of an LWR 4+, and 30 N, 30 N·m on top.
+/// The impedance limits of FRI for an LWR 4+, with additional loads of at most 30 N and 30 N·m.
 pub const IMPEDANCE: ImpedanceLimits = ImpedanceLimits {
     translation: [0.01, 5000.0],
     rotation: [0.01, 300.0],
@@ -74,7 +74,7 @@ pub const IMPEDANCE: ImpedanceLimits = ImpedanceLimits {
     joint_torque: 30.0,
 };
 
-/// The LWR 4+ of the golden data; limits as in the data sheet.
+/// The LWR 4+ of the golden data, with the limits of its data sheet.
 pub fn lwr() -> DeviceModel {
     let mut limits = JointLimits {
         lower: [0.0; 8],
@@ -109,7 +109,7 @@ pub fn lwr() -> DeviceModel {
     }
 }
 
-/// A KR 6 R900-2; limits as in the golden data.
+/// A KR 6 R900-2, with the limits of the golden data.
 pub fn kr6() -> DeviceModel {
     let mut model = lwr();
     model.joints = 6;
@@ -140,7 +140,7 @@ pub fn kr6() -> DeviceModel {
     model
 }
 
-/// One primitive with its slots and a cell of one LWR.
+/// One primitive with its slots and a cell with one LWR.
 pub struct PrimitiveHarness {
     entry: &'static CatalogueEntry,
     kernel: &'static Kernel,
@@ -160,12 +160,12 @@ pub struct PrimitiveHarness {
 }
 
 impl PrimitiveHarness {
-    /// For a primitive without polymorphic ports, or with joint ports.
+    /// Creates a harness for a primitive without open ports, or with joint ports.
     pub fn new(name: &str) -> PrimitiveHarness {
         PrimitiveHarness::wide(name, None, JOINTS_MAX as u32 - 1)
     }
 
-    /// For a polymorphic primitive.
+    /// Creates a harness for a primitive with open ports.
     pub fn wide(name: &str, store: Option<Store>, width: u32) -> PrimitiveHarness {
         let (_, entry) = primitives::find(name).expect("a primitive of the catalogue");
         let index = [store, None, Some(Store::Real)]
@@ -273,19 +273,19 @@ impl PrimitiveHarness {
         self
     }
 
-    /// Sets the state in the arena of `Real`, as a `Start` parameter does; the last slot of that arena.
+    /// Sets the state in the arena of `Real`, as a `Start` parameter does; it is the last slot of that arena.
     pub fn start_real(&mut self, value: f64) -> &mut PrimitiveHarness {
         *self.reals.last_mut().expect("a state") = value;
         self
     }
 
-    /// The same for `Bool`.
+    /// Sets the state in the arena of `Bool`; it is the last slot of that arena.
     pub fn start_bool(&mut self, value: bool) -> &mut PrimitiveHarness {
         *self.bools.last_mut().expect("a state") = u8::from(value);
         self
     }
 
-    /// Sets an operand that is no slot, e.g. a channel.
+    /// Sets an operand that is not a slot, e.g. a channel.
     pub fn set_index(&mut self, name: &str, value: u32) -> &mut PrimitiveHarness {
         let (_, index) = *self
             .names
@@ -331,7 +331,7 @@ impl PrimitiveHarness {
         (self.entry.prepare.expect("a prepared primitive"))(&mut preparation, &self.operands)
     }
 
-    /// One cycle.
+    /// Runs one cycle.
     pub fn step(&mut self) -> &mut PrimitiveHarness {
         let mut outputs = Box::new([DeviceOutput::NONE]);
         let mut frame = Frame {
@@ -368,7 +368,7 @@ fn extend<T: Clone>(arena: &mut Vec<T>, width: usize, null: T) -> u32 {
 
 /// Checks a `Real, Real → Real` primitive against rows `[a, b, out]`, and that null propagates.
 pub fn check_binary(name: &str, rows: &[[f64; 3]]) {
-    // By the kernel for single values, and by the one for wide values if there is one.
+    // Tests the kernel for single-element values, and the one for wide values if it exists.
     for width in [1, 3] {
         let mut bench = PrimitiveHarness::wide(name, Some(Store::Real), width);
         for [a, b, out] in rows.iter().copied() {

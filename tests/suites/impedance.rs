@@ -160,7 +160,7 @@ fn a_joint_turns_by_torque_over_stiffness_and_comes_back_at_the_end() {
     let (_, row) = cell.load_any(&JOINTS.replace("0, 2]", "0, 1000]"));
     let words = row.to_string();
     assert!(
-        row["state"] == "rejected" && words.contains("lwr joint 7: 1000 N·m on top exceed 15 N·m"),
+        row["state"] == "rejected" && words.contains("lwr joint 7: additional load 1000 N·m exceeds 15 N·m"),
         "{words}"
     );
     cell.stop();

@@ -19,7 +19,8 @@ fn size(value: Complex<f64>) -> f64 {
     value.re.hypot(value.im)
 }
 
-/// Gain and phase of a primitive at a frequency: its output correlated with the input over whole seconds, after `settle_s`.
+/// Measures gain and phase of a primitive at a frequency: correlates its output with the input over whole seconds,
+/// after `settle_s`.
 fn measured(bench: &mut PrimitiveHarness, frequency_hz: f64, settle_s: usize) -> Complex<f64> {
     const CYCLES: usize = 1000;
     let angle = |cycle: usize| TAU * ((frequency_hz * cycle as f64 * DT_S) % 1.0);
@@ -34,7 +35,7 @@ fn measured(bench: &mut PrimitiveHarness, frequency_hz: f64, settle_s: usize) ->
     sum
 }
 
-/// The prototype's s, in units of its own ω, that the bilinear transform puts at a frequency.
+/// Returns the prototype's s, in units of its own ω, that the bilinear transform maps to a frequency.
 fn warped(frequency_hz: f64, own_hz: f64) -> Complex<f64> {
     J * (PI * frequency_hz * DT_S).tan() / (PI * own_hz * DT_S).tan()
 }

@@ -176,7 +176,7 @@ mod tests {
         let mut asked = soft();
         asked.stiffness[2] = 50.0;
         assert_eq!(guard.check_impedance(&asked, CARTESIAN, 1e-3), Ok(()));
-        // 5000 N/m, twice a second: 10 N/m in a millisecond.
+        // At most twice 5000 N/m per second: 10 N/m per millisecond.
         asked.stiffness[2] = 60.0;
         assert_eq!(guard.check_impedance(&asked, CARTESIAN, 1e-3), Ok(()));
         asked.stiffness[2] = 70.1;
@@ -185,7 +185,7 @@ mod tests {
             (violation.kind, violation.joint),
             (ViolationKind::StiffnessRate, 10)
         );
-        // What was refused is not what the next one is compared with.
+        // A refused set-point does not become the reference for the next one.
         asked.stiffness[2] = 50.0;
         assert_eq!(guard.check_impedance(&asked, CARTESIAN, 1e-3), Ok(()));
         guard.first(&[0.0; 7], &[0.0; 7]).unwrap();

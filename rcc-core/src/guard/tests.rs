@@ -1,5 +1,4 @@
-//! The rules of the guard, one by one, and as properties of any motion.
-//! Tests only.
+//! The rules of the guard, individually and as properties of arbitrary motions. Tests only.
 #![allow(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used)]
 
 extern crate std;
@@ -28,7 +27,7 @@ fn started(position: f64) -> Guard {
     guard
 }
 
-/// Feeds joint 2 the positions and returns the first refusal.
+/// Feeds positions to joint 2 and returns the first refusal.
 fn feed(guard: &mut Guard, positions: impl IntoIterator<Item = f64>) -> Option<Violation> {
     positions
         .into_iter()
@@ -182,7 +181,7 @@ fn a_violation_names_joint_value_limit_and_unit() {
 proptest! {
     #[test]
     fn a_sine_within_the_limits_passes_and_one_beyond_does_not(amplitude in 0.01..1.9f64, frequency in 0.1..40.0f64) {
-        // Begins at rest at its turning point.
+        // Starts at rest at its turning point.
         let wave = (1..=2000).map(|k| amplitude * (1.0 - (frequency * f64::from(k) * DT).cos()) - amplitude);
         let mut guard = guard();
         guard.first(&[0.0, -amplitude], &[0.0, -amplitude]).unwrap();

@@ -61,7 +61,7 @@ impl fmt::Display for SingularityKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Elbow => "the elbow is stretched",
-            Self::Wrist => "two axes of the wrist are in line",
+            Self::Wrist => "two wrist axes are aligned",
             Self::Shoulder => "the wrist or elbow is above the shoulder",
             Self::ArmAngle => "the wrist is above the shoulder",
         })

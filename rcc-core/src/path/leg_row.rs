@@ -1,16 +1,16 @@
 //! Legs as rows of numbers: the representation of a path in a plan, with [`WIDTH`] numbers for each leg or spline
 //! point, null where no value is given. Written by the language, read when a net is prepared.
 //!
-//! | column | what |
+//! | column | content |
 //! | --- | --- |
-//! | 0 | 0 `ptp` to joints, 1 `ptp` to a pose, 2 `lin`, 3 `circ`, 4 a point of a `spline`, 5 its last one |
+//! | 0 | 0 `ptp` to joints, 1 `ptp` to a pose, 2 `lin`, 3 `circ`, 4 a point of a `spline`, 5 its last point |
 //! | 1 to 8 | joints (rad), or `[x y z qx qy qz qw]` (m) |
 //! | 9 to 11 | `via` of an arc, m; of a `ptp` to a pose: Status, Turn |
 //! | 12 | orientation on an arc: 0 even, 1 constant, 2 path |
 //! | 13 | angle of an arc, rad |
-//! | 14 | zone of the rounding at the end, m |
+//! | 14 | blend distance at the end, m |
 //! | 15 to 17 | velocity, acceleration, jerk of the flange (m) |
-//! | 18 to 20 | the same of its orientation (rad) |
+//! | 18 to 20 | the same for its orientation (rad) |
 //! | 21 | scale of the joints' limits |
 //! | 22 | branch of a `ptp` to a pose |
 //! | 23 | relative: 1 to the tool, 2 in axes of the base |

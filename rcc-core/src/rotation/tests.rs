@@ -1,5 +1,5 @@
-//! Rotations against nalgebra, as an independent program, and against themselves: what is made can be taken apart again.
-//! Code of tests.
+//! Rotations compared with nalgebra as an independent implementation, and round trips between representations. Test
+//! code.
 
 #![allow(clippy::unwrap_used)]
 extern crate std;
@@ -13,7 +13,7 @@ fn independent([x, y, z, w]: Quaternion) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(Nalgebra::new(w, x, y, z))
 }
 
-/// The angle between two rotations, whatever their signs.
+/// Returns the angle between two rotations, whatever their signs.
 fn apart(a: Quaternion, b: Quaternion) -> f64 {
     let (difference, sum) = (
         a.iter()
@@ -77,7 +77,7 @@ fn a_million_turns_leave_a_rotation_of_length_one() {
     let turned = (0..1_000_000).fold(IDENTITY, |q, _| product(step, q));
     let length: f64 = turned.iter().map(|x| x * x).sum::<f64>().sqrt();
     assert!((length - 1.0).abs() < 1e-15, "{length}");
-    // And the angle is still that of a million turns.
+    // The angle is still that of a million rotations.
     let expected = from_axis_angle([0.7, -1.1, 0.3], 1e6 * vector::norm([0.7, -1.1, 0.3])).unwrap();
     assert!(
         apart(turned, expected) < 1e-9,

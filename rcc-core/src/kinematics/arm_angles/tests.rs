@@ -1,5 +1,4 @@
-//! Intervals of arm angles against sampling.
-//! Tests only.
+//! Intervals of arm angles compared with sampling. Tests only.
 #![allow(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used)]
 
 use super::*;

@@ -1,4 +1,4 @@
-//! Properties of the ortho-parallel arm that hold for any joints: there and back, all branches, singularities, nulls.
+//! Properties of the ortho-parallel arm that hold for any joints: round trips, all branches, singularities, nulls.
 //! Tests only; the golden data of independent programs is compared in `tests/kinematics.rs`.
 #![allow(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used)]
 
@@ -19,7 +19,7 @@ const KR6: OrthoParallelArm = OrthoParallelArm {
     signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
     zeros: [0.0, FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
 };
-/// With every length and mirrored joints, as none is built.
+/// With all lengths nonzero and mirrored joints, unlike any real arm.
 const ODD: OrthoParallelArm = OrthoParallelArm {
     lateral_offset: 0.11,
     elbow_offset: 0.07,
@@ -50,7 +50,7 @@ fn joints() -> impl Strategy<Value = [f64; 6]> {
     prop::array::uniform6(-3.1..3.1)
 }
 
-/// KUKA's position for transport of an Agilus: upper arm upright, forearm forwards, wrist bent by 90°.
+/// KUKA's transport position of an Agilus: upper arm upright, forearm forwards, wrist bent by 90°.
 #[test]
 fn the_well_known_position_has_the_status_that_kuka_shows() {
     let home = [0.0, -FRAC_PI_2, FRAC_PI_2, 0.0, 0.5, 0.0];
@@ -59,7 +59,7 @@ fn the_well_known_position_has_the_status_that_kuka_shows() {
         KR6.status(&[0.0, -FRAC_PI_2, FRAC_PI_2, 0.0, -0.5, 0.0]),
         0b110
     );
-    // Leaning back over axis 1, and the elbow bent the other way.
+    // Leaning back over axis 1, with the elbow bent the other way.
     assert_eq!(KR6.status(&[0.0, -2.4, 0.3, 0.0, 0.5, 0.0]), 0b011);
     assert_eq!(KR6.status(&[0.0, -1.0, -0.8, 0.0, 0.5, 0.0]), 0b000);
     // The stretched arm is at A3 = atan2(25, 420) = 3.4°, not at 0.
@@ -97,7 +97,7 @@ fn aligned_axes_take_the_free_angle_from_the_hint() {
     let found = KR6.inverse(&straight, branch, &hint).unwrap();
     assert_eq!(found[3], -0.7);
     assert!(pose_error(&KR6.forward(&found), &straight) < 1e-15);
-    // The wrist on axis 1, the arm leaning back: joint 1 is free.
+    // The wrist on axis 1, with the arm leaning back: joint 1 is undetermined.
     let arm = OrthoParallelArm {
         shoulder_offset: 0.0,
         elbow_offset: 0.0,
@@ -188,9 +188,9 @@ proptest! {
         if which & 2 == 2 {
             theta[2] = tiny - arm.elbow_offset.atan2(arm.forearm);
         }
-        // (Beside axis 1, stretched and next to it loses half of the digits of the reach.)
+        // (A lateral offset in a nearly stretched position loses half of the digits of the reach.)
         if which & 4 == 4 && !(odd && which & 2 == 2) {
-            // The wrist goes above axis 1 by turning the whole arm about axis 2.
+            // Rotating the whole arm about axis 2 moves the wrist above axis 1.
             let (x, z) = arm.wrist_in_plane(theta[1], theta[2]);
             let reach = x.hypot(z);
             theta[1] += (-arm.shoulder_offset / reach).asin() - x.atan2(z) + tiny;

@@ -1,5 +1,5 @@
-//! Properties of the S-R-S arm that hold for any joints: there and back, branches, singularities, nulls.
-//! Tests only; the golden data of independent programs is compared in `tests/kinematics.rs`.
+//! Properties of the S-R-S arm that hold for any joints: round trips, branches, singularities, nulls. Tests only; the
+//! golden data of independent programs is compared in `tests/kinematics.rs`.
 #![allow(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used)]
 
 extern crate std;
@@ -148,7 +148,7 @@ proptest! {
         let pose = arm.forward(&q);
         let found = arm.inverse(&pose, arm.arm_angle(&q), arm.branch(&q), &q).unwrap();
         prop_assert!(pose_error(&arm.forward(&found), &pose) < 1e-13);
-        // Joints lose digits next to a singularity, poses do not.
+        // Joints lose digits close to a singularity, poses do not.
         prop_assume!(q.iter().skip(1).step_by(2).all(|x| x.abs() > 0.01 && x.abs() < 3.0));
         prop_assert!(q.iter().zip(found).all(|(a, b)| turn(*a, b) < 1e-9), "{q:?} {found:?}");
     }

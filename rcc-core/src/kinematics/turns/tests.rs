@@ -1,5 +1,4 @@
-//! Whole turns of joints: nearest, within limits, by sign.
-//! Tests only.
+//! Whole turns of joints: nearest, within limits, by sign. Tests only.
 #![allow(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used)]
 
 use super::*;
@@ -29,7 +28,7 @@ fn a_sign_says_the_turn() {
     assert_eq!(turns_by_signs(&[0.5; 8], 0), [0.5; 8]);
     assert_eq!(turns_by_signs(&[0.5; 8], 0xff), [0.5 - TAU; 8]);
     assert_eq!(turns_by_signs(&[0.5 - TAU; 8], 0), [0.5; 8]);
-    // Next to 0 both are meant.
+    // Close to 0 both signs are accepted.
     assert_eq!(turns_by_signs(&[-1e-12; 8], 0), [-1e-12; 8]);
 }
 
