@@ -13,6 +13,8 @@ use crate::place::await_some;
 /// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
 /// creeps up to it at a bandwidth of 80 rad/s.
 pub const STILL: f64 = 4e-3;
+/// Rest that lasts, s: more than the `delay` of the cells, by which set-points of a net that has ended are still played.
+const SETTLED_S: f64 = 0.2;
 
 /// A connection to the control port of `lwr-sim` or `io-sim`.
 #[derive(Debug)]
@@ -88,7 +90,7 @@ impl Simulator {
     pub fn await_rest(&mut self) -> Value {
         await_some("the arm to rest", || {
             let state = self.state();
-            (state["at_rest"] == true).then_some(state)
+            (state["at_rest_for_s"].as_f64() > Some(SETTLED_S)).then_some(state)
         })
     }
 
