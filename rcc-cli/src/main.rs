@@ -17,7 +17,7 @@ use rcc_loader::server::codes;
 
 /// Robot Control Core: load nets, run them, look at them.
 #[derive(Parser)]
-#[command(version, after_help = EXIT_CODES)]
+#[command(version = rcc_ipc::version::version(), after_help = EXIT_CODES)]
 struct Arguments {
     /// Name of the cell (default: demo).
     #[arg(long, env = "RCC_CELL", global = true)]

@@ -16,7 +16,7 @@ use rcc_monitor::tail::{End, Format, Options, remark, tail};
 
 /// Shows what the nets of a cell make visible.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = rcc_ipc::version::version())]
 struct Arguments {
     /// Name of the cell.
     #[arg(long, env = "RCC_CELL", default_value = "demo", global = true)]

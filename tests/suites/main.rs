@@ -33,3 +33,4 @@ mod threads;
 mod timing;
 mod together;
 mod values;
+mod version;

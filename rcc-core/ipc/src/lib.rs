@@ -42,6 +42,7 @@ pub mod session;
 mod shared;
 pub mod stream;
 pub mod take;
+pub mod version;
 pub mod wire;
 
 pub use announce::{AnnounceError, Announced, Announcement};

@@ -12,7 +12,7 @@ use std::str::FromStr;
 
 /// The controller's side of a KUKA LWR 4+: speaks FRI 1.0 over UDP, sends first, and moves a simulated arm.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "lwr-sim", version)]
+#[command(name = "lwr-sim", version = rcc_ipc::version::version())]
 pub struct Options {
     /// Where the PC (the driver) listens; nobody else is listened to
     #[arg(long, value_name = "ADDRESS:PORT")]
