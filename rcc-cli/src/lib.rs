@@ -3,6 +3,7 @@
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
+pub mod arguments;
 pub mod client;
 pub mod context;
 pub mod demo;

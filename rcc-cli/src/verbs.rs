@@ -9,6 +9,7 @@ use crate::failure::Failure;
 pub mod abort;
 pub mod cancel;
 pub mod check;
+pub mod completions;
 pub mod convert;
 pub mod costs;
 pub mod demo;
@@ -23,6 +24,7 @@ pub mod incidents;
 pub mod install_units;
 pub mod load;
 pub mod ls;
+pub mod man;
 pub mod plot;
 pub mod primitives;
 pub mod replay;
@@ -135,6 +137,10 @@ verbs! {
     Wrench = wrench;
     /// Print monitored values as they arrive
     Tail = tail;
+    /// Print completions for a shell
+    Completions = completions;
+    /// Write the manual pages
+    Man = man;
     /// Install or remove the systemd units of a cell
     InstallUnits = install_units;
     /// Apply the real-time settings that need root; the units do this at start

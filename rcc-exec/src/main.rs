@@ -49,7 +49,7 @@ const HELPER_END_MAX: Duration = Duration::from_secs(5);
 
 /// Runs the nets of a cell, every cycle.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = rcc_ipc::version::version())]
 struct Arguments {
     #[command(flatten)]
     cell: CellArguments,

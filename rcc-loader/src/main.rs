@@ -46,7 +46,7 @@ const TURN_EVERY: Duration = Duration::from_millis(100);
 
 /// Loads nets and controls commands: REST on the Unix socket of a cell.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = rcc_ipc::version::version())]
 struct Arguments {
     #[command(flatten)]
     cell: CellArguments,

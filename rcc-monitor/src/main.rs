@@ -15,7 +15,7 @@ use rcc_monitor::tail::{Format, Options, TailEnd, print_note, tail};
 
 /// Shows the monitored values of a cell's nets.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = rcc_ipc::version::version())]
 struct Arguments {
     /// Name of the cell.
     #[arg(long, env = "RCC_CELL", default_value = "demo", global = true)]

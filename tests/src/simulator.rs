@@ -13,6 +13,8 @@ use crate::place::await_some;
 /// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
 /// creeps up to it at a bandwidth of 80 rad/s.
 pub const STILL: f64 = 4e-3;
+/// More than the `delay` of the cells, s: set-points of a net that has ended are still played for so long.
+const PLAYED_S: f64 = 0.2;
 
 /// A connection to the control port of `lwr-sim` or `io-sim`.
 #[derive(Debug)]
@@ -84,11 +86,14 @@ impl Simulator {
         });
     }
 
-    /// Waits until neither set-point nor arm moves; returns the state then.
+    /// Waits until neither set-point nor arm moves, and every set-point that was sent before this call has been played;
+    /// returns the state then.
     pub fn await_rest(&mut self) -> Value {
+        let time_s = |state: &Value| state["time_s"].as_f64().expect("a time");
+        let played_s = time_s(&self.state()) + PLAYED_S;
         await_some("the arm to rest", || {
             let state = self.state();
-            (state["at_rest"] == true).then_some(state)
+            (state["at_rest"] == true && time_s(&state) > played_s).then_some(state)
         })
     }
 

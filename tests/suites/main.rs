@@ -34,3 +34,4 @@ mod threads;
 mod timing;
 mod together;
 mod values;
+mod version;

@@ -42,6 +42,7 @@ mod shared;
 pub mod shm_space;
 pub mod spill_file;
 pub mod stream;
+pub mod version;
 pub mod wire;
 
 pub use announce::{AnnounceError, Announced, Announcement};

@@ -23,7 +23,7 @@ static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Hosts the driver of one device of a cell.
 #[derive(Debug, Parser)]
-#[command(name = "rcc-driver", version)]
+#[command(name = "rcc-driver", version = rcc_ipc::version::version())]
 struct Options {
     #[command(flatten)]
     cell: CellArguments,

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use rcc_ipc::cell::person;
+use rcc_ipc::version::version;
 use rcc_ipc::{Cell, clean, events};
 
 const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]
@@ -41,21 +42,29 @@ fn arguments() -> Option<Arguments> {
 }
 
 fn main() -> ExitCode {
+    let asked: Vec<_> = std::env::args_os().skip(1).take(2).collect();
+    match asked.as_slice() {
+        [one] if one == "--version" => return print(&format!("rcc-janitor {}", version())),
+        [one] if one == "--help" => return print(USAGE),
+        _ => {}
+    }
     let Some(arguments) = arguments() else {
         remark(USAGE);
         return ExitCode::from(2);
     };
     match run(&arguments) {
-        Ok(words) => {
-            // The cleaning is done; the parent may be dead.
-            let _ = writeln!(std::io::stdout(), "{words}");
-            ExitCode::SUCCESS
-        }
+        Ok(words) => print(&words),
         Err(error) => {
             remark(&error.to_string());
             ExitCode::FAILURE
         }
     }
+}
+
+/// Prints on stdout. The cleaning is done; the parent may be dead.
+fn print(words: &str) -> ExitCode {
+    let _ = writeln!(std::io::stdout(), "{words}");
+    ExitCode::SUCCESS
 }
 
 /// Prints on stderr; if that fails, the exit code still tells.

@@ -1,0 +1,27 @@
+//! `completions SHELL`: prints what a shell needs to complete verbs and options.
+
+use clap::CommandFactory;
+use clap_complete::Shell;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::output::say;
+
+/// For which shell.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The shell that reads it: `rcc-cli completions bash > /etc/bash_completion.d/rcc-cli`.
+    shell: Shell,
+}
+
+/// Does it.
+///
+/// # Errors
+/// None.
+pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let mut command = crate::arguments::Arguments::command();
+    let mut text = Vec::new();
+    clap_complete::generate(arguments.shell, &mut command, "rcc-cli", &mut text);
+    say(String::from_utf8_lossy(&text).trim_end());
+    Ok(())
+}

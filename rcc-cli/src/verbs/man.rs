@@ -1,0 +1,41 @@
+//! `man DIR`: writes the manual pages of `rcc-cli` and of each of its verbs.
+
+use std::fs;
+use std::path::PathBuf;
+
+use clap::CommandFactory;
+use rcc_loader::server::codes;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::output::say;
+
+/// Where to.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The folder, made if it is missing: `/usr/local/share/man/man1` is one that `man` looks into.
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+}
+
+/// Does it.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let folder = arguments.folder;
+    let refused = |error: std::io::Error| {
+        Failure::new(
+            codes::PROCESS_FAILED,
+            format!("cannot write manual pages to {}: {error}", folder.display()),
+            "give a folder that you may write to",
+        )
+    };
+    fs::create_dir_all(&folder).map_err(refused)?;
+    clap_mangen::generate_to(crate::arguments::Arguments::command(), &folder).map_err(refused)?;
+    say(&format!(
+        "manual pages of rcc-cli written to {}",
+        folder.display()
+    ));
+    Ok(())
+}

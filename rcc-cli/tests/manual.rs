@@ -1,0 +1,53 @@
+//! Manual pages and completions know every verb.
+
+use std::fs;
+use std::process::Command;
+
+use clap::CommandFactory;
+use rcc_cli::arguments::Arguments;
+
+fn verbs() -> Vec<String> {
+    let all = Arguments::command();
+    let verbs = all.get_subcommands().map(|verb| verb.get_name().to_owned());
+    verbs.collect()
+}
+
+fn rcc_cli(arguments: &[&str]) -> String {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_rcc-cli"));
+    let output = program.args(arguments).output().expect("rcc-cli runs");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+#[test]
+fn every_verb_has_a_manual_page() {
+    let folder = std::env::temp_dir().join(format!("rcc-manual-{}", std::process::id()));
+    let _ = fs::remove_dir_all(&folder);
+    rcc_cli(&["man", &folder.display().to_string()]);
+    let main = fs::read_to_string(folder.join("rcc-cli.1")).expect("the main page");
+    let pages: Vec<(String, bool)> = verbs()
+        .into_iter()
+        .map(|verb| {
+            let page = fs::read_to_string(folder.join(format!("rcc-cli-{verb}.1")));
+            let named = main.contains(&format!("rcc\\-cli\\-{}(1)", verb.replace('-', "\\-")));
+            (
+                verb,
+                named && page.is_ok_and(|page| page.contains("SYNOPSIS")),
+            )
+        })
+        .collect();
+    fs::remove_dir_all(&folder).expect("the folder is ours");
+    assert!(pages.len() > 30, "{pages:?}");
+    let missing: Vec<_> = pages.iter().filter(|(_, complete)| !complete).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+#[test]
+fn completions_know_every_verb() {
+    for shell in ["bash", "zsh", "fish"] {
+        let text = rcc_cli(&["completions", shell]);
+        for verb in verbs() {
+            assert!(text.contains(&verb), "{shell}: {verb}");
+        }
+    }
+}
