@@ -197,6 +197,9 @@ pub enum Outcome {
     Broken(String),
 }
 
+/// A cell is ended after so many cases: it lives five minutes at most.
+const CASES_OF_A_CELL: usize = 30;
+
 /// Runs cases one after the other; `tell` hears of each. A broken one gets a new cell for those after it.
 pub fn run(
     cases: &[Case],
@@ -206,6 +209,11 @@ pub fn run(
     let mut stage = None;
     let mut all = Vec::new();
     for (number, case) in cases.iter().enumerate() {
+        if number % CASES_OF_A_CELL == 0
+            && let Some(stage) = stage.take()
+        {
+            Stage::end(stage);
+        }
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             let seed = seed.wrapping_add(number as u64);
             stage.get_or_insert_with(Stage::new).play(*case, seed)

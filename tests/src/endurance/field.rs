@@ -157,10 +157,17 @@ impl<'a> Field<'a> {
         Random::new(self.options.seed, thread)
     }
 
-    /// One request, again and again until it is answered by a loader that reaches its executor.
+    /// One request, again and again until it is answered by a loader that reaches its executor. If the loader was killed,
+    /// it is started here: the thread that usually does so waits for the end of all rounds when somebody wants quiet.
     pub fn ask(&self, method: &str, path: &str, body: &str) -> Reply {
         await_some(&format!("an answer to {method} {path}"), || {
-            let reply = self.try_ask(method, path, body)?;
+            let reply = self.try_ask(method, path, body);
+            if reply.is_none()
+                && let Ok(mut loader) = self.loader.try_lock()
+            {
+                super::clients::recover(self, &mut loader);
+            }
+            let reply = reply?;
             let later = reply.status >= 500 || reply.status == 429;
             if later {
                 std::thread::sleep(Duration::from_millis(20));
