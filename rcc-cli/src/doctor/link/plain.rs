@@ -59,12 +59,12 @@ fn server(facts: &LinkFacts) -> Option<HealthFinding> {
 /// Stage: data is exchanged, and the device can be commanded.
 fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     let (reason, words, exchanges) = match (&facts.driver_status, &facts.probe) {
-        (Some(told), _) => {
+        (Some(status), _) => {
             let before = facts.before.as_ref().map_or(0, |before| before.exchanges);
             (
-                told.reason,
-                told.reason_words.clone(),
-                told.exchanges.saturating_sub(before),
+                status.reason,
+                status.reason_words.clone(),
+                status.exchanges.saturating_sub(before),
             )
         }
         (None, Some(probe)) => {
@@ -116,7 +116,7 @@ mod tests {
     use crate::doctor::driver_status::{DriverStatus, now};
     use serde_json::json;
 
-    fn running(told: DriverStatus) -> LinkFacts {
+    fn running(status: DriverStatus) -> LinkFacts {
         LinkFacts {
             device: "io".to_owned(),
             driver: "modbus".to_owned(),
@@ -126,7 +126,7 @@ mod tests {
             driver_status: Some(DriverStatus {
                 at: now(),
                 since: now(),
-                ..told
+                ..status
             }),
             before: Some(DriverStatus::default()),
             ..LinkFacts::default()
@@ -178,7 +178,7 @@ mod tests {
         );
         assert_eq!(LinkReport::of(&facts).failed, None);
         facts.probe = Some(
-            json!({"opened": false, "error": "devices.io.settings.unit: 300 is of another form"}),
+            json!({"opened": false, "error": "devices.io.settings.unit: invalid value 300"}),
         );
         assert_eq!(LinkReport::of(&facts).failed, Some("settings"));
     }
