@@ -66,7 +66,7 @@ pub enum HostError {
     #[error(transparent)]
     Announce(#[from] AnnounceError),
     /// The operating system refuses to create a thread.
-    #[error("the system refuses a thread: {0}")]
+    #[error("cannot create a thread: {0}")]
     Thread(#[from] std::io::Error),
 }
 

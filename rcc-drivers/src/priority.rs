@@ -16,7 +16,7 @@ pub fn rise(priority: u8) {
         Ok(Ok(())) => tracing::info!(priority, "runs with SCHED_FIFO"),
         refused => tracing::warn!(
             priority,
-            "runs without SCHED_FIFO ({refused:?}): allow it with `ulimit -r` or CAP_SYS_NICE"
+            "runs without SCHED_FIFO ({refused:?}): permit it with `ulimit -r` or CAP_SYS_NICE"
         ),
     }
 }

@@ -56,7 +56,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
     })?;
     let cell = Cell::new(&options.cell.cell)?;
     let mut host = Host::join(&cell, (&config, device), (driver, row.reasons))?;
-    let pulse = host.health();
+    let health = host.health();
     let helpers = host.helpers().clone();
     let recorder = host.recorder().clone();
     let mut hangs = helpers.watch(move |hang| {
@@ -68,7 +68,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
         });
     });
     // READY is sent once the host runs, when all threads exist.
-    let supervisor = Notifier::start(&helpers, move || hangs.check(pulse.look()))?;
+    let supervisor = Notifier::start(&helpers, move || hangs.check(health.report()))?;
     let failed = helpers.clone();
     helpers::thread("signals", move || {
         signals.wait();

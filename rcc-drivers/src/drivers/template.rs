@@ -32,7 +32,7 @@ pub const SOCKET: u32 = 100;
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[(
     SOCKET,
-    "the I/O box is not reached at settings.box: is it on?",
+    "the I/O box cannot be reached at settings.box: check its power and the cable",
 )];
 
 /// Longest line, bytes.
@@ -79,7 +79,7 @@ impl Driver for LineIo {
         if device.robot.is_some() {
             return Err(DriverError::Robot {
                 device: device.name.clone(),
-                cause: "the I/O box moves no robot: leave it out, or name another driver",
+                cause: "the I/O box does not support robots: remove `robot`, or choose another driver",
             });
         }
         let system = |source| DriverError::System {
@@ -247,7 +247,7 @@ fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<LineChannel>, 
             channel_error(device, channel, cause, expected)
         })?;
         if let Some(other) = found.iter().find(|other| other.number == number) {
-            let cause = format!("'{}' has number {number}, too", other.config.name);
+            let cause = format!("number {number} is already used by '{}'", other.config.name);
             return Err(channel_error(device, channel, cause, expected));
         }
         found.push(LineChannel {

@@ -25,7 +25,7 @@ fn lwr() -> DeviceConfig {
 /// Controller, driver and executor in one virtual time, with steps of 1 ms.
 struct FriFixture {
     krc: Krc,
-    session: FriSession,
+    fri: FriSession,
     session: DeviceSession,
     image: CommandImage,
     now_ns: u64,
@@ -39,8 +39,7 @@ impl FriFixture {
         let device = lwr();
         Self {
             krc: krc(),
-            session: FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok)
-                .expect("7 joints"),
+            fri: FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok).expect("7 joints"),
             session: DeviceSession::new(&device, 0),
             image: CommandImage::new(1, MS),
             now_ns: 0,
@@ -85,15 +84,15 @@ impl FriFixture {
         let Some(bytes) = self.krc.tick(1) else {
             return;
         };
-        if !self.session.accept(&bytes) {
+        if !self.fri.accept(&bytes) {
             // The controller has left command state, and no second datagram has confirmed it yet.
             return;
         }
         let mut inputs = Inputs::NONE;
-        let exchange = self.session.exchange(&mut inputs);
+        let exchange = self.fri.exchange(&mut inputs);
         self.session.observe(self.now_ns, Some(&self.image));
         let outputs = self.session.exchange(self.now_ns, &inputs, &exchange);
-        let answer = self.session.answer(&outputs);
+        let answer = self.fri.answer(&outputs);
         if self.heard {
             self.krc.receive(&answer, 1e-4);
         }
@@ -220,9 +219,9 @@ fn after_a_fault_of_the_controller_nothing_moves_by_itself() {
 fn a_released_device_leaves_command_mode() {
     let mut bench = FriFixture::ready();
     bench.session.terminate();
-    bench.session.release();
+    bench.fri.release();
     (0..50).for_each(|_| bench.cycle(SetPoint::NONE));
-    assert!(bench.session.is_at_rest() && !bench.session.is_held_by_us());
+    assert!(bench.session.is_at_rest() && !bench.session.needs_release());
     assert_eq!(bench.measured().reason, MONITORING);
 }
 
@@ -477,7 +476,7 @@ fn a_channel_that_is_no_krl_variable_is_refused_by_name() {
     for (address, words) in [
         (
             serde_json::json!(17),
-            "devices.lwr.channels.torch: there is no KRL variable 17",
+            "devices.lwr.channels.torch: KRL variable 17 does not exist",
         ),
         (serde_json::json!(2), "'torch' has number 2, too"),
     ] {

@@ -167,11 +167,11 @@ fn every_output_is_written_again_on_a_new_connection() {
 #[test]
 fn addresses_that_do_not_fit_their_channel_are_refused() {
     for (row, address, words) in [
-        (0, "discrete 0", "is no such address"),
-        (0, "coil", "is no such address"),
-        (0, "coil 65536", "is no such address"),
-        (1, "discrete 0 i16", "is no such address"),
-        (3, "input 0", "is no such address"),
+        (0, "discrete 0", "is not a valid address"),
+        (0, "coil", "is not a valid address"),
+        (0, "coil 65536", "is not a valid address"),
+        (1, "discrete 0 i16", "is not a valid address"),
+        (3, "input 0", "is not a valid address"),
         (3, "holding 0", "does not fit u16"),
     ] {
         let mut rows = rows();

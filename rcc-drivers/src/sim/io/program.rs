@@ -42,7 +42,7 @@ pub enum RunError {
         source: io::Error,
     },
     /// The operating system refuses a thread or a socket.
-    #[error("the system refuses: {0}")]
+    #[error("system error: {0}")]
     System(#[from] io::Error),
     /// Signals cannot be handled.
     #[error(transparent)]
