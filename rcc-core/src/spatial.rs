@@ -158,7 +158,7 @@ mod tests {
         }
 
         #[test]
-        fn there_and_back_gives_the_same_six(pose in any_pose(), six in any_six(), by in prop::array::uniform3(-2.0..2.0f64)) {
+        fn transforming_there_and_back_gives_the_same_vector(pose in any_pose(), six in any_six(), by in prop::array::uniform3(-2.0..2.0f64)) {
             let back = vector::scale(by, -1.0);
             prop_assert!(far(shift_twist(shift_twist(six, by), back), six) < 1e-13);
             prop_assert!(far(shift_wrench(shift_wrench(six, by), back), six) < 1e-13);

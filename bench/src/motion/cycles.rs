@@ -63,7 +63,7 @@ fn motion(legs: &[Leg<'_>], pace: SpeedProfile) -> MotionSet {
 
 /// Returns a subject that runs cycles of a motion, which starts again at its end.
 fn running(name: &str, legs: &[Leg<'_>]) -> NamedSubject {
-    paced(name, legs, SpeedProfile::Even)
+    paced(name, legs, SpeedProfile::Uniform)
 }
 
 fn paced(name: &str, legs: &[Leg<'_>], pace: SpeedProfile) -> NamedSubject {
@@ -112,7 +112,7 @@ pub(super) fn motions() -> SubjectGroup {
             paced(
                 "three rounded lines, fastest",
                 &rounded,
-                SpeedProfile::Fastest,
+                SpeedProfile::TimeOptimal,
             ),
         ],
     }

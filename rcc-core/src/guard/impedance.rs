@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_allowed_is_accepted() {
+    fn allowed_set_points_are_accepted() {
         let mut guard = guard();
         assert_eq!(guard.check_impedance(&soft(), CARTESIAN, 1e-3), Ok(()));
         let stiff = IMPEDANCE.default_hold(ControlMode::JointImpedance, 7);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stiffness_changes_no_faster_than_its_rate_but_begins_anywhere() {
+    fn a_stiffness_may_start_anywhere_but_changes_no_faster_than_its_rate() {
         let mut guard = guard();
         let mut asked = soft();
         asked.stiffness[2] = 50.0;
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn another_strategy_than_the_controllers_is_refused_whatever_it_is() {
+    fn any_strategy_other_than_the_controllers_is_refused() {
         let held = |strategy| IMPEDANCE.default_hold(strategy, 7);
         for (asked, _) in ControlMode::ALL {
             for runs in 0..5 {

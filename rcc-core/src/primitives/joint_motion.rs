@@ -117,7 +117,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        pace: SpeedProfile::Even,
+        pace: SpeedProfile::Uniform,
     };
     preparation.motions.path(motion, &request)
 }

@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_goal_is_caught_up_with_and_followed() {
+    fn a_moving_goal_is_reached_and_followed() {
         let (mut bench, mut last) = (bench(0.5, 2.0), [0.0; 2]);
         bench.set_real("goal_velocity", 0.2);
         bench.set_real("goal", 0.0).step();
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_speed_above_a_new_limit_comes_down_as_the_acceleration_allows() {
+    fn a_velocity_above_a_new_limit_decreases_as_the_acceleration_allows() {
         let (mut bench, mut last) = (bench(1.0, 2.0), [0.0; 2]);
         bench.set_real("goal", 0.0).step();
         bench.set_real("goal", 10.0);
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn it_begins_and_is_reset_where_it_is_told_to_be() {
+    fn starts_and_is_reset_at_the_given_position() {
         let mut bench = bench(0.5, 2.0);
         bench.set_real("reset_to", 0.7).set_real("goal", 1.0);
         assert_eq!(bench.step().real("position"), 0.7);

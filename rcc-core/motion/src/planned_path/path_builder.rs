@@ -162,7 +162,7 @@ impl<'a> PathBuilder<'a> {
                     tighter(&leg_shape.bounds, &next.bounds)
                 }),
                 // With the time-optimal profile the speed of a leg is a limit; otherwise it is to be kept.
-                given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Even),
+                given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Uniform),
                 samples,
             });
         }
@@ -206,8 +206,8 @@ impl<'a> PathBuilder<'a> {
             }
             let bounds = section_parts.even(self.dt_s)?;
             let timed = match pace {
-                SpeedProfile::Even => None,
-                SpeedProfile::Fastest => fastest(self, range.clone(), duration_s(&bounds)),
+                SpeedProfile::Uniform => None,
+                SpeedProfile::TimeOptimal => fastest(self, range.clone(), duration_s(&bounds)),
             };
             let (bounds, stops, time_law) = match timed {
                 Some((time_law, timed)) => {

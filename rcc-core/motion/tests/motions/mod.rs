@@ -223,8 +223,8 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
     };
     let legs = legs(kind, &drawn, &mut random);
     let pace = match kind {
-        MotionKind::Fastest => SpeedProfile::Fastest,
-        _ => SpeedProfile::Even,
+        MotionKind::Fastest => SpeedProfile::TimeOptimal,
+        _ => SpeedProfile::Uniform,
     };
     let Some(motion) = build(robot, (&drawn, &legs), pace) else {
         return RunOutcome::Refused;
@@ -280,7 +280,7 @@ pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64;
     let (drawn, mut random) = unbound(kind, robot, seed)?;
     let legs = legs(kind, &drawn, &mut random);
     let (mut times_s, mut built_s) = ([0.0; 2], [0.0; 2]);
-    for (index, pace) in [SpeedProfile::Even, SpeedProfile::Fastest]
+    for (index, pace) in [SpeedProfile::Uniform, SpeedProfile::TimeOptimal]
         .into_iter()
         .enumerate()
     {

@@ -42,18 +42,18 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         let cycles = run.iter().map(|part| part.len() - 1).sum::<usize>();
         Some((cycles as f64 * drawn.dt_s, run))
     };
-    let (even_s, _) = run(robot, SpeedProfile::Even)?;
-    let (fastest_s, fastest) = run(robot, SpeedProfile::Fastest)?;
+    let (even_s, _) = run(robot, SpeedProfile::Uniform)?;
+    let (fastest_s, fastest) = run(robot, SpeedProfile::TimeOptimal)?;
     let loose_s = [
-        run(&loose, SpeedProfile::Even)?.0,
-        run(&loose, SpeedProfile::Fastest)?.0,
+        run(&loose, SpeedProfile::Uniform)?.0,
+        run(&loose, SpeedProfile::TimeOptimal)?.0,
     ];
     let slowly = SpeedOverride {
         speed: (even_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
     };
     // The even profile is slower in bends, which gives more samples there.
-    let path = build(robot, (&drawn, &legs), SpeedProfile::Even)?;
+    let path = build(robot, (&drawn, &legs), SpeedProfile::Uniform)?;
     let path = self::run(path, slowly)?;
     let limits = &robot.model.limits;
     let rows = [

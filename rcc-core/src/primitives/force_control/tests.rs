@@ -139,7 +139,7 @@ fn it_finds_the_contact_and_holds_the_force() {
 }
 
 #[test]
-fn what_is_not_known_brings_it_to_rest_within_its_limits() {
+fn null_inputs_bring_the_offset_to_rest_within_its_limits() {
     for null in ["wrench", "force", "active"] {
         let mut bench = bench();
         for _ in 0..100 {
@@ -166,7 +166,7 @@ fn what_is_not_known_brings_it_to_rest_within_its_limits() {
 }
 
 #[test]
-fn a_contact_that_is_lost_ends_at_the_travel() {
+fn after_loss_of_contact_the_offset_ends_at_the_travel() {
     let mut bench = bench();
     on_the_floor(&mut bench, 2000, 0);
     bench.set_reals("wrench", &[0.0; 6]);
