@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use rcc_cli::client::RemoteLoader;
-use rcc_cli::context::{Context, Format};
+use rcc_cli::context::{Context, OutputFormat};
 use rcc_cli::output;
 use rcc_cli::verbs::Verb;
 use rcc_loader::server::codes;
@@ -36,7 +36,7 @@ struct Arguments {
         default_value = "human",
         global = true
     )]
-    output: Format,
+    output: OutputFormat,
     /// Longest time to wait for one answer: 500ms, 2s, 1min.
     #[arg(long, env = "RCC_TIMEOUT", default_value = "2s", value_parser = duration, global = true)]
     timeout: Duration,
@@ -61,7 +61,7 @@ A verb that waits for a net ends with 0 only if the net finished; `cancel --wait
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(told) => return conclude(&told),
+        Err(error) => return conclude(&error),
     };
     let remote = arguments
         .url
@@ -92,17 +92,17 @@ fn main() -> ExitCode {
 }
 
 /// Prints clap's help, version or usage error, and returns the exit code.
-fn conclude(told: &clap::Error) -> ExitCode {
-    if told.use_stderr() {
+fn conclude(error: &clap::Error) -> ExitCode {
+    if error.use_stderr() {
         // The text may quote an argument such as another user's file name: make it printable.
-        output::print_note(&told.to_string());
+        output::print_note(&error.to_string());
     } else if std::io::stdout().is_terminal() {
         // Our own text, printed with colours.
-        let _ = told.print();
+        let _ = error.print();
     } else {
-        output::print_line(&told.to_string());
+        output::print_line(&error.to_string());
     }
-    ExitCode::from(u8::try_from(told.exit_code()).unwrap_or(codes::exit::USAGE))
+    ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(codes::exit::USAGE))
 }
 
 fn duration(text: &str) -> Result<Duration, String> {

@@ -8,7 +8,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{CommandEntry, CommandState, Joints, MonitorRecord};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{HelperRingEnds, EngineRequest, EngineReply, rings};
+use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
 use rcc_ipc::rehearsal::RehearsalReport;
@@ -222,7 +222,7 @@ pub fn run(
         records.extend(std::iter::from_fn(|| cell.ends.records.pop().ok()));
         let time_s = past_ns as f64 / 1e9;
         watch(time_s, &cell.engine);
-        if trace.take(time_s, &records)
+        if trace.record(time_s, &records)
             && let Some(out) = &mut table
         {
             trace.write_line(out, time_s, &records)?;

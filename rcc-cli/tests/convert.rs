@@ -1,4 +1,4 @@
-//! `convert` as a user types it: the predecessor's text into a file that checks. No cell is needed.
+//! `convert` as a user types it: converts a net of the predecessor into a file that `check` accepts. Needs no cell.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

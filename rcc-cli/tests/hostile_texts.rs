@@ -1,5 +1,5 @@
-//! The real `rcc-cli` against a loader whose every text is hostile: nothing that is printed commands a terminal, and JSON
-//! says exactly what was answered. The loader is a thread of the test that answers over TCP.
+//! The real `rcc-cli` against a loader whose texts are all hostile: nothing printed controls the terminal, and JSON
+//! output equals the answer. The loader is a thread of the test that answers over TCP.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -13,7 +13,7 @@ use rcc_loader::server::api::{
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Clears the screen, sets a title, hides text and reorders it.
+/// Clears the screen, sets a title, hides and reorders text.
 const HOSTILE: &str = "x\u{1b}[2J\u{1b}]0;owned\u{7}\u{9b}8m\u{202e}y\u{2066}\u{200b}\r\u{7f}";
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 
@@ -145,7 +145,7 @@ fn to_json(value: &impl Serialize) -> Value {
     serde_json::to_value(value).expect("views are JSON")
 }
 
-/// What the loader answers.
+/// Returns the loader's answer to a request line.
 fn answer(line: &str, refuses: bool) -> (u16, Value) {
     let path = line.split(' ').nth(1).unwrap_or_default();
     let path = path.split('?').next().unwrap_or_default();
@@ -201,7 +201,7 @@ fn serve(mut stream: TcpStream, refuses: bool) {
     }
     let (status, value) = answer(&first, refuses);
     let body = value.to_string();
-    // The client may have gone: then it has had enough.
+    // The client may have closed the connection already.
     let _ = write!(
         stream,
         "HTTP/1.1 {status} X\r\ncontent-type: application/json\r\nconnection: close\r\ncontent-length: {}\r\n\r\n{body}",
@@ -209,7 +209,7 @@ fn serve(mut stream: TcpStream, refuses: bool) {
     );
 }
 
-/// A loader at this address.
+/// Starts a loader; returns its address.
 fn start(refuses: bool) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
     let address = listener.local_addr().expect("an address");
@@ -275,7 +275,7 @@ fn no_verb_prints_what_a_terminal_obeys() {
             shown += usize::from(text.contains("\\u001b[2J"));
         }
     }
-    // The test shows nothing if the verbs do not show what the loader says.
+    // Guards the test itself: most verbs must show what the loader says.
     assert!(shown > 3 * VERBS.len(), "{shown}");
 }
 

@@ -1,10 +1,10 @@
 //! A primitive as a box: lines of text, ports and their positions. Pure.
 
-use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole, PortInfo, SourceInfo};
+use rcc_language::structure::{NetStructure, PortInfo, PrimitiveInfo, PrimitiveRole, SourceInfo};
 
 use super::layout::{LayerConstraint, NodeShape};
 use super::text::{fit, lines, width};
-use super::{Values, constant, is_label, links, shown};
+use super::{PortValues, constant, is_label, links, shown};
 
 /// Font size of ids.
 pub const ID_SIZE: f64 = 13.0;
@@ -101,7 +101,7 @@ impl PrimitiveBox {
 
 /// Returns the boxes of a net: all primitives except those drawn as labels of others.
 #[must_use]
-pub fn boxes(net: &NetStructure, values: Option<&Values>) -> Vec<PrimitiveBox> {
+pub fn boxes(net: &NetStructure, values: Option<&PortValues>) -> Vec<PrimitiveBox> {
     let mut read: Vec<Vec<bool>> = net
         .primitives
         .iter()
@@ -163,7 +163,7 @@ fn boxed(
     part: &PrimitiveInfo,
     read: &[bool],
     watched: &[(usize, String)],
-    values: Option<&Values>,
+    values: Option<&PortValues>,
 ) -> PrimitiveBox {
     let value = |port: &str| values?.get(&format!("{}.{port}", part.id)).cloned();
     let inputs = part.inputs.iter().enumerate();

@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rcc_language::structure::{NetStructure, PrimitiveRole};
 
-use super::layout::{Edge, LayerConstraint, PlanePoint, LinkRoute, NodeShape, layout};
 use super::boxes::{PrimitiveBox, boxes};
-use super::{Values, frame_title, is_label, links};
+use super::layout::{Edge, LayerConstraint, LinkRoute, NodeShape, PlanePoint, layout};
+use super::{PortValues, frame_title, is_label, links};
 
 /// Largest number of boxes that is drawn.
 pub const BOXES_MAX: usize = 400;
@@ -19,7 +19,7 @@ const MARGIN: f64 = 18.0;
 
 /// A laid-out net.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Scene {
+pub struct NetScene {
     /// Boxes and their top left corners.
     pub boxes: Vec<(PrimitiveBox, PlanePoint)>,
     /// Frames of fragments, outer ones first.
@@ -70,7 +70,7 @@ pub struct TooManyBoxes {
 ///
 /// # Errors
 /// Fails if the net has more than [`BOXES_MAX`] boxes.
-pub fn scene(net: &NetStructure, values: Option<&Values>) -> Result<Scene, TooManyBoxes> {
+pub fn scene(net: &NetStructure, values: Option<&PortValues>) -> Result<NetScene, TooManyBoxes> {
     let boxes = boxes(net, values);
     if boxes.len() > BOXES_MAX {
         return Err(TooManyBoxes { boxes: boxes.len() });
@@ -87,7 +87,7 @@ pub fn scene(net: &NetStructure, values: Option<&Values>) -> Result<Scene, TooMa
     };
     let arranged = builder.arrange(&root, None);
     let at = |place: usize, at: PlanePoint| (boxes[place].clone(), at);
-    Ok(Scene {
+    Ok(NetScene {
         boxes: arranged
             .boxes
             .into_iter()
@@ -197,7 +197,7 @@ struct EdgeBuilder<'a> {
     builder: &'a SceneBuilder<'a>,
     group: &'a FrameGroup,
     inner: &'a [GroupLayout],
-    /// By primitive: the box or group of this group that it is in.
+    /// Box or inner group that contains each primitive.
     owner: BTreeMap<usize, usize>,
     /// Shapes on the border for each incoming and outgoing signal.
     coming: BTreeMap<Signal, usize>,
@@ -320,12 +320,22 @@ impl SceneBuilder<'_> {
         LinkSegment {
             signal,
             to,
-            route: to_border(route, shapes[from].constraint, shapes[edge.to.0].constraint, width),
+            route: to_border(
+                route,
+                shapes[from].constraint,
+                shapes[edge.to.0].constraint,
+                width,
+            ),
         }
     }
 }
 
-fn to_border(route: LinkRoute, from: LayerConstraint, to: LayerConstraint, width: f64) -> LinkRoute {
+fn to_border(
+    route: LinkRoute,
+    from: LayerConstraint,
+    to: LayerConstraint,
+    width: f64,
+) -> LinkRoute {
     let extended = |mut points: Vec<PlanePoint>| {
         if let (LayerConstraint::First, Some(first)) = (from, points.first().copied()) {
             points.insert(0, PlanePoint { x: 0.0, ..first });
@@ -343,7 +353,11 @@ fn to_border(route: LinkRoute, from: LayerConstraint, to: LayerConstraint, width
 }
 
 impl<'a> EdgeBuilder<'a> {
-    fn new(builder: &'a SceneBuilder<'a>, group: &'a FrameGroup, inner: &'a [GroupLayout]) -> EdgeBuilder<'a> {
+    fn new(
+        builder: &'a SceneBuilder<'a>,
+        group: &'a FrameGroup,
+        inner: &'a [GroupLayout],
+    ) -> EdgeBuilder<'a> {
         let boxes = group.boxes.iter().map(|it| &builder.boxes[*it]);
         let mut owner: BTreeMap<usize, usize> = boxes
             .clone()
@@ -388,7 +402,12 @@ impl<'a> EdgeBuilder<'a> {
                 )
             }
             None => (
-                EdgeBuilder::border(&mut self.coming, &mut self.shapes, signal, LayerConstraint::First),
+                EdgeBuilder::border(
+                    &mut self.coming,
+                    &mut self.shapes,
+                    signal,
+                    LayerConstraint::First,
+                ),
                 0,
             ),
         };
@@ -405,7 +424,12 @@ impl<'a> EdgeBuilder<'a> {
                 )
             }
             None => (
-                EdgeBuilder::border(&mut self.going, &mut self.shapes, signal, LayerConstraint::Last),
+                EdgeBuilder::border(
+                    &mut self.going,
+                    &mut self.shapes,
+                    signal,
+                    LayerConstraint::Last,
+                ),
                 0,
             ),
         };

@@ -7,9 +7,9 @@ use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole};
 mod legend;
 
 use self::legend::Legend;
-use super::layout::{PlanePoint, LinkRoute};
-use super::boxes::{PrimitiveBox, PortLabel};
-use super::scene::{FragmentFrame, LinkSegment, Scene};
+use super::boxes::{PortLabel, PrimitiveBox};
+use super::layout::{LinkRoute, PlanePoint};
+use super::scene::{FragmentFrame, LinkSegment, NetScene};
 use super::text::{fit, lines};
 
 const MARGIN: f64 = 24.0;
@@ -85,7 +85,7 @@ text{fill:#e4e9ef}.paper{fill:#151a21}.words{fill:#9aa5b3}
 
 /// Returns the SVG of a net.
 #[must_use]
-pub fn svg(net: &NetStructure, scene: &Scene) -> String {
+pub fn svg(net: &NetStructure, scene: &NetScene) -> String {
     let wide = (scene.width + 2.0 * MARGIN).max(LEAST_WIDTH).ceil();
     let words = lines(&net.description, 12.0, wide - 2.0 * MARGIN, 4);
     let top = MARGIN + TITLE + 18.0 * words.len() as f64 + 14.0;

@@ -7,14 +7,14 @@ use nalgebra::{Isometry3, Vector3};
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 
 use crate::chain::listed;
-use crate::{Chain, ImportError};
+use crate::{ImportError, JointChain};
 
 /// Tolerance of the axes, rad or m; the comparison of forward kinematics is stricter.
 const SLACK: f64 = 1e-6;
 
 type Vector = Vector3<f64>;
 
-/// What a joint or link lacks.
+/// Mismatch of a joint or link.
 #[derive(Clone, Debug, PartialEq)]
 pub enum GeometryMismatch {
     /// The axis has another direction.
@@ -51,7 +51,9 @@ impl fmt::Display for GeometryMismatch {
             GeometryMismatch::Beside { by, point } => {
                 write!(f, "its axis misses {point} by {:.6} mm", by * 1e3)
             }
-            GeometryMismatch::NoLength { between } => write!(f, "the distance between {between} is zero"),
+            GeometryMismatch::NoLength { between } => {
+                write!(f, "the distance between {between} is zero")
+            }
         }
     }
 }
@@ -87,13 +89,13 @@ impl AxisLine {
 
 /// A chain and its axes, while an arm is fitted to it.
 struct ChainFit<'c> {
-    chain: &'c Chain,
+    chain: &'c JointChain,
     lines: Vec<AxisLine>,
     tip: Isometry3<f64>,
 }
 
 /// Recognises the arm of a chain.
-pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
+pub(crate) fn arm(chain: &JointChain) -> Result<Arm, ImportError> {
     let (axes, tip) = chain.at_zero();
     let lines = axes
         .into_iter()
@@ -114,14 +116,20 @@ pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
 
 impl ChainFit<'_> {
     fn names(&self) -> String {
-        let names = self.chain.revolute_joints.iter().map(|revolute| revolute.name.as_str());
+        let names = self
+            .chain
+            .revolute_joints
+            .iter()
+            .map(|revolute| revolute.name.as_str());
         listed(names)
     }
 
     fn joint(&self, number: usize, mismatch: GeometryMismatch) -> ImportError {
         let revolute = self.chain.revolute_joints.get(number - 1);
         ImportError::Joint {
-            joint: revolute.map(|revolute| revolute.name.clone()).unwrap_or_default(),
+            joint: revolute
+                .map(|revolute| revolute.name.clone())
+                .unwrap_or_default(),
             mismatch,
         }
     }

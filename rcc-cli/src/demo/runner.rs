@@ -7,13 +7,13 @@ use rcc_core::message::MonitorRecord;
 use rcc_loader::server::api::{CommandDetail, DeviceView, StatusView};
 use rcc_loader::server::codes;
 
-use super::recorder::Recorder;
-use super::simulator::{Exchange, Simulator};
-use crate::client::Client;
+use super::recorder::MonitorRecorder;
+use super::simulator::{DatagramExchange, SimulatorClient};
+use crate::client::LoaderClient;
 use crate::failure::Failure;
 use crate::follow::{self, OnRejection};
 use crate::interrupt::Interrupts;
-use crate::output::Printer;
+use crate::output::BackgroundPrinter;
 use crate::supervisor::{POLL_INTERVAL, Supervisor};
 
 /// Longest time to wait for a device to become ready.
@@ -26,19 +26,19 @@ const RECORDS_LIMIT: Duration = Duration::from_secs(1);
 /// The demo's cell, its clients and its recorders.
 pub struct DemoRunner<'a> {
     /// Time at which the cell was up.
-    pub begun: Instant,
+    pub started: Instant,
     /// Supervises the cell.
     pub supervisor: &'a mut Supervisor,
     /// Client of the loader.
-    pub client: &'a Client,
+    pub client: &'a LoaderClient,
     /// Keeps the monitor records.
-    pub recorder: &'a Recorder,
+    pub recorder: &'a MonitorRecorder,
     /// Control port of the simulated arm.
-    pub simulator: &'a mut Simulator,
+    pub simulator: &'a mut SimulatorClient,
     /// Detects Ctrl-C.
     pub interrupts: &'a Interrupts,
     /// Prints progress and notes.
-    pub printer: &'a Printer,
+    pub printer: &'a BackgroundPrinter,
 }
 
 /// A net that has ended, with its recorded data.
@@ -48,7 +48,7 @@ pub struct NetRun {
     /// Its monitor records.
     pub records: Vec<MonitorRecord>,
     /// Datagrams on the wire, from before START until the arm was at rest.
-    pub exchanges: Vec<Exchange>,
+    pub exchanges: Vec<DatagramExchange>,
     /// Late cycles of the executor during the run.
     pub late: u64,
 }
@@ -63,7 +63,7 @@ impl DemoRunner<'_> {
         &mut self,
         name: &str,
         text: &str,
-        mut watch: impl FnMut(&Recorder, &CommandDetail) -> bool,
+        mut watch: impl FnMut(&MonitorRecorder, &CommandDetail) -> bool,
     ) -> Result<NetRun, Failure> {
         let late = self.late()?;
         self.wait_until_ready()?;
@@ -74,7 +74,7 @@ impl DemoRunner<'_> {
             .map_err(simulator_failed)?;
         let loaded = self.load_and_start(name, text)?;
         let id = loaded.command.id;
-        let begun = Instant::now();
+        let started = Instant::now();
         let mut canceled = false;
         let command = loop {
             self.pause()?;
@@ -86,7 +86,7 @@ impl DemoRunner<'_> {
             if follow::is_over(&command.command) {
                 break command;
             }
-            if begun.elapsed() > NET_LIMIT {
+            if started.elapsed() > NET_LIMIT {
                 let message = format!("{name} is not over after {NET_LIMIT:?}");
                 return Err(Failure::new(codes::LOADER_SILENT, message, ""));
             }

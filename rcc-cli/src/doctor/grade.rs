@@ -1,4 +1,4 @@
-//! Grades A to D from the measured wake-up latency, and what each grade allows. Pure.
+//! Grades A to D from the measured wake-up latency, and what each grade suitable_for. Pure.
 //!
 //! The bounds are parts of the period, because a cycle must end before the next one starts. At half a period our
 //! simulated controller also stops rating a connection as perfect. The demo's drivers bridge ten periods by their
@@ -65,7 +65,7 @@ impl Grade {
 
     /// Describes what the grade is suitable for.
     #[must_use]
-    pub fn allows(self) -> &'static str {
+    pub fn suitable_for(self) -> &'static str {
         match self {
             Grade::A => "a real robot at this period",
             Grade::B => "a real robot at this period, with nets that need less than half of it",

@@ -96,11 +96,11 @@ impl GradeRecord {
 
     /// Describes the record in one line.
     #[must_use]
-    pub fn words(&self) -> String {
-        self.words_at(now(), &boot(), &line("/proc/sys/kernel/osrelease"))
+    pub fn summary(&self) -> String {
+        self.summary_at(now(), &boot(), &line("/proc/sys/kernel/osrelease"))
     }
 
-    fn words_at(&self, now: u64, boot: &str, kernel: &str) -> String {
+    fn summary_at(&self, now: u64, boot: &str, kernel: &str) -> String {
         let how = match self.priority {
             Some(priority) => format!("SCHED_FIFO {priority}"),
             None => "without SCHED_FIFO".to_owned(),
@@ -199,17 +199,17 @@ mod tests {
         let mut record = GradeRecord::of(&measured(21, 38));
         (record.at, record.boot, record.kernel) = (1000, "x".to_owned(), "6.1".to_owned());
         assert_eq!(
-            record.words_at(1400, "x", "6.1"),
+            record.summary_at(1400, "x", "6.1"),
             "grade A for 1.0 ms, measured 6 min ago: max 38.0 µs in 5 000 cycles, SCHED_FIFO 80, core 1"
         );
         assert!(
             record
-                .words_at(1400, "y", "6.1")
+                .summary_at(1400, "y", "6.1")
                 .ends_with("before the last start of this machine")
         );
         assert!(
             record
-                .words_at(1400, "x", "6.2")
+                .summary_at(1400, "x", "6.2")
                 .ends_with("under another kernel (6.1): measure again")
         );
     }

@@ -131,7 +131,7 @@ impl MonitorTrace {
     }
 
     /// Records the values of one cycle at `time_s` (s since the start); returns true if there were any.
-    pub fn take(&mut self, time_s: f64, records: &[MonitorRecord]) -> bool {
+    pub fn record(&mut self, time_s: f64, records: &[MonitorRecord]) -> bool {
         for column in &mut self.columns {
             let record = records
                 .iter()

@@ -34,12 +34,12 @@ impl Supervisor {
         let is_impatient = || interrupts.count() > asked;
         // Commands of an executor that this supervisor did not start are left alone.
         if self.has_own_executor() {
-            self.end_commands(&is_impatient);
+            self.end_nets(&is_impatient);
             self.wait_for_rest(&is_impatient);
         }
         let mut clean_end = true;
-        for stage in ProcessKind::ALL {
-            clean_end &= self.end_stage(stage);
+        for kind in ProcessKind::ALL {
+            clean_end &= self.stop_processes(kind);
         }
         clean_end & self.remove_files()
     }
@@ -51,7 +51,7 @@ impl Supervisor {
         own.is_some() && served.is_none_or(|status| Some(status.executor.pid) == own)
     }
 
-    fn end_commands(&mut self, is_impatient: &dyn Fn() -> bool) {
+    fn end_nets(&mut self, is_impatient: &dyn Fn() -> bool) {
         let begun = Instant::now();
         let mut canceled = Vec::new();
         loop {
@@ -100,14 +100,14 @@ impl Supervisor {
     }
 
     /// Sends SIGTERM to all processes of a kind, then SIGKILL to those that remain. Returns true if none was killed.
-    fn end_stage(&mut self, stage: ProcessKind) -> bool {
-        let of_stage = |child: &&mut child::Child| child.spec.kind == stage;
-        for child in self.children.iter_mut().filter(of_stage) {
+    fn stop_processes(&mut self, kind: ProcessKind) -> bool {
+        let of_kind = |child: &&mut child::Child| child.spec.kind == kind;
+        for child in self.children.iter_mut().filter(of_kind) {
             child.signal(Signal::SIGTERM);
         }
-        let limit = Instant::now() + self.patience();
+        let limit = Instant::now() + self.stop_timeout();
         let mut killed = Vec::new();
-        for child in self.children.iter_mut().filter(of_stage) {
+        for child in self.children.iter_mut().filter(of_kind) {
             while child.pid().is_some() && child.ended().is_none() {
                 if Instant::now() >= limit {
                     child.signal(Signal::SIGKILL);

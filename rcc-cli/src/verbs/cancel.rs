@@ -37,7 +37,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         let command = follow::brief(&client, &done.id.to_string())?;
         if follow::is_over(&command) {
             context.print(&command, |command: &CommandView| {
-                let (title, state) = (follow::title(command), follow::state_words(command));
+                let (title, state) = (follow::title(command), follow::state_text(command));
                 let passed = begun.elapsed().as_secs_f64();
                 let first = match command.reason.as_deref() {
                     Some("finished") => ", before it could be canceled",
@@ -45,7 +45,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 };
                 format!("{title}  {state}  after {passed:.2} s{first}")
             });
-            return follow::judge(&command, RequestedEnd::Cancel);
+            return follow::exit_result(&command, RequestedEnd::Cancel);
         }
         if begun.elapsed() > patience {
             let title = follow::title(&command);

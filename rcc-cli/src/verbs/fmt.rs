@@ -4,10 +4,10 @@ use rcc_language::format::{FormatError, format};
 use rcc_loader::server::codes::{self, exit};
 use serde::Serialize;
 
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::follow::read_text;
-use crate::output::{print_line, print_file};
+use crate::output::{print_file, print_line};
 
 /// Arguments of `fmt`.
 #[derive(clap::Args, Debug)]
@@ -51,7 +51,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if worst == 0 {
         Ok(())
     } else {
-        Err(Failure::said(worst))
+        Err(Failure::reported(worst))
     }
 }
 
@@ -68,7 +68,7 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
     if changed && !arguments.check {
         std::fs::write(file, &written).map_err(|error| Failure::unreadable(file, &error))?;
     }
-    if context.format == Format::Human {
+    if context.format == OutputFormat::Human {
         match (changed, arguments.check) {
             (true, true) => print_line(&format!("{name}: not formatted (run `rcc-cli fmt`)")),
             (true, false) => print_line(&format!("{name}: formatted")),
@@ -88,7 +88,7 @@ fn refused(name: &str, error: FormatError) -> Failure {
     let what = format!("{name} is unchanged: {error}");
     match error {
         FormatError::Faulty(faults) | FormatError::WouldLose(faults) => {
-            Failure::of_faults(&what, &faults)
+            Failure::from_faults(&what, &faults)
         }
         FormatError::Json => Failure {
             exit: exit::INVALID,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use rcc_graph::Values;
+use rcc_graph::PortValues;
 use rcc_graph::scene::{BOXES_MAX, scene};
 use rcc_graph::{dot::dot, mermaid::mermaid, svg::svg};
 use rcc_language::structure::literal_label;
@@ -84,7 +84,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Returns the values of a loaded net by port, as text.
-fn values(context: &Context, net: &str) -> Result<Values, Failure> {
+fn values(context: &Context, net: &str) -> Result<PortValues, Failure> {
     let answer = context.client()?.values(net, &[])?;
     let rows = answer.values.iter();
     Ok(rows.map(|row| (row.port.clone(), words(row))).collect())
@@ -115,7 +115,10 @@ fn one(value: &Value) -> String {
         return infinite.clone();
     }
     match value.as_f64().filter(|_| !value.is_i64()) {
-        Some(number) => literal_label(&Literal::new(LiteralShape::Real(number, None), Default::default())),
+        Some(number) => literal_label(&Literal::new(
+            LiteralShape::Real(number, None),
+            Default::default(),
+        )),
         None => value.to_string(),
     }
 }

@@ -4,13 +4,13 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rcc_engine::incident::{EXTENSION, IncidentHead, IncidentError, read_head};
+use rcc_engine::incident::{EXTENSION, IncidentError, IncidentHead, read_head};
 use rcc_ipc::Cell;
 use rcc_loader::server::api::Frozen;
 use rcc_loader::server::codes;
 use serde::Serialize;
 
-use crate::context::{Context, of_cell};
+use crate::context::{Context, cell_failure};
 use crate::failure::Failure;
 use crate::incident::IncidentNet;
 use crate::output::print_note;
@@ -70,7 +70,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 /// Returns the cell's folder of incidents.
 fn of(context: &Context) -> Result<PathBuf, Failure> {
     let name = context.cell_name();
-    let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
+    let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
     let cell = cell.ok_or_else(|| {
         Failure::new(
             codes::NO_LOADER,

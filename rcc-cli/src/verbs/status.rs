@@ -75,7 +75,7 @@ fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
         executor.grade,
         measured.map_or_else(
             || "not graded yet: run `rcc-cli doctor`".to_owned(),
-            GradeRecord::words
+            GradeRecord::summary
         )
     );
     let mut rows = table::table(&["PROCESS", "PID", "INCARNATION", "STATE"]);

@@ -13,8 +13,8 @@ use rcc_loader::server::codes;
 use serde::Serialize;
 
 use super::duration;
-use crate::client::Client;
-use crate::context::{Context, Format};
+use crate::client::LoaderClient;
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 
@@ -44,7 +44,7 @@ struct TopSnapshot {
 }
 
 impl TopSnapshot {
-    fn take(client: &Client) -> Result<TopSnapshot, Failure> {
+    fn take(client: &LoaderClient) -> Result<TopSnapshot, Failure> {
         Ok(TopSnapshot {
             status: client.get("/status")?,
             nets: client.get("/commands")?,
@@ -63,7 +63,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let snapshot = TopSnapshot::take(&client)?;
     let terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
-    if arguments.once || !terminal || context.format == Format::Json {
+    if arguments.once || !terminal || context.format == OutputFormat::Json {
         context.print(&snapshot, text::text);
         return Ok(());
     }
@@ -86,16 +86,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 /// Shows the live view until it is closed. If the cell stops answering, the error appears below the last data.
 fn live(
     mut terminal: DefaultTerminal,
-    client: &Client,
+    client: &LoaderClient,
     mut snapshot: TopSnapshot,
     every: Duration,
     interrupts: &Interrupts,
 ) -> io::Result<()> {
-    let mut told = String::new();
+    let mut message = String::new();
     let mut taken = Instant::now();
     loop {
         terminal.draw(|frame| {
-            screen::draw(frame, &snapshot, &told);
+            screen::draw(frame, &snapshot, &message);
             make_printable(frame.buffer_mut());
         })?;
         let mut changed = false;
@@ -106,7 +106,7 @@ fn live(
             if event::poll(POLL_INTERVAL)? {
                 match key_action(&event::read()?) {
                     KeyAction::End => return Ok(()),
-                    KeyAction::Acknowledge => told = acknowledge(client),
+                    KeyAction::Acknowledge => message = acknowledge(client),
                     KeyAction::Draw => {}
                     KeyAction::Nothing => continue,
                 }
@@ -116,7 +116,7 @@ fn live(
                 taken = Instant::now();
                 match TopSnapshot::take(client) {
                     Ok(new) => snapshot = new,
-                    Err(failure) => told = failure.human(false).replace('\n', " "),
+                    Err(failure) => message = failure.human(false).replace('\n', " "),
                 }
                 changed = true;
             }
@@ -133,7 +133,7 @@ fn make_printable(picture: &mut Buffer) {
     }
 }
 
-fn acknowledge(client: &Client) -> String {
+fn acknowledge(client: &LoaderClient) -> String {
     let done = client.post::<Acknowledged>("/status/acknowledge", String::new());
     match done {
         Ok(done) => format!(
@@ -213,8 +213,14 @@ mod tests {
         let key = |code, modifiers| key_action(&Event::Key(KeyEvent::new(code, modifiers)));
         assert_eq!(key(KeyCode::Char('q'), KeyModifiers::NONE), KeyAction::End);
         assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), KeyAction::End);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), KeyAction::End);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), KeyAction::Nothing);
+        assert_eq!(
+            key(KeyCode::Char('c'), KeyModifiers::CONTROL),
+            KeyAction::End
+        );
+        assert_eq!(
+            key(KeyCode::Char('c'), KeyModifiers::NONE),
+            KeyAction::Nothing
+        );
         assert_eq!(
             key(KeyCode::Char('a'), KeyModifiers::NONE),
             KeyAction::Acknowledge

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::follow::given;
+use crate::follow::read_named_text;
 use crate::identify::readings::{self, ReadingSelection};
 use crate::identify::{GRAVITY, Identified, identify};
 
@@ -94,7 +94,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn content(file: &str) -> Result<String, Failure> {
-    given(file, READINGS_MAX).map_err(|error| Failure::unreadable(file, &error))
+    read_named_text(file, READINGS_MAX).map_err(|error| Failure::unreadable(file, &error))
 }
 
 /// Formats a primitive to paste; comments state the quality of the fit.

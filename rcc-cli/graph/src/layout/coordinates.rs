@@ -157,7 +157,9 @@ fn desired(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64,
             return (*desired, total);
         }
         if below * 2.0 == total {
-            let next = desired_tops.get(place + 1).map_or(*desired, |(next, _)| *next);
+            let next = desired_tops
+                .get(place + 1)
+                .map_or(*desired, |(next, _)| *next);
             return ((desired + next) / 2.0, total);
         }
     }

@@ -1,7 +1,7 @@
 //! Horizontal positions of the layers and courses of the links: forward links are horizontal through layers and curved
 //! between them; backward links run in lanes below the boxes. Pure.
 
-use super::{Edge, LayeredGraph, Layout, PlanePoint, LinkRoute, NodeShape};
+use super::{Edge, LayeredGraph, Layout, LinkRoute, NodeShape, PlanePoint};
 
 /// Least distance between two layers.
 const COLUMNS_APART: f64 = 56.0;
@@ -26,7 +26,12 @@ struct BackwardEdge {
 }
 
 /// Computes all positions and courses.
-pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge], tops: &[f64]) -> Layout {
+pub fn routed_layout(
+    layered: &LayeredGraph,
+    shapes: &[NodeShape],
+    edges: &[Edge],
+    tops: &[f64],
+) -> Layout {
     let mut backs: Vec<BackwardEdge> = Vec::new();
     for (edge, it) in edges.iter().enumerate() {
         if layered.dummies[edge].is_none() {
@@ -101,7 +106,12 @@ pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge
 }
 
 /// Moves everything so that the smallest x is 0.
-fn shifted_to_origin(places: Vec<PlanePoint>, routes: Vec<LinkRoute>, width: f64, height: f64) -> Layout {
+fn shifted_to_origin(
+    places: Vec<PlanePoint>,
+    routes: Vec<LinkRoute>,
+    width: f64,
+    height: f64,
+) -> Layout {
     let points = || routes.iter().flat_map(LinkRoute::points);
     let left = points().map(|point| point.x).fold(0.0, f64::min);
     let right = points().map(|point| point.x).fold(width, f64::max);
@@ -118,7 +128,12 @@ fn shifted_to_origin(places: Vec<PlanePoint>, routes: Vec<LinkRoute>, width: f64
     }
 }
 
-fn columns(layered: &LayeredGraph, shapes: &[NodeShape], tops: &[f64], backs: &[BackwardEdge]) -> Vec<LayerColumn> {
+fn columns(
+    layered: &LayeredGraph,
+    shapes: &[NodeShape],
+    tops: &[f64],
+    backs: &[BackwardEdge],
+) -> Vec<LayerColumn> {
     let mut steep = vec![0.0_f64; layered.layers.len()];
     for it in &layered.segments {
         let height = (tops[it.from] + it.from_y - tops[it.to] - it.to_y).abs();

@@ -6,7 +6,7 @@ use rcc_language::structure::PrimitiveRole;
 
 use super::{MARGIN, ROLES, short, text};
 use crate::boxes::PORT_SIZE;
-use crate::scene::Scene;
+use crate::scene::NetScene;
 use crate::text::width;
 
 /// Style classes and texts of the colours and marks in a diagram.
@@ -14,7 +14,7 @@ pub struct Legend(Vec<(&'static str, &'static str)>);
 
 impl Legend {
     /// Collects the entries for a scene.
-    pub fn of(scene: &Scene) -> Legend {
+    pub fn of(scene: &NetScene) -> Legend {
         let has = |role: PrimitiveRole| scene.boxes.iter().any(|(it, _)| it.role == role);
         let roles = ROLES.iter().filter(|(role, ..)| has(*role));
         let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();

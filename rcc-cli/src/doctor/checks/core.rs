@@ -12,8 +12,14 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         )];
     };
     if !cpu.online.is_empty() && !cpu.online.contains(&core) {
-        let what = format!("core {core} does not exist; available cores: {}", cores(&cpu.online));
-        return vec![HealthFinding::fail(what, "set executor.core to one of them")];
+        let what = format!(
+            "core {core} does not exist; available cores: {}",
+            cores(&cpu.online)
+        );
+        return vec![HealthFinding::fail(
+            what,
+            "set executor.core to one of them",
+        )];
     }
     if !cpu.allowed.is_empty() && !cpu.allowed.contains(&core) {
         return vec![HealthFinding::note(format!(

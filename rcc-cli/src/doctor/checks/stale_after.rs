@@ -7,7 +7,8 @@ use crate::doctor::grade::{Grade, STALE_USUAL_NS};
 use crate::table::time;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
-    let (Some(stale_ns), Some(measured)) = (facts.requirements.stale_after_ns, &facts.measured) else {
+    let (Some(stale_ns), Some(measured)) = (facts.requirements.stale_after_ns, &facts.measured)
+    else {
         return Vec::new();
     };
     let grade = Grade::of(measured);

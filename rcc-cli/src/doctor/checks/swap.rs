@@ -39,8 +39,10 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     }
     if memory.overcommit == Some(2) {
         found.push(
-            HealthFinding::note("vm.overcommit_memory is 2: allocations fail when requested, not when used")
-                .fix("none, unless a process of the cell fails to start for lack of memory"),
+            HealthFinding::note(
+                "vm.overcommit_memory is 2: allocations fail when requested, not when used",
+            )
+            .fix("none, unless a process of the cell fails to start for lack of memory"),
         );
     }
     found

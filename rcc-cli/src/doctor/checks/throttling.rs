@@ -11,10 +11,12 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         return Vec::new();
     };
     if run < 0 {
-        return vec![HealthFinding::note(
-            "real-time throttling is off: a thread that never sleeps would freeze the machine",
-        )
-        .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000, unless it is off on purpose")];
+        return vec![
+            HealthFinding::note(
+                "real-time throttling is off: a thread that never sleeps would freeze the machine",
+            )
+            .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000, unless it is off on purpose"),
+        ];
     }
     let percent = run.saturating_mul(100) / period.max(1);
     if percent < USUAL_PERCENT {

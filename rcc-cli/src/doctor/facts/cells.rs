@@ -12,7 +12,7 @@ use rcc_loader::server::api::ExecutorView;
 use rcc_loader::server::api::StatusView;
 use rcc_os::wall;
 
-use crate::client::Client;
+use crate::client::LoaderClient;
 use crate::doctor::processes;
 
 /// Longest time to wait for a loader's answer.
@@ -99,7 +99,7 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
     };
     let left = cell.leftovers().unwrap_or_default();
     let executor = (!living.is_empty())
-        .then(|| Client::new(&name, &cell.socket(), ANSWER).ok())
+        .then(|| LoaderClient::new(&name, &cell.socket(), ANSWER).ok())
         .flatten()
         .and_then(|client| client.get::<StatusView>("/status").ok())
         .map(|status| status.executor);

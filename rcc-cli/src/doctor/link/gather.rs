@@ -53,7 +53,10 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     match (&chosen.cell, facts.pid) {
         (Some(cell), Some(_)) => {
             facts.before = DriverStatus::of(cell, &device.name);
-            facts.driver_status = newer(|| DriverStatus::of(cell, &device.name), facts.before.as_ref());
+            facts.driver_status = newer(
+                || DriverStatus::of(cell, &device.name),
+                facts.before.as_ref(),
+            );
         }
         _ => listen(chosen, device, &mut facts),
     }
@@ -64,7 +67,8 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     };
     facts.holder = address("listen").and_then(sockets::holder);
     // Some servers accept a single client only: none is tried while a driver exchanges data.
-    let exchanges = |told: &Option<DriverStatus>| told.as_ref().map_or(0, |told| told.exchanges);
+    let exchanges =
+        |status: &Option<DriverStatus>| status.as_ref().map_or(0, |status| status.exchanges);
     let works = exchanges(&facts.driver_status) > exchanges(&facts.before);
     facts.connects = address("server").filter(|_| !works).map(|server| {
         TcpStream::connect_timeout(&server, CONNECT)
@@ -75,12 +79,15 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
 }
 
 /// Waits for the driver's next status; returns the last one if none arrives.
-fn newer(read: impl Fn() -> Option<DriverStatus>, before: Option<&DriverStatus>) -> Option<DriverStatus> {
+fn newer(
+    read: impl Fn() -> Option<DriverStatus>,
+    before: Option<&DriverStatus>,
+) -> Option<DriverStatus> {
     let begun = Instant::now();
     loop {
         let now = read();
         let is_news =
-            now.is_some() && now.as_ref().map(|told| told.at) != before.map(|told| told.at);
+            now.is_some() && now.as_ref().map(|status| status.at) != before.map(|status| status.at);
         if is_news || begun.elapsed() > NEWS {
             return now;
         }

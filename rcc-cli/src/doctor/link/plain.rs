@@ -83,7 +83,10 @@ fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     };
     if exchanges == 0 {
         let fix = "follow the message; the driver's log gives the address and cause";
-        return Some(HealthFinding::fail(format!("no data is exchanged: {words}"), fix));
+        return Some(HealthFinding::fail(
+            format!("no data is exchanged: {words}"),
+            fix,
+        ));
     }
     match reason {
         0 => Some(HealthFinding::ok("the device answers and can be commanded")),
@@ -177,9 +180,8 @@ mod tests {
             json!({"opened": true, "exchanges": 9, "last": {"reason": 0, "reason_words": ""}}),
         );
         assert_eq!(LinkReport::of(&facts).failed, None);
-        facts.probe = Some(
-            json!({"opened": false, "error": "devices.io.settings.unit: invalid value 300"}),
-        );
+        facts.probe =
+            Some(json!({"opened": false, "error": "devices.io.settings.unit: invalid value 300"}));
         assert_eq!(LinkReport::of(&facts).failed, Some("settings"));
     }
 }

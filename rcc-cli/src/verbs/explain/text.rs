@@ -1,7 +1,7 @@
 //! Explanation as text: small nets in full, large nets as totals, further tables on request. Pure.
 
 use super::TableSelection;
-use super::report::{Explanation, NetMemory, StepOutput, CellCapacity};
+use super::report::{CellCapacity, Explanation, NetMemory, StepOutput};
 use crate::table::{self, grouped, time};
 
 /// Nets up to this size are shown in full.
@@ -220,7 +220,9 @@ fn left(room: &CellCapacity) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verbs::explain::report::{Consequence, NullSource, CriticalPath, TypeShare, EvaluationStep};
+    use crate::verbs::explain::report::{
+        Consequence, CriticalPath, EvaluationStep, NullSource, TypeShare,
+    };
 
     fn explanation(steps: usize) -> Explanation {
         let step = |order: usize| EvaluationStep {
@@ -282,12 +284,14 @@ mod tests {
     #[test]
     fn conditional_regions_are_listed_with_their_condition() {
         let mut explanation = explanation(3);
-        explanation.regions.push(super::super::report::ConditionalRegion {
-            id: "a".into(),
-            condition: "button.out".into(),
-            primitives: 500,
-            ns: 1500.0,
-        });
+        explanation
+            .regions
+            .push(super::super::report::ConditionalRegion {
+                id: "a".into(),
+                condition: "button.out".into(),
+                primitives: 500,
+                ns: 1500.0,
+            });
         let text = human(&explanation, TableSelection::default());
         let line =
             "`a` is evaluated only while `button.out` is true: 500 primitives, 1.5 µs when it is";

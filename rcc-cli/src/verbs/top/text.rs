@@ -72,7 +72,7 @@ pub(super) fn nets(snapshot: &TopSnapshot) -> Vec<[String; 6]> {
         .map(|net| {
             [
                 follow::title(net),
-                follow::state_words(net),
+                follow::state_text(net),
                 percent(net.exec_mean_ns, period_ns),
                 time(net.exec_mean_ns),
                 format!("{} / {}", time(net.exec_last_ns), time(net.exec_max_ns)),
