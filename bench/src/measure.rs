@@ -62,7 +62,7 @@ impl Effort {
 pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<TimeStats> {
     let cycles: Vec<usize> = subjects
         .iter_mut()
-        .map(|subject| fitting(subject, effort.stretch))
+        .map(|subject| fitting_cycles(subject, effort.stretch))
         .collect();
     let mut rounds = vec![Vec::with_capacity(effort.rounds); subjects.len()];
     for _ in 0..effort.rounds {
@@ -77,7 +77,7 @@ pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<TimeStats>
 }
 
 /// Returns the number of cycles that take about the wanted time.
-fn fitting(subject: &mut Subject<'_>, wanted: Duration) -> usize {
+fn fitting_cycles(subject: &mut Subject<'_>, wanted: Duration) -> usize {
     let mut cycles = 1;
     loop {
         let took = (subject.0)(cycles);
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_is_the_middle_and_both_ends() {
+    fn a_summary_has_the_median_and_both_extremes() {
         let figure = figure(vec![5.0, 1.0, 9.0, 2.0, 3.0]);
         assert_eq!(
             figure,

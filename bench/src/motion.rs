@@ -115,8 +115,8 @@ fn model() -> DeviceModel {
     }
 }
 
-/// A pose beside where motions begin.
-fn beside(x: f64, y: f64, z: f64) -> Pose {
+/// Returns a pose relative to the start pose, in the flange's frame: offset by `x`, `y`, `z`, m, and rotated by 0.1 rad.
+fn offset_from_start(x: f64, y: f64, z: f64) -> Pose {
     let start = lwr().forward(&HOLD);
     start.compose(&Pose::from_xyz_rpy([x, y, z], [0.1, 0.0, 0.0]))
 }

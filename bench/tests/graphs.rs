@@ -43,7 +43,7 @@ fn graphs_with_null_agree_with_the_reference() {
 }
 
 #[test]
-fn equal_primitives_come_one_after_the_other() {
+fn equal_primitives_are_grouped_into_runs() {
     // At least three per run, in the mix with the deepest graphs and the fewest operations; sorting by the longest
     // ready list gives 2.2.
     let graph = Graph::load("scalar", 2000).unwrap();

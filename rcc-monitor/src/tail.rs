@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_monitor_is_meant_by_its_port_and_by_its_own_id() {
+    fn a_monitor_is_selected_by_its_port_or_by_its_own_id() {
         for (pattern, shown) in [("line/move.*", true), ("*/watch", true), ("other/*", false)] {
             let line = printed(Format::Human, &[pattern], &[1.0], "Real");
             assert_eq!(!line.is_empty(), shown, "{pattern}");

@@ -600,7 +600,7 @@ pub struct ProcessView {
 pub struct PrimitiveView {
     /// Name of the type in nets.
     pub name: String,
-    /// What it does.
+    /// Description in one sentence.
     pub summary: String,
     /// Chapter of the manual.
     #[serde(default)]

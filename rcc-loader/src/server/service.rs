@@ -619,7 +619,7 @@ impl Service {
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
         let disagreement = |device: &str| self.disagreement(device);
         what(&NameResolver {
-            config: &self.naming(),
+            config: &self.naming_config(),
             disagreement: &disagreement,
             net: &net,
             names: &names,
