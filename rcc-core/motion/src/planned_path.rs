@@ -39,7 +39,7 @@ const STEPS: usize = 128;
 struct InverseHints {
     /// Branch and arm angle.
     elbow: ElbowProfile,
-    /// Joints at even steps: they select the turn of each joint, and its value in a singular position.
+    /// Joints at equidistant steps: they select the turn of each joint, and its value in a singular position.
     joints: Box<[Joints]>,
 }
 

@@ -33,7 +33,7 @@ fn steps(piece: &ChainPiece) -> usize {
     }
 }
 
-/// Path parameters at even steps.
+/// Path parameters at equidistant steps.
 fn places(piece: &ChainPiece, steps: usize) -> impl Iterator<Item = f64> {
     let (begin, step) = (piece.begin, piece.length() / steps as f64);
     (0..=steps).map(move |number| begin + step * number as f64)
@@ -41,7 +41,7 @@ fn places(piece: &ChainPiece, steps: usize) -> impl Iterator<Item = f64> {
 
 /// The samples of a piece.
 pub(super) struct PieceSamples {
-    /// Derivatives of flange and joints at even steps, ends included.
+    /// Derivatives of flange and joints at equidistant steps, ends included.
     pub(super) points: Vec<DerivativeSample>,
     /// Joints with their derivatives at the same steps.
     pub(super) jets: Vec<[Jet; JOINTS_MAX]>,

@@ -44,7 +44,7 @@ pub(crate) struct LimitShares {
 }
 
 /// For a path on which the clock does all the acceleration.
-pub(crate) const EVEN_SHARES: LimitShares = LimitShares {
+pub(crate) const UNIFORM_SHARES: LimitShares = LimitShares {
     trials: &[
         1.0, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.01,
     ],
@@ -79,7 +79,7 @@ pub(crate) type QuantityLimits = [[f64; 3]; QUANTITIES];
 /// Samples of a part of a path, with its limits.
 #[derive(Debug, Clone)]
 pub(crate) struct SampledPart {
-    /// Samples at even steps, ends included.
+    /// Samples at equidistant steps, ends included.
     pub(crate) samples: Vec<DerivativeSample>,
     /// Limits of each quantity.
     pub(crate) bounds: QuantityLimits,
@@ -329,10 +329,14 @@ const STOP_PARTS: [usize; 2] = [2, 8];
 /// Fractions of the greatest acceleration on these parts: harder braking requires a lower speed in bends.
 const STOP_ACCELERATIONS: [f64; 3] = [0.9, 0.6, 0.3];
 
-/// Limits for stops on each part, those with the hardest braking first; the last are `even`, the limits of the whole
+/// Limits for stops on each part, those with the hardest braking first; the last are `uniform`, the limits of the whole
 /// path.
-pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Box<[BrakingLimits]> {
-    let dt_s = even.dt_s();
+pub(crate) fn stops(
+    parts: &[SampledPart],
+    ends: &[f64],
+    uniform: PathBounds,
+) -> Box<[BrakingLimits]> {
+    let dt_s = uniform.dt_s();
     let begins = core::iter::once(0.0).chain(ends.iter().copied());
     let mut stops = Vec::new();
     for ((first, from), until) in begins.enumerate().zip(ends) {
@@ -344,9 +348,15 @@ pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Bo
             let greatest = greatest(near);
             for acceleration in STOP_ACCELERATIONS.map(|trial| trial * greatest) {
                 let velocities: Vec<f64> = (near.iter())
-                    .map(|part| speed(part, acceleration, &EVEN_SHARES))
+                    .map(|part| speed(part, acceleration, &UNIFORM_SHARES))
                     .collect();
-                let bounds = clock((near, ends), &velocities, acceleration, dt_s, &EVEN_SHARES);
+                let bounds = clock(
+                    (near, ends),
+                    &velocities,
+                    acceleration,
+                    dt_s,
+                    &UNIFORM_SHARES,
+                );
                 stops.extend(bounds.map(|bounds| BrakingLimits {
                     from,
                     until: *until,
@@ -357,8 +367,8 @@ pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Bo
     }
     stops.push(BrakingLimits {
         from: 0.0,
-        until: even.length(),
-        bounds: even,
+        until: uniform.length(),
+        bounds: uniform,
     });
     stops.into()
 }

@@ -54,11 +54,12 @@ struct PathConstraints {
     rows: Vec<[f64; 3]>,
 }
 
-/// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `even_s` (s).
+/// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `uniform_s`
+/// (s).
 pub(super) fn fastest(
     builder: &PathBuilder<'_>,
     range: Range<usize>,
-    even_s: f64,
+    uniform_s: f64,
 ) -> Option<(TimeLaw, PathBounds)> {
     let mut best: Option<(f64, TimeLaw, PathBounds)> = None;
     let window_s = WINDOW_JERK.recip() * ramp_time_s(builder, range.clone())?;
@@ -74,7 +75,7 @@ pub(super) fn fastest(
                 continue;
             };
             let time_s = rolling_duration_s(&bounds, time_law.duration());
-            let least = best.as_ref().map_or(even_s, |(least, ..)| *least);
+            let least = best.as_ref().map_or(uniform_s, |(least, ..)| *least);
             if time_s < least {
                 best = Some((time_s, time_law, bounds));
             }

@@ -273,8 +273,8 @@ fn crawls(mut motion: MotionSet) -> bool {
     states.all(|state| state.is_some_and(|state| !state.path.done))
 }
 
-/// Durations of the motion of this seed with the even and the time-optimal profile, s, and the time to build each, s;
-/// `None` if it cannot be built.
+/// Durations of the motion of this seed with the uniform and the time-optimal profile, s, and the time to build each,
+/// s; `None` if it cannot be built.
 #[must_use]
 pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
     let (drawn, mut random) = unbound(kind, robot, seed)?;

@@ -21,7 +21,7 @@ pub struct Sampled {
     pub path: Vec<Vec<Sample>>,
     /// Clock value and joints in each cycle of the same sections, time-optimal.
     pub fastest: Vec<Vec<Sample>>,
-    /// Duration with the even and the time-optimal profile, s.
+    /// Duration with the uniform and the time-optimal profile, s.
     pub times_s: [f64; 2],
     /// The same with a jerk limit that is `jerk` times as high, s.
     pub loose_s: [f64; 2],
@@ -42,17 +42,17 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         let cycles = run.iter().map(|part| part.len() - 1).sum::<usize>();
         Some((cycles as f64 * drawn.dt_s, run))
     };
-    let (even_s, _) = run(robot, SpeedProfile::Uniform)?;
+    let (uniform_s, _) = run(robot, SpeedProfile::Uniform)?;
     let (fastest_s, fastest) = run(robot, SpeedProfile::TimeOptimal)?;
     let loose_s = [
         run(&loose, SpeedProfile::Uniform)?.0,
         run(&loose, SpeedProfile::TimeOptimal)?.0,
     ];
     let slowly = SpeedOverride {
-        speed: (even_s / drawn.dt_s / CYCLES).min(1.0),
+        speed: (uniform_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
     };
-    // The even profile is slower in bends, which gives more samples there.
+    // The uniform profile is slower in bends, which gives more samples there.
     let path = build(robot, (&drawn, &legs), SpeedProfile::Uniform)?;
     let path = self::run(path, slowly)?;
     let limits = &robot.model.limits;
@@ -66,7 +66,7 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         limits: rows.map(|row| row.map(|limit| limit * drawn.scale)),
         path: path.into_iter().map(apart).collect(),
         fastest,
-        times_s: [even_s, fastest_s],
+        times_s: [uniform_s, fastest_s],
         loose_s,
     })
 }
