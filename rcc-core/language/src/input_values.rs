@@ -270,7 +270,7 @@ mod tests {
     #[test]
     fn all_errors_are_reported_with_the_names_of_the_inputs() {
         let text = "{sped: 0.2, speed: 0.3 m/s, on: 1, count: 2 N, joints: [1, 2, 3], goal: {xyz: [1, 2]}}";
-        let told = faults(text);
+        let rendered = faults(text);
         for words in [
             "no Input `sped`",
             "did you mean `speed`?",
@@ -280,7 +280,7 @@ mod tests {
             "`joints` is a Real[2]",
             "xyz",
         ] {
-            assert!(told.contains(words), "{words} is not in\n{told}");
+            assert!(rendered.contains(words), "{words} is not in\n{rendered}");
         }
         assert!(faults("{speed: 0.2 N}").contains("`speed` is in m/s, this is in N"));
     }

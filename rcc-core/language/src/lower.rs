@@ -228,7 +228,7 @@ impl<'a> Lowering<'a> {
         let items = self.net.graph.items.iter().enumerate();
         let keys = items.flat_map(|(number, item)| {
             item.links()
-                .filter(|(_, link)| link.delayed && link.place == ListPosition::default())
+                .filter(|(_, link)| link.delayed && link.position == ListPosition::default())
                 .filter_map(move |(port, link)| Some((number, item.spec().inputs.get(port)?, link)))
         });
         let conditions = self.net.graph.regions.iter();
@@ -319,9 +319,10 @@ impl<'a> Lowering<'a> {
 
     fn place_inputs(&mut self, number: usize) {
         let item = self.item(number);
-        for (index, (feed, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate() {
+        for (index, (input_source, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate()
+        {
             let ty = self.port_type(number, port);
-            let slot = match feed {
+            let slot = match input_source {
                 InputSource::List(list) => match self.place_list(number, index, list) {
                     Some(slot) => slot,
                     None => self.constant(None, ty),

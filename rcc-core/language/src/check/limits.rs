@@ -171,14 +171,14 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             )));
         }
         let ports = item.spec().inputs.iter().zip(&item.inputs);
-        for (port, feed) in ports {
+        for (port, input_source) in ports {
             let ty = net.inferred.port_type(net.graph, number, port.ty);
             let Some(ty) = ty.filter(|ty| ty.width() as usize > MONITOR_WIDTH_MAX) else {
                 continue;
             };
             let message =
                 format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, this is a {ty}");
-            let span = feed_span(feed).unwrap_or(item.primitive.id.span);
+            let span = source_span(input_source).unwrap_or(item.primitive.id.span);
             let fault = Diagnostic::error(fault::TOO_WIDE, span, message);
             faults.push(fault.help("monitor single elements: `value: PRIMITIVE.PORT[0]`"));
         }
@@ -186,8 +186,8 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-fn feed_span(feed: &InputSource<'_>) -> Option<Span> {
-    match feed {
+fn source_span(input_source: &InputSource<'_>) -> Option<Span> {
+    match input_source {
         InputSource::Link(link) => Some(link.span),
         InputSource::Literal(literal) => Some(literal.span),
         InputSource::List(list) => Some(list.span),

@@ -186,9 +186,9 @@ fn becomes_known(
         // A value from another loop counts as known: that loop is reported itself.
         !components.same(number, source) || known.get(source) == Some(&true)
     };
-    let input = |feed: &InputSource<'_>| match feed {
+    let input = |input_source: &InputSource<'_>| match input_source {
         InputSource::Link(link) => link_known(link),
-        InputSource::List(list) => list.leaves.iter().all(|leaf| match leaf {
+        InputSource::List(list) => list.elements.iter().all(|element| match element {
             ListElement::Link(link) => link_known(link),
             ListElement::Literal(literal, _) => literal.shape != LiteralShape::Null,
         }),
@@ -198,7 +198,7 @@ fn becomes_known(
     };
     // An item in a region is null as long as the condition is null.
     if !graph
-        .conditions(item)
+        .regions_of(item)
         .all(|region| input(&region.condition))
     {
         return false;

@@ -180,8 +180,9 @@ pub fn commands_are_not_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         if !matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel) {
             continue;
         }
-        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
-            let Some(literal) = constant(net, feed).filter(|literal| has_null(literal)) else {
+        for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
+            let Some(literal) = constant(net, input_source).filter(|literal| has_null(literal))
+            else {
                 continue;
             };
             let (id, name) = (item.id(), port.name);
