@@ -109,7 +109,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     };
     if !json {
         printer.print_line(&format!(
-            "RCC demo: a KUKA LWR 4+ and an I/O station, simulated, on loopback; cell {name}"
+            "RCC demo: simulated KUKA LWR 4+ and I/O station on loopback; cell {name}"
         ));
     }
     let mut supervisor = Supervisor::start(&name, prepared.clone(), Box::new(print_event))?;
@@ -376,7 +376,7 @@ fn report(
         for check in checks {
             let mark = if check.holds { "ok  " } else { "FAIL" };
             print_line(&format!(
-                "    {mark}  {:<44} {}  (must be: {})",
+                "    {mark}  {:<44} {}  (expected: {})",
                 check.what, check.found, check.expected
             ));
         }

@@ -68,7 +68,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
     }
     put!(
         text,
-        "\n# URDF says no acceleration and no jerk: our choice, full speed after {SPEED_UP_S} s and full acceleration after {JERK_S} s."
+        "\n# The URDF gives no limits of acceleration and jerk: chosen for full speed after {SPEED_UP_S} s and full acceleration after {JERK_S} s."
     );
     put!(
         text,
@@ -83,10 +83,10 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         let degrees = |value: f64| tidy(value.to_degrees());
         let mut missing = Vec::new();
         if revolute.range.is_none() {
-            missing.push("no limits in the URDF: one turn");
+            missing.push("no limits in the URDF: assumed one turn");
         }
         if revolute.velocity.is_none() {
-            missing.push("no speed in the URDF: chosen");
+            missing.push("no speed in the URDF: assumed");
         }
         let comment = match missing.is_empty() {
             true => String::new(),

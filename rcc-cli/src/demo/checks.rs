@@ -191,7 +191,7 @@ fn weld(
         let pair = switched.and_then(|cycle| Some((track.at(cycle - 1)?, track.at(cycle)?)));
         let along = pair.map_or(f64::NAN, |(_, after)| after);
         let position = position.unwrap_or(f64::NAN);
-        let crossing = format!("torch {word} in the cycle of the crossing");
+        let crossing = format!("torch {word} in the crossing cycle");
         let datagram = format!("torch {word} in the datagram of that set-point");
         [
             verify::crosses(&crossing, position, pair),
@@ -235,7 +235,7 @@ fn floor_contact(recorded: &RecordedMotion<'_>) -> MotionCheck {
         .iter()
         .fold(0.0_f64, |most, exchange| most.max(exchange.force[2].abs()));
     MotionCheck::new(
-        "the simulated arm felt the floor",
+        "the simulated arm touched the floor",
         force > 0.0,
         "a force",
         format!("{force:.1} N at most"),
@@ -253,7 +253,7 @@ fn end_reason_check(command: &CommandView, event: MotionEvent) -> MotionCheck {
         .as_ref()
         .map(|fault| format!(": {}", fault.words));
     MotionCheck::new(
-        "the net ended as it should",
+        "the net ended as expected",
         command.reason.as_deref() == Some(expected),
         format!("terminated ({expected})"),
         format!(

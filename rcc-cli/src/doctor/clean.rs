@@ -16,7 +16,7 @@ use super::facts::cells::{self, CellFacts, StrayMemory};
 pub struct Cleaned {
     /// Removed items, one line each.
     pub removed: Vec<String>,
-    /// Items that can_reach not be removed, with the reason, one line each.
+    /// Items that could not be removed, with the reason, one line each.
     pub refused: Vec<String>,
 }
 

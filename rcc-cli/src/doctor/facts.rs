@@ -47,7 +47,7 @@ pub struct MachineFacts {
     pub strays: Vec<cells::StrayMemory>,
     /// Measured wake-up latency.
     pub measured: Option<WakeUpMeasurement>,
-    /// Reason why it can_reach not be measured.
+    /// Reason why it could not be measured.
     pub not_measured: Option<String>,
     /// Activity of the machine during the measurement.
     pub activity: cpu::MachineActivity,

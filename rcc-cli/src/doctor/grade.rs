@@ -1,4 +1,4 @@
-//! Grades A to D from the measured wake-up latency, and what each grade suitable_for. Pure.
+//! Grades A to D from the measured wake-up latency, and what each grade allows. Pure.
 //!
 //! The bounds are parts of the period, because a cycle must end before the next one starts. At half a period our
 //! simulated controller also stops rating a connection as perfect. The demo's drivers bridge ten periods by their

@@ -24,7 +24,7 @@ pub struct DoctorReport {
     pub worst: FindingLevel,
     /// Grade, if measured.
     pub grade: Option<Grade>,
-    /// Shortest `stale_after` that the grade suitable_for, ns.
+    /// Shortest `stale_after` that the grade allows, ns.
     pub stale_after_min_ns: Option<u64>,
     /// Measured wake-up latency.
     pub measured: Option<WakeUpMeasurement>,

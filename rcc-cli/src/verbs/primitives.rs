@@ -114,7 +114,7 @@ fn list(all: &[PrimitiveView]) -> String {
 fn one(view: &PrimitiveView) -> String {
     let mut text = format!("{}  {}\n  null: {}\n", view.name, view.summary, view.null);
     if !view.undefined.is_empty() {
-        text = format!("{text}  no result for: {}\n", view.undefined);
+        text = format!("{text}  undefined for: {}\n", view.undefined);
     }
     if !view.formula.is_empty() {
         text = format!("{text}  formula: {}\n", view.formula);

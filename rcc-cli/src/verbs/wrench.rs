@@ -125,7 +125,7 @@ fn human(report: &WrenchReport) -> String {
         found.readings, found.orientations, found.spread, found.condition
     ));
     line(format!(
-        "# left over: force {force:.2e} N (at most {force_max:.2e}), torque {torque:.2e} N·m (at most {torque_max:.2e})"
+        "# residual: force {force:.2e} N (at most {force_max:.2e}), torque {torque:.2e} N·m (at most {torque_max:.2e})"
     ));
     line(format!(
         "# standard deviation: mass {mass:.2e} kg, centre {centre:.2e} m"

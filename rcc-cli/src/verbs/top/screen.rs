@@ -159,8 +159,8 @@ mod tests {
         for part in [
             "cell demo  cycle 12 345  period 1.0 ms  load 10.2 % (99 %: 20.0 %)",
             "2 late cycles, 3 since the start",
-            "first: cycle 777 computed long: woke 2.0 µs after its time, computed 1.5 ms, most of it dear#2 (1.4 ms)",
-            "execution: half",
+            "first: cycle 777 computed long: woke up 2.0 µs late, computed for 1.5 ms, most of it dear#2 (1.4 ms)",
+            "execution: median",
             "≤ 200 µs",
             "LinearMotion  500.0 ns  100.0 %",
             "q quit   a acknowledge late cycles   as told",
