@@ -72,7 +72,7 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
         "## A whole cycle of the executor\n\n\
          ns from the wake-up until everything is written, as the executor itself measures it: boards read, nets evaluated, guard, \
          boards written (command, status, tables), flight recorder with the hash of every slot. One station with eight analog and \
-         four digital inputs that change every cycle; in the last row one arm. Hot: the loop has no pause.\n\n{}",
+         four digital inputs that change every cycle; in the last row one arm. Caches are warm, because the loop has no pause.\n\n{}",
         table(
             &["cycle", "ns", "% of 1 ms", "goal"],
             &rows.collect::<Vec<_>>()

@@ -44,11 +44,11 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     };
     Ok(format!(
         "## The interpreter\n\n\
-         ns a node of the graph, null and every check included: the cycle of a net as the executor runs it, without devices. \
-         *A primitive* is the same time by the primitives that the net evaluates (inputs and `Termination` are some, elements of \
-         transforms are none). *Straight-line* is Rust made from the same graph by the build step: with null as NaN, and where \
-         nothing is ever null also without. *Ratio* is interpreter to straight-line with null. Before it is measured each shows \
-         the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}",
+         ns per node of the graph, including null and all checks: the cycle of a net as the executor runs it, without devices. \
+         *A primitive* is the same time divided by the number of primitives that the net evaluates (inputs and \
+         `Termination` count, elements of transforms do not). *Straight-line* is Rust generated from the same graph by \
+         the build script: with null as NaN, and also without null where nothing is ever null. *Ratio* is \
+         interpreter to straight-line with null. Before the measurement each of them has computed the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}",
         table(&head, &rows)
     ))
 }

@@ -56,9 +56,9 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     });
     Ok(format!(
         "## Each primitive\n\n\
-         ns for one of a run of equal primitives, from nets made of the catalogue itself; the time of an empty net, {} ns, is \
-         taken off. Inputs are not null and differ from primitive to primitive. Commands of an arm and motions are fewer, because \
-         each needs an arm or a path clock of its own.\n\n{}",
+         ns per primitive in a run of equal primitives, from nets generated from the catalogue; the time of an empty net, {} ns, \
+         is subtracted. Inputs are not null and differ between primitives. Runs of arm commands and motions are \
+         shorter, because each needs an arm or a path clock of its own.\n\n{}",
         digits(empty),
         table(
             &["primitive", "in the run", "ns each"],
