@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use rcc_core::printable::first_unprintable;
 use rcc_loader::server::api::{
     ChannelView, CommandDetail, CommandView, DeviceView, ErrorBody, FaultView, Finding, LateView,
-    Place, ProcessView, RehearsalView, StatusView, TopicEnd, TopicView, ValueView, ValuesView,
+    TextLocation, ProcessView, RehearsalView, StatusView, TopicEnd, TopicView, ValueView, ValuesView,
 };
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -22,7 +22,7 @@ fn text() -> String {
 }
 
 fn finding() -> Finding {
-    let place = Place {
+    let place = TextLocation {
         file: text(),
         line: 1,
         column: 1,
