@@ -61,8 +61,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[
             Port::typed("pose_out", Type::Pose, "the path's pose, offset along the axis by `offset`"),
             Port::real("offset", METRE, "offset along the axis").diagnostic(),
-            Port::real("velocity", VELOCITY, "of the offset along the axis").diagnostic(),
-            Port::real("acceleration", ACCELERATION, "of the offset along the axis").diagnostic(),
+            Port::real("velocity", VELOCITY, "velocity of the offset").diagnostic(),
+            Port::real("acceleration", ACCELERATION, "acceleration of the offset").diagnostic(),
             Port::real("missing", FORCE, "force error: `force` minus the applied force").diagnostic(),
             Port::bool("limited", "held at `travel`, or stopping there, until the force leads back").diagnostic(),
             Port::bool("resting", "the offset is at rest").diagnostic(),
