@@ -22,7 +22,7 @@ use rcc_engine::costs::Costs;
 use rcc_engine::costs::cache::{self, CostsSource};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::queue::{HelperRingEnds, RtRingEnds, rings};
-use rcc_engine::record::{EventRecorder as FlightRecorder, RecorderConfig as FlightConfig};
+use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
 use rcc_exec::clock::{Clock, FollowedDevice};
 use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, RecordingResults};
 use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
@@ -252,7 +252,7 @@ fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> Flight
     if recorder.memory == 0 {
         return FlightRecorderParts::default();
     }
-    let wanted = FlightConfig {
+    let wanted = FlightRecorderConfig {
         span_ns: recorder.span_ns,
         memory: recorder.memory,
         period_ns: config.period_ns,

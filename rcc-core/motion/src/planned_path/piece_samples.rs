@@ -16,7 +16,7 @@ use super::path_builder::{ArmStart, LegFault};
 use super::speed_limits::{self, DerivativeSample, widen};
 use crate::geometry::LENGTH_MIN;
 use crate::geometry::chain::{ChainPiece, Shape, ShapePoint};
-use crate::geometry::jet::{Jet, Scalar};
+use crate::geometry::jet::{Jet, JetScalar};
 
 /// Most steps at which one piece is sampled.
 const STEPS_MAX: usize = 4096;
@@ -169,7 +169,7 @@ fn at_joints(arm: Arm, piece: &ChainPiece, steps: usize) -> PieceSamples {
         let ShapePoint::Joints(jets) = piece.at(Jet::variable(x)) else {
             continue;
         };
-        let joints = jets.map(Scalar::value);
+        let joints = jets.map(JetScalar::value);
         let pose = arm.forward(&joints);
         samples.length_m += last.map_or(0.0, |last| last.distance_to(&pose));
         last = Some(pose);

@@ -19,7 +19,7 @@ use super::speed_limits::{
 };
 use super::time_law::{TimeLaw, TimeLawKnot};
 use crate::geometry::chain::ChainPiece;
-use crate::geometry::jet::{Jet, Scalar};
+use crate::geometry::jet::{Jet, JetScalar};
 use crate::path_clock::{PathBounds, rolling_duration_s};
 
 /// Fraction of the velocity limits; where the smoothed law is faster, the clock slows it down.
@@ -151,7 +151,11 @@ fn by_time(
     for number in first as usize..(last.ceil() as usize).min(count) {
         let begin = number as f64;
         let span = [(first - begin).max(0.0), (last - begin).min(1.0)].map(|part| part * step_s);
-        let ways = span.map(|time| time_law.on_curve(number, time).map_or(0.0, Scalar::value));
+        let ways = span.map(|time| {
+            time_law
+                .on_curve(number, time)
+                .map_or(0.0, JetScalar::value)
+        });
         let parts = ((ways[1] - ways[0]) / close).ceil().clamp(PARTS, PARTS_MAX);
         for part in 0..=parts as usize {
             let time = span[0] + (span[1] - span[0]) * part as f64 / parts;

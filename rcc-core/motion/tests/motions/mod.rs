@@ -20,7 +20,7 @@ mod random;
 pub mod sampled;
 
 pub use judge::WorstCase;
-use judge::{Geometry, MotionJudge, Reference, ReferenceResolution};
+use judge::{ExpectedPath, MotionJudge, ReferenceResolution, ReferenceRun};
 use random::Random;
 
 /// Most cycles of a motion; the slowest ones take a tenth of it.
@@ -231,7 +231,7 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
     };
     let judge = |geometry| MotionJudge::new(&robot.model, (&drawn, &legs), geometry);
     let geometry = match (kind, &legs[0].segment) {
-        (MotionKind::Line, PathSegment::Line { to }) => Geometry::Line(drawn.from, *to),
+        (MotionKind::Line, PathSegment::Line { to }) => ExpectedPath::Line(drawn.from, *to),
         (
             MotionKind::Circle,
             PathSegment::Circle {
@@ -240,22 +240,23 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
                 orientation,
                 ..
             },
-        ) => Geometry::Circle(drawn.from, *via, *to, *orientation),
+        ) => ExpectedPath::Circle(drawn.from, *via, *to, *orientation),
         (MotionKind::PointToPoint, PathSegment::Joints { to }) => {
-            Geometry::Joints(drawn.start, *to)
+            ExpectedPath::Joints(drawn.start, *to)
         }
         _ => {
             let mut outcome = RunOutcome::Refused;
             // A curve so sharp that the polynomial of the first reference deviates needs a finer reference.
             for resolution in RESOLUTIONS {
-                let reference = Reference::run(motion.clone(), resolution.in_cycles_of(drawn.dt_s));
+                let reference =
+                    ReferenceRun::run(motion.clone(), resolution.in_cycles_of(drawn.dt_s));
                 let Some(reference) = reference else {
                     return match crawls(motion.clone()) {
                         true => RunOutcome::Refused,
                         false => RunOutcome::Broken("the reference run did not end".into()),
                     };
                 };
-                let judge = judge(Geometry::Reference(Box::new(reference)));
+                let judge = judge(ExpectedPath::ReferenceRun(Box::new(reference)));
                 outcome = run(motion.clone(), judge, &mut random.clone());
                 if !matches!(outcome, RunOutcome::Broken(_)) {
                     break;
