@@ -129,7 +129,7 @@ fn a_watchdog_that_kills_the_busy_is_refused() {
     let text = "cell: a\nperiod: 1 ms\nsupervision: {watchdog: 10 ms, restarts: -1}\ndevices:\n  b: {driver: c}\n";
     let faults = parse(text).unwrap_err().to_string();
     assert!(
-        faults.contains("watchdog is 10 ms, it must be from 500 ms to 60 s"),
+        faults.contains("watchdog is 10 ms, but must be from 500 ms to 60 s"),
         "{faults}"
     );
     assert!(faults.contains("restarts is -1"), "{faults}");

@@ -1,5 +1,5 @@
-//! The files in `configs/` are read as they are, and the arm that the demo simulates can move where it stands.
-//! Tests of files; no thread, no socket but the one that looks for a free port.
+//! The files in `configs/` are valid, and the simulated arm of the demo can move from its start. Tests of files; no
+//! threads, no sockets except the search for a free port.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,9 +12,9 @@ use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 use rcc_core::primitive::ChannelKind;
 
-/// Nets may move this fast in the demo.
+/// Maximum speed of nets in the demo, m/s.
 const SPEED_M_S: f64 = 0.25;
-/// What stays free at each joint limit.
+/// Required distance to each joint limit.
 const MARGIN_RAD: f64 = 0.17;
 
 fn file(name: &str) -> PathBuf {
@@ -27,7 +27,7 @@ fn load(name: &str) -> CellConfig {
     CellConfig::load_offline(&file(name)).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// What the demo's simulated arm starts at, rad.
+/// Start position of the demo's simulated arm, rad.
 fn start() -> Joints {
     let cell = load("cells/demo.yaml");
     let simulator = &cell.simulators[0];
