@@ -12,9 +12,9 @@ use rcc_core::pose::Pose;
 use super::leg_shape::{BlendZone, LegShape, leg_shapes};
 use super::piece_samples::{PieceSamples, sample_piece};
 use super::speed_limits::{
-    self, BrakingLimits, LimitsFault, QuantityLimits, TooFast, UNIFORM_SHARES, allowed,
+    self, BrakingLimits, LimitsFault, QuantityLimits, TooFast, UNIFORM_SHARES, fastest_bounds,
 };
-use super::time_optimal::fastest;
+use super::time_optimal::time_optimal_law;
 use super::{
     InverseHints, MotionSection, PieceKinematics, PlannedPath, ReducedBlend, TimedSection,
 };
@@ -207,7 +207,9 @@ impl<'a> PathBuilder<'a> {
             let bounds = section_parts.uniform_bounds(self.dt_s)?;
             let timed = match pace {
                 SpeedProfile::Uniform => None,
-                SpeedProfile::TimeOptimal => fastest(self, range.clone(), duration_s(&bounds)),
+                SpeedProfile::TimeOptimal => {
+                    time_optimal_law(self, range.clone(), duration_s(&bounds))
+                }
             };
             let (bounds, stops, time_law) = match timed {
                 Some((time_law, timed)) => {
@@ -311,14 +313,16 @@ impl<'a> SectionParts<'a> {
 
     fn uniform_bounds(&self, dt_s: f64) -> Result<PathBounds, LegFault> {
         let leg = self.owners.last().map_or(0, |(_, leg, _)| *leg);
-        allowed(&self.parts, &self.ends, dt_s, &UNIFORM_SHARES).map_err(|refused| match refused {
-            LimitsFault::TooFast(fast) => self.too_fast(fast),
-            LimitsFault::Clock => (leg, MotionFault::Limits),
+        fastest_bounds(&self.parts, &self.ends, dt_s, &UNIFORM_SHARES).map_err(|refused| {
+            match refused {
+                LimitsFault::TooFast(fast) => self.too_fast(fast),
+                LimitsFault::Clock => (leg, MotionFault::Limits),
+            }
         })
     }
 
     fn stops(&self, uniform: PathBounds) -> Box<[BrakingLimits]> {
-        speed_limits::stops(&self.parts, &self.ends, uniform)
+        speed_limits::braking_limits(&self.parts, &self.ends, uniform)
     }
 
     fn too_fast(&self, fast: TooFast) -> LegFault {

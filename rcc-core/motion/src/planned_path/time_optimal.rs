@@ -15,7 +15,7 @@ use core::ops::Range;
 use super::path_builder::{PathBuilder, SampledPiece};
 use super::speed_limits::{
     DerivativeSample, LimitShares, QUANTITIES, QuantityLimits, SampledPart, TIME_LAW_SHARES,
-    allowed, widen,
+    fastest_bounds, widen,
 };
 use super::time_law::{TimeLaw, TimeLawKnot};
 use crate::geometry::chain::ChainPiece;
@@ -56,7 +56,7 @@ struct PathConstraints {
 
 /// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `uniform_s`
 /// (s).
-pub(super) fn fastest(
+pub(super) fn time_optimal_law(
     builder: &PathBuilder<'_>,
     range: Range<usize>,
     uniform_s: f64,
@@ -131,7 +131,7 @@ fn smoothed_law(
             });
         }
     }
-    let bounds = allowed(&parts, &ends, builder.dt_s, shares).ok()?;
+    let bounds = fastest_bounds(&parts, &ends, builder.dt_s, shares).ok()?;
     Some((time_law, bounds))
 }
 
