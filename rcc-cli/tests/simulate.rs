@@ -348,7 +348,7 @@ fn check_rehearses_from_where_the_simulators_begin() {
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(3), "{words}");
     assert!(
-        words.contains("RCC3014") && words.contains("leg 1") && words.contains("% of its way"),
+        words.contains("RCC3014") && words.contains("leg 1") && words.contains("% of its path"),
         "{words}"
     );
     let fast = text.replace("0.15 m/s\n", "3 m/s\n");
@@ -358,10 +358,10 @@ fn check_rehearses_from_where_the_simulators_begin() {
     assert_eq!(output.status.code(), Some(3), "{words}");
     for part in [
         "RCC3014",
-        "move, leg 1: at the given speed J1 would come to",
+        "move, leg 1: at the given speed J1 would reach",
         "rad/s",
         "its limit is",
-        "of the speed is possible",
+        "of this speed is possible",
     ] {
         assert!(words.contains(part), "{part}: {words}");
     }
