@@ -67,9 +67,9 @@ pub fn integrate(pose: &Pose, twist: SpatialVector, time_s: f64) -> Pose {
 /// shorter rotation.
 #[must_use]
 pub fn difference(previous: &Pose, pose: &Pose, time_s: f64) -> SpatialVector {
-    let way = vector::subtract(pose.position, previous.position);
+    let translation = vector::subtract(pose.position, previous.position);
     let turn = rotation::error(previous.orientation, pose.orientation);
-    join(way, turn).map(|element| element / time_s)
+    join(translation, turn).map(|element| element / time_s)
 }
 
 /// Rotates both vectors to axes of the outer frame, same reference point.

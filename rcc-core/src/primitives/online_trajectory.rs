@@ -230,7 +230,7 @@ mod tests {
     fn it_arrives_as_early_as_the_limits_allow_and_not_beyond() {
         // Duration of the fastest motion (Biagiotti and Melchiorri 2008, 3.2): with and without a phase at constant
         // velocity.
-        for (way, velocity, acceleration) in [
+        for (distance, velocity, acceleration) in [
             (0.3, 0.5, 4.0),
             (-0.02, 0.5, 4.0),
             (1e-5, 0.5, 4.0),
@@ -238,8 +238,8 @@ mod tests {
         ] {
             let mut bench = bench(velocity, acceleration);
             bench.set_real("goal", 0.0).step();
-            bench.set_real("goal", way);
-            let size = f64::abs(way);
+            bench.set_real("goal", distance);
+            let size = f64::abs(distance);
             let fastest_s = if size >= velocity * velocity / acceleration {
                 size / velocity + velocity / acceleration
             } else {
@@ -247,18 +247,18 @@ mod tests {
             };
             let mut last = [0.0; 2];
             let mut cycles = 0;
-            while (last[0] - way).abs() > 1e-12 || last[1].abs() > 1e-9 {
+            while (last[0] - distance).abs() > 1e-12 || last[1].abs() > 1e-9 {
                 checked_step(&mut bench, &mut last, velocity, acceleration);
                 assert!(last[0].abs() <= size + 1e-12, "beyond: {}", last[0]);
                 cycles += 1;
                 assert!(
                     f64::from(cycles) * DT_S <= fastest_s + 2.0 * DT_S,
-                    "{way}: late"
+                    "{distance}: late"
                 );
             }
             assert!(
                 f64::from(cycles) * DT_S >= fastest_s - 1e-9,
-                "{way}: {cycles}"
+                "{distance}: {cycles}"
             );
         }
     }
