@@ -219,7 +219,7 @@ impl Host {
             LinkError::Silent => None,
             LinkError::Lost { reason } => Some(reason),
         };
-        self.session.silence(monotonic_ns(), lost)
+        self.session.handle_link_error(monotonic_ns(), lost)
     }
 
     fn observe(&mut self) {

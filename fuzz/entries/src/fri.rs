@@ -153,7 +153,7 @@ impl FriHarness {
     }
 
     fn report_silence(&mut self) {
-        if self.session.silence(self.now_ns, Some(105)) {
+        if self.session.handle_link_error(self.now_ns, Some(105)) {
             self.checker.forget();
         }
     }

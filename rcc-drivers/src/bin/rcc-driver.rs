@@ -13,7 +13,7 @@ use rcc_config::{CellConfig, DeviceConfig};
 use rcc_drivers::driver::DriverError;
 use rcc_drivers::drivers;
 use rcc_drivers::host::Host;
-use rcc_drivers::priority::rise;
+use rcc_drivers::priority::set_realtime_priority;
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventKind;
 use rcc_process::{CellArguments, ExitError, Notifier, Stop, exit, helpers};
@@ -80,7 +80,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
     })?;
     // After the helper threads have been started, since they would inherit the priority.
     if let Some(priority) = options.priority {
-        rise(priority);
+        set_realtime_priority(priority);
     }
     host.run(&STOP);
     helpers.conclude()

@@ -271,8 +271,8 @@ impl FriSession {
             ..CommandDatagram::default()
         };
         let strategy = self.strategy().unwrap_or(ControlMode::Position);
-        let told = (&outputs.impedance, follows.then_some(&position));
-        self.strategies.fill(&mut answer, strategy, told);
+        let set_point = (&outputs.impedance, follows.then_some(&position));
+        self.strategies.fill(&mut answer, strategy, set_point);
         answer.encode()
     }
 

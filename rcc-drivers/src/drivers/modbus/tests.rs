@@ -98,9 +98,9 @@ impl FreezableServer {
 }
 
 impl Peer for FreezableServer {
-    fn before(&mut self) {}
+    fn before_receive(&mut self) {}
 
-    fn after(&mut self) {}
+    fn after_exchange(&mut self) {}
 
     fn set_present(&mut self, present: bool) {
         if present && self.control.is_none() {
@@ -203,7 +203,7 @@ fn an_analog_output_needs_a_range() {
 }
 
 #[test]
-fn a_setting_of_another_form_is_refused_by_its_path() {
+fn an_invalid_setting_is_refused_with_its_path() {
     for (key, value) in [
         ("period", "10"),
         ("server", "localhost"),

@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_refused_and_changes_nothing() {
+    fn a_value_out_of_range_is_refused_and_changes_nothing() {
         let mut krc = Krc::new(super::super::settings::Settings::default());
         assert!(matches!(
             krc.execute(parse(r#"{"drop":{"percent":101}}"#)),

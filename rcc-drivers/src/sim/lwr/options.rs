@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_refused_by_name() {
+    fn a_value_out_of_range_is_refused_with_its_option() {
         for (arguments, part) in [
             (["--period-ms", "0.5"], "period-ms"),
             (["--safety-limits", "0"], "safety-limits"),

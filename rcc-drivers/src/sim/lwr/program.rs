@@ -12,7 +12,7 @@ use super::krc::Krc;
 use super::options::{OptionError, Options};
 use super::trace::{TraceError, TraceSink};
 use crate::fri_lwr::wire::CMD_SIZE;
-use crate::priority::rise;
+use crate::priority::set_realtime_priority;
 use crate::sim::control_socket::{self, ControlFolder, ControlSocket};
 use crate::sim::line_server;
 use nix::errno::Errno;
@@ -144,7 +144,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         thread::Builder::new().name("clock".into()).spawn(move || {
             let _stops = StopsAtPanic;
             if let Some(priority) = priority {
-                rise(priority);
+                set_realtime_priority(priority);
             }
             let result = clock.run(&ending);
             request_stop();

@@ -245,7 +245,7 @@ fn the_driver_checks_each_set_point_again() {
 }
 
 #[test]
-fn a_pose_that_is_none_is_not_commanded() {
+fn an_invalid_pose_is_not_commanded() {
     let mut wrong = measurement(1);
     wrong.control = FriControlStrategy::CartesianImpedance;
     wrong.commanded_pose = [0.0; 12];
