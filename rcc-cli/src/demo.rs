@@ -82,16 +82,16 @@ const TORCH: &str = "torch";
 /// Stiffness of the floor, N/m.
 const STIFFNESS: f64 = 3000.0;
 /// Figures disturbed by a late machine are repeated until this time after the start.
-const AGAIN_LIMIT: Duration = Duration::from_secs(35);
+const REPEAT_TIMEOUT: Duration = Duration::from_secs(35);
 /// Attempts to approach a start position: a busy machine loses the connection now and then.
-const APPROACHES: usize = 5;
+const APPROACH_ATTEMPTS_MAX: usize = 5;
 
 /// Runs the demo.
 ///
 /// # Errors
 /// Fails if the cell does not start or a check does not hold.
 pub fn run(context: &Context) -> Result<(), Failure> {
-    let begun = Instant::now();
+    let started = Instant::now();
     let interrupts = Interrupts::listen()?;
     let prepared = processes::prepare(&paths::config("cells/demo.yaml")?)?;
     let own = format!("demo-{}", std::process::id());
@@ -127,7 +127,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
         &results,
         &status,
         clean,
-        begun.elapsed().as_secs_f64(),
+        started.elapsed().as_secs_f64(),
     );
     let holds = results
         .iter()
@@ -248,7 +248,7 @@ fn measure(
         let checks = checks(&recorded, figure.event);
         let failed: Vec<&MotionCheck> = checks.iter().filter(|check| !check.holds).collect();
         let disturbed = late > 0 || command.command.fault.is_some();
-        if failed.is_empty() || !disturbed || runner.started.elapsed() > AGAIN_LIMIT {
+        if failed.is_empty() || !disturbed || runner.started.elapsed() > REPEAT_TIMEOUT {
             return Ok(checks);
         }
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
@@ -262,7 +262,7 @@ fn measure(
 /// Moves the arm to the start position of a figure.
 fn approach_start(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Failure> {
     let mut words = String::new();
-    for _ in 0..APPROACHES {
+    for _ in 0..APPROACH_ATTEMPTS_MAX {
         let run = runner.run("approach", &approach_net(start), |_, _| false)?;
         let command = &run.command.command;
         if command.reason.as_deref() == Some("finished") {
@@ -272,7 +272,9 @@ fn approach_start(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Fa
     }
     Err(Failure::new(
         codes::PROCESS_FAILED,
-        format!("the approach to a figure's start pose ended {words}, {APPROACHES} times"),
+        format!(
+            "the approach to a figure's start pose ended {words}, {APPROACH_ATTEMPTS_MAX} times"
+        ),
         "the demo needs an otherwise idle machine",
     ))
 }

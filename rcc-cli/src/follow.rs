@@ -19,9 +19,9 @@ use crate::failure::Failure;
 use crate::output::print_note;
 
 /// Interval between two polls of a command's state.
-pub const POLL: Duration = Duration::from_millis(20);
+pub const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Longest time that a net may take from `loading` to `ready`.
-pub const LOAD_LIMIT: Duration = Duration::from_secs(30);
+pub const LOAD_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Reads the text of a net (`-` is the standard input); returns the name used in diagnostics, and the text.
 ///
@@ -83,15 +83,15 @@ pub fn load(
 ) -> Result<CommandView, Failure> {
     let path = format!("/commands?file={}", segment(name));
     let Loaded { id, .. } = client.post(&path, text.to_owned())?;
-    let limit = Instant::now() + LOAD_LIMIT;
+    let limit = Instant::now() + LOAD_TIMEOUT;
     loop {
         let command = brief(client, &id.to_string())?;
         match command.state.as_str() {
-            "loading" if Instant::now() < limit => std::thread::sleep(POLL),
+            "loading" if Instant::now() < limit => std::thread::sleep(POLL_INTERVAL),
             "loading" => {
                 return Err(Failure::new(
                     codes::LOADER_SILENT,
-                    format!("command {id} is still loading after {LOAD_LIMIT:?}"),
+                    format!("command {id} is still loading after {LOAD_TIMEOUT:?}"),
                     "check it with `rcc-cli state`",
                 ));
             }

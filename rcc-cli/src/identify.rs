@@ -16,12 +16,12 @@ pub const GRAVITY: f64 = 9.806_65;
 /// Least number of orientations: with fewer, the residual says nothing about the fit.
 pub const ORIENTATIONS_MIN: usize = 6;
 /// Two orientations count as different if the directions of gravity in the sensor differ by more than this, rad.
-pub const DIFFERENT_RAD: f64 = 0.0873;
+pub const ORIENTATION_DIFFERENCE_MIN_RAD: f64 = 0.0873;
 /// Least [`Identified::spread`] that separates the weight from the offset.
 pub const SPREAD_MIN: f64 = 0.15;
 
 /// Largest residual of the forces, as a part of the weight, that counts as noise.
-pub const LEFT_MAX: f64 = 0.1;
+pub const RESIDUAL_RATIO_MAX: f64 = 0.1;
 
 /// One reading at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -167,13 +167,13 @@ fn row(reading: &Reading, down: Vector3<f64>) -> Option<SensorSample> {
     })
 }
 
-/// Counts the directions of gravity that differ by more than [`DIFFERENT_RAD`].
+/// Counts the directions of gravity that differ by more than [`ORIENTATION_DIFFERENCE_MIN_RAD`].
 fn different(rows: &[SensorSample]) -> usize {
     let mut known: Vec<Vector3<f64>> = Vec::new();
     for row in rows {
         let direction = row.gravity.normalize();
         // Compares chords, because the arc cosine is inexact for small angles.
-        let chord = 2.0 * (DIFFERENT_RAD / 2.0).sin();
+        let chord = 2.0 * (ORIENTATION_DIFFERENCE_MIN_RAD / 2.0).sin();
         if known.iter().all(|one| (one - direction).norm() > chord) {
             known.push(direction);
         }
@@ -243,7 +243,7 @@ fn fit(rows: &[SensorSample], orientations: usize, fall: f64) -> Result<Identifi
     }
     let residual = sums.map(|sum| (sum / (3.0 * count)).sqrt());
     let (weight, [left_over, _]) = (mass * fall, residual);
-    if left_over > LEFT_MAX * weight {
+    if left_over > RESIDUAL_RATIO_MAX * weight {
         let off = |row: &SensorSample| left(row)[0].amax();
         let numbered = (1..).zip(rows);
         let worst = numbered.max_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)));

@@ -48,14 +48,14 @@ const EXIT_CODES: &str = "Exit codes:
   0    done
   1    the operation failed, or the net ended with a fault or an abort
   2    wrong arguments
-  3    a net or a configuration is not valid
-  4    loader or executor cannot be reached
+  3    invalid net or configuration
+  4    loader or executor not reachable
   5    conflict: a resource is busy, or the state does not allow it
   6    no answer in time
   7    not permitted
-  8    the net was canceled before it had finished, and not by this command
-  130  ended by Ctrl-C
-  141  the reader of the output is gone
+  8    the net was canceled before it finished, and not by this command
+  130  interrupted by Ctrl-C
+  141  the output pipe was closed
 A verb that waits for a net ends with 0 only if the net finished; `cancel --wait` also if it was canceled.";
 
 fn main() -> ExitCode {

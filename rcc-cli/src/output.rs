@@ -12,9 +12,9 @@ use rcc_core::printable::{Coloured, Printable};
 use rcc_loader::server::codes::{self, exit};
 
 /// Lines that may wait to be printed; further ones are dropped.
-const LINES_WAITING_MAX: usize = 1024;
+const QUEUE_MAX: usize = 1024;
 /// Longest time to wait for the last lines at the end.
-const LAST_LINES: Duration = Duration::from_secs(1);
+const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Prints a line on stdout, as the result of a verb. A closed pipe ends the program silently, as it ends other filters;
 /// any other failure ends it with an error, because the result is lost.
@@ -106,7 +106,7 @@ impl BackgroundPrinter {
     /// Starts the printing thread. If that fails, nothing is printed.
     #[must_use]
     pub fn start() -> BackgroundPrinter {
-        let (texts, waiting) = sync_channel(LINES_WAITING_MAX);
+        let (texts, waiting) = sync_channel(QUEUE_MAX);
         let run = move || print_all(&waiting, &mut write);
         // A system that cannot start this thread cannot start a cell either; the next step reports that.
         let _ = thread::Builder::new().name("output".into()).spawn(run);
@@ -141,7 +141,7 @@ impl BackgroundPrinter {
         let (done, printed) = sync_channel(1);
         if self.texts.try_send(PrintJob::Done(done)).is_ok() {
             // Text that is not taken within this time is lost.
-            let _: Result<(), RecvTimeoutError> = printed.recv_timeout(LAST_LINES);
+            let _: Result<(), RecvTimeoutError> = printed.recv_timeout(FLUSH_TIMEOUT);
         }
     }
 }

@@ -32,19 +32,19 @@ use processes::{PreparedCell, ProcessKind};
 /// Interval between two polls of the processes.
 pub const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Interval between two queries of the devices.
-const DEVICES_EVERY: Duration = Duration::from_millis(250);
+const DEVICE_POLL_INTERVAL: Duration = Duration::from_millis(250);
 /// Interval between two checks of the configuration files.
-const FILES_EVERY: Duration = Duration::from_secs(1);
+const FILE_POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// Longest time for one answer of the loader.
-const ANSWER_LIMIT: Duration = Duration::from_millis(500);
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 /// Longest time for a cell, and for each of its processes, to become ready.
-const START_LIMIT: Duration = Duration::from_secs(30);
+const START_TIMEOUT: Duration = Duration::from_secs(30);
 /// Pause before a failed janitor runs again.
-const CLEAN_AGAIN: Duration = Duration::from_secs(1);
+const JANITOR_RETRY_DELAY: Duration = Duration::from_secs(1);
 /// Shared memory of a cell, bytes: executor, loader and a few monitors, plus each device. Measured: 8.4 MB in total
 /// with two devices and a monitor.
-const ROOM_CELL: u64 = 14 << 20;
-const ROOM_DEVICE: u64 = 1 << 20;
+const CELL_SHM_BYTES: u64 = 14 << 20;
+const DEVICE_SHM_BYTES: u64 = 1 << 20;
 
 /// A change reported by the supervisor.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub struct Supervisor {
     /// Its configuration and ports.
     pub prepared: PreparedCell,
     children: Vec<Child>,
-    begun: Instant,
+    started: Instant,
     on_event: Box<dyn FnMut(&SupervisorEvent)>,
     client: LoaderClient,
     devices: Vec<(String, String)>,
@@ -111,7 +111,7 @@ impl Supervisor {
             children: children.collect(),
             cell,
             prepared,
-            begun: Instant::now(),
+            started: Instant::now(),
             on_event,
             client,
             devices: Vec::new(),
@@ -135,7 +135,7 @@ impl Supervisor {
     /// # Errors
     /// Fails on an interrupt, if a process fails, or if it takes too long.
     pub fn wait_until_up(&mut self, interrupts: &Interrupts) -> Result<(), Failure> {
-        let limit = Instant::now() + START_LIMIT;
+        let limit = Instant::now() + START_TIMEOUT;
         loop {
             self.poll();
             let waiting: Vec<&str> = self
@@ -170,15 +170,15 @@ impl Supervisor {
         }
         if self
             .clean_due
-            .is_some_and(|due| due <= self.begun.elapsed())
+            .is_some_and(|due| due <= self.started.elapsed())
         {
             self.clean(None);
         }
-        if self.devices_polled_at.elapsed() >= DEVICES_EVERY {
+        if self.devices_polled_at.elapsed() >= DEVICE_POLL_INTERVAL {
             self.devices_polled_at = Instant::now();
             self.poll_devices();
         }
-        if self.files_polled_at.elapsed() >= FILES_EVERY {
+        if self.files_polled_at.elapsed() >= FILE_POLL_INTERVAL {
             self.files_polled_at = Instant::now();
             self.poll_files();
         }
@@ -242,7 +242,7 @@ impl Supervisor {
     }
 
     fn poll_child(&mut self, index: usize) {
-        let now = self.begun.elapsed();
+        let now = self.started.elapsed();
         let patience = self.stop_timeout();
         let Some(child) = self.children.get_mut(index) else {
             return;
@@ -256,7 +256,7 @@ impl Supervisor {
             self.handle_death(index, now, &words, child::remedy(status));
             return;
         }
-        if let Some(silence) = child.check_watchdog(START_LIMIT, patience) {
+        if let Some(silence) = child.check_watchdog(START_TIMEOUT, patience) {
             let silence = silence.as_secs_f64();
             let status = child
                 .notifications
@@ -380,8 +380,8 @@ impl Supervisor {
     /// a certain age. A failed janitor runs again in any case.
     fn clean(&mut self, again: Option<Duration>) {
         let done = clean::run_janitor(&self.cell, JANITOR_TIMEOUT);
-        let pause = done.as_ref().map_or(Some(CLEAN_AGAIN), |_| again);
-        self.clean_due = pause.map(|pause| self.begun.elapsed() + pause);
+        let pause = done.as_ref().map_or(Some(JANITOR_RETRY_DELAY), |_| again);
+        self.clean_due = pause.map(|pause| self.started.elapsed() + pause);
         if let Err(error) = done {
             self.report("janitor", &error.to_string());
         }
@@ -443,7 +443,7 @@ impl Supervisor {
 
     fn report(&mut self, who: &str, what: &str) {
         (self.on_event)(&SupervisorEvent {
-            at: self.begun.elapsed(),
+            at: self.started.elapsed(),
             who: who.to_owned(),
             what: what.to_owned(),
         });
@@ -452,7 +452,7 @@ impl Supervisor {
 
 /// Creates the files that the processes of a cell expect.
 fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<LoaderClient, Failure> {
-    shm_space::require(ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64)
+    shm_space::require(CELL_SHM_BYTES + DEVICE_SHM_BYTES * prepared.config.devices.len() as u64)
         .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
     std::fs::DirBuilder::new()
         .recursive(true)
@@ -462,7 +462,7 @@ fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<LoaderCli
     let config = prepared.path.display().to_string();
     events::begin_log(cell, &config, &prepared.ports);
     running::write(cell, prepared)?;
-    LoaderClient::new(cell.name(), &cell.socket(), ANSWER_LIMIT)
+    LoaderClient::new(cell.name(), &cell.socket(), ANSWER_TIMEOUT)
 }
 
 /// Claims the cell for this process unless somebody else has it; then nothing is changed.

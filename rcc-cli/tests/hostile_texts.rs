@@ -8,7 +8,8 @@ use std::process::{Command, Output};
 use rcc_core::printable::first_unprintable;
 use rcc_loader::server::api::{
     ChannelView, CommandDetail, CommandView, DeviceView, ErrorBody, FaultView, Finding, LateView,
-    TextLocation, ProcessView, RehearsalView, StatusView, TopicEnd, TopicView, ValueView, ValuesView,
+    ProcessView, RehearsalView, StatusView, TextLocation, TopicEnd, TopicView, ValueView,
+    ValuesView,
 };
 use serde::Serialize;
 use serde_json::{Value, json};

@@ -14,7 +14,7 @@ use crate::urdf::{JointKind, UrdfJoint, UrdfRobot};
 const LISTED_MAX: usize = 20;
 
 /// Conventional names of the flange link, used if a robot has several leaves (REP 199).
-const TIPS: [&str; 4] = ["tool0", "flange", "ee_link", "ee"];
+const FLANGE_LINKS: [&str; 4] = ["tool0", "flange", "ee_link", "ee"];
 
 /// A revolute joint of the chain.
 #[derive(Clone, Debug)]
@@ -224,7 +224,7 @@ fn find(
         };
     }
     let found: Vec<&str> = links().filter(|link| fits(link)).collect();
-    let usual = TIPS.iter().find(|tip| found.contains(tip));
+    let usual = FLANGE_LINKS.iter().find(|tip| found.contains(tip));
     match (found.as_slice(), usual) {
         ([one], _) => Ok((*one).to_owned()),
         (_, Some(tip)) => Ok((*tip).to_owned()),

@@ -8,11 +8,11 @@ use rcc_core::kinematics::Arm;
 use crate::Imported;
 
 /// Time in which the chosen acceleration reaches full speed, s.
-const SPEED_UP_S: f64 = 0.3;
+const ACCELERATION_TIME_S: f64 = 0.3;
 /// Time in which the chosen jerk reaches full acceleration, s.
-const JERK_S: f64 = 0.1;
+const JERK_TIME_S: f64 = 0.1;
 /// Speed if the URDF gives none, rad/s.
-const VELOCITY: f64 = 1.0;
+const VELOCITY_DEFAULT_RAD_S: f64 = 1.0;
 
 /// Writes a line; writing to a String cannot fail.
 macro_rules! put {
@@ -68,7 +68,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
     }
     put!(
         text,
-        "\n# The URDF gives no limits of acceleration and jerk: chosen for full speed after {SPEED_UP_S} s and full acceleration after {JERK_S} s."
+        "\n# The URDF gives no limits of acceleration and jerk: chosen for full speed after {ACCELERATION_TIME_S} s and full acceleration after {JERK_TIME_S} s."
     );
     put!(
         text,
@@ -79,7 +79,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         let [lower, upper] = revolute
             .range
             .unwrap_or([-180_f64, 180.0].map(f64::to_radians));
-        let velocity = revolute.velocity.unwrap_or(VELOCITY);
+        let velocity = revolute.velocity.unwrap_or(VELOCITY_DEFAULT_RAD_S);
         let degrees = |value: f64| tidy(value.to_degrees());
         let mut missing = Vec::new();
         if revolute.range.is_none() {
@@ -99,8 +99,8 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
             degrees(lower),
             degrees(upper),
             degrees(velocity),
-            degrees(velocity / SPEED_UP_S),
-            degrees(velocity / SPEED_UP_S / JERK_S),
+            degrees(velocity / ACCELERATION_TIME_S),
+            degrees(velocity / ACCELERATION_TIME_S / JERK_TIME_S),
         );
     }
     text

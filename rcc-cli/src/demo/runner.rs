@@ -17,11 +17,11 @@ use crate::output::BackgroundPrinter;
 use crate::supervisor::{POLL_INTERVAL, Supervisor};
 
 /// Longest time to wait for a device to become ready.
-const READY_LIMIT: Duration = Duration::from_secs(20);
+const READY_TIMEOUT: Duration = Duration::from_secs(20);
 /// Longest time for one net of the demo.
-const NET_LIMIT: Duration = Duration::from_secs(20);
+const NET_TIMEOUT: Duration = Duration::from_secs(20);
 /// Longest time to wait for a net's last records.
-const RECORDS_LIMIT: Duration = Duration::from_secs(1);
+const RECORDS_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The demo's cell, its clients and its recorders.
 pub struct DemoRunner<'a> {
@@ -86,8 +86,8 @@ impl DemoRunner<'_> {
             if follow::is_over(&command.command) {
                 break command;
             }
-            if started.elapsed() > NET_LIMIT {
-                let message = format!("{name} is not over after {NET_LIMIT:?}");
+            if started.elapsed() > NET_TIMEOUT {
+                let message = format!("{name} is not over after {NET_TIMEOUT:?}");
                 return Err(Failure::new(codes::LOADER_SILENT, message, ""));
             }
         };
@@ -107,7 +107,7 @@ impl DemoRunner<'_> {
     /// Loads and starts a net. On a busy machine the device may become unready between LOAD and START; then both are
     /// repeated.
     fn load_and_start(&mut self, name: &str, text: &str) -> Result<CommandDetail, Failure> {
-        let limit = Instant::now() + READY_LIMIT;
+        let limit = Instant::now() + READY_TIMEOUT;
         loop {
             let loaded = follow::load(self.client, name, text, OnRejection::Unload)?;
             let id = loaded.id;
@@ -129,7 +129,7 @@ impl DemoRunner<'_> {
     /// # Errors
     /// Fails on an interrupt, if the loader cannot be reached, or if it takes too long.
     pub fn wait_until_ready(&mut self) -> Result<(), Failure> {
-        let limit = Instant::now() + READY_LIMIT;
+        let limit = Instant::now() + READY_TIMEOUT;
         loop {
             let devices: Vec<DeviceView> = self.client.get("/devices")?;
             let Some(device) = devices.iter().find(|device| device.state != "ready") else {
@@ -147,7 +147,7 @@ impl DemoRunner<'_> {
     }
 
     fn wait_for_records(&mut self, command: &CommandDetail) -> Result<(), Failure> {
-        let limit = Instant::now() + RECORDS_LIMIT;
+        let limit = Instant::now() + RECORDS_TIMEOUT;
         let (id, last) = (command.command.id, command.command.ended_cycle);
         let monitors = command
             .names

@@ -9,7 +9,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 /// Longest time that the simulator may take to answer.
-const ANSWER_LIMIT: Duration = Duration::from_secs(6);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(6);
 /// Value of the trace's `state` column while the robot follows set-points.
 const COMMAND_STATE: &str = "2";
 
@@ -38,8 +38,8 @@ impl SimulatorClient {
     /// Returns the system's error.
     pub fn connect(path: &Path) -> io::Result<SimulatorClient> {
         let stream = UnixStream::connect(path)?;
-        stream.set_read_timeout(Some(ANSWER_LIMIT))?;
-        stream.set_write_timeout(Some(ANSWER_LIMIT))?;
+        stream.set_read_timeout(Some(ANSWER_TIMEOUT))?;
+        stream.set_write_timeout(Some(ANSWER_TIMEOUT))?;
         Ok(SimulatorClient {
             stream: BufReader::new(stream),
         })

@@ -193,12 +193,12 @@ pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> 
             format!("no {cause}"),
         )];
     };
-    let begun = stop_begins(track, asked);
+    let started = stop_begins(track, asked);
     let begins = MotionCheck::new(
         format!("soft stop begins after {cause}"),
-        begun.is_some_and(|cycle| cycle == asked || cycle == asked + 1),
+        started.is_some_and(|cycle| cycle == asked || cycle == asked + 1),
         "within 1 cycle",
-        match begun {
+        match started {
             Some(cycle) if cycle >= asked => {
                 format!("cycle {cycle}, {cause} seen in {asked}")
             }
@@ -206,11 +206,11 @@ pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> 
             None => format!("no braking after cycle {asked}"),
         },
     );
-    let rests = begun.zip(track.rest_cycle()).and_then(|(begun, rest)| {
-        let speed = track.step(begun - 1)? / track.dt_s;
+    let rests = started.zip(track.rest_cycle()).and_then(|(started, rest)| {
+        let speed = track.step(started - 1)? / track.dt_s;
         let predicted = stop_time(speed, 0.0, &track.limits) / track.dt_s;
         // Predicted: the first cycle at or after the end of the stop, counted from the last cycle before the stop.
-        Some((predicted.ceil(), (rest + 1).checked_sub(begun)? as f64))
+        Some((predicted.ceil(), (rest + 1).checked_sub(started)? as f64))
     });
     let in_time = MotionCheck::new(
         "comes to rest in the predicted time",

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Bars of a sparkline, from worst to best.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 /// Mark of a second without any exchange.
-const NOTHING: char = '·';
+const NO_EXCHANGE: char = '·';
 /// Longest status file that is read, bytes; a minute takes a few kilobytes.
 const FILE_MAX: u64 = 1 << 20;
 /// A living driver that has not written for this time is stuck, s.
@@ -150,7 +150,7 @@ impl DriverStatus {
 pub fn sparkline(seconds: &[SecondStats]) -> String {
     let sign = |second: &SecondStats| {
         if second.exchanges == 0 {
-            return NOTHING;
+            return NO_EXCHANGE;
         }
         let place = second.quality_mean as usize * (BARS.len() - 1) / 1000;
         BARS[place.min(BARS.len() - 1)]

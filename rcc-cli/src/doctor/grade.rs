@@ -19,7 +19,7 @@ pub const PERIODS_C: u64 = 10;
 /// Shortest `stale_after` for A and B, in periods.
 pub const STALE_PERIODS: u64 = 3;
 /// Default of `stale_after`, ns.
-pub const STALE_USUAL_NS: u64 = 50_000_000;
+pub const STALE_DEFAULT_NS: u64 = 50_000_000;
 /// Least number of wake-ups for A or B.
 pub const CYCLES_MIN: u64 = 1000;
 

@@ -14,7 +14,7 @@ use super::measure::WakeUpMeasurement;
 use crate::table::{grouped, time};
 
 /// Folder of root's record, readable by everybody.
-const OF_ROOT: &str = "/var/lib/rcc";
+const ROOT_STATE_DIR: &str = "/var/lib/rcc";
 const FILE: &str = "doctor.json";
 /// Longest record that is read, bytes.
 const FILE_MAX: u64 = 64 << 10;
@@ -90,7 +90,9 @@ impl GradeRecord {
     /// Returns the last record of this user, or else of root.
     #[must_use]
     pub fn last() -> Option<GradeRecord> {
-        let folders = state_dir().into_iter().chain([PathBuf::from(OF_ROOT)]);
+        let folders = state_dir()
+            .into_iter()
+            .chain([PathBuf::from(ROOT_STATE_DIR)]);
         folders.filter_map(|folder| read(&folder)).next()
     }
 
@@ -154,7 +156,7 @@ fn state_dir() -> Option<PathBuf> {
         return Some(folder);
     }
     if nix::unistd::getuid().is_root() {
-        return Some(PathBuf::from(OF_ROOT));
+        return Some(PathBuf::from(ROOT_STATE_DIR));
     }
     variable("XDG_STATE_HOME")
         .or_else(|| variable("HOME").map(|home| home.join(".local/state")))

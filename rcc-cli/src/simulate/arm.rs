@@ -174,8 +174,8 @@ impl FollowingArm {
         }
         let rest = StopTrajectory::new(self.limits, self.dt_s).ok();
         self.rest = rest.and_then(|mut rest| {
-            let begun = rest.begin(&self.positions[0], &velocity, &acceleration);
-            begun.ok().map(|()| rest)
+            let stopping = rest.begin(&self.positions[0], &velocity, &acceleration);
+            stopping.ok().map(|()| rest)
         });
         self.phase = FollowPhase::Stopping;
         self.go_to_rest();
@@ -221,8 +221,8 @@ impl FollowingArm {
         }
         let hold = self.positions[0];
         let point = image.at(first).copied().filter(commands);
-        let begun = point.filter(|point| self.guard.first(&point.position, &hold).is_ok());
-        match begun {
+        let allowed = point.filter(|point| self.guard.first(&point.position, &hold).is_ok());
+        match allowed {
             Some(point) => {
                 self.move_to(point.position);
                 (self.phase, self.outputs) = (FollowPhase::Following { entry: first }, point);

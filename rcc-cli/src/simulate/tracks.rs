@@ -28,9 +28,9 @@ pub struct ArmTracks {
 }
 
 /// Limits are drawn if a value exceeds this part of them, percent.
-const SHOWN: f64 = 40.0;
+const LIMITS_SHOWN_PERCENT: f64 = 40.0;
 /// Derivatives of the joint positions and their orders, one panel each.
-const RATES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
+const DERIVATIVES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
 
 impl ArmTracks {
     /// Creates empty tracks for the arms of a cell.
@@ -108,7 +108,7 @@ impl ArmTrack {
     fn panels(&self, dt_s: f64) -> Vec<PlotPanel> {
         let mut panels = self.places(dt_s);
         panels.push(self.positions());
-        panels.extend(RATES.map(|(name, order)| self.rates(name, order, dt_s)));
+        panels.extend(DERIVATIVES.map(|(name, order)| self.rates(name, order, dt_s)));
         panels
     }
 
@@ -221,7 +221,7 @@ impl ArmTrack {
             .iter()
             .flat_map(|curve| curve.segments.iter().flatten());
         let most = values.fold(0.0, |most: f64, (_, value)| most.max(value.abs()));
-        if most < SHOWN {
+        if most < LIMITS_SHOWN_PERCENT {
             // Far from the limits: scaled to the values instead.
             panel.limits.clear();
         }

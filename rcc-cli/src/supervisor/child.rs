@@ -22,7 +22,7 @@ use super::processes::{LOADER_ENVIRONMENT, ProcessKind, ProcessSpec, ReadySignal
 /// Length from which a log is emptied, bytes.
 const LOG_MAX: u64 = 8 << 20;
 /// Lines of the log shown after a death.
-const LINES_SHOWN: usize = 6;
+const LOG_LINES_SHOWN: usize = 6;
 
 /// State of a supervised process.
 #[derive(Debug)]
@@ -193,7 +193,7 @@ impl Child {
     pub fn last_log_lines(&self) -> Vec<String> {
         let text = tail(&self.log);
         let lines: Vec<&str> = text.lines().filter(|line| !line.is_empty()).collect();
-        let skipped = lines.len().saturating_sub(LINES_SHOWN);
+        let skipped = lines.len().saturating_sub(LOG_LINES_SHOWN);
         lines[skipped..]
             .iter()
             .map(|line| (*line).to_owned())

@@ -15,7 +15,7 @@ const DATAGRAMS_PER_POLL: usize = 64;
 #[derive(Debug)]
 pub struct NotifySocket {
     socket: UnixDatagram,
-    begun: Instant,
+    started: Instant,
     last_heartbeat: Instant,
     ready: bool,
     stopping: bool,
@@ -37,7 +37,7 @@ impl NotifySocket {
         let now = Instant::now();
         Ok(NotifySocket {
             socket,
-            begun: now,
+            started: now,
             last_heartbeat: now,
             ready: false,
             stopping: false,
@@ -89,7 +89,7 @@ impl NotifySocket {
     pub fn silence_beyond(&self, start: Duration, watchdog: Duration) -> Option<Duration> {
         let (since, limit) = match self.ready {
             true => (self.last_heartbeat, watchdog),
-            false => (self.begun, start),
+            false => (self.started, start),
         };
         // A stopping process has another limit, which is watched by whoever stops it.
         Some(since.elapsed()).filter(|silence| *silence > limit && !self.stopping)

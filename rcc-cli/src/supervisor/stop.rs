@@ -16,11 +16,11 @@ use crate::follow;
 use crate::interrupt::Interrupts;
 
 /// Longest time for nets to end after CANCEL.
-const CANCEL_LIMIT: Duration = Duration::from_secs(10);
+const CANCEL_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest time for devices to come to rest.
-const REST_LIMIT: Duration = Duration::from_secs(5);
+const REST_TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest time for monitors to leave the cell.
-const LEAVE_LIMIT: Duration = Duration::from_secs(2);
+const LEAVE_TIMEOUT: Duration = Duration::from_secs(2);
 
 impl Supervisor {
     /// Ends the cell: cancels the nets, waits for rest, stops executor, loader, drivers and simulators, and removes all
@@ -52,7 +52,7 @@ impl Supervisor {
     }
 
     fn end_nets(&mut self, is_impatient: &dyn Fn() -> bool) {
-        let begun = Instant::now();
+        let started = Instant::now();
         let mut canceled = Vec::new();
         loop {
             let Ok(commands) = self.client.get::<Vec<CommandView>>("/commands") else {
@@ -65,7 +65,7 @@ impl Supervisor {
             if active.is_empty() {
                 return;
             }
-            let late = is_impatient() || begun.elapsed() > CANCEL_LIMIT;
+            let late = is_impatient() || started.elapsed() > CANCEL_TIMEOUT;
             for command in active {
                 let gently = command.can_cancel && !late;
                 if gently && canceled.contains(&command.id) {
@@ -77,7 +77,7 @@ impl Supervisor {
                 // It may have ended meanwhile; the next poll shows that.
                 let _ = follow::operate(&self.client, &command.id.to_string(), what);
             }
-            if begun.elapsed() > CANCEL_LIMIT * 2 {
+            if started.elapsed() > CANCEL_TIMEOUT * 2 {
                 return;
             }
             std::thread::sleep(POLL_INTERVAL);
@@ -85,8 +85,8 @@ impl Supervisor {
     }
 
     fn wait_for_rest(&mut self, is_impatient: &dyn Fn() -> bool) {
-        let begun = Instant::now();
-        while begun.elapsed() < REST_LIMIT && !is_impatient() {
+        let started = Instant::now();
+        while started.elapsed() < REST_TIMEOUT && !is_impatient() {
             let Ok(devices) = self.client.get::<Vec<DeviceView>>("/devices") else {
                 return;
             };
@@ -132,7 +132,7 @@ impl Supervisor {
     fn remove_files(mut self) -> bool {
         // The logs are kept only while the cell exists.
         let _ = std::fs::remove_dir_all(&self.logs);
-        let limit = Instant::now() + LEAVE_LIMIT;
+        let limit = Instant::now() + LEAVE_TIMEOUT;
         // The cell stays claimed until its files are gone, so that nobody can claim it in between and lose files.
         let mut removed = ownership::release(&self.cell, &self.presence);
         // Monitors leave the cell a moment after the executor.

@@ -82,7 +82,7 @@ struct CheckSummary {
 /// Fails with exit code 3 if a net is invalid, with the file's code if one cannot be read, and with 2 if folders hold
 /// no net.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let begun = Instant::now();
+    let started = Instant::now();
     let config = match &arguments.config {
         Some(path) => path.clone(),
         None => paths::config("cells/demo.yaml")?,
@@ -128,7 +128,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         }
     }
     if is_many && context.format == OutputFormat::Human {
-        print_line(&summary.text(begun.elapsed().as_secs_f64()));
+        print_line(&summary.text(started.elapsed().as_secs_f64()));
     }
     let folders_only = arguments.files.iter().all(|file| Path::new(file).is_dir());
     if folders_only && summary.valid + summary.invalid == 0 && summary.unreadable.is_none() {

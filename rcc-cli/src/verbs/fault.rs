@@ -128,13 +128,13 @@ fn command_simulator(
     };
     let mut simulator = SimulatorClient::connect(&path).map_err(failed)?;
     log_fault(cell, device, words);
-    let begun = Instant::now();
+    let started = Instant::now();
     loop {
         match simulator.ask(command) {
             Ok(_) => return Ok(()),
             // `clear` and `ack` acknowledge, which the simulator refuses while the arm moves.
             Err(error)
-                if error.to_string().contains("still moves") && begun.elapsed() < REST_LIMIT =>
+                if error.to_string().contains("still moving") && started.elapsed() < REST_LIMIT =>
             {
                 std::thread::sleep(Duration::from_millis(20));
             }

@@ -19,7 +19,7 @@ use crate::table;
 /// Interval between two checks for the requested file.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time limit for the requested file: recording continues for a fifth of a second, and the disk may be slow.
-const WRITTEN_WITHIN: Duration = Duration::from_secs(20);
+const WRITE_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Arguments of `incidents`.
 #[derive(clap::Args, Debug)]
@@ -171,8 +171,8 @@ fn record(context: &Context) -> Result<(), Failure> {
         return Ok(());
     }
     let folder = of(context)?;
-    let begun = Instant::now();
-    while begun.elapsed() < WRITTEN_WITHIN {
+    let started = Instant::now();
+    while started.elapsed() < WRITE_TIMEOUT {
         let written = rows(&folder)?.into_iter().find(|row| {
             let span = row.head.first_cycle..=row.head.last_cycle;
             row.head.executor == frozen.executor && span.contains(&frozen.cycle)
@@ -187,7 +187,7 @@ fn record(context: &Context) -> Result<(), Failure> {
     }
     Err(Failure::new(
         codes::EXECUTOR_SILENT,
-        format!("no incident file was written within {WRITTEN_WITHIN:?}"),
+        format!("no incident file was written within {WRITE_TIMEOUT:?}"),
         "see `rcc-cli events` for a failure; `rcc-cli incidents` lists files written later",
     ))
 }

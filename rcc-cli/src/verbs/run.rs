@@ -14,7 +14,7 @@ use crate::interrupt::Interrupts;
 use crate::output::{BackgroundPrinter, print_diagnostics};
 
 /// Longest time to wait for a loader that died.
-const PATIENCE: Duration = Duration::from_secs(5);
+const LOADER_RESTART_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Arguments of `run`.
 #[derive(clap::Args, Debug)]
@@ -75,8 +75,11 @@ fn start_and_follow(
     loop {
         let command = match follow::brief(client, &id) {
             // A loader that died is restarted; the net runs on meanwhile.
-            Err(failure) if failure.exit == exit::UNREACHABLE && answered.elapsed() < PATIENCE => {
-                std::thread::sleep(follow::POLL);
+            Err(failure)
+                if failure.exit == exit::UNREACHABLE
+                    && answered.elapsed() < LOADER_RESTART_TIMEOUT =>
+            {
+                std::thread::sleep(follow::POLL_INTERVAL);
                 continue;
             }
             state => state?,
@@ -103,6 +106,6 @@ fn start_and_follow(
                 done => drop(done?),
             }
         }
-        std::thread::sleep(follow::POLL);
+        std::thread::sleep(follow::POLL_INTERVAL);
     }
 }

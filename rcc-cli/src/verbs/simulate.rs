@@ -108,10 +108,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     } = arguments.scenario.prepare()?;
     let mut csv = arguments.csv.as_deref().map(create).transpose()?;
     let table = csv.as_mut().map(|file| file as &mut dyn Write);
-    let begun = Instant::now();
+    let started = Instant::now();
     let simulated = simulate::run(&config, plan, &names, &options, table, &mut |_, _| ())
         .map_err(|error| failure(&error, &names, &config, arguments.csv.as_deref()))?;
-    let took = begun.elapsed();
+    let took = started.elapsed();
     let report = report(&names, &simulated, &config);
     if let Some(path) = &arguments.plot {
         let panels = trace::panels(simulated.trace.columns());

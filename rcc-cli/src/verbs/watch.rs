@@ -91,7 +91,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 return Err(Failure::reported(exit::INTERRUPTED));
             }
             let left = next.saturating_duration_since(Instant::now());
-            std::thread::sleep(left.min(follow::POLL));
+            std::thread::sleep(left.min(follow::POLL_INTERVAL));
         }
         values = client.values(&id, &arguments.ports)?;
     }

@@ -3,7 +3,7 @@
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
-use crate::doctor::grade::{Grade, STALE_USUAL_NS};
+use crate::doctor::grade::{Grade, STALE_DEFAULT_NS};
 use crate::table::time;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
@@ -29,7 +29,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
             ),
         ];
     }
-    if grade <= Grade::B && stale_ns >= STALE_USUAL_NS {
+    if grade <= Grade::B && stale_ns >= STALE_DEFAULT_NS {
         return vec![
             HealthFinding::note(format!(
                 "stale_after is {}; this machine allows {}",
