@@ -46,7 +46,7 @@ pub struct PortArgument {
 
 /// The text is not `name=number`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("invalid port '{given}': write name=number, for example fri=49938")]
+#[error("invalid port `{given}`: write name=number, for example fri=49938")]
 pub struct PortArgumentError {
     /// The given text.
     pub given: String,

@@ -39,7 +39,7 @@ pub enum QuantityError {
     /// The unit is not known.
     #[error("unknown unit `{name}`{}", did_you_mean(.suggestion.as_deref()))]
     UnknownUnit {
-        /// The unit as written.
+        /// Name of the unit as written.
         name: String,
         /// A known unit with a similar name.
         suggestion: Option<String>,

@@ -347,7 +347,7 @@ impl ConfigReader {
         if fits {
             return Some(name.to_owned());
         }
-        let message = format!("`{name}` cannot name {what}");
+        let message = format!("invalid name `{name}` for {what}");
         self.report(error(codes::BAD_NAME, span, message).help(format!("use {}", form.words)));
         None
     }

@@ -96,7 +96,7 @@ fn a_missing_file_is_a_fault_and_not_a_panic() {
 }
 
 #[test]
-fn faults_of_the_cell_and_of_its_robots_come_together() {
+fn faults_of_the_cell_and_of_its_robots_are_reported_together() {
     let text = "cell: a\nperiod: 1\ndevices:\n  lwr: {driver: a, robot: robots/six.yaml}\n";
     let faults =
         CellConfig::parse(text, "a.yaml", Path::new(FOLDER), &BTreeMap::new()).unwrap_err();

@@ -17,7 +17,7 @@ use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 const POSITIONS: usize = 2_000;
 
 #[test]
-fn every_robot_comes_back_to_every_pose_by_every_branch() {
+fn every_robot_returns_to_every_pose_in_every_branch() {
     let robots = trip::robots();
     let names: Vec<&str> = robots.iter().map(|(file, _)| file.as_str()).collect();
     assert_eq!(

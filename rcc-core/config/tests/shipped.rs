@@ -89,7 +89,7 @@ fn the_real_cell_listens_at_kukas_port_and_simulates_nothing() {
 }
 
 #[test]
-fn every_torch_goes_out_when_nobody_commands_it() {
+fn every_torch_goes_out_on_release() {
     for name in ["cells/demo.yaml", "cells/lwr.yaml"] {
         let cell = load(name);
         let torch = cell.devices[0]
@@ -100,7 +100,7 @@ fn every_torch_goes_out_when_nobody_commands_it() {
 }
 
 #[test]
-fn the_lwr_is_the_one_of_the_golden_data() {
+fn the_lwr_matches_the_golden_data() {
     let robot = load("cells/lwr.yaml").devices.remove(0).robot.unwrap();
     let expected = Arm::Srs(SrsArm {
         shoulder_height: 0.3105,
@@ -128,7 +128,7 @@ fn the_lwr_is_the_one_of_the_golden_data() {
 }
 
 #[test]
-fn the_lwr_takes_what_fri_takes_of_impedance_set_points() {
+fn the_impedance_limits_of_the_lwr_are_those_of_fri() {
     let limits = load("cells/lwr.yaml").models()[0].impedance.unwrap();
     let expected = ImpedanceLimits {
         translation: [0.01, 5000.0],
