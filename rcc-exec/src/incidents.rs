@@ -17,7 +17,7 @@ use rcc_engine::incident::{
     self, COMMAND_FILE_MAX, EXTENSION, FORMAT, IncidentHead, IncidentParts, RingOverview,
 };
 use rcc_engine::net::NetOrigin;
-use rcc_engine::record::{FrozenRecording, FlightRecorderHelper, TriggerReason};
+use rcc_engine::record::{FlightRecorderHelper, FrozenRecording, TriggerReason};
 use rcc_ipc::control::RecordingState;
 use rcc_ipc::events::{self, EventKind, EventRecorder};
 use rcc_ipc::{Cell, ProcessInstance, monotonic_ns};

@@ -21,7 +21,7 @@ use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
 use rcc_loader::server::bodies::{self, TEXT_MAX};
 use rcc_loader::server::connection::{
-    CONNECTION_TIME, HEAD_MAX, HEAD_TIME, HEADERS_MAX, HEADS_MAX, Limits, STOPS, TCP,
+    CONNECTION_TIME_MAX, HEAD_MAX, HEAD_TIME, HEADERS_MAX, HEADS_MAX, Limits, STOPS, TCP,
     UNAUTHENTICATED, UNIX,
 };
 use rcc_loader::server::listeners::{ListenError, Listeners};
@@ -157,17 +157,17 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             "| body of a LOAD | {}, all together {} | {} |",
             mib(TEXT_MAX),
             mib(bodies::TEXTS_MAX),
-            seconds(bodies::BODY_TIME)
+            seconds(bodies::BODY_TIME_MAX)
         ),
         format!(
             "| body of START, a hand-over or inputs | {} | {} |",
             kib(bodies::SET_TEXT_MAX),
-            seconds(bodies::BODY_TIME)
+            seconds(bodies::BODY_TIME_MAX)
         ),
         format!(
             "| long answers, all together | {} | {} |",
             mib(bodies::ANSWERS_MAX),
-            seconds(CONNECTION_TIME)
+            seconds(CONNECTION_TIME_MAX)
         ),
         format!(
             "| files of commands, all together | {} | – |",
@@ -187,11 +187,11 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             "| work for a request | {} at a time, {} of them texts | {} |",
             routes::REQUESTS_MAX,
             routes::LOADING_MAX,
-            seconds(routes::REQUEST_TIME)
+            seconds(routes::REQUEST_TIME_MAX)
         ),
         format!(
             "| whole connection | one request | {} |",
-            seconds(CONNECTION_TIME)
+            seconds(CONNECTION_TIME_MAX)
         ),
         format!("| token | {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} characters | – |"),
         format!(

@@ -35,7 +35,7 @@ pub const HEADERS_MAX: usize = 64;
 /// Time allowed for the head of a request, from the connection on.
 pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
 /// Time allowed for a whole connection: request, work, and delivery of the answer.
-pub const CONNECTION_TIME: Duration = Duration::from_secs(20);
+pub const CONNECTION_TIME_MAX: Duration = Duration::from_secs(20);
 /// How long, and for how many bytes, the input of a client that was answered early is still read; closing at once would
 /// lose the answer.
 const LINGER_LIMITS: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
@@ -129,8 +129,8 @@ where
     let permit = context.quotas.await_head(peer);
     tokio::spawn(async move {
         let talk = serve_request(&context, peer, permit, io, router);
-        if timeout(CONNECTION_TIME, talk).await.is_err() {
-            let what = format!("the connection took longer than {CONNECTION_TIME:?}");
+        if timeout(CONNECTION_TIME_MAX, talk).await.is_err() {
+            let what = format!("the connection took longer than {CONNECTION_TIME_MAX:?}");
             context.log_refusal(peer, &too_slow(what));
         }
     });

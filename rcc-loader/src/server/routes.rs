@@ -37,7 +37,7 @@ pub const REQUESTS_MAX: usize = 64;
 /// Maximum number of concurrent requests that read command files; further ones wait.
 pub const READING_MAX: usize = 2;
 /// Time allowed for a request after its body has arrived.
-pub const REQUEST_TIME: Duration = Duration::from_secs(10);
+pub const REQUEST_TIME_MAX: Duration = Duration::from_secs(10);
 
 /// State shared by all requests.
 #[derive(Clone)]
@@ -164,7 +164,7 @@ async fn limited(State(state): State<ServerState>, mut request: Request, next: N
 }
 
 async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
-    match tokio::time::timeout(REQUEST_TIME, answer).await {
+    match tokio::time::timeout(REQUEST_TIME_MAX, answer).await {
         Ok(response) if response.status().is_client_error() && !is_json(&response) => {
             let message = "invalid address or query";
             ApiError::new(
@@ -182,7 +182,7 @@ async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
         Ok(response) => response,
         Err(_) => ApiError::new(
             codes::LOADER_SILENT,
-            format!("the request took longer than {REQUEST_TIME:?}"),
+            format!("the request took longer than {REQUEST_TIME_MAX:?}"),
             "try again; it may or may not have been carried out",
         )
         .into_response(),
