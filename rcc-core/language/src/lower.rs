@@ -162,7 +162,7 @@ pub(crate) fn literal(value: Default) -> Literal {
 }
 
 /// Returns the value of a constant, or the initial value of an input.
-fn first_value<'a>(item: &ResolvedPrimitive<'a>) -> Option<&'a Literal> {
+fn initial_value<'a>(item: &ResolvedPrimitive<'a>) -> Option<&'a Literal> {
     let mut rows = item.spec().parameters.iter().zip(&item.parameters);
     let is_open = |kind| matches!(kind, ParameterKind::Value(PortType::Any, _));
     let (_, literal) = rows.find(|(parameter, _)| is_open(parameter.kind))?;
@@ -299,7 +299,7 @@ impl<'a> Lowering<'a> {
             let ty = self.port_type(number, port);
             // A constant starts with its value, an input with its initial value in its first output; everything else
             // starts as null.
-            let value = first_value(item).filter(|_| index == 0);
+            let value = initial_value(item).filter(|_| index == 0);
             let value = value.and_then(|literal| literal.stored(ty));
             let value = value.unwrap_or(StoredValue::null(ty));
             let value = match item.spec().role {

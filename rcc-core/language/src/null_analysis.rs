@@ -250,7 +250,7 @@ impl NullAnalysis {
         let item = graph.items.get(number)?;
         let words = match self.item(number)? {
             NullCause::NotSet if is_age(item, output) => "it has never been set".to_owned(),
-            NullCause::NotSet if has_first_value(item) => "it was set to null".to_owned(),
+            NullCause::NotSet if has_initial_value(item) => "it was set to null".to_owned(),
             NullCause::NotSet => "it is not set".to_owned(),
             NullCause::NotPublished => {
                 let topic = item.topic().unwrap_or_default();
@@ -291,7 +291,7 @@ fn is_age(item: &ResolvedPrimitive<'_>, output: Option<usize>) -> bool {
     port.is_some_and(|port| port.name == "age")
 }
 
-fn has_first_value(item: &ResolvedPrimitive<'_>) -> bool {
+fn has_initial_value(item: &ResolvedPrimitive<'_>) -> bool {
     let mut given = item.parameters.iter().zip(item.spec().parameters);
     given.any(|(value, parameter)| {
         parameter.name == "initial" && value.is_some_and(|value| value.shape != LiteralShape::Null)

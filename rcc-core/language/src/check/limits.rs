@@ -155,7 +155,7 @@ pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// Requires that a monitor's value fits into a record, and that its rate is possible.
+/// Requires that a monitor's value fits into a record, reads no delayed link, and has a possible rate.
 pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         if item.spec().role != Role::Monitor {

@@ -81,7 +81,7 @@ pub fn loops_have_a_delay(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Requires that a delayed link within a loop has an initial value.
-pub fn delayed_loops_have_a_first_value(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let sources = sources(net.graph, |_, _| true);
     let components = Components::of(&sources);
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -104,11 +104,11 @@ pub fn delayed_loops_have_a_first_value(net: Typed<'_>, faults: &mut Vec<Diagnos
 }
 
 /// Requires that a null value in a loop can be replaced by a known one.
-pub fn loops_can_lose_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn loops_can_recover_from_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let all = sources(net.graph, |_, _| true);
     let components = Components::of(&all);
-    let in_loop = components.in_loops(&all);
-    let mut known: Vec<bool> = in_loop.iter().map(|in_loop| !in_loop).collect();
+    let is_in_loop = components.in_loops(&all);
+    let mut known: Vec<bool> = is_in_loop.iter().map(|is_in_loop| !is_in_loop).collect();
     settle(net.graph, &components, &all, &mut known);
     let stuck = |number: usize| known.get(number) == Some(&false);
     let null = sources(net.graph, |number, link| {
