@@ -115,7 +115,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     let mut supervisor = Supervisor::start(&name, prepared.clone(), Box::new(print_event))?;
     let played = supervisor.wait_until_up(&interrupts).and_then(|()| {
         starting.set(false);
-        play(context, &mut supervisor, (&interrupts, &printer), &prepared)
+        run_figures(context, &mut supervisor, (&interrupts, &printer), &prepared)
     });
     starting.set(false);
     let clean = supervisor.stop(&interrupts);
@@ -148,7 +148,7 @@ fn is_trouble(what: &str) -> bool {
 
 type FigureResults = Vec<(&'static str, Vec<MotionCheck>)>;
 
-fn play(
+fn run_figures(
     context: &Context,
     supervisor: &mut Supervisor,
     (interrupts, printer): (&Interrupts, &BackgroundPrinter),

@@ -196,7 +196,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_refusal_keeps_its_code_and_tells_the_remedy() {
+    fn a_refusal_keeps_its_code_and_shows_the_remedy() {
         let failure = Failure::new(codes::BUSY, "line#2 needs lwr, which hold#1 holds", "wait");
         assert_eq!(failure.exit, exit::CONFLICT);
         assert_eq!(

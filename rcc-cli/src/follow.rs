@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_was_asked_for_is_a_success() {
+    fn only_the_requested_outcome_is_a_success() {
         for (reason, finish, cancel) in [
             ("finished", Ok(()), Ok(())),
             ("canceled", Err(Failure::reported(8)), Ok(())),

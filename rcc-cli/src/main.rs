@@ -118,7 +118,7 @@ mod tests {
     use super::Arguments;
 
     #[test]
-    fn no_verb_has_an_argument_by_the_name_of_a_global_one() {
+    fn no_verb_shadows_a_global_argument() {
         let all = Arguments::command();
         all.clone().debug_assert();
         let globals: BTreeSet<_> = all.get_arguments().map(|one| one.get_id()).collect();

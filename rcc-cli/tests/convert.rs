@@ -36,7 +36,7 @@ fn a_net_of_the_predecessor_becomes_a_file_that_is_valid() {
 }
 
 #[test]
-fn what_has_no_counterpart_is_refused_with_its_place() {
+fn parts_without_counterpart_are_refused_with_their_location() {
     let (code, text) = run(&["convert", "tests/nets/bad/RCC1601-no-counterpart.net"]);
     assert_eq!(code, Some(3), "{text}");
     assert!(

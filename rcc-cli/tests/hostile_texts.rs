@@ -262,7 +262,7 @@ fn is_printable(output: &Output, arguments: &[&str]) -> String {
 }
 
 #[test]
-fn no_verb_prints_what_a_terminal_obeys() {
+fn no_verb_prints_control_characters() {
     let (answers, refuses) = (start(false), start(true));
     let mut shown = 0;
     for arguments in VERBS {
@@ -281,7 +281,7 @@ fn no_verb_prints_what_a_terminal_obeys() {
 }
 
 #[test]
-fn json_says_exactly_what_was_answered() {
+fn json_output_equals_the_answer() {
     let answers = start(false);
     for (arguments, expected) in [
         (&["ls"][..], to_json(&vec![command("terminated")])),
@@ -294,7 +294,7 @@ fn json_says_exactly_what_was_answered() {
 }
 
 #[test]
-fn names_and_texts_of_files_command_no_terminal() {
+fn names_and_texts_of_files_do_not_control_the_terminal() {
     let folder = std::env::temp_dir().join(format!("rcc-hostile-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     let file = folder.join(format!("{}.yaml", HOSTILE.replace('/', "")));

@@ -118,7 +118,7 @@ fn systemd_accepts_every_unit() {
 }
 
 #[test]
-fn every_service_is_locked_in() {
+fn every_service_is_confined() {
     let root = Root::new("security");
     succeeds(&root.install("demo.yaml", &DEMO));
     let threshold = format!("--threshold={EXPOSURE_MAX}");

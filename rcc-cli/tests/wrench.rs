@@ -397,7 +397,7 @@ fn too_few_orientations_are_refused_with_a_reason() {
 }
 
 #[test]
-fn every_command_of_the_page_runs_and_prints_what_it_shows() {
+fn commands_of_the_docs_print_what_the_docs_show() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let page = std::fs::read_to_string(root.join("docs/force.md")).expect("the page");
     let mut commands = 0;

@@ -166,7 +166,7 @@ impl GroupLayout {
     }
 
     /// Adds the contents of an inner group, moved by `by`.
-    fn take(&mut self, inner: GroupLayout, by: PlanePoint) {
+    fn absorb(&mut self, inner: GroupLayout, by: PlanePoint) {
         let add = |at: PlanePoint| PlanePoint {
             x: at.x + by.x,
             y: at.y + by.y,
@@ -250,7 +250,7 @@ impl SceneBuilder<'_> {
         let border = |borders: &BTreeMap<Signal, usize>| -> Vec<(Signal, f64)> {
             let borders = borders.iter();
             borders
-                .map(|(signal, shape)| (*signal, laid.places[*shape].y + by.y))
+                .map(|(signal, shape)| (*signal, laid.positions[*shape].y + by.y))
                 .collect()
         };
         (out.inputs, out.outputs) = (border(&coming), border(&going));
@@ -263,7 +263,7 @@ impl SceneBuilder<'_> {
             });
         }
         for (edge, route) in edges.iter().zip(laid.routes) {
-            out.links.push(self.piece(
+            out.links.push(self.link_segment(
                 group,
                 &coming,
                 edge,
@@ -274,21 +274,21 @@ impl SceneBuilder<'_> {
             ));
         }
         let place = |shape: usize| PlanePoint {
-            x: laid.places[shape].x + by.x,
-            y: laid.places[shape].y + by.y,
+            x: laid.positions[shape].x + by.x,
+            y: laid.positions[shape].y + by.y,
         };
         for (shape, it) in group.boxes.iter().enumerate() {
             out.boxes.push((*it, place(shape)));
         }
         for (number, inner) in inner.into_iter().enumerate() {
-            out.take(inner, place(group.boxes.len() + number));
+            out.absorb(inner, place(group.boxes.len() + number));
         }
         out
     }
 
     /// Creates the link segment of an edge, extended to the border of the frame where the link enters or leaves.
     #[allow(clippy::too_many_arguments)]
-    fn piece(
+    fn link_segment(
         &self,
         group: &FrameGroup,
         coming: &BTreeMap<Signal, usize>,

@@ -203,7 +203,7 @@ fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
         escaped(&format!(
             "{id}.{port}{}{}",
             to.unwrap_or_default(),
-            if delayed { ", of the cycle before" } else { "" }
+            if delayed { ", of the previous cycle" } else { "" }
         ))
     );
 }

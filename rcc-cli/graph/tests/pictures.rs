@@ -175,7 +175,7 @@ primitives:
 ";
 
 #[test]
-fn dot_has_ports_and_dashes_for_what_is_delayed() {
+fn dot_has_ports_and_dashed_delayed_links() {
     let text = dot(&structure(SMALL, "small"), None);
     for line in [
         "  n0:o0:e -> n2:i0:w;",
@@ -195,7 +195,7 @@ fn dot_has_ports_and_dashes_for_what_is_delayed() {
 }
 
 #[test]
-fn mermaid_has_boxes_links_and_nothing_that_it_would_read() {
+fn mermaid_has_boxes_and_links_and_escapes_texts() {
     let text = mermaid(&structure(SMALL, "small"), None);
     let wanted = "flowchart LR
   n0[\"<b>time</b><br/>Time\"]

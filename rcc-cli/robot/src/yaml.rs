@@ -44,25 +44,45 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
     match arm {
         Arm::Srs(arm) => {
             put!(text, "  type: srs");
-            put!(text, "  shoulder_height: {} m", tidy(arm.shoulder_height));
-            put!(text, "  upper_arm: {} m", tidy(arm.upper_arm));
-            put!(text, "  forearm: {} m", tidy(arm.forearm));
-            put!(text, "  wrist_to_flange: {} m", tidy(arm.wrist_to_flange));
+            put!(
+                text,
+                "  shoulder_height: {} m",
+                rounded(arm.shoulder_height)
+            );
+            put!(text, "  upper_arm: {} m", rounded(arm.upper_arm));
+            put!(text, "  forearm: {} m", rounded(arm.forearm));
+            put!(
+                text,
+                "  wrist_to_flange: {} m",
+                rounded(arm.wrist_to_flange)
+            );
             put!(text, "  signs: {:?}", arm.signs.map(|sign| sign as i32));
         }
         Arm::OrthoParallel(arm) => {
             put!(text, "  type: ortho-parallel");
-            put!(text, "  shoulder_height: {} m", tidy(arm.shoulder_height));
-            put!(text, "  shoulder_offset: {} m", tidy(arm.shoulder_offset));
-            put!(text, "  lateral_offset: {} m", tidy(arm.lateral_offset));
-            put!(text, "  upper_arm: {} m", tidy(arm.upper_arm));
-            put!(text, "  elbow_offset: {} m", tidy(arm.elbow_offset));
-            put!(text, "  forearm: {} m", tidy(arm.forearm));
-            put!(text, "  wrist_to_flange: {} m", tidy(arm.wrist_to_flange));
+            put!(
+                text,
+                "  shoulder_height: {} m",
+                rounded(arm.shoulder_height)
+            );
+            put!(
+                text,
+                "  shoulder_offset: {} m",
+                rounded(arm.shoulder_offset)
+            );
+            put!(text, "  lateral_offset: {} m", rounded(arm.lateral_offset));
+            put!(text, "  upper_arm: {} m", rounded(arm.upper_arm));
+            put!(text, "  elbow_offset: {} m", rounded(arm.elbow_offset));
+            put!(text, "  forearm: {} m", rounded(arm.forearm));
+            put!(
+                text,
+                "  wrist_to_flange: {} m",
+                rounded(arm.wrist_to_flange)
+            );
             put!(text, "  signs: {:?}", arm.signs.map(|sign| sign as i32));
             let zeros = arm
                 .zeros
-                .map(|zero| format!("deg({})", tidy(zero.to_degrees())));
+                .map(|zero| format!("deg({})", rounded(zero.to_degrees())));
             put!(text, "  zeros: [{}]", zeros.join(", "));
         }
     }
@@ -80,7 +100,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
             .range
             .unwrap_or([-180_f64, 180.0].map(f64::to_radians));
         let velocity = revolute.velocity.unwrap_or(VELOCITY_DEFAULT_RAD_S);
-        let degrees = |value: f64| tidy(value.to_degrees());
+        let degrees = |value: f64| rounded(value.to_degrees());
         let mut missing = Vec::new();
         if revolute.range.is_none() {
             missing.push("no limits in the URDF: assumed one turn");
@@ -107,7 +127,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
 }
 
 /// Rounds to 12 decimals, to remove the rounding errors of angle conversions and sums.
-fn tidy(value: f64) -> f64 {
+fn rounded(value: f64) -> f64 {
     (value * 1e12).round() / 1e12 + 0.0
 }
 

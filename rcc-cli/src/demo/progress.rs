@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_of_the_way_is_half_of_the_bar() {
+    fn half_of_the_path_is_half_of_the_bar() {
         let view = MotionProgress {
             part: 0.5,
             distance: 0.075,

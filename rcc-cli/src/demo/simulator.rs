@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_trace_is_refused() {
+    fn a_file_that_is_not_a_trace_is_refused() {
         assert!(read_trace("a,b\n1,2").is_err());
         assert!(read_trace(&format!("{HEADS}\n1,0.1,2,2,3,1,x")).is_err());
     }

@@ -145,7 +145,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_a_grade_allows_is_longer_than_what_was_measured() {
+    fn stale_after_exceeds_the_measured_latency() {
         let ms = 1_000_000;
         assert_eq!(Grade::A.stale_after_ns(38_000, ms), 3 * ms);
         assert_eq!(Grade::B.stale_after_ns(480_000, ms), 3 * ms);

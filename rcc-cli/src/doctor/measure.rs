@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_core_that_is_not_there_is_refused() {
+    fn a_missing_core_is_refused() {
         let plan = MeasurementPlan {
             priority: None,
             core: Some(1000),

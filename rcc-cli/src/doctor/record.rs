@@ -184,7 +184,7 @@ mod tests {
     use crate::doctor::grade::tests::measured;
 
     #[test]
-    fn what_was_stored_is_read_again() -> io::Result<()> {
+    fn a_stored_record_is_read_again() -> io::Result<()> {
         let folder = std::env::temp_dir().join(format!("rcc-record-{}", std::process::id()));
         let record = GradeRecord::of(&measured(21, 38));
         let path = record.store_in(&folder)?;
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn words_tell_grade_age_and_doubt() {
+    fn the_summary_shows_grade_age_and_doubt() {
         let mut record = GradeRecord::of(&measured(21, 38));
         (record.at, record.boot, record.kernel) = (1000, "x".to_owned(), "6.1".to_owned());
         assert_eq!(

@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn what_looks_like_a_path_is_a_file() {
+    fn arguments_that_look_like_paths_are_files() {
         for (name, file) in [
             ("demo", false),
             ("./demo", true),

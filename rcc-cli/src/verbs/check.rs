@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn a_summary_tells_how_many_are_valid_and_what_was_found() {
+    fn a_summary_counts_valid_nets_and_findings() {
         let verdict = |valid: bool, severities: &[&str]| NetVerdict {
             file: String::new(),
             valid,

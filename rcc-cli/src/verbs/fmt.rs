@@ -39,7 +39,7 @@ struct FormatOutcome {
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut worst = 0;
     for file in &arguments.files {
-        match one(context, &arguments, file) {
+        match format_file(context, &arguments, file) {
             Ok(false) => {}
             Ok(true) => worst = worst.max(1),
             Err(failure) => {
@@ -56,7 +56,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Formats one file; returns true if `--check` found it unformatted.
-fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Failure> {
+fn format_file(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Failure> {
     let (name, text) = read_text(file)?;
     let written = format(&text, &name).map_err(|error| refused(&name, error))?;
     let changed = written != text;

@@ -97,12 +97,12 @@ const ELEMENTS_MAX: usize = 3;
 fn words(row: &ValueView) -> String {
     let words = match &row.value {
         Value::Array(values) => {
-            let shown = values.iter().take(ELEMENTS_MAX).map(one);
+            let shown = values.iter().take(ELEMENTS_MAX).map(format_scalar);
             let more = (values.len() > ELEMENTS_MAX).then(|| "…".to_owned());
             let shown: Vec<String> = shown.chain(more).collect();
             format!("[{}]", shown.join(", "))
         }
-        value => one(value),
+        value => format_scalar(value),
     };
     match &row.unit {
         Some(unit) if !row.value.is_null() => format!("{words} {unit}"),
@@ -110,7 +110,7 @@ fn words(row: &ValueView) -> String {
     }
 }
 
-fn one(value: &Value) -> String {
+fn format_scalar(value: &Value) -> String {
     if let Value::String(infinite) = value {
         return infinite.clone();
     }

@@ -57,7 +57,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => {
             let folder = match arguments.folder {
                 Some(folder) => folder,
-                None => of(context)?,
+                None => incidents_dir(context)?,
             };
             let rows = rows(&folder)?;
             context.print(&rows, |rows| list(rows));
@@ -68,7 +68,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Returns the cell's folder of incidents.
-fn of(context: &Context) -> Result<PathBuf, Failure> {
+fn incidents_dir(context: &Context) -> Result<PathBuf, Failure> {
     let name = context.cell_name();
     let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
     let cell = cell.ok_or_else(|| {
@@ -170,7 +170,7 @@ fn record(context: &Context) -> Result<(), Failure> {
         });
         return Ok(());
     }
-    let folder = of(context)?;
+    let folder = incidents_dir(context)?;
     let started = Instant::now();
     while started.elapsed() < WRITE_TIMEOUT {
         let written = rows(&folder)?.into_iter().find(|row| {

@@ -70,7 +70,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let interrupts = Interrupts::listen()?;
     // This also restores the terminal if the program panics.
     let terminal = ratatui::try_init();
-    let shown = terminal.and_then(|terminal| live(terminal, &client, snapshot, every, &interrupts));
+    let shown =
+        terminal.and_then(|terminal| run_live(terminal, &client, snapshot, every, &interrupts));
     // Runs however the view ended; a failure means that the terminal is gone.
     let _ = ratatui::try_restore();
     shown.map_err(|error| {
@@ -84,7 +85,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Shows the live view until it is closed. If the cell stops answering, the error appears below the last data.
-fn live(
+fn run_live(
     mut terminal: DefaultTerminal,
     client: &LoaderClient,
     mut snapshot: TopSnapshot,
@@ -176,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hostile_name_commands_no_terminal() {
+    fn a_hostile_name_does_not_control_the_terminal() {
         let mut terminal = Terminal::new(TestBackend::new(120, 40)).unwrap();
         let hostile = "\x1b[2Ja\u{202e}b\u{9b}31m\u{200b}";
         let net = CommandView {

@@ -42,7 +42,7 @@ struct IdentifyArguments {
     #[arg(long, value_name = "NAME")]
     pose: Option<String>,
     /// Acceleration of a falling body in the base frame, m/s² [default: 0,0,-9.80665]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_three)]
     gravity: Option<[f64; 3]>,
 }
 
@@ -53,13 +53,13 @@ struct WrenchReport {
     gravity: Option<[f64; 3]>,
 }
 
-fn three(text: &str) -> Result<[f64; 3], String> {
+fn parse_three(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let numbers = numbers.map_err(|error| format!("`{text}`: {error}"))?;
     let count = numbers.len();
-    numbers
-        .try_into()
-        .map_err(|_| format!("expected three numbers, found {count} in `{text}`: write 0,0,-9.81"))
+    numbers.try_into().map_err(|_| {
+        format!("expected three numbers, found {count} in `{text}`: write 0,0,-9.81")
+    })
 }
 
 /// Runs the verb.

@@ -45,7 +45,7 @@ pub fn routed_layout(
     }
     backs.sort_by_key(|back| (back.last - back.first, back.edge));
     let columns = columns(layered, shapes, tops, &backs);
-    let places: Vec<PlanePoint> = shapes
+    let positions: Vec<PlanePoint> = shapes
         .iter()
         .enumerate()
         .map(|(shape, it)| {
@@ -59,12 +59,12 @@ pub fn routed_layout(
     let ends = |edge: &Edge| {
         let [(from, output), (to, input)] = [edge.from, edge.to];
         let start = PlanePoint {
-            x: places[from].x + shapes[from].width,
-            y: places[from].y + shapes[from].outputs[output],
+            x: positions[from].x + shapes[from].width,
+            y: positions[from].y + shapes[from].outputs[output],
         };
         let end = PlanePoint {
-            x: places[to].x,
-            y: places[to].y + shapes[to].inputs[input],
+            x: positions[to].x,
+            y: positions[to].y + shapes[to].inputs[input],
         };
         (start, end)
     };
@@ -102,12 +102,12 @@ pub fn routed_layout(
         ];
         routes[back.edge] = LinkRoute::Around(points);
     }
-    shifted_to_origin(places, routes, width, floor.lowest())
+    shifted_to_origin(positions, routes, width, floor.lowest())
 }
 
 /// Moves everything so that the smallest x is 0.
 fn shifted_to_origin(
-    places: Vec<PlanePoint>,
+    positions: Vec<PlanePoint>,
     routes: Vec<LinkRoute>,
     width: f64,
     height: f64,
@@ -121,7 +121,7 @@ fn shifted_to_origin(
         y: at.y,
     };
     Layout {
-        places: places.into_iter().map(moved).collect(),
+        positions: positions.into_iter().map(moved).collect(),
         routes: routes.into_iter().map(|route| route.moved(by)).collect(),
         width: right - left,
         height,

@@ -38,7 +38,7 @@ impl Legend {
         Legend(rows)
     }
 
-    fn space(words: &str) -> f64 {
+    fn entry_width(words: &str) -> f64 {
         22.0 + width(words, PORT_SIZE) + 18.0
     }
 
@@ -47,7 +47,7 @@ impl Legend {
         let mut rows: Vec<Vec<_>> = vec![Vec::new()];
         let mut used = 0.0;
         for entry in &self.0 {
-            let space = Legend::space(entry.1);
+            let space = Legend::entry_width(entry.1);
             if used > 0.0 && used + space > most {
                 rows.push(Vec::new());
                 used = 0.0;
@@ -89,7 +89,7 @@ impl Legend {
                     ),
                 };
                 text(out, "kind", x + 22.0, y, words, "");
-                x += Legend::space(words);
+                x += Legend::entry_width(words);
             }
         }
     }

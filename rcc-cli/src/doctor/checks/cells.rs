@@ -10,10 +10,10 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         .cells
         .iter()
         .filter(|cell| !cell.living.is_empty() || cell.refused.is_some());
-    alive.flat_map(one).collect()
+    alive.flat_map(cell_findings).collect()
 }
 
-fn one(cell: &CellFacts) -> Vec<HealthFinding> {
+fn cell_findings(cell: &CellFacts) -> Vec<HealthFinding> {
     let name = &cell.name;
     if let Some(words) = &cell.refused {
         let fix = format!("ask its owner, or inspect {}", cell.folder.display());

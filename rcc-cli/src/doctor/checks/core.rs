@@ -36,7 +36,7 @@ mod tests {
     use crate::doctor::FindingLevel;
 
     #[test]
-    fn a_core_that_is_not_there_prevents_and_none_is_a_note() {
+    fn a_missing_core_fails_and_an_unset_core_is_a_note() {
         let mut facts = MachineFacts::default();
         facts.cpu.online = vec![0, 1];
         facts.cpu.allowed = vec![0];

@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_that_requires_it_does_not_run_without() {
+    fn a_refused_requirement_is_a_failure() {
         let mut facts = refused();
         facts.requirements.required = true;
         assert_eq!(check(&facts)[0].level, FindingLevel::Fail);
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_service_is_told_its_unit_setting_and_a_container_its_option() {
+    fn remedies_suit_services_and_containers() {
         let mut facts = refused();
         facts.user.cgroup = "/system.slice/rcc-executor.service".to_owned();
         assert!(only(&facts).1.contains("LimitRTPRIO=90"));

@@ -61,7 +61,7 @@ mod tests {
     use crate::doctor::FindingLevel;
 
     #[test]
-    fn governor_and_idle_states_warn_unless_they_are_kept_away() {
+    fn governor_and_idle_states_warn_unless_they_are_disabled() {
         let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         facts.cpu.governors = vec!["powersave".to_owned()];

@@ -54,7 +54,7 @@ mod tests {
     use crate::doctor::facts::runtime_folder::FolderFacts;
 
     #[test]
-    fn it_must_be_ours_usable_and_closed() {
+    fn the_runtime_folder_must_be_owned_usable_and_private() {
         let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
         let cases = [

@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn interrupts_of_the_firmware_are_told() {
+    fn firmware_interrupts_are_reported() {
         let mut facts = MachineFacts::default();
         facts.activity.smi = Some(0);
         assert_eq!(check(&facts), []);

@@ -53,7 +53,7 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     match (&chosen.cell, facts.pid) {
         (Some(cell), Some(_)) => {
             facts.before = DriverStatus::of(cell, &device.name);
-            facts.driver_status = newer(
+            facts.driver_status = next_status(
                 || DriverStatus::of(cell, &device.name),
                 facts.before.as_ref(),
             );
@@ -79,7 +79,7 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
 }
 
 /// Waits for the driver's next status; returns the last one if none arrives.
-fn newer(
+fn next_status(
     read: impl Fn() -> Option<DriverStatus>,
     before: Option<&DriverStatus>,
 ) -> Option<DriverStatus> {

@@ -23,7 +23,7 @@ pub fn human(it: &Explanation, shown: TableSelection) -> String {
     }
     parts.push(nulls(it, shown, is_small));
     if let Some(room) = &it.cell {
-        parts.push(left(room));
+        parts.push(capacity(room));
     }
     if !is_small && !shown.all {
         parts.push(
@@ -205,7 +205,7 @@ fn nulls(it: &Explanation, shown: TableSelection, is_small: bool) -> String {
     lines.join("\n")
 }
 
-fn left(room: &CellCapacity) -> String {
+fn capacity(room: &CellCapacity) -> String {
     let dearest = room.dearest.as_ref().map_or_else(
         || "no net runs".to_owned(),
         |net| {

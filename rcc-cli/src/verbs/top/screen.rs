@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn the_text_has_the_same() {
+    fn the_text_has_the_same_contents() {
         let text = text::text(&snapshot());
         for part in [
             "computed long",

@@ -113,7 +113,7 @@ fn a_good_connection_passes_every_stage() {
 }
 
 #[test]
-fn the_card_must_have_the_address_be_up_and_share_the_subnet() {
+fn the_interface_must_have_the_address_be_up_and_share_the_subnet() {
     let mut facts = running(json!({}));
     facts.settings = json!({"listen": "192.168.1.1:49938"});
     assert_fails(
@@ -136,7 +136,7 @@ fn the_card_must_have_the_address_be_up_and_share_the_subnet() {
 }
 
 #[test]
-fn a_port_that_is_taken_names_its_holder() {
+fn a_port_in_use_names_its_holder() {
     let mut facts = heard(json!({}));
     facts.probe = Some(json!({"opened": false, "error": "…", "errno": nix::libc::EADDRINUSE}));
     facts.holder = Some("other (pid 99)".to_owned());
