@@ -188,7 +188,7 @@ proptest! {
         if which & 2 == 2 {
             theta[2] = tiny - arm.elbow_offset.atan2(arm.forearm);
         }
-        // (A lateral offset in a nearly stretched position loses half of the digits of the reach.)
+        // (With a lateral offset, a stretched arm near axis 1 loses half of the digits of the reach.)
         if which & 4 == 4 && !(odd && which & 2 == 2) {
             // Rotating the whole arm about axis 2 moves the wrist above axis 1.
             let (x, z) = arm.wrist_in_plane(theta[1], theta[2]);
