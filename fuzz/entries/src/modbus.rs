@@ -21,7 +21,7 @@ use crate::plan::real;
 /// Number of exchanges per input.
 const EXCHANGES: usize = 4;
 
-struct Server {
+struct ScriptedServer {
     address: SocketAddr,
     /// Bytes with which the next connection is answered.
     answers: Sender<Vec<u8>>,
@@ -29,7 +29,7 @@ struct Server {
     ended: Receiver<()>,
 }
 
-static SERVER: LazyLock<Mutex<Server>> = LazyLock::new(|| {
+static SERVER: LazyLock<Mutex<ScriptedServer>> = LazyLock::new(|| {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap_or_else(|error| panic!("{error}"));
     let address = listener
         .local_addr()
@@ -47,7 +47,7 @@ static SERVER: LazyLock<Mutex<Server>> = LazyLock::new(|| {
             }
         }
     });
-    Mutex::new(Server {
+    Mutex::new(ScriptedServer {
         address,
         answers,
         ended,
