@@ -5,7 +5,7 @@ use rcc_config::diagnostic::{
 };
 use rcc_core::printable::Printable;
 use rcc_loader::server::api::{ErrorBody, Finding};
-use rcc_loader::server::codes::{self, Code, exit};
+use rcc_loader::server::codes::{self, ErrorCode, exit};
 use rcc_loader::server::compile::findings;
 
 /// A verb's failure, as reported to the person or program that called it.
@@ -21,7 +21,7 @@ pub struct Failure {
 
 impl Failure {
     /// Creates a failure with a code of the table.
-    pub fn new(code: Code, message: impl Into<String>, help: impl Into<String>) -> Failure {
+    pub fn new(code: ErrorCode, message: impl Into<String>, help: impl Into<String>) -> Failure {
         let help = help.into();
         Failure {
             exit: code.exit,

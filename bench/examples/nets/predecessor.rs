@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use rcc_bench::measure::{Subject, TimeStats, alternate};
+use rcc_bench::measure::{MeasuredSubject, TimeStats, alternate};
 use rcc_config::CellConfig;
 use rcc_core::message::Joints;
 use rcc_engine::net::Net;
@@ -47,7 +47,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         });
     }
     let runs = nets.iter_mut().map(|running| {
-        Subject::new(|cycles| {
+        MeasuredSubject::new(|cycles| {
             for _ in 0..cycles {
                 running.step();
             }

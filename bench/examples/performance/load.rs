@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fs;
 use std::time::Instant;
 
-use rcc_bench::graph::{NetGraph, SIZES};
+use rcc_bench::graph::{Graph, SIZES};
 use rcc_bench::instance::cell;
 use rcc_bench::measure::median;
 use rcc_bench::net::net;
@@ -37,7 +37,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     let (mut times, mut memory) = (Vec::new(), Vec::new());
     for size in SIZES {
         eprintln!("performance: loading full_{size}");
-        let text = net(&NetGraph::load("full", size)?).text;
+        let text = net(&Graph::load("full", size)?).text;
         let rounds: Result<Vec<_>, _> = (0..ROUNDS).map(|_| stages(&text, &cell())).collect();
         let rounds = rounds?;
         let stage = |number: usize| median(rounds.iter().map(|round| round[number]).collect());

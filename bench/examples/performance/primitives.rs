@@ -4,7 +4,7 @@ use std::error::Error;
 use std::time::{Duration, Instant};
 
 use rcc_bench::kernel_nets::{CatalogueKernel, count, devices, models, net, rows};
-use rcc_bench::measure::{Effort, Subject, alternate};
+use rcc_bench::measure::{Effort, MeasuredSubject, alternate};
 use rcc_core::primitive::Role;
 use rcc_engine::net::Net;
 
@@ -26,10 +26,10 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
         nets.push(net(row, count(&row.entry.spec)).map_err(refused)?);
     }
     let (models, devices) = (models(), devices());
-    let mut subjects: Vec<Subject<'_>> = Vec::new();
+    let mut subjects: Vec<MeasuredSubject<'_>> = Vec::new();
     for net in &mut nets {
         let (models, devices) = (&models, &devices);
-        subjects.push(Subject::timing_itself(move |cycles| {
+        subjects.push(MeasuredSubject::timing_itself(move |cycles| {
             let mut total = Duration::ZERO;
             for first in (0..cycles).step_by(CYCLES) {
                 total += stretch(net, cycles.min(first + CYCLES) - first, |net| {

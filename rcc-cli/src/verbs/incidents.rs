@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rcc_engine::incident::{EXTENSION, IncidentError, IncidentHead, read_head};
 use rcc_ipc::Cell;
-use rcc_loader::server::api::Frozen;
+use rcc_loader::server::api::WrittenIncident;
 use rcc_loader::server::codes;
 use serde::Serialize;
 
@@ -160,7 +160,7 @@ pub(super) fn reason(head: &IncidentHead) -> String {
 }
 
 fn record(context: &Context) -> Result<(), Failure> {
-    let frozen: Frozen = context.client()?.post("/incidents", String::new())?;
+    let frozen: WrittenIncident = context.client()?.post("/incidents", String::new())?;
     if context.remote.is_some() {
         context.print(&frozen, |frozen| {
             format!(

@@ -19,8 +19,8 @@ use utoipa::OpenApi;
 
 use super::api;
 use super::api::{
-    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, InputsSet,
-    Loaded, PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView,
+    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, InputsSet, Loaded,
+    PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView, WrittenIncident,
 };
 use super::bodies::{self, ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
 use super::caller::{Caller, TIMEOUT_HEADER};
@@ -81,14 +81,14 @@ struct ServerState {
     ),
     components(schemas(ErrorBody, api::Finding, api::TextLocation))
 )]
-struct Document;
+struct ApiDocument;
 
 /// Returns the OpenAPI document of this interface.
 ///
 /// # Errors
 /// Returns an error if it cannot be serialized; a test shows that it can.
 pub fn document() -> Result<String, serde_json::Error> {
-    Document::openapi().to_pretty_json()
+    ApiDocument::openapi().to_pretty_json()
 }
 
 /// Creates the router with all routes, and starts the threads of CANCEL and ABORT.
@@ -525,7 +525,7 @@ async fn unload(
 
 /// Writes the last seconds of the flight recorder to a file.
 #[utoipa::path(post, path = "/incidents",
-    responses((status = 200, body = Frozen), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+    responses((status = 200, body = WrittenIncident), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
 async fn incident(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
