@@ -161,11 +161,12 @@ fn number_in_unit(
     }
     let help = format!("write `{key}: {example}`");
     let Some(value) = literal.number() else {
-        let message = format!("type mismatch: `{key}` is a number with a unit, this is {literal}");
+        let message =
+            format!("type mismatch: `{key}` expects a number with a unit, found {literal}");
         return Err(refuse(fault::TYPE_MISMATCH, literal.span, message, help));
     };
     if let Some((have, _)) = literal.units().into_iter().find(|(have, _)| *have != unit) {
-        let message = format!("unit mismatch: `{key}` is in {unit}, this is in {have}");
+        let message = format!("unit mismatch: `{key}` expects {unit}, found {have}");
         return Err(refuse(fault::UNIT_MISMATCH, literal.span, message, help));
     }
     Ok(value)

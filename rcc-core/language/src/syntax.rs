@@ -157,7 +157,7 @@ const LINK_KEYS: &[&str] = &["from", "delayed", "initial"];
 pub fn read(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Net> {
     if root.map().is_none() {
         let message = format!(
-            "a net is a mapping with the keys `net` and `primitives`, this is {}",
+            "expected a net, a mapping with the keys `net` and `primitives`, found {}",
             root.kind()
         );
         faults.push(Diagnostic::error(fault::WRONG_SHAPE, root.span, message));

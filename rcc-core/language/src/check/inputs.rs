@@ -69,7 +69,7 @@ pub fn initial_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnos
             });
             if let Some((value, bound)) = outside.next() {
                 let message = format!(
-                    "`{}.initial` must be {} {bound}, this is {value}",
+                    "`{}.initial` must be {} {bound}, found {value}",
                     item.id(),
                     if least { "at least" } else { "at most" }
                 );

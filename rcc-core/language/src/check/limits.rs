@@ -177,7 +177,7 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 continue;
             };
             let message =
-                format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, this is a {ty}");
+                format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, found a {ty}");
             let span = source_span(input_source).unwrap_or(item.primitive.id.span);
             let fault = Diagnostic::error(fault::TOO_WIDE, span, message);
             faults.push(fault.help("monitor single elements: `value: PRIMITIVE.PORT[0]`"));
@@ -212,7 +212,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
         "the cell runs at"
     };
     let Some(rate) = literal.number() else {
-        let message = format!("type mismatch: `{id}.rate` is a number, this is {literal}");
+        let message = format!("type mismatch: `{id}.rate` expects a number, found {literal}");
         return error(fault::TYPE_MISMATCH, message, "write `100 Hz`".to_string());
     };
     if let Some((have, _)) = literal
@@ -220,7 +220,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
         .into_iter()
         .find(|(unit, _)| *unit != Unit::HERTZ)
     {
-        let message = format!("unit mismatch: `{id}.rate` is in Hz, this is in {have}");
+        let message = format!("unit mismatch: `{id}.rate` expects Hz, found {have}");
         return error(fault::UNIT_MISMATCH, message, "write `100 Hz`".to_string());
     }
     if rate > cycle_hz * (1.0 + RATE_TOLERANCE) {

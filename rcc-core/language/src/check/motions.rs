@@ -143,7 +143,7 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             }
             let [value, lower, upper] = [value, *lower, *upper].map(f64::to_degrees);
             let message = format!(
-                "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}° to {upper:.3}°, this is {value:.3}°",
+                "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}° to {upper:.3}°, found {value:.3}°",
                 item.id()
             );
             let fault = Diagnostic::error(fault::OUT_OF_RANGE, goal.span, message);

@@ -76,7 +76,7 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             {
                 let output = net.graph.output_name(link.from);
                 let message =
-                    format!("unit mismatch: `{output}` is in {have}, `{input}` is in {want}");
+                    format!("unit mismatch: `{input}` expects {want}, but `{output}` is in {have}");
                 let fault = Diagnostic::error(fault::UNIT_MISMATCH, link.span, message);
                 faults.push(fault.label(format!("in {have}")));
             }
@@ -107,18 +107,20 @@ pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let (span, message, help) = match (input_source, port.ty) {
                 (InputSource::Link(link), PortType::Many(_)) => (
                     link.span,
-                    format!("type mismatch: `{input}` is a list of values, this is one link"),
+                    format!("type mismatch: `{input}` expects a list of values, found one link"),
                     format!("write `{}: [a.out, b.out]`", port.name),
                 ),
                 (InputSource::Literal(literal), PortType::Many(_)) => (
                     literal.span,
-                    format!("type mismatch: `{input}` is a list of values with a link in it"),
+                    format!(
+                        "type mismatch: `{input}` expects a list of values with at least one link"
+                    ),
                     format!("write `{}: [a.out, b.out]`", port.name),
                 ),
                 (InputSource::List(list), _) => match list_mismatch(list, port.ty, ty) {
                     Some(what) => (
                         list.span,
-                        format!("type mismatch: `{input}` is a {ty}, this is {what}"),
+                        format!("type mismatch: `{input}` expects {ty}, found {what}"),
                         list_example(ty),
                     ),
                     None => continue,
@@ -168,7 +170,7 @@ fn other_type(
     want: Type,
 ) -> Diagnostic {
     let output = net.graph.output_name(link.from);
-    let message = format!("type mismatch: `{output}` is a {have}, `{input}` is a {want}");
+    let message = format!("type mismatch: `{input}` expects {want}, but `{output}` is a {have}");
     let fault =
         Diagnostic::error(fault::TYPE_MISMATCH, link.span, message).label(format!("a {have}"));
     let is_element = link.part.is_none() && have.element() == Some(want);
@@ -278,7 +280,7 @@ pub(crate) fn literal_fits(
     faults: &mut Vec<Diagnostic>,
 ) {
     if literal.stored(ty).is_none() {
-        let message = format!("type mismatch: `{place}` is a {ty}, this is {literal}");
+        let message = format!("type mismatch: `{place}` expects {ty}, found {literal}");
         let fault = Diagnostic::error(fault::TYPE_MISMATCH, literal.span, message);
         faults.push(fault.help_if(example_of(literal, ty)));
         return;
@@ -287,7 +289,7 @@ pub(crate) fn literal_fits(
     let want = unit.unwrap_or(Unit::ONE);
     for (have, span) in literal.units() {
         if have != want {
-            let message = format!("unit mismatch: `{place}` is in {want}, this is in {have}");
+            let message = format!("unit mismatch: `{place}` expects {want}, found {have}");
             let fault = Diagnostic::error(fault::UNIT_MISMATCH, span, message);
             faults.push(fault.label(format!("in {have}")));
         }
@@ -442,7 +444,7 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                     .filter(|unit| *unit != Unit::ONE)
                     .map_or(String::new(), |unit| format!(" {unit}"));
                 let value = literal.number().unwrap_or_default();
-                format!("must be {wanted}{unit}, this is {value}{unit}")
+                format!("must be {wanted}{unit}, found {value}{unit}")
             } else {
                 continue;
             };
@@ -481,7 +483,7 @@ pub fn constants_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 continue;
             };
             let (id, name) = (item.id(), port.name);
-            let message = format!("`{id}.{name}` must be {least} to {greatest}, this is {value}");
+            let message = format!("`{id}.{name}` must be {least} to {greatest}, found {value}");
             let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
             faults.push(fault.help(format!("{name}: {}", port.doc)));
         }

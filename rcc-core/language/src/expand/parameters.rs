@@ -146,7 +146,7 @@ fn fit(
             ty => value.stored(ty).is_some(),
         };
         if !fits {
-            let message = format!("type mismatch: {what} is a {ty}, this is {value}");
+            let message = format!("type mismatch: {what} expects {ty}, found {value}");
             let fault = Diagnostic::error(fault::TYPE_MISMATCH, value.span, message);
             return Err(Box::new(
                 fault.help_if(description_as_help(&parameter.description)),
@@ -157,7 +157,7 @@ fn fit(
         return Ok(());
     };
     if let Some((have, span)) = value.units().into_iter().find(|(have, _)| *have != unit) {
-        let message = format!("unit mismatch: {what} is in {unit}, this is in {have}");
+        let message = format!("unit mismatch: {what} expects {unit}, found {have}");
         let fault = Diagnostic::error(fault::UNIT_MISMATCH, span, message);
         return Err(Box::new(
             fault.help_if(description_as_help(&parameter.description)),

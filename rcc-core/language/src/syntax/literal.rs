@@ -552,7 +552,7 @@ fn read_numbers<const N: usize>(
             continue;
         };
         if let Some(have) = quantity.unit.filter(|have| *have != unit) {
-            let message = format!("unit mismatch: {what} is in {unit}, this is in {have}");
+            let message = format!("unit mismatch: {what} expects {unit}, found {have}");
             faults.push(Diagnostic::error(fault::UNIT_MISMATCH, node.span, message));
             good = false;
         }
