@@ -112,7 +112,7 @@ fn drawn_links(net: &NetStructure) -> Vec<DrawnLink> {
         ((link.primitive, link.output, link.delayed), (reader, input))
     });
     let mut seen = BTreeSet::new();
-    drawn_links.filter(|wire| seen.insert(*wire)).collect()
+    drawn_links.filter(|link| seen.insert(*link)).collect()
 }
 
 /// Boxes and groups within one instance of a fragment.
@@ -179,9 +179,9 @@ impl GroupLayout {
             ..frame
         }));
         let links = inner.links.into_iter();
-        self.links.extend(links.map(|piece| LinkSegment {
-            route: piece.route.moved(by),
-            ..piece
+        self.links.extend(links.map(|segment| LinkSegment {
+            route: segment.route.moved(by),
+            ..segment
         }));
     }
 }
@@ -200,8 +200,8 @@ struct EdgeBuilder<'a> {
     /// Box or inner group that contains each primitive.
     owner: BTreeMap<usize, usize>,
     /// Shapes on the border for each incoming and outgoing signal.
-    coming: BTreeMap<Signal, usize>,
-    going: BTreeMap<Signal, usize>,
+    incoming: BTreeMap<Signal, usize>,
+    outgoing: BTreeMap<Signal, usize>,
     shapes: Vec<NodeShape>,
 }
 
@@ -223,13 +223,13 @@ impl SceneBuilder<'_> {
         let laid = layout(&ends.shapes, &edges);
         let EdgeBuilder {
             shapes,
-            coming,
-            going,
+            incoming,
+            outgoing,
             ..
         } = ends;
         let framed = title.is_some();
         let by = PlanePoint {
-            x: if framed && coming.is_empty() {
+            x: if framed && incoming.is_empty() {
                 MARGIN
             } else {
                 0.0
@@ -239,7 +239,7 @@ impl SceneBuilder<'_> {
         let mut out = GroupLayout {
             width: laid.width
                 + by.x
-                + if framed && going.is_empty() {
+                + if framed && outgoing.is_empty() {
                     MARGIN
                 } else {
                     0.0
@@ -253,7 +253,7 @@ impl SceneBuilder<'_> {
                 .map(|(signal, shape)| (*signal, laid.positions[*shape].y + by.y))
                 .collect()
         };
-        (out.inputs, out.outputs) = (border(&coming), border(&going));
+        (out.inputs, out.outputs) = (border(&incoming), border(&outgoing));
         if let Some(title) = title {
             out.frames.push(FragmentFrame {
                 title: title.to_owned(),
@@ -265,7 +265,7 @@ impl SceneBuilder<'_> {
         for (edge, route) in edges.iter().zip(laid.routes) {
             out.links.push(self.link_segment(
                 group,
-                &coming,
+                &incoming,
                 edge,
                 route.moved(by),
                 &inner,
@@ -291,7 +291,7 @@ impl SceneBuilder<'_> {
     fn link_segment(
         &self,
         group: &FrameGroup,
-        coming: &BTreeMap<Signal, usize>,
+        incoming: &BTreeMap<Signal, usize>,
         edge: &Edge,
         route: LinkRoute,
         inner: &[GroupLayout],
@@ -307,7 +307,7 @@ impl SceneBuilder<'_> {
             None => match inner.get(from - group.boxes.len()) {
                 Some(inner) => inner.outputs[output].0,
                 // An incoming signal: there is one shape per signal.
-                None => coming
+                None => incoming
                     .iter()
                     .find(|(_, shape)| **shape == from)
                     .map_or((0, 0, false), |(signal, _)| *signal),
@@ -375,8 +375,8 @@ impl<'a> EdgeBuilder<'a> {
             group,
             inner,
             owner,
-            coming: BTreeMap::new(),
-            going: BTreeMap::new(),
+            incoming: BTreeMap::new(),
+            outgoing: BTreeMap::new(),
             shapes,
         }
     }
@@ -403,7 +403,7 @@ impl<'a> EdgeBuilder<'a> {
             }
             None => (
                 EdgeBuilder::border(
-                    &mut self.coming,
+                    &mut self.incoming,
                     &mut self.shapes,
                     signal,
                     LayerConstraint::First,
@@ -425,7 +425,7 @@ impl<'a> EdgeBuilder<'a> {
             }
             None => (
                 EdgeBuilder::border(
-                    &mut self.going,
+                    &mut self.outgoing,
                     &mut self.shapes,
                     signal,
                     LayerConstraint::Last,

@@ -132,7 +132,7 @@ pub fn svg(net: &NetStructure, scene: &NetScene) -> String {
     scene
         .links
         .iter()
-        .for_each(|piece| draw_link(&mut out, net, piece));
+        .for_each(|segment| draw_link(&mut out, net, segment));
     for (it, at) in &scene.boxes {
         if let Some(part) = net.primitives.get(it.part) {
             draw_box(&mut out, part, it, *at);
@@ -179,8 +179,8 @@ fn draw_frame(out: &mut String, frame: &FragmentFrame) {
     );
 }
 
-fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
-    let (part, output, delayed) = piece.signal;
+fn draw_link(out: &mut String, net: &NetStructure, segment: &LinkSegment) {
+    let (part, output, delayed) = segment.signal;
     let part = net.primitives.get(part);
     let port = part.and_then(|part| part.outputs.get(output));
     let (id, port) = (
@@ -188,7 +188,7 @@ fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
         port.map_or("", |port| port.name),
     );
     let class = if delayed { "link delayed" } else { "link" };
-    let to = piece.to.and_then(|(reader, input)| {
+    let to = segment.to.and_then(|(reader, input)| {
         let reader = net.primitives.get(reader)?;
         Some(format!(
             " → {}.{}",
@@ -199,11 +199,15 @@ fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
     let _ = writeln!(
         out,
         "<path class=\"{class}\" d=\"{}\"><title>{}</title></path>",
-        path(&piece.route),
+        path(&segment.route),
         escaped(&format!(
             "{id}.{port}{}{}",
             to.unwrap_or_default(),
-            if delayed { ", of the previous cycle" } else { "" }
+            if delayed {
+                ", of the previous cycle"
+            } else {
+                ""
+            }
         ))
     );
 }

@@ -33,7 +33,7 @@ pub struct LinkFacts {
     /// The driver's newest status.
     pub driver_status: Option<DriverStatus>,
     /// The driver's status about a second before.
-    pub before: Option<DriverStatus>,
+    pub previous_status: Option<DriverStatus>,
     /// Result of listening in the driver's place.
     pub probe: Option<serde_json::Value>,
     /// Reason why listening failed.
@@ -67,7 +67,7 @@ impl LinkFacts {
     #[must_use]
     pub fn grown(&self, key: &str) -> u64 {
         let before = self
-            .before
+            .previous_status
             .as_ref()
             .and_then(|before| before.link[key].as_u64());
         self.total(key).saturating_sub(before.unwrap_or(0))

@@ -57,9 +57,9 @@ fn parse_three(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let numbers = numbers.map_err(|error| format!("`{text}`: {error}"))?;
     let count = numbers.len();
-    numbers.try_into().map_err(|_| {
-        format!("expected three numbers, found {count} in `{text}`: write 0,0,-9.81")
-    })
+    numbers
+        .try_into()
+        .map_err(|_| format!("expected three numbers, found {count} in `{text}`: write 0,0,-9.81"))
 }
 
 /// Runs the verb.

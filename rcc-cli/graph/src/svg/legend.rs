@@ -18,7 +18,7 @@ impl Legend {
         let has = |role: PrimitiveRole| scene.boxes.iter().any(|(it, _)| it.role == role);
         let roles = ROLES.iter().filter(|(role, ..)| has(*role));
         let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();
-        if scene.links.iter().any(|piece| piece.signal.2) {
+        if scene.links.iter().any(|segment| segment.signal.2) {
             rows.push(("delayed", "value of the cycle before"));
         }
         let mut ports = scene

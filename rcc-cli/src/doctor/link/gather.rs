@@ -52,10 +52,10 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     }
     match (&chosen.cell, facts.pid) {
         (Some(cell), Some(_)) => {
-            facts.before = DriverStatus::of(cell, &device.name);
+            facts.previous_status = DriverStatus::of(cell, &device.name);
             facts.driver_status = next_status(
                 || DriverStatus::of(cell, &device.name),
-                facts.before.as_ref(),
+                facts.previous_status.as_ref(),
             );
         }
         _ => listen(chosen, device, &mut facts),
@@ -69,7 +69,7 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     // Some servers accept a single client only: none is tried while a driver exchanges data.
     let exchanges =
         |status: &Option<DriverStatus>| status.as_ref().map_or(0, |status| status.exchanges);
-    let works = exchanges(&facts.driver_status) > exchanges(&facts.before);
+    let works = exchanges(&facts.driver_status) > exchanges(&facts.previous_status);
     facts.connects = address("server").filter(|_| !works).map(|server| {
         TcpStream::connect_timeout(&server, CONNECT_TIMEOUT)
             .map(drop)

@@ -60,7 +60,10 @@ fn server(facts: &LinkFacts) -> Option<HealthFinding> {
 fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     let (reason, words, exchanges) = match (&facts.driver_status, &facts.probe) {
         (Some(status), _) => {
-            let before = facts.before.as_ref().map_or(0, |before| before.exchanges);
+            let before = facts
+                .previous_status
+                .as_ref()
+                .map_or(0, |before| before.exchanges);
             (
                 status.reason,
                 status.reason_words.clone(),
@@ -131,7 +134,7 @@ mod tests {
                 since: now(),
                 ..status
             }),
-            before: Some(DriverStatus::default()),
+            previous_status: Some(DriverStatus::default()),
             ..LinkFacts::default()
         }
     }
@@ -175,7 +178,7 @@ mod tests {
     #[test]
     fn without_driver_the_probe_decides() {
         let mut facts = running(DriverStatus::default());
-        (facts.driver_status, facts.before, facts.pid) = (None, None, None);
+        (facts.driver_status, facts.previous_status, facts.pid) = (None, None, None);
         facts.probe = Some(
             json!({"opened": true, "exchanges": 9, "last": {"reason": 0, "reason_words": ""}}),
         );

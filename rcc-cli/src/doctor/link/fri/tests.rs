@@ -159,7 +159,7 @@ fn silence_names_what_to_look_at_on_the_controller() {
     );
     assert_fails(&heard(silent), "datagrams", &["friOpen"]);
     let mut stopped = running(json!({}));
-    stopped.before = stopped.driver_status.clone();
+    stopped.previous_status = stopped.driver_status.clone();
     assert_fails(&stopped, "datagrams", &["no more datagrams", "(5000 since"]);
 }
 
