@@ -5,14 +5,14 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rcc_bench::graph::{Graph, MIXES, SIZES};
-use rcc_bench::instance::Instance;
-use rcc_bench::straight::{ALL, Inputs};
+use rcc_bench::instance::GraphInstance;
+use rcc_bench::straight::{ALL, GraphInputs};
 
 fn graphs(criterion: &mut Criterion) {
     for mix in MIXES {
         for size in SIZES {
             let graph = Graph::load(mix, size).expect("a graph of this package");
-            let mut instance = Instance::new(&graph).expect("the tests compile it");
+            let mut instance = GraphInstance::new(&graph).expect("the tests compile it");
             let mut group = criterion.benchmark_group(format!("{mix}_{size}"));
             group.throughput(Throughput::Elements(size as u64));
             group.bench_function("interpreter", |b| b.iter(|| instance.evaluate()));
@@ -26,7 +26,7 @@ fn straight_line(
     group: &mut criterion::BenchmarkGroup<'_, criterion::measurement::WallTime>,
     graph: &str,
 ) {
-    let inputs: Vec<Inputs> = (1..=64).map(Inputs::of).collect();
+    let inputs: Vec<GraphInputs> = (1..=64).map(GraphInputs::of).collect();
     for straight in ALL.iter().filter(|straight| straight.graph == graph) {
         let mut program = (straight.make)();
         let name = if straight.null {

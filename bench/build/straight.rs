@@ -129,14 +129,14 @@ pub fn write(
     let layout = StateLayout::of(&nodes, &sinks);
     writeln!(
         code,
-        "mod {name}_{variant} {{\nuse super::{{Inputs, {variant}::*}};"
+        "mod {name}_{variant} {{\nuse super::{{GraphInputs, {variant}::*}};"
     )?;
     write_state(code, &layout)?;
     let functions = nodes.chunks(NODES_IN_A_FUNCTION).enumerate();
     for (number, chunk) in functions.clone() {
         writeln!(
             code,
-            "#[inline(never)] fn step_{number}(s: &mut State, x: &Inputs) {{"
+            "#[inline(never)] fn step_{number}(s: &mut State, x: &GraphInputs) {{"
         )?;
         for (offset, node) in chunk.iter().enumerate() {
             write_node(code, node, number * NODES_IN_A_FUNCTION + offset, &layout)?;
@@ -145,7 +145,7 @@ pub fn write(
     }
     writeln!(
         code,
-        "#[inline(never)] fn step(s: &mut State, x: &Inputs) {{"
+        "#[inline(never)] fn step(s: &mut State, x: &GraphInputs) {{"
     )?;
     for (number, _) in functions {
         writeln!(code, "step_{number}(s, x);")?;
@@ -156,14 +156,14 @@ pub fn write(
         }
     }
     writeln!(code, "}}")?;
-    writeln!(code, "impl super::Program for State {{")?;
+    writeln!(code, "impl super::CycleProgram for State {{")?;
     writeln!(
         code,
-        "fn run(&mut self, inputs: &[super::Inputs]) {{ for x in inputs {{ step(self, x); }} }}"
+        "fn run(&mut self, inputs: &[super::GraphInputs]) {{ for x in inputs {{ step(self, x); }} }}"
     )?;
     writeln!(
         code,
-        "fn hash(&self) -> u64 {{ let (s, mut h) = (self, super::Hash::new());"
+        "fn hash(&self) -> u64 {{ let (s, mut h) = (self, super::WordHash::new());"
     )?;
     for sink in &sinks {
         let kind = KINDS[nodes[*sink].kind() as usize].1;

@@ -147,7 +147,7 @@ fn our_poses(arm: &Arm, positions: &[Joints]) -> String {
 /// Returns the poses of rs-opw-kinematics; it has no closed-form Jacobian, so ours takes its place.
 fn opw_poses(other: &OPWKinematics, arm: &Arm, positions: &[Joints]) -> String {
     lines(arm, positions, |joints| {
-        let pose = other.forward(&six(joints));
+        let pose = other.forward(&six_joints(joints));
         Pose {
             position: pose.translation.to_array(),
             orientation: pose.rotation.to_array(),
@@ -209,7 +209,7 @@ fn our_figures(arm: &Arm, positions: &[Joints]) -> Figures {
 }
 
 fn opw_figures(other: &OPWKinematics, positions: &[Joints]) -> Figures {
-    let joints: Vec<[f64; 6]> = positions.iter().map(six).collect();
+    let joints: Vec<[f64; 6]> = positions.iter().map(six_joints).collect();
     let poses: Vec<OpwPose> = joints.iter().map(|joints| other.forward(joints)).collect();
     let count = joints.len();
     vec![
@@ -253,6 +253,6 @@ fn opw_parameters(arm: &Arm) -> Result<Parameters, Box<dyn Error>> {
     })
 }
 
-fn six(&[q1, q2, q3, q4, q5, q6, ..]: &Joints) -> [f64; 6] {
+fn six_joints(&[q1, q2, q3, q4, q5, q6, ..]: &Joints) -> [f64; 6] {
     [q1, q2, q3, q4, q5, q6]
 }

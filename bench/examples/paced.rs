@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use rcc_bench::graph::Graph;
-use rcc_bench::instance::Instance;
+use rcc_bench::instance::GraphInstance;
 use rcc_bench::measure::median;
 use rcc_exec::setup::{FIFO, Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
@@ -22,7 +22,7 @@ fn main() -> ExitCode {
     };
     let name = arguments.first().and_then(|name| name.split_once('_'));
     let graph = name.and_then(|(mix, nodes)| Graph::load(mix, nodes.parse().ok()?).ok());
-    let Some(instance) = graph.and_then(|graph| Instance::new(&graph).ok()) else {
+    let Some(instance) = graph.and_then(|graph| GraphInstance::new(&graph).ok()) else {
         eprintln!("paced: GRAPH is one of bench/graphs, such as scalar_50");
         return ExitCode::from(2);
     };
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
 }
 
 /// Returns the median duration of a cycle, ns, including two reads of the clock.
-fn run(mut instance: Instance, cycles: usize, period_ns: u64) -> f64 {
+fn run(mut instance: GraphInstance, cycles: usize, period_ns: u64) -> f64 {
     let mut times = Vec::with_capacity(cycles);
     let mut deadline_ns = monotonic_ns();
     for _ in 0..cycles {

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 #[path = "../../rcc-core/motion/tests/motions/mod.rs"]
 mod motions;
 
-use motions::sampled::{Sample, Sampled, sampled};
+use motions::sampled::{PathSample, Sampled, sampled};
 use motions::{MotionKind, robots};
 
 /// Factor of a jerk limit so high that it hardly matters.
@@ -41,11 +41,11 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn line(motion: &Sampled) -> Value {
-    let joints = |part: &[Sample]| {
+    let joints = |part: &[PathSample]| {
         let joints = part.iter().map(|(_, q)| q[..motion.joints].to_vec());
         joints.collect::<Vec<_>>()
     };
-    let s = |part: &[Sample]| part.iter().map(|(s, _)| *s).collect::<Vec<_>>();
+    let s = |part: &[PathSample]| part.iter().map(|(s, _)| *s).collect::<Vec<_>>();
     let parts = motion.path.iter().zip(&motion.fastest);
     let parts = parts.map(|(path, run)| {
         // The time-scaled motion has no path parameter; only its joints tell where on the path it is.

@@ -10,7 +10,7 @@ use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
-use rcc_engine::record::{Recorder, RecorderConfig, RecorderHelper};
+use rcc_engine::record::{FlightRecorder, FlightRecorderConfig, FlightRecorderHelper};
 use rcc_exec::rt::{self, Boards};
 use rcc_ipc::control::{Answer, HELPERS, PlanData, Refusal, STATUS, TABLES, TIMING};
 use rcc_ipc::{
@@ -81,7 +81,7 @@ pub struct BenchExecutor {
     devices: DeviceTable,
     hold: Joints,
     next_ticket: u64,
-    _recorder: RecorderHelper,
+    _recorder: FlightRecorderHelper,
     _session: Session,
     _cell_guard: CellGuard,
 }
@@ -138,12 +138,12 @@ impl BenchExecutor {
             beats: Box::default(),
             commands: commands.collect::<Result<_, _>>()?,
         };
-        let recorder = RecorderConfig {
+        let recorder = FlightRecorderConfig {
             span_ns: RECORDER_SPAN_NS,
             memory: RECORDER_MEMORY,
             period_ns: devices.period_ns,
         };
-        let (recorder, helper) = Recorder::new(recorder, models.len());
+        let (recorder, helper) = FlightRecorder::new(recorder, models.len());
         let (rt, ends) = rings();
         let config = EngineConfig {
             incarnation: session.incarnation(),

@@ -15,7 +15,7 @@ use rcc_language::{Compiled, compile_for};
 
 use crate::graph::{Graph, NULL_WORD, NodeValue, SinkHash, external_bool, external_real};
 use crate::net::{DEVICE, net};
-use crate::straight::Inputs;
+use crate::straight::GraphInputs;
 
 /// Number of external numbers of a graph.
 pub const REALS: usize = 8;
@@ -89,7 +89,7 @@ struct ResultSlots {
 }
 
 /// A running graph.
-pub struct Instance {
+pub struct GraphInstance {
     /// The compiled net.
     pub net: Compiled,
     reals: Vec<f64>,
@@ -103,12 +103,12 @@ pub struct Instance {
     cycles: u64,
 }
 
-impl Instance {
+impl GraphInstance {
     /// Compiles a graph with the whole loader.
     ///
     /// # Errors
     /// Returns the faults of the net, which would be a bug of this package.
-    pub fn new(graph: &Graph) -> Result<Instance, rcc_language::Faults> {
+    pub fn new(graph: &Graph) -> Result<GraphInstance, rcc_language::Faults> {
         let text = net(graph);
         let cell = cell();
         let net = compile_for(&text.text, "graph.json", &cell)?;
@@ -129,7 +129,7 @@ impl Instance {
                 width,
             }
         });
-        Ok(Instance {
+        Ok(GraphInstance {
             slots: slots.collect(),
             reals: net.plan.reals.clone(),
             bools: net.plan.bools.clone(),
@@ -172,7 +172,7 @@ impl Instance {
     }
 
     /// Sets the external inputs of the next evaluations, as cheaply as reading a driver's board.
-    pub fn measure(&mut self, inputs: &Inputs) {
+    pub fn measure(&mut self, inputs: &GraphInputs) {
         let measurement = &mut self.devices[0].measurement;
         for (place, value) in measurement.analog.iter_mut().zip(inputs.u) {
             *place = value;

@@ -4,12 +4,12 @@
 use std::time::{Duration, Instant};
 
 /// Something that runs cycles.
-pub struct Subject<'a>(Box<dyn FnMut(usize) -> Duration + 'a>);
+pub struct MeasuredSubject<'a>(Box<dyn FnMut(usize) -> Duration + 'a>);
 
-impl<'a> Subject<'a> {
+impl<'a> MeasuredSubject<'a> {
     /// Creates a subject that runs the given number of cycles; the duration of the call is measured.
-    pub fn new(mut run: impl FnMut(usize) + 'a) -> Subject<'a> {
-        Subject::timing_itself(move |cycles| {
+    pub fn new(mut run: impl FnMut(usize) + 'a) -> MeasuredSubject<'a> {
+        MeasuredSubject::timing_itself(move |cycles| {
             let begun = Instant::now();
             run(cycles);
             begun.elapsed()
@@ -17,8 +17,8 @@ impl<'a> Subject<'a> {
     }
 
     /// Creates a subject that runs the given number of cycles and returns their duration itself, without any overhead.
-    pub fn timing_itself(run: impl FnMut(usize) -> Duration + 'a) -> Subject<'a> {
-        Subject(Box::new(run))
+    pub fn timing_itself(run: impl FnMut(usize) -> Duration + 'a) -> MeasuredSubject<'a> {
+        MeasuredSubject(Box::new(run))
     }
 
     /// Runs the given number of cycles and returns their duration.
@@ -59,10 +59,10 @@ impl Effort {
 }
 
 /// Measures all subjects in turns and returns the results in their order. Every stretch starts with warm caches.
-pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<TimeStats> {
+pub fn alternate(subjects: &mut [MeasuredSubject<'_>], effort: Effort) -> Vec<TimeStats> {
     let cycles: Vec<usize> = subjects
         .iter_mut()
-        .map(|subject| fitting(subject, effort.stretch))
+        .map(|subject| fitting_cycles(subject, effort.stretch))
         .collect();
     let mut rounds = vec![Vec::with_capacity(effort.rounds); subjects.len()];
     for _ in 0..effort.rounds {
@@ -77,7 +77,7 @@ pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<TimeStats>
 }
 
 /// Returns the number of cycles that take about the wanted time.
-fn fitting(subject: &mut Subject<'_>, wanted: Duration) -> usize {
+fn fitting_cycles(subject: &mut MeasuredSubject<'_>, wanted: Duration) -> usize {
     let mut cycles = 1;
     loop {
         let took = (subject.0)(cycles);
@@ -125,7 +125,10 @@ mod tests {
                 }
             }
         };
-        let mut subjects = [Subject::new(note('a')), Subject::new(note('b'))];
+        let mut subjects = [
+            MeasuredSubject::new(note('a')),
+            MeasuredSubject::new(note('b')),
+        ];
         let effort = Effort {
             rounds: 3,
             stretches: 2,
@@ -137,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_is_the_middle_and_both_ends() {
+    fn a_summary_has_the_median_and_both_extremes() {
         let figure = figure(vec![5.0, 1.0, 9.0, 2.0, 3.0]);
         assert_eq!(
             figure,

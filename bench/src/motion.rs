@@ -12,7 +12,7 @@ use rcc_core::kinematics::{Arm, ArmConfiguration, OrthoParallelArm, SrsArm};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 
-use crate::measure::Subject;
+use crate::measure::MeasuredSubject;
 
 /// Start position of the motions, rad.
 const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
@@ -38,7 +38,7 @@ pub struct NamedSubject {
     /// Maximum duration that was set as a goal before it was measured, ns.
     pub goal_ns: Option<f64>,
     /// Runs the cycles.
-    pub subject: Subject<'static>,
+    pub subject: MeasuredSubject<'static>,
 }
 
 impl NamedSubject {
@@ -46,7 +46,7 @@ impl NamedSubject {
         NamedSubject {
             name: name.into(),
             goal_ns: None,
-            subject: Subject::new(move |cycles| (0..cycles).for_each(|_| cycle())),
+            subject: MeasuredSubject::new(move |cycles| (0..cycles).for_each(|_| cycle())),
         }
     }
 
@@ -115,8 +115,8 @@ fn model() -> DeviceModel {
     }
 }
 
-/// A pose beside where motions begin.
-fn beside(x: f64, y: f64, z: f64) -> Pose {
+/// Returns a pose relative to the start pose, in the flange's frame: offset by `x`, `y`, `z`, m, and rotated by 0.1 rad.
+fn offset_from_start(x: f64, y: f64, z: f64) -> Pose {
     let start = lwr().forward(&HOLD);
     start.compose(&Pose::from_xyz_rpy([x, y, z], [0.1, 0.0, 0.0]))
 }

@@ -1,11 +1,11 @@
 //! Compiles every graph with the whole loader, and compares its results with those of an independent interpreter.
 
 use rcc_bench::graph::{Graph, MIXES, SIZES};
-use rcc_bench::instance::Instance;
+use rcc_bench::instance::GraphInstance;
 
 fn agrees(mix: &str, size: usize) {
     let graph = Graph::load(mix, size).unwrap();
-    let mut instance = Instance::new(&graph).unwrap_or_else(|faults| panic!("{faults}"));
+    let mut instance = GraphInstance::new(&graph).unwrap_or_else(|faults| panic!("{faults}"));
     assert_eq!(graph.expected.len(), 4, "{mix} {size}");
     for (cycle, expected) in &graph.expected {
         while instance.cycles() < *cycle {
@@ -43,11 +43,11 @@ fn graphs_with_null_agree_with_the_reference() {
 }
 
 #[test]
-fn equal_primitives_come_one_after_the_other() {
+fn equal_primitives_are_grouped_into_runs() {
     // At least three per run, in the mix with the deepest graphs and the fewest operations; sorting by the longest
     // ready list gives 2.2.
     let graph = Graph::load("scalar", 2000).unwrap();
-    let instance = Instance::new(&graph).unwrap_or_else(|faults| panic!("{faults}"));
+    let instance = GraphInstance::new(&graph).unwrap_or_else(|faults| panic!("{faults}"));
     let runs = instance.net.plan.runs.len();
     assert!(runs * 3 < instance.primitives(), "{runs} runs");
 }

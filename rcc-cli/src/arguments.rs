@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use crate::context::Format;
+use crate::context::OutputFormat;
 use crate::verbs::{Verb, duration};
 
 /// Robot Control Core: check, run and inspect nets.
@@ -29,7 +29,7 @@ pub struct Arguments {
         default_value = "human",
         global = true
     )]
-    pub output: Format,
+    pub output: OutputFormat,
     /// Longest time to wait for one answer: 500ms, 2s, 1min.
     #[arg(long, env = "RCC_TIMEOUT", default_value = "2s", value_parser = duration, global = true)]
     pub timeout: Duration,
@@ -42,14 +42,14 @@ const EXIT_CODES: &str = "Exit codes:
   0    done
   1    the operation failed, or the net ended with a fault or an abort
   2    wrong arguments
-  3    a net or a configuration is not valid
-  4    loader or executor cannot be reached
+  3    invalid net or configuration
+  4    loader or executor not reachable
   5    conflict: a resource is busy, or the state does not allow it
   6    no answer in time
   7    not permitted
-  8    the net was canceled before it had finished, and not by this command
-  130  ended by Ctrl-C
-  141  the reader of the output is gone
+  8    the net was canceled before it finished, and not by this command
+  130  interrupted by Ctrl-C
+  141  the output pipe was closed
 A verb that waits for a net ends with 0 only if the net finished; `cancel --wait` also if it was canceled.";
 
 #[cfg(test)]
@@ -61,7 +61,7 @@ mod tests {
     use super::Arguments;
 
     #[test]
-    fn no_verb_has_an_argument_by_the_name_of_a_global_one() {
+    fn no_verb_shadows_a_global_argument() {
         let all = Arguments::command();
         all.clone().debug_assert();
         let globals: BTreeSet<_> = all.get_arguments().map(|one| one.get_id()).collect();

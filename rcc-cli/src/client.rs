@@ -24,7 +24,7 @@ use crate::failure::Failure;
 
 /// REST client of one cell's loader.
 #[derive(Debug)]
-pub struct Client {
+pub struct LoaderClient {
     cell: String,
     endpoint: Endpoint,
     timeout: Duration,
@@ -100,25 +100,29 @@ impl RemoteLoader {
     }
 }
 
-impl Client {
+impl LoaderClient {
     /// Creates a client of the cell `cell` that uses the Unix socket `socket`; each request takes at most `timeout`.
     ///
     /// # Errors
     /// Fails if the system cannot create an event queue.
-    pub fn new(cell: &str, socket: &Path, timeout: Duration) -> Result<Client, Failure> {
-        Client::with_endpoint(cell, Endpoint::Socket(socket.to_owned()), timeout)
+    pub fn new(cell: &str, socket: &Path, timeout: Duration) -> Result<LoaderClient, Failure> {
+        LoaderClient::with_endpoint(cell, Endpoint::Socket(socket.to_owned()), timeout)
     }
 
     /// Creates a client that reaches the loader over TCP.
     ///
     /// # Errors
-    /// As [`Client::new`].
-    pub fn remote(remote: RemoteLoader, timeout: Duration) -> Result<Client, Failure> {
+    /// As [`LoaderClient::new`].
+    pub fn remote(remote: RemoteLoader, timeout: Duration) -> Result<LoaderClient, Failure> {
         let cell = remote.authority.clone();
-        Client::with_endpoint(&cell, Endpoint::Tcp(remote), timeout)
+        LoaderClient::with_endpoint(&cell, Endpoint::Tcp(remote), timeout)
     }
 
-    fn with_endpoint(cell: &str, endpoint: Endpoint, timeout: Duration) -> Result<Client, Failure> {
+    fn with_endpoint(
+        cell: &str,
+        endpoint: Endpoint,
+        timeout: Duration,
+    ) -> Result<LoaderClient, Failure> {
         let runtime = Builder::new_current_thread()
             .enable_all()
             .build()
@@ -129,7 +133,7 @@ impl Client {
                     "close other programs",
                 )
             })?;
-        Ok(Client {
+        Ok(LoaderClient {
             cell: cell.to_owned(),
             endpoint,
             timeout,
@@ -148,7 +152,7 @@ impl Client {
     /// Sends a POST request with a text body.
     ///
     /// # Errors
-    /// As [`Client::get`].
+    /// As [`LoaderClient::get`].
     pub fn post<T: DeserializeOwned>(&self, path: &str, body: String) -> Result<T, Failure> {
         self.request(Method::POST, path, body)
     }
@@ -156,7 +160,7 @@ impl Client {
     /// Sends a PUT request with a text body.
     ///
     /// # Errors
-    /// As [`Client::get`].
+    /// As [`LoaderClient::get`].
     pub fn put<T: DeserializeOwned>(&self, path: &str, body: String) -> Result<T, Failure> {
         self.request(Method::PUT, path, body)
     }
@@ -165,7 +169,7 @@ impl Client {
     /// outputs.
     ///
     /// # Errors
-    /// As [`Client::get`].
+    /// As [`LoaderClient::get`].
     pub fn values(&self, net: &str, ports: &[String]) -> Result<ValuesView, Failure> {
         let path = format!("/commands/{}/values", segment(net));
         let ports: Vec<String> = ports.iter().map(|port| segment(port)).collect();
@@ -176,7 +180,7 @@ impl Client {
     /// Sends a DELETE request.
     ///
     /// # Errors
-    /// As [`Client::get`].
+    /// As [`LoaderClient::get`].
     pub fn delete<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
         self.request(Method::DELETE, path, String::new())
     }
@@ -201,16 +205,16 @@ impl Client {
                         "the loader of cell `{}` did not answer within {:?}",
                         self.cell, self.timeout
                     ),
-                    silent(path),
+                    timeout_help(path),
                 ));
             }
         };
         if status.is_success() {
-            return serde_json::from_slice(&bytes).map_err(|error| other_build(&error));
+            return serde_json::from_slice(&bytes).map_err(|error| answer_not_understood(&error));
         }
         let body: ErrorBody =
-            serde_json::from_slice(&bytes).map_err(|error| other_build(&error))?;
-        Err(Failure::answered(body))
+            serde_json::from_slice(&bytes).map_err(|error| answer_not_understood(&error))?;
+        Err(Failure::from_server(body))
     }
 
     async fn exchange(
@@ -260,7 +264,7 @@ impl Client {
 }
 
 /// Returns the help text for a request that was sent but not answered in time.
-fn silent(path: &str) -> &'static str {
+fn timeout_help(path: &str) -> &'static str {
     match is_stop(path) {
         true => {
             "the request was sent but is not confirmed yet: the loader still carries it out as soon as it can; \
@@ -311,7 +315,7 @@ pub fn no_loader(cell: &str, cause: &str) -> Failure {
     )
 }
 
-fn other_build(error: &dyn std::fmt::Display) -> Failure {
+fn answer_not_understood(error: &dyn std::fmt::Display) -> Failure {
     Failure::new(
         codes::OTHER_BUILD,
         format!("cannot parse the loader's answer: {error}"),
@@ -346,10 +350,13 @@ mod tests {
     #[test]
     fn a_timed_out_stop_request_is_reported_as_still_pending() {
         for path in ["/commands/line%237/cancel", "/commands/7/abort"] {
-            assert!(silent(path).contains("not confirmed yet"), "{path}");
+            assert!(timeout_help(path).contains("not confirmed yet"), "{path}");
         }
         for path in ["/commands/7/start", "/commands", "/switch"] {
-            assert!(silent(path).contains("the request is dropped"), "{path}");
+            assert!(
+                timeout_help(path).contains("the request is dropped"),
+                "{path}"
+            );
         }
     }
 
@@ -385,7 +392,7 @@ mod tests {
     #[test]
     fn a_socket_that_is_not_there_is_an_unreachable_loader() -> Result<(), Failure> {
         let path = std::env::temp_dir().join("rcc-no-such.sock");
-        let client = Client::new("x", &path, Duration::from_secs(20))?;
+        let client = LoaderClient::new("x", &path, Duration::from_secs(20))?;
         let failed = client.get::<serde_json::Value>("/status");
         assert_eq!(
             failed.map_err(|failure| (failure.exit, failure.body.code)),

@@ -9,13 +9,13 @@ use rcc_ipc::{Cell, CellError};
 use rcc_loader::server::codes;
 use serde::Serialize;
 
-use crate::client::{Client, RemoteLoader, no_loader};
+use crate::client::{LoaderClient, RemoteLoader, no_loader};
 use crate::failure::Failure;
 use crate::output::{print_diagnostics, print_line};
 
 /// Output format of results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
+pub enum OutputFormat {
     /// Tables and sentences.
     Human,
     /// JSON with stable keys.
@@ -30,7 +30,7 @@ pub struct Context {
     /// Loader reached over TCP, used instead of the cell's socket.
     pub remote: Option<RemoteLoader>,
     /// Output format of results.
-    pub format: Format,
+    pub format: OutputFormat,
     /// Longest time to wait for one answer.
     pub timeout: Duration,
 }
@@ -49,9 +49,9 @@ impl Context {
     ///
     /// # Errors
     /// Fails if the cell does not exist.
-    pub fn client(&self) -> Result<Client, Failure> {
+    pub fn client(&self) -> Result<LoaderClient, Failure> {
         if let Some(remote) = &self.remote {
-            return Client::remote(remote.clone(), self.timeout);
+            return LoaderClient::remote(remote.clone(), self.timeout);
         }
         let name = self.cell_name();
         let socket = match Cell::find(name) {
@@ -59,9 +59,9 @@ impl Context {
             Ok(None) => return Err(no_loader(name, ": no such cell")),
             // The cell belongs to another user: connecting to its socket shows whether its `access` setting admits us.
             Err(CellError::NotOurs { .. }) => base_dir().join(name).join("loader.sock"),
-            Err(error) => return Err(of_cell(&error)),
+            Err(error) => return Err(cell_failure(&error)),
         };
-        Client::new(name, &socket, self.timeout)
+        LoaderClient::new(name, &socket, self.timeout)
     }
 
     /// Returns true if diagnostics may be coloured.
@@ -74,9 +74,9 @@ impl Context {
     /// Prints a result: as JSON, or as the text that `human` makes of it.
     pub fn print<T: Serialize>(&self, value: &T, human: impl FnOnce(&T) -> String) {
         let text = match self.format {
-            Format::Human => human(value),
+            OutputFormat::Human => human(value),
             // Our values have string keys and numbers that are finite or null, so serialisation cannot fail.
-            Format::Json => serde_json::to_string(value).unwrap_or_default(),
+            OutputFormat::Json => serde_json::to_string(value).unwrap_or_default(),
         };
         print_line(&text);
     }
@@ -87,8 +87,8 @@ impl Context {
             return;
         }
         let text = match self.format {
-            Format::Human => failure.human(Self::colour()),
-            Format::Json => serde_json::to_string(&*failure.body).unwrap_or_default() + "\n",
+            OutputFormat::Human => failure.human(Self::colour()),
+            OutputFormat::Json => serde_json::to_string(&*failure.body).unwrap_or_default() + "\n",
         };
         print_diagnostics(&text);
     }
@@ -96,7 +96,7 @@ impl Context {
 
 /// Converts an error about a cell's name or folder into a failure.
 #[must_use]
-pub fn of_cell(error: &rcc_ipc::CellError) -> Failure {
+pub fn cell_failure(error: &rcc_ipc::CellError) -> Failure {
     let code = match error {
         CellError::NotOurs { .. } | CellError::Writable { .. } => codes::NOT_PERMITTED,
         CellError::BadName { .. } | CellError::PathTooLong { .. } => codes::BAD_REQUEST,

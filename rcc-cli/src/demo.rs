@@ -1,12 +1,12 @@
 //! The demo: figures 3, 4 and 5 of the paper and a cancel, on a simulated robot with all processes, verified from
 //! recorded data. Runs on the main thread, which also supervises the demo's cell.
 
-pub mod facts;
 pub mod checks;
+pub mod facts;
 pub mod progress;
 pub mod recorder;
-pub mod simulator;
 pub mod runner;
+pub mod simulator;
 pub mod verify;
 
 use std::cell::Cell;
@@ -19,20 +19,20 @@ use rcc_loader::server::api::StatusView;
 use rcc_loader::server::codes::{self, exit};
 use serde_json::json;
 
-use crate::client::Client;
-use crate::context::{Context, Format};
+use crate::client::LoaderClient;
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
-use crate::output::{Printer, print_line};
+use crate::output::{BackgroundPrinter, print_line};
 use crate::supervisor::processes::PreparedCell;
-use crate::supervisor::{SupervisorEvent, Supervisor, processes, paths};
+use crate::supervisor::{Supervisor, SupervisorEvent, paths, processes};
 use crate::table::grouped;
 use checks::{MotionEvent, RecordedMotion, checks, monitor_index};
 use progress::{Bar, MotionProgress};
-use recorder::Recorder;
-use simulator::Simulator;
-use runner::{NetRun, DemoRunner, simulator_failed};
+use recorder::MonitorRecorder;
+use runner::{DemoRunner, NetRun, simulator_failed};
+use simulator::SimulatorClient;
 use verify::MotionCheck;
 
 /// One motion of the demo.
@@ -82,40 +82,40 @@ const TORCH: &str = "torch";
 /// Stiffness of the floor, N/m.
 const STIFFNESS: f64 = 3000.0;
 /// Figures disturbed by a late machine are repeated until this time after the start.
-const AGAIN_LIMIT: Duration = Duration::from_secs(35);
+const REPEAT_TIMEOUT: Duration = Duration::from_secs(35);
 /// Attempts to approach a start position: a busy machine loses the connection now and then.
-const APPROACHES: usize = 5;
+const APPROACH_ATTEMPTS_MAX: usize = 5;
 
 /// Runs the demo.
 ///
 /// # Errors
 /// Fails if the cell does not start or a check does not hold.
 pub fn run(context: &Context) -> Result<(), Failure> {
-    let begun = Instant::now();
+    let started = Instant::now();
     let interrupts = Interrupts::listen()?;
     let prepared = processes::prepare(&paths::config("cells/demo.yaml")?)?;
     let own = format!("demo-{}", std::process::id());
     let name = context.cell.clone().unwrap_or(own);
-    let json = context.format == Format::Json;
+    let json = context.format == OutputFormat::Json;
     let starting = Rc::new(Cell::new(!json));
-    let told = Rc::clone(&starting);
-    let printer = Printer::start();
-    let teller = printer.clone();
-    let tell = move |line: &SupervisorEvent| {
-        if told.get() || is_trouble(&line.what) {
+    let verbose = Rc::clone(&starting);
+    let printer = BackgroundPrinter::start();
+    let event_printer = printer.clone();
+    let print_event = move |line: &SupervisorEvent| {
+        if verbose.get() || is_trouble(&line.what) {
             let at = line.at.as_secs_f64();
-            teller.print_note(&format!("  {at:7.3} s  {:<20} {}", line.who, line.what));
+            event_printer.print_note(&format!("  {at:7.3} s  {:<20} {}", line.who, line.what));
         }
     };
     if !json {
         printer.print_line(&format!(
-            "RCC demo: a KUKA LWR 4+ and an I/O station, simulated, on loopback; cell {name}"
+            "RCC demo: simulated KUKA LWR 4+ and I/O station on loopback; cell {name}"
         ));
     }
-    let mut supervisor = Supervisor::start(&name, prepared.clone(), Box::new(tell))?;
+    let mut supervisor = Supervisor::start(&name, prepared.clone(), Box::new(print_event))?;
     let played = supervisor.wait_until_up(&interrupts).and_then(|()| {
         starting.set(false);
-        play(context, &mut supervisor, (&interrupts, &printer), &prepared)
+        run_figures(context, &mut supervisor, (&interrupts, &printer), &prepared)
     });
     starting.set(false);
     let clean = supervisor.stop(&interrupts);
@@ -127,7 +127,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
         &results,
         &status,
         clean,
-        begun.elapsed().as_secs_f64(),
+        started.elapsed().as_secs_f64(),
     );
     let holds = results
         .iter()
@@ -136,7 +136,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     if holds && clean {
         Ok(())
     } else {
-        Err(Failure::said(exit::FAILED))
+        Err(Failure::reported(exit::FAILED))
     }
 }
 
@@ -148,27 +148,27 @@ fn is_trouble(what: &str) -> bool {
 
 type FigureResults = Vec<(&'static str, Vec<MotionCheck>)>;
 
-fn play(
+fn run_figures(
     context: &Context,
     supervisor: &mut Supervisor,
-    (interrupts, printer): (&Interrupts, &Printer),
+    (interrupts, printer): (&Interrupts, &BackgroundPrinter),
     prepared: &PreparedCell,
 ) -> Result<(FigureResults, StatusView), Failure> {
     let cell = supervisor.cell.clone();
     let timeout = context.timeout.max(Duration::from_secs(5));
-    let client = Client::new(cell.name(), &cell.socket(), timeout)?;
+    let client = LoaderClient::new(cell.name(), &cell.socket(), timeout)?;
     let setting = DemoArm::of(prepared)?;
-    let recorder = Recorder::start(&cell)?;
+    let recorder = MonitorRecorder::start(&cell)?;
     let control = cell.simulator_socket(SIMULATOR);
-    let mut simulator = Simulator::connect(&control).map_err(simulator_failed)?;
-    let quiet = context.format == Format::Json;
+    let mut simulator = SimulatorClient::connect(&control).map_err(simulator_failed)?;
+    let quiet = context.format == OutputFormat::Json;
     let status: StatusView = client.get("/status")?;
     if !quiet {
         printer.print_line(&format!("  {}", status.executor.grade));
         printer.print_line("");
     }
     let mut runner = DemoRunner {
-        begun: Instant::now(),
+        started: Instant::now(),
         supervisor,
         client: &client,
         recorder: &recorder,
@@ -227,7 +227,7 @@ fn measure(
         .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))?;
     let facts = facts::read(figure.file, &text)?;
     loop {
-        go_to(runner, figure.start)?;
+        approach_start(runner, figure.start)?;
         let run = run_figure(runner, figure, &text, &facts, quiet);
         runner.simulator.no_floor().map_err(simulator_failed)?;
         let NetRun {
@@ -248,7 +248,7 @@ fn measure(
         let checks = checks(&recorded, figure.event);
         let failed: Vec<&MotionCheck> = checks.iter().filter(|check| !check.holds).collect();
         let disturbed = late > 0 || command.command.fault.is_some();
-        if failed.is_empty() || !disturbed || runner.begun.elapsed() > AGAIN_LIMIT {
+        if failed.is_empty() || !disturbed || runner.started.elapsed() > REPEAT_TIMEOUT {
             return Ok(checks);
         }
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
@@ -260,19 +260,21 @@ fn measure(
 }
 
 /// Moves the arm to the start position of a figure.
-fn go_to(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Failure> {
+fn approach_start(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Failure> {
     let mut words = String::new();
-    for _ in 0..APPROACHES {
-        let run = runner.run("approach", &approach(start), |_, _| false)?;
+    for _ in 0..APPROACH_ATTEMPTS_MAX {
+        let run = runner.run("approach", &approach_net(start), |_, _| false)?;
         let command = &run.command.command;
         if command.reason.as_deref() == Some("finished") {
             return Ok(());
         }
-        words = follow::state_words(command);
+        words = follow::state_text(command);
     }
     Err(Failure::new(
         codes::PROCESS_FAILED,
-        format!("the approach to a figure's start pose ended {words}, {APPROACHES} times"),
+        format!(
+            "the approach to a figure's start pose ended {words}, {APPROACH_ATTEMPTS_MAX} times"
+        ),
         "the demo needs an otherwise idle machine",
     ))
 }
@@ -284,7 +286,7 @@ fn run_figure(
     facts: &facts::MotionFacts,
     quiet: bool,
 ) -> Result<NetRun, Failure> {
-    let way = verify::SupervisorEvent {
+    let way = verify::LineSegment {
         start: figure.start,
         end: facts.goal,
     };
@@ -323,7 +325,7 @@ fn run_figure(
 }
 
 /// Returns a net that moves the flange to a point, with the tool pointing down.
-fn approach([x, y, z]: [f64; 3]) -> String {
+fn approach_net([x, y, z]: [f64; 3]) -> String {
     format!(
         "net: approach
 primitives:
@@ -344,13 +346,19 @@ primitives:
     )
 }
 
-fn report(context: &Context, results: &FigureResults, status: &StatusView, clean: bool, seconds: f64) {
+fn report(
+    context: &Context,
+    results: &FigureResults,
+    status: &StatusView,
+    clean: bool,
+    seconds: f64,
+) {
     let checks = || results.iter().flat_map(|(_, checks)| checks);
     let (all, held) = (
         checks().count(),
         checks().filter(|check| check.holds).count(),
     );
-    if context.format == Format::Json {
+    if context.format == OutputFormat::Json {
         let row = |figure: &str, check: &MotionCheck| {
             json!({"figure": figure, "what": check.what, "expected": check.expected, "found": check.found,
                    "holds": check.holds})
@@ -370,7 +378,7 @@ fn report(context: &Context, results: &FigureResults, status: &StatusView, clean
         for check in checks {
             let mark = if check.holds { "ok  " } else { "FAIL" };
             print_line(&format!(
-                "    {mark}  {:<44} {}  (must be: {})",
+                "    {mark}  {:<44} {}  (expected: {})",
                 check.what, check.found, check.expected
             ));
         }

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 pub mod checks;
 pub mod clean;
+pub mod driver_status;
 pub mod facts;
 pub mod grade;
 pub mod histogram;
@@ -15,9 +16,8 @@ pub mod measure;
 pub mod processes;
 pub mod record;
 pub mod report;
-pub mod driver_status;
-pub mod trial;
 pub mod requirements;
+pub mod trial;
 
 /// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -1,9 +1,11 @@
 //! Failures of verbs: the same body as over HTTP, plus the exit code. Created and printed by the main thread.
 
-use rcc_config::diagnostic::{Faults, DiagnosticRow, DiagnosticPosition, Severity, SourceText, render};
+use rcc_config::diagnostic::{
+    DiagnosticPosition, DiagnosticRow, Faults, Severity, SourceText, render,
+};
 use rcc_core::printable::Printable;
 use rcc_loader::server::api::{ErrorBody, Finding};
-use rcc_loader::server::codes::{self, Code, exit};
+use rcc_loader::server::codes::{self, ErrorCode, exit};
 use rcc_loader::server::compile::findings;
 
 /// A verb's failure, as reported to the person or program that called it.
@@ -19,7 +21,7 @@ pub struct Failure {
 
 impl Failure {
     /// Creates a failure with a code of the table.
-    pub fn new(code: Code, message: impl Into<String>, help: impl Into<String>) -> Failure {
+    pub fn new(code: ErrorCode, message: impl Into<String>, help: impl Into<String>) -> Failure {
         let help = help.into();
         Failure {
             exit: code.exit,
@@ -35,7 +37,7 @@ impl Failure {
 
     /// Converts the server's error answer.
     #[must_use]
-    pub fn answered(body: ErrorBody) -> Failure {
+    pub fn from_server(body: ErrorBody) -> Failure {
         Failure {
             exit: codes::exit_code(&body.code),
             body: Box::new(body),
@@ -45,7 +47,7 @@ impl Failure {
 
     /// Ends with this exit code without printing anything more.
     #[must_use]
-    pub fn said(exit: u8) -> Failure {
+    pub fn reported(exit: u8) -> Failure {
         Failure {
             exit,
             body: Box::default(),
@@ -56,7 +58,7 @@ impl Failure {
     /// Failure of a verb that was ended by Ctrl-C.
     #[must_use]
     pub fn interrupted() -> Failure {
-        Failure::said(exit::INTERRUPTED)
+        Failure::reported(exit::INTERRUPTED)
     }
 
     /// Failure to read a file.
@@ -96,7 +98,7 @@ impl Failure {
 
     /// Failure for an invalid configuration.
     #[must_use]
-    pub fn of_faults(what: &str, faults: &Faults) -> Failure {
+    pub fn from_faults(what: &str, faults: &Faults) -> Failure {
         let source = faults
             .sources
             .first()
@@ -194,7 +196,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_refusal_keeps_its_code_and_tells_the_remedy() {
+    fn a_refusal_keeps_its_code_and_shows_the_remedy() {
         let failure = Failure::new(codes::BUSY, "line#2 needs lwr, which hold#1 holds", "wait");
         assert_eq!(failure.exit, exit::CONFLICT);
         assert_eq!(

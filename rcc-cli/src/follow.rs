@@ -6,20 +6,22 @@ use std::time::{Duration, Instant};
 
 use rcc_language::bundle::bundle;
 use rcc_language::library::FileLibraries;
-use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, CommandRef, Switch, Switched};
+use rcc_loader::server::api::{
+    CommandDetail, CommandRef, CommandView, Done, Loaded, Switch, Switched,
+};
 use rcc_loader::server::codes::{self, RequestedEnd, exit};
 use rcc_loader::server::compile::findings;
 
 use rcc_os::file;
 
-use crate::client::{Client, segment};
+use crate::client::{LoaderClient, segment};
 use crate::failure::Failure;
 use crate::output::print_note;
 
 /// Interval between two polls of a command's state.
-pub const POLL: Duration = Duration::from_millis(20);
+pub const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Longest time that a net may take from `loading` to `ready`.
-pub const LOAD_LIMIT: Duration = Duration::from_secs(30);
+pub const LOAD_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Reads the text of a net (`-` is the standard input); returns the name used in diagnostics, and the text.
 ///
@@ -27,7 +29,7 @@ pub const LOAD_LIMIT: Duration = Duration::from_secs(30);
 /// Fails if the file cannot be read.
 pub fn read_text(path: &str) -> Result<(String, String), Failure> {
     let name = if path == "-" { "standard input" } else { path };
-    given(path, TEXT_MAX)
+    read_named_text(path, TEXT_MAX)
         .map(|text| (name.to_owned(), text))
         .map_err(|error| Failure::unreadable(name, &error))
 }
@@ -37,7 +39,7 @@ pub fn read_text(path: &str) -> Result<(String, String), Failure> {
 ///
 /// # Errors
 /// Fails if it cannot be read, is too long or is not UTF-8 text.
-pub fn given(path: &str, max: u64) -> std::io::Result<String> {
+pub fn read_named_text(path: &str, max: u64) -> std::io::Result<String> {
     match path {
         "-" => file::read_stream(std::io::stdin(), max),
         path => file::read_given(Path::new(path), max),
@@ -74,22 +76,22 @@ pub enum OnRejection {
 /// # Errors
 /// Fails if the loader cannot be reached or rejects the net; includes the diagnostics.
 pub fn load(
-    client: &Client,
+    client: &LoaderClient,
     name: &str,
     text: &str,
     rejected: OnRejection,
 ) -> Result<CommandView, Failure> {
     let path = format!("/commands?file={}", segment(name));
     let Loaded { id, .. } = client.post(&path, text.to_owned())?;
-    let limit = Instant::now() + LOAD_LIMIT;
+    let limit = Instant::now() + LOAD_TIMEOUT;
     loop {
         let command = brief(client, &id.to_string())?;
         match command.state.as_str() {
-            "loading" if Instant::now() < limit => std::thread::sleep(POLL),
+            "loading" if Instant::now() < limit => std::thread::sleep(POLL_INTERVAL),
             "loading" => {
                 return Err(Failure::new(
                     codes::LOADER_SILENT,
-                    format!("command {id} is still loading after {LOAD_LIMIT:?}"),
+                    format!("command {id} is still loading after {LOAD_TIMEOUT:?}"),
                     "check it with `rcc-cli state`",
                 ));
             }
@@ -111,7 +113,7 @@ pub fn load(
 ///
 /// # Errors
 /// Fails if the loader cannot be reached or refuses.
-pub fn unload(client: &Client, id: u64) -> Result<Done, Failure> {
+pub fn unload(client: &LoaderClient, id: u64) -> Result<Done, Failure> {
     client.delete(&format!("/commands/{id}"))
 }
 
@@ -119,7 +121,7 @@ pub fn unload(client: &Client, id: u64) -> Result<Done, Failure> {
 ///
 /// # Errors
 /// Fails if the loader cannot be reached or the command does not exist.
-pub fn brief(client: &Client, name: &str) -> Result<CommandView, Failure> {
+pub fn brief(client: &LoaderClient, name: &str) -> Result<CommandView, Failure> {
     client.get(&format!("/commands/{}?brief=true", segment(name)))
 }
 
@@ -127,7 +129,7 @@ pub fn brief(client: &Client, name: &str) -> Result<CommandView, Failure> {
 ///
 /// # Errors
 /// Fails if the loader cannot be reached or the command does not exist.
-pub fn state(client: &Client, name: &str) -> Result<CommandDetail, Failure> {
+pub fn state(client: &LoaderClient, name: &str) -> Result<CommandDetail, Failure> {
     client.get(&format!("/commands/{}", segment(name)))
 }
 
@@ -135,7 +137,7 @@ pub fn state(client: &Client, name: &str) -> Result<CommandDetail, Failure> {
 ///
 /// # Errors
 /// Fails if the loader cannot be reached or refuses.
-pub fn operate(client: &Client, name: &str, what: &str) -> Result<Done, Failure> {
+pub fn operate(client: &LoaderClient, name: &str, what: &str) -> Result<Done, Failure> {
     client.post(
         &format!("/commands/{}/{what}", segment(name)),
         String::new(),
@@ -146,7 +148,11 @@ pub fn operate(client: &Client, name: &str, what: &str) -> Result<Done, Failure>
 ///
 /// # Errors
 /// Fails if the loader cannot be reached or refuses; then nothing has changed.
-pub fn switch(client: &Client, stop: &[String], start: &[String]) -> Result<Switched, Failure> {
+pub fn switch(
+    client: &LoaderClient,
+    stop: &[String],
+    start: &[String],
+) -> Result<Switched, Failure> {
     let named = |names: &[String]| names.iter().cloned().map(CommandRef::Name).collect();
     let switch = Switch {
         stop: named(stop),
@@ -170,7 +176,7 @@ pub fn title(command: &CommandView) -> String {
 
 /// Formats the state with its reason or fault: `terminated (fault: device lost)`.
 #[must_use]
-pub fn state_words(command: &CommandView) -> String {
+pub fn state_text(command: &CommandView) -> String {
     match (&command.fault, &command.reason) {
         (Some(fault), _) => format!("{} (fault: {})", command.state, fault.fault),
         (None, Some(reason)) => format!("{} ({reason})", command.state),
@@ -188,7 +194,7 @@ pub fn is_over(command: &CommandView) -> bool {
 ///
 /// # Errors
 /// Fails with the exit code of every outcome that was not requested.
-pub fn judge(command: &CommandView, asked: RequestedEnd) -> Result<(), Failure> {
+pub fn exit_result(command: &CommandView, asked: RequestedEnd) -> Result<(), Failure> {
     let code = codes::outcome(asked, command.reason.as_deref());
     if code == exit::OK {
         return Ok(());
@@ -201,7 +207,7 @@ pub fn judge(command: &CommandView, asked: RequestedEnd) -> Result<(), Failure> 
             "{title} was canceled before it finished, and not by this command (see `rcc-cli events`); exit code {code}"
         ));
     }
-    Err(Failure::said(code))
+    Err(Failure::reported(code))
 }
 
 #[cfg(test)]
@@ -218,15 +224,31 @@ mod tests {
     }
 
     #[test]
-    fn only_what_was_asked_for_is_a_success() {
+    fn only_the_requested_outcome_is_a_success() {
         for (reason, finish, cancel) in [
             ("finished", Ok(()), Ok(())),
-            ("canceled", Err(Failure::said(8)), Ok(())),
-            ("aborted", Err(Failure::said(1)), Err(Failure::said(1))),
-            ("fault", Err(Failure::said(1)), Err(Failure::said(1))),
+            ("canceled", Err(Failure::reported(8)), Ok(())),
+            (
+                "aborted",
+                Err(Failure::reported(1)),
+                Err(Failure::reported(1)),
+            ),
+            (
+                "fault",
+                Err(Failure::reported(1)),
+                Err(Failure::reported(1)),
+            ),
         ] {
-            assert_eq!(judge(&command(reason), RequestedEnd::Finish), finish, "{reason}");
-            assert_eq!(judge(&command(reason), RequestedEnd::Cancel), cancel, "{reason}");
+            assert_eq!(
+                exit_result(&command(reason), RequestedEnd::Finish),
+                finish,
+                "{reason}"
+            );
+            assert_eq!(
+                exit_result(&command(reason), RequestedEnd::Cancel),
+                cancel,
+                "{reason}"
+            );
         }
     }
 
@@ -237,7 +259,7 @@ mod tests {
             fault: "device lost".into(),
             ..FaultView::default()
         });
-        assert_eq!(state_words(&lost), "terminated (fault: device lost)");
-        assert_eq!(state_words(&command("finished")), "terminated (finished)");
+        assert_eq!(state_text(&lost), "terminated (fault: device lost)");
+        assert_eq!(state_text(&command("finished")), "terminated (finished)");
     }
 }

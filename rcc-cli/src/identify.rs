@@ -16,12 +16,12 @@ pub const GRAVITY: f64 = 9.806_65;
 /// Least number of orientations: with fewer, the residual says nothing about the fit.
 pub const ORIENTATIONS_MIN: usize = 6;
 /// Two orientations count as different if the directions of gravity in the sensor differ by more than this, rad.
-pub const DIFFERENT_RAD: f64 = 0.0873;
+pub const ORIENTATION_DIFFERENCE_MIN_RAD: f64 = 0.0873;
 /// Least [`Identified::spread`] that separates the weight from the offset.
 pub const SPREAD_MIN: f64 = 0.15;
 
 /// Largest residual of the forces, as a part of the weight, that counts as noise.
-pub const LEFT_MAX: f64 = 0.1;
+pub const RESIDUAL_RATIO_MAX: f64 = 0.1;
 
 /// One reading at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,7 +134,7 @@ pub fn identify(readings: &[Reading], gravity: [f64; 3]) -> Result<Identified, I
     let rows = readings.iter().enumerate().map(|(index, reading)| {
         row(reading, down).ok_or(IdentifyError::Reading { number: index + 1 })
     });
-    let rows: Vec<Row> = rows.collect::<Result<_, _>>()?;
+    let rows: Vec<SensorSample> = rows.collect::<Result<_, _>>()?;
     let orientations = different(&rows);
     if orientations < ORIENTATIONS_MIN {
         let readings = rows.len();
@@ -148,32 +148,32 @@ pub fn identify(readings: &[Reading], gravity: [f64; 3]) -> Result<Identified, I
 
 /// One reading: force (N), torque (N·m), and gravity (m/s²), all in the sensor's axes.
 #[derive(Clone, Copy)]
-struct Row {
+struct SensorSample {
     force: Vector3<f64>,
     torque: Vector3<f64>,
     gravity: Vector3<f64>,
 }
 
-fn row(reading: &Reading, down: Vector3<f64>) -> Option<Row> {
+fn row(reading: &Reading, down: Vector3<f64>) -> Option<SensorSample> {
     let [fx, fy, fz, tx, ty, tz] = reading.wrench;
     let unit = rcc_core::rotation::unit(reading.rotation)?;
     let inverse = rcc_core::rotation::inverse(unit);
     let gravity = rcc_core::rotation::rotate(inverse, down.into());
     let finite = reading.wrench.iter().chain(&gravity).all(|x| x.is_finite());
-    finite.then(|| Row {
+    finite.then(|| SensorSample {
         force: Vector3::new(fx, fy, fz),
         torque: Vector3::new(tx, ty, tz),
         gravity: Vector3::from(gravity),
     })
 }
 
-/// Counts the directions of gravity that differ by more than [`DIFFERENT_RAD`].
-fn different(rows: &[Row]) -> usize {
+/// Counts the directions of gravity that differ by more than [`ORIENTATION_DIFFERENCE_MIN_RAD`].
+fn different(rows: &[SensorSample]) -> usize {
     let mut known: Vec<Vector3<f64>> = Vec::new();
     for row in rows {
         let direction = row.gravity.normalize();
         // Compares chords, because the arc cosine is inexact for small angles.
-        let chord = 2.0 * (DIFFERENT_RAD / 2.0).sin();
+        let chord = 2.0 * (ORIENTATION_DIFFERENCE_MIN_RAD / 2.0).sin();
         if known.iter().all(|one| (one - direction).norm() > chord) {
             known.push(direction);
         }
@@ -185,9 +185,10 @@ fn different(rows: &[Row]) -> usize {
     known.len()
 }
 
-fn fit(rows: &[Row], orientations: usize, fall: f64) -> Result<Identified, IdentifyError> {
+fn fit(rows: &[SensorSample], orientations: usize, fall: f64) -> Result<Identified, IdentifyError> {
     let count = rows.len() as f64;
-    let mean = |of: fn(&Row) -> Vector3<f64>| rows.iter().map(of).sum::<Vector3<f64>>() / count;
+    let mean =
+        |of: fn(&SensorSample) -> Vector3<f64>| rows.iter().map(of).sum::<Vector3<f64>>() / count;
     let (force, torque, gravity) = (
         mean(|row| row.force),
         mean(|row| row.torque),
@@ -216,7 +217,7 @@ fn fit(rows: &[Row], orientations: usize, fall: f64) -> Result<Identified, Ident
         .ok_or(IdentifyError::TooSimilar { spread })?;
     let force_offset = force - gravity * mass;
     let torque_offset = torque - moment.cross(&gravity);
-    let left = |row: &Row| {
+    let left = |row: &SensorSample| {
         let force = row.force - force_offset - row.gravity * mass;
         [
             force,
@@ -242,8 +243,8 @@ fn fit(rows: &[Row], orientations: usize, fall: f64) -> Result<Identified, Ident
     }
     let residual = sums.map(|sum| (sum / (3.0 * count)).sqrt());
     let (weight, [left_over, _]) = (mass * fall, residual);
-    if left_over > LEFT_MAX * weight {
-        let off = |row: &Row| left(row)[0].amax();
+    if left_over > RESIDUAL_RATIO_MAX * weight {
+        let off = |row: &SensorSample| left(row)[0].amax();
         let numbered = (1..).zip(rows);
         let worst = numbered.max_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)));
         return Err(IdentifyError::Misfit {

@@ -16,7 +16,7 @@ use rcc_loader::server::codes;
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(told) => return conclude(&told),
+        Err(error) => return conclude(&error),
     };
     let remote = arguments
         .url
@@ -47,15 +47,15 @@ fn main() -> ExitCode {
 }
 
 /// Prints clap's help, version or usage error, and returns the exit code.
-fn conclude(told: &clap::Error) -> ExitCode {
-    if told.use_stderr() {
+fn conclude(error: &clap::Error) -> ExitCode {
+    if error.use_stderr() {
         // The text may quote an argument such as another user's file name: make it printable.
-        output::print_note(&told.to_string());
+        output::print_note(&error.to_string());
     } else if std::io::stdout().is_terminal() {
         // Our own text, printed with colours.
-        let _ = told.print();
+        let _ = error.print();
     } else {
-        output::print_line(&told.to_string());
+        output::print_line(&error.to_string());
     }
-    ExitCode::from(u8::try_from(told.exit_code()).unwrap_or(codes::exit::USAGE))
+    ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(codes::exit::USAGE))
 }

@@ -1,5 +1,5 @@
 //! Output of the command line. A verb whose result is its output ends the program when that output cannot be written;
-//! code that supervises something running prints through a [`Printer`], which never ends the program and never blocks.
+//! code that supervises something running prints through a [`BackgroundPrinter`], which never ends the program and never blocks.
 //! Control characters in texts of nets, devices and other programs are made harmless before they reach a terminal.
 //! Used by the main thread; a printer has a thread of its own.
 
@@ -12,9 +12,9 @@ use rcc_core::printable::{Coloured, Printable};
 use rcc_loader::server::codes::{self, exit};
 
 /// Lines that may wait to be printed; further ones are dropped.
-const LINES_WAITING_MAX: usize = 1024;
+const QUEUE_MAX: usize = 1024;
 /// Longest time to wait for the last lines at the end.
-const LAST_LINES: Duration = Duration::from_secs(1);
+const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Prints a line on stdout, as the result of a verb. A closed pipe ends the program silently, as it ends other filters;
 /// any other failure ends it with an error, because the result is lost.
@@ -91,7 +91,7 @@ enum Stream {
 /// Prints without ever blocking the caller: neither a full disk, nor a closed pipe, nor a reader that does not read (a
 /// stopped terminal, a pager) delays it. Text that cannot be printed is dropped.
 #[derive(Clone, Debug)]
-pub struct Printer {
+pub struct BackgroundPrinter {
     texts: SyncSender<PrintJob>,
 }
 
@@ -102,15 +102,15 @@ enum PrintJob {
     Done(SyncSender<()>),
 }
 
-impl Printer {
+impl BackgroundPrinter {
     /// Starts the printing thread. If that fails, nothing is printed.
     #[must_use]
-    pub fn start() -> Printer {
-        let (texts, waiting) = sync_channel(LINES_WAITING_MAX);
+    pub fn start() -> BackgroundPrinter {
+        let (texts, waiting) = sync_channel(QUEUE_MAX);
         let run = move || print_all(&waiting, &mut write);
         // A system that cannot start this thread cannot start a cell either; the next step reports that.
         let _ = thread::Builder::new().name("output".into()).spawn(run);
-        Printer { texts }
+        BackgroundPrinter { texts }
     }
 
     /// Prints a line on stdout.
@@ -141,7 +141,7 @@ impl Printer {
         let (done, printed) = sync_channel(1);
         if self.texts.try_send(PrintJob::Done(done)).is_ok() {
             // Text that is not taken within this time is lost.
-            let _: Result<(), RecvTimeoutError> = printed.recv_timeout(LAST_LINES);
+            let _: Result<(), RecvTimeoutError> = printed.recv_timeout(FLUSH_TIMEOUT);
         }
     }
 }
@@ -158,16 +158,17 @@ fn write(stream: Stream, text: &str) -> io::Result<()> {
 
 /// Prints until the last printer is dropped; reports the first failure of stdout on stderr.
 fn print_all(texts: &Receiver<PrintJob>, write: &mut dyn FnMut(Stream, &str) -> io::Result<()>) {
-    let mut told = false;
+    let mut reported = false;
     for text in texts {
         match text {
             PrintJob::Print(stream, text) => {
                 if let Err(error) = write(stream, &text)
                     && stream == Stream::Out
-                    && !told
+                    && !reported
                 {
-                    told = true;
-                    let words = format!("cannot write to standard output: {error}: going on without it\n");
+                    reported = true;
+                    let words =
+                        format!("cannot write to standard output: {error}: going on without it\n");
                     // If stderr fails as well, the error cannot be reported anywhere.
                     let _ = write(Stream::Err, &words);
                 }
@@ -187,8 +188,10 @@ mod tests {
     #[test]
     fn a_failing_output_is_reported_once_and_the_rest_is_still_tried() {
         let (texts, waiting) = sync_channel(8);
-        let printer = Printer { texts };
-        ["a", "b", "c"].iter().for_each(|line| printer.print_line(line));
+        let printer = BackgroundPrinter { texts };
+        ["a", "b", "c"]
+            .iter()
+            .for_each(|line| printer.print_line(line));
         printer.print_note("d");
         drop(printer);
         let (mut tried, mut errors) = (Vec::new(), String::new());
@@ -210,9 +213,9 @@ mod tests {
     #[test]
     fn a_printer_that_nobody_reads_from_blocks_nobody() {
         let (texts, waiting) = sync_channel(2);
-        let printer = Printer { texts };
+        let printer = BackgroundPrinter { texts };
         (0..100).for_each(|number| printer.print_line(&number.to_string()));
-        // Not even at the end: there is no room for the question.
+        // Returns at once even here: the queue is full, so the request to finish is dropped.
         printer.finish();
         assert_eq!(waiting.try_iter().count(), 2);
     }

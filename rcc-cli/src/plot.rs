@@ -142,7 +142,10 @@ impl Plot {
 
     fn rows(&self) -> Vec<&[PlotPanel]> {
         let mut rows = Vec::new();
-        for group in self.panels.chunk_by(|one, next| one.is_spatial && next.is_spatial) {
+        for group in self
+            .panels
+            .chunk_by(|one, next| one.is_spatial && next.is_spatial)
+        {
             rows.extend(group.chunks(3));
         }
         rows

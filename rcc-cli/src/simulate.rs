@@ -8,7 +8,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{CommandEntry, CommandState, Joints, MonitorRecord};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{HelperRingEnds, EngineRequest, EngineReply, rings};
+use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
 use rcc_ipc::rehearsal::RehearsalReport;
@@ -118,9 +118,9 @@ impl VirtualCell {
     /// Runs one cycle: first every device exchanges, then the engine.
     fn step(&mut self) {
         self.now_ns += self.period_ns;
-        let begun = self.engine.status().cycle > 0;
+        let started = self.engine.status().cycle > 0;
         for (index, device) in self.devices.iter_mut().enumerate() {
-            let image = self.engine.image(index).filter(|_| begun);
+            let image = self.engine.image(index).filter(|_| started);
             device.exchange(image, self.now_ns);
             let newest = Some((1, *device.measurement()));
             self.engine.latch(index, newest, self.now_ns);
@@ -209,7 +209,7 @@ pub fn run(
     if let Some(out) = &mut table {
         trace.write_head(out)?;
     }
-    let begun = cell.engine.status().cycle + 1;
+    let started = cell.engine.status().cycle + 1;
     let mut records: Vec<MonitorRecord> = Vec::new();
     let mut canceled = false;
     let mut past_ns = 0;
@@ -222,7 +222,7 @@ pub fn run(
         records.extend(std::iter::from_fn(|| cell.ends.records.pop().ok()));
         let time_s = past_ns as f64 / 1e9;
         watch(time_s, &cell.engine);
-        if trace.take(time_s, &records)
+        if trace.record(time_s, &records)
             && let Some(out) = &mut table
         {
             trace.write_line(out, time_s, &records)?;
@@ -244,7 +244,7 @@ pub fn run(
     let command = *cell.command().ok_or(SimulateError::Silent)?;
     Ok(SimulationResult {
         command,
-        cycles: cell.engine.status().cycle + 1 - begun,
+        cycles: cell.engine.status().cycle + 1 - started,
         period_ns: config.period_ns,
         trace,
         rehearsed,

@@ -2,10 +2,10 @@
 //! without leaving a process or a file behind. Run by one thread; the children die with that thread.
 
 pub mod child;
-pub mod processes;
 pub mod notify;
 pub mod paths;
 pub mod policy;
+pub mod processes;
 pub mod running;
 mod stop;
 
@@ -17,34 +17,34 @@ use rcc_config::{CellConfig, ConfigChange, FileWatch};
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
 use rcc_ipc::configuration::changed;
 use rcc_ipc::events::{self, EventKind, EventOrigin};
-use rcc_ipc::{Announced, Announcement, Cell, Configuration, Role, room, take};
+use rcc_ipc::{Announced, Announcement, Cell, Configuration, Role, ownership, shm_space};
 use rcc_loader::server::api::{DeviceView, StatusView};
 use rcc_loader::server::codes;
 
-use crate::client::Client;
-use crate::context::of_cell;
+use crate::client::LoaderClient;
+use crate::context::cell_failure;
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use child::{Child, ProcessState};
-use processes::{PreparedCell, ProcessKind};
 use policy::RestartDecision;
+use processes::{PreparedCell, ProcessKind};
 
 /// Interval between two polls of the processes.
 pub const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Interval between two queries of the devices.
-const DEVICES_EVERY: Duration = Duration::from_millis(250);
+const DEVICE_POLL_INTERVAL: Duration = Duration::from_millis(250);
 /// Interval between two checks of the configuration files.
-const FILES_EVERY: Duration = Duration::from_secs(1);
+const FILE_POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// Longest time for one answer of the loader.
-const ANSWER_LIMIT: Duration = Duration::from_millis(500);
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 /// Longest time for a cell, and for each of its processes, to become ready.
-const START_LIMIT: Duration = Duration::from_secs(30);
+const START_TIMEOUT: Duration = Duration::from_secs(30);
 /// Pause before a failed janitor runs again.
-const CLEAN_AGAIN: Duration = Duration::from_secs(1);
+const JANITOR_RETRY_DELAY: Duration = Duration::from_secs(1);
 /// Shared memory of a cell, bytes: executor, loader and a few monitors, plus each device. Measured: 8.4 MB in total
 /// with two devices and a monitor.
-const ROOM_CELL: u64 = 14 << 20;
-const ROOM_DEVICE: u64 = 1 << 20;
+const CELL_SHM_BYTES: u64 = 14 << 20;
+const DEVICE_SHM_BYTES: u64 = 1 << 20;
 
 /// A change reported by the supervisor.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,9 +64,9 @@ pub struct Supervisor {
     /// Its configuration and ports.
     pub prepared: PreparedCell,
     children: Vec<Child>,
-    begun: Instant,
+    started: Instant,
     on_event: Box<dyn FnMut(&SupervisorEvent)>,
-    client: Client,
+    client: LoaderClient,
     devices: Vec<(String, String)>,
     devices_polled_at: Instant,
     grade_pid: u32,
@@ -93,9 +93,9 @@ impl Supervisor {
         prepared: PreparedCell,
         on_event: Box<dyn FnMut(&SupervisorEvent)>,
     ) -> Result<Supervisor, Failure> {
-        let specs = processes::specs(name, &prepared)?;
+        let specs = processes::process_specs(name, &prepared)?;
         paths::program("rcc-janitor")?;
-        let cell = Cell::new(name).map_err(|error| of_cell(&error))?;
+        let cell = Cell::new(name).map_err(|error| cell_failure(&error))?;
         let presence = claim(&cell, &prepared.config)?;
         let logs = cell.runtime_dir().join("logs");
         let client = set_up(&cell, &prepared, &logs).inspect_err(|_| {
@@ -111,7 +111,7 @@ impl Supervisor {
             children: children.collect(),
             cell,
             prepared,
-            begun: Instant::now(),
+            started: Instant::now(),
             on_event,
             client,
             devices: Vec::new(),
@@ -135,7 +135,7 @@ impl Supervisor {
     /// # Errors
     /// Fails on an interrupt, if a process fails, or if it takes too long.
     pub fn wait_until_up(&mut self, interrupts: &Interrupts) -> Result<(), Failure> {
-        let limit = Instant::now() + START_LIMIT;
+        let limit = Instant::now() + START_TIMEOUT;
         loop {
             self.poll();
             let waiting: Vec<&str> = self
@@ -170,15 +170,15 @@ impl Supervisor {
         }
         if self
             .clean_due
-            .is_some_and(|due| due <= self.begun.elapsed())
+            .is_some_and(|due| due <= self.started.elapsed())
         {
             self.clean(None);
         }
-        if self.devices_polled_at.elapsed() >= DEVICES_EVERY {
+        if self.devices_polled_at.elapsed() >= DEVICE_POLL_INTERVAL {
             self.devices_polled_at = Instant::now();
             self.poll_devices();
         }
-        if self.files_polled_at.elapsed() >= FILES_EVERY {
+        if self.files_polled_at.elapsed() >= FILE_POLL_INTERVAL {
             self.files_polled_at = Instant::now();
             self.poll_files();
         }
@@ -210,7 +210,7 @@ impl Supervisor {
     }
 
     /// Returns the longest time for a process to end after it was asked to.
-    fn patience(&self) -> Duration {
+    fn stop_timeout(&self) -> Duration {
         Duration::from_nanos(self.prepared.config.supervision.stop_timeout_ns)
     }
 
@@ -223,7 +223,7 @@ impl Supervisor {
             let sockets = self
                 .children
                 .iter_mut()
-                .filter_map(|child| child.notices.as_mut());
+                .filter_map(|child| child.notifications.as_mut());
             sockets.for_each(notify::NotifySocket::reset_watchdog);
         }
     }
@@ -242,8 +242,8 @@ impl Supervisor {
     }
 
     fn poll_child(&mut self, index: usize) {
-        let now = self.begun.elapsed();
-        let patience = self.patience();
+        let now = self.started.elapsed();
+        let patience = self.stop_timeout();
         let Some(child) = self.children.get_mut(index) else {
             return;
         };
@@ -256,12 +256,14 @@ impl Supervisor {
             self.handle_death(index, now, &words, child::remedy(status));
             return;
         }
-        if let Some(silence) = child.watch(START_LIMIT, patience) {
+        if let Some(silence) = child.check_watchdog(START_TIMEOUT, patience) {
             let silence = silence.as_secs_f64();
-            let status = child.notices.as_ref().map_or("", notify::NotifySocket::status);
-            let words = format!(
-                "hangs: no progress for {silence:.1} s, killing it; last status: {status}"
-            );
+            let status = child
+                .notifications
+                .as_ref()
+                .map_or("", notify::NotifySocket::status);
+            let words =
+                format!("hangs: no progress for {silence:.1} s, killing it; last status: {status}");
             let pid = child.pid().unwrap_or(0);
             self.report(&name, &words);
             self.record(EventKind::WatchdogKill {
@@ -309,10 +311,10 @@ impl Supervisor {
         let verdict = if remedy.is_some() {
             RestartDecision::Failed
         } else {
-            child.restarts.died(now)
+            child.restarts.record_death(now)
         };
         child.state = match verdict {
-            RestartDecision::Again { at, .. } => ProcessState::Down(at),
+            RestartDecision::Restart { at, .. } => ProcessState::Down(at),
             RestartDecision::Failed => ProcessState::Failed,
         };
         self.report(&name, &format!("died: {words}"));
@@ -330,12 +332,9 @@ impl Supervisor {
         }
         self.clean(Some(clean::HALF_CREATED_AFTER * 2));
         match verdict {
-            RestartDecision::Again { nth, .. } => {
-                let (most, window) = self.allowed();
-                self.report(
-                    &name,
-                    &format!("restarting ({nth}/{most} in {window} s)"),
-                );
+            RestartDecision::Restart { nth, .. } => {
+                let (most, window) = self.restart_limits();
+                self.report(&name, &format!("restarting ({nth}/{most} in {window} s)"));
                 self.record(EventKind::ProcessRestart {
                     process: name,
                     nth,
@@ -351,7 +350,7 @@ impl Supervisor {
     fn fail(&mut self, name: String, is_executor: bool, words: &str, remedy: Option<&str>) {
         self.failed = true;
         self.executor_failed |= is_executor;
-        let (most, window) = self.allowed();
+        let (most, window) = self.restart_limits();
         let rest = match is_executor {
             true => "the cell ends",
             false => "the rest of the cell keeps running",
@@ -369,7 +368,7 @@ impl Supervisor {
     }
 
     /// Returns the allowed number of restarts and the time window, s.
-    fn allowed(&self) -> (usize, u64) {
+    fn restart_limits(&self) -> (usize, u64) {
         let supervision = &self.prepared.config.supervision;
         (
             supervision.restarts as usize,
@@ -381,18 +380,17 @@ impl Supervisor {
     /// a certain age. A failed janitor runs again in any case.
     fn clean(&mut self, again: Option<Duration>) {
         let done = clean::run_janitor(&self.cell, JANITOR_TIMEOUT);
-        let pause = done.as_ref().map_or(Some(CLEAN_AGAIN), |_| again);
-        self.clean_due = pause.map(|pause| self.begun.elapsed() + pause);
+        let pause = done.as_ref().map_or(Some(JANITOR_RETRY_DELAY), |_| again);
+        self.clean_due = pause.map(|pause| self.started.elapsed() + pause);
         if let Err(error) = done {
             self.report("janitor", &error.to_string());
         }
     }
 
     fn poll_devices(&mut self) {
-        let serving = self
-            .children
-            .iter()
-            .any(|child| child.spec.kind == ProcessKind::Loader && matches!(child.state, ProcessState::Up(_)));
+        let serving = self.children.iter().any(|child| {
+            child.spec.kind == ProcessKind::Loader && matches!(child.state, ProcessState::Up(_))
+        });
         if !serving {
             return;
         }
@@ -415,7 +413,9 @@ impl Supervisor {
             let old = before.iter().find(|(other, _)| *other == name);
             match old {
                 Some((_, old)) if *old == state => {}
-                Some((_, old)) => self.report(&format!("device {name}"), &format!("{old} → {state}")),
+                Some((_, old)) => {
+                    self.report(&format!("device {name}"), &format!("{old} → {state}"))
+                }
                 None => self.report(&format!("device {name}"), &state),
             }
         }
@@ -443,7 +443,7 @@ impl Supervisor {
 
     fn report(&mut self, who: &str, what: &str) {
         (self.on_event)(&SupervisorEvent {
-            at: self.begun.elapsed(),
+            at: self.started.elapsed(),
             who: who.to_owned(),
             what: what.to_owned(),
         });
@@ -451,8 +451,8 @@ impl Supervisor {
 }
 
 /// Creates the files that the processes of a cell expect.
-fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<Client, Failure> {
-    room::require(ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64)
+fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<LoaderClient, Failure> {
+    shm_space::require(CELL_SHM_BYTES + DEVICE_SHM_BYTES * prepared.config.devices.len() as u64)
         .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
     std::fs::DirBuilder::new()
         .recursive(true)
@@ -462,7 +462,7 @@ fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<Client, F
     let config = prepared.path.display().to_string();
     events::begin_log(cell, &config, &prepared.ports);
     running::write(cell, prepared)?;
-    Client::new(cell.name(), &cell.socket(), ANSWER_LIMIT)
+    LoaderClient::new(cell.name(), &cell.socket(), ANSWER_TIMEOUT)
 }
 
 /// Claims the cell for this process unless somebody else has it; then nothing is changed.

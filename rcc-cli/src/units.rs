@@ -106,7 +106,7 @@ impl CellUnits<'_> {
 
     /// Returns the names of the drivers' units, and of the simulators' units if requested.
     #[must_use]
-    pub fn instances(&self) -> Vec<String> {
+    pub fn unit_names(&self) -> Vec<String> {
         let cell = self.cell;
         let drivers = self.config.devices.iter();
         let drivers = drivers.map(|device| format!("rcc-driver@{cell}.{}.service", device.name));
@@ -127,7 +127,7 @@ impl CellUnits<'_> {
     }
 
     fn target(&self) -> UnitFile {
-        let wants = self.instances().join(" ");
+        let wants = self.unit_names().join(" ");
         let unit = format!("rcc@{}.target", self.cell);
         self.file(&unit, &format!("[Unit]\nWants={wants}\n"))
     }
@@ -310,7 +310,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_shipped_file_bears_our_mark() {
+    fn every_shipped_file_has_the_mark() {
         for (path, text) in SHIPPED {
             assert!(text.starts_with(MARK), "{path}");
         }

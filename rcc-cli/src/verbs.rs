@@ -168,7 +168,11 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         "ms" => 1e-3,
         "s" | "" => 1.0,
         "min" => 60.0,
-        _ => return Err(format!("invalid duration `{text}`: write 500ms, 2s or 1min")),
+        _ => {
+            return Err(format!(
+                "invalid duration `{text}`: write 500ms, 2s or 1min"
+            ));
+        }
     };
     number
         .parse::<f64>()

@@ -1,4 +1,4 @@
-//! `convert` as a user types it: the predecessor's text into a file that checks. No cell is needed.
+//! `convert` as a user types it: converts a net of the predecessor into a file that `check` accepts. Needs no cell.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -36,7 +36,7 @@ fn a_net_of_the_predecessor_becomes_a_file_that_is_valid() {
 }
 
 #[test]
-fn what_has_no_counterpart_is_refused_with_its_place() {
+fn parts_without_counterpart_are_refused_with_their_location() {
     let (code, text) = run(&["convert", "tests/nets/bad/RCC1601-no-counterpart.net"]);
     assert_eq!(code, Some(3), "{text}");
     assert!(

@@ -1,5 +1,5 @@
 //! `check`, `explain` and `graph` as a user types them: the commands of docs/explain.md, exit codes, folders and pipes.
-//! No cell is needed. A thread of the test harness.
+//! Needs no cell. Run by a thread of the test harness.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ fn rcc_cli() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rcc-cli"));
     command
         .current_dir(repository())
-        // No cell of this machine has that name.
+        // No cell on this machine has this name.
         .env("RCC_CELL", "no-cell-of-explain")
         .env("RCC_CONFIGS", repository().join("configs"))
         .env_remove("RCC_OUTPUT");
@@ -35,7 +35,7 @@ fn texts(output: Output) -> (Option<i32>, String, String) {
     )
 }
 
-/// A folder of its own that is gone afterwards.
+/// A temporary folder, removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -104,7 +104,7 @@ fn the_commands_of_the_docs_run() {
 }
 
 #[test]
-fn a_folder_is_told_in_one_line_and_what_is_wrong_by_itself() {
+fn a_folder_gets_one_summary_line_and_its_errors() {
     let folder = Folder::new("check-folder");
     folder.write("a.yaml", GOOD);
     folder.write("deep/er/b.yaml", GOOD);
@@ -147,7 +147,7 @@ fn one_json_object_a_file_has_all_its_findings() {
 }
 
 #[test]
-fn what_cannot_be_read_does_not_hide_the_others() {
+fn an_unreadable_file_does_not_hide_the_others() {
     let folder = Folder::new("check-missing");
     folder.write("bad.yaml", BAD);
     let missing = folder.0.join("missing.yaml");
@@ -194,7 +194,7 @@ discard: [move.position]
 }
 
 #[test]
-fn an_explanation_has_every_primitive_in_its_turn() {
+fn an_explanation_lists_primitives_in_evaluation_order() {
     let (code, out, err) = run(&[
         "explain",
         "configs/nets/guarded-line.yaml",
@@ -229,7 +229,7 @@ fn an_explanation_has_every_primitive_in_its_turn() {
 }
 
 #[test]
-fn a_net_that_is_not_there_is_refused_with_words() {
+fn a_missing_net_is_refused_with_a_reason() {
     for verb in ["explain", "graph"] {
         let (code, _, err) = run(&[verb, "nowhere"]);
         assert_eq!(code, Some(4), "{err}");

@@ -1,5 +1,5 @@
-//! The real `rcc-cli` against a loader whose every text is hostile: nothing that is printed commands a terminal, and JSON
-//! says exactly what was answered. The loader is a thread of the test that answers over TCP.
+//! The real `rcc-cli` against a loader whose texts are all hostile: nothing printed controls the terminal, and JSON
+//! output equals the answer. The loader is a thread of the test that answers over TCP.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -8,12 +8,13 @@ use std::process::{Command, Output};
 use rcc_core::printable::first_unprintable;
 use rcc_loader::server::api::{
     ChannelView, CommandDetail, CommandView, DeviceView, ErrorBody, FaultView, Finding, LateView,
-    Place, ProcessView, RehearsalView, StatusView, TopicEnd, TopicView, ValueView, ValuesView,
+    ProcessView, RehearsalView, StatusView, TextLocation, TopicEnd, TopicView, ValueView,
+    ValuesView,
 };
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Clears the screen, sets a title, hides text and reorders it.
+/// Clears the screen, sets a title, hides and reorders text.
 const HOSTILE: &str = "x\u{1b}[2J\u{1b}]0;owned\u{7}\u{9b}8m\u{202e}y\u{2066}\u{200b}\r\u{7f}";
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 
@@ -22,7 +23,7 @@ fn text() -> String {
 }
 
 fn finding() -> Finding {
-    let place = Place {
+    let place = TextLocation {
         file: text(),
         line: 1,
         column: 1,
@@ -145,7 +146,7 @@ fn to_json(value: &impl Serialize) -> Value {
     serde_json::to_value(value).expect("views are JSON")
 }
 
-/// What the loader answers.
+/// Returns the loader's answer to a request line.
 fn answer(line: &str, refuses: bool) -> (u16, Value) {
     let path = line.split(' ').nth(1).unwrap_or_default();
     let path = path.split('?').next().unwrap_or_default();
@@ -201,7 +202,7 @@ fn serve(mut stream: TcpStream, refuses: bool) {
     }
     let (status, value) = answer(&first, refuses);
     let body = value.to_string();
-    // The client may have gone: then it has had enough.
+    // The client may have closed the connection already.
     let _ = write!(
         stream,
         "HTTP/1.1 {status} X\r\ncontent-type: application/json\r\nconnection: close\r\ncontent-length: {}\r\n\r\n{body}",
@@ -209,7 +210,7 @@ fn serve(mut stream: TcpStream, refuses: bool) {
     );
 }
 
-/// A loader at this address.
+/// Starts a loader; returns its address.
 fn start(refuses: bool) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
     let address = listener.local_addr().expect("an address");
@@ -261,7 +262,7 @@ fn is_printable(output: &Output, arguments: &[&str]) -> String {
 }
 
 #[test]
-fn no_verb_prints_what_a_terminal_obeys() {
+fn no_verb_prints_control_characters() {
     let (answers, refuses) = (start(false), start(true));
     let mut shown = 0;
     for arguments in VERBS {
@@ -275,12 +276,12 @@ fn no_verb_prints_what_a_terminal_obeys() {
             shown += usize::from(text.contains("\\u001b[2J"));
         }
     }
-    // The test shows nothing if the verbs do not show what the loader says.
+    // Guards the test itself: most verbs must show what the loader says.
     assert!(shown > 3 * VERBS.len(), "{shown}");
 }
 
 #[test]
-fn json_says_exactly_what_was_answered() {
+fn json_output_equals_the_answer() {
     let answers = start(false);
     for (arguments, expected) in [
         (&["ls"][..], to_json(&vec![command("terminated")])),
@@ -293,7 +294,7 @@ fn json_says_exactly_what_was_answered() {
 }
 
 #[test]
-fn names_and_texts_of_files_command_no_terminal() {
+fn names_and_texts_of_files_do_not_control_the_terminal() {
     let folder = std::env::temp_dir().join(format!("rcc-hostile-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     let file = folder.join(format!("{}.yaml", HOSTILE.replace('/', "")));

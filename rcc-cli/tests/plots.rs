@@ -1,5 +1,5 @@
-//! The pictures of docs/motions.md are what `rcc-cli plot` makes now; `RCC_BLESS=1` makes them anew.
-//! Virtual time; no cell is there. Run by the threads of the test harness.
+//! The plots in docs/motions.md are what `rcc-cli plot` generates; `RCC_BLESS=1` regenerates them. Virtual time,
+//! without a cell. Run by the threads of the test harness.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The commands of the page that make a picture: `rcc-cli plot … -o docs/pictures/…`.
+/// Returns the commands of the page that generate a plot: `rcc-cli plot … -o docs/pictures/…`.
 fn commands() -> Vec<Vec<String>> {
     let text = fs::read_to_string(repository().join("docs/motions.md")).expect("the page");
     let lines = text.lines();

@@ -1,5 +1,5 @@
-//! `rcc-cli simulate` as a program: every example net, scripted inputs, tables and pictures, the same each time, exit codes.
-//! Virtual time; no cell is there. Run by the threads of the test harness.
+//! `rcc-cli simulate` as a program: every example net, scripted inputs, tables and plots, reproducibility, exit codes.
+//! Virtual time, without a cell. Run by the threads of the test harness.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use serde_json::Value;
 
-/// A folder of one test, removed at its end.
+/// A temporary folder of one test, removed at its end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -56,7 +56,7 @@ fn simulate(arguments: &[&str]) -> Output {
         .expect("rcc-cli runs")
 }
 
-/// The report of a simulation that must end with this exit code.
+/// Runs a simulation that must end with this exit code; returns its report.
 fn report(exit: i32, arguments: &[&str]) -> Value {
     let output = simulate(arguments);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -70,7 +70,7 @@ fn every_example_net_runs_and_ends_as_it_is_meant_to() {
     for file in fs::read_dir(nets()).expect("the example nets") {
         let path = file.expect("a file").path();
         let name = path.display().to_string();
-        // A line that cannot be cancelled ends by itself before that.
+        // A line that cannot be cancelled ends by itself earlier.
         let report = report(0, &[&name, "--for", "20s", "--cancel-at", "6s"]);
         assert_eq!(report["state"], "terminated", "{name}: {report}");
         let reason = report["reason"].as_str().unwrap_or_default();
@@ -84,7 +84,7 @@ fn every_example_net_runs_and_ends_as_it_is_meant_to() {
 }
 
 #[test]
-fn the_line_ends_where_it_shall_and_the_same_each_time() {
+fn the_line_reaches_its_goal_reproducibly() {
     let folder = Folder::new();
     let run = |name: &str| {
         let (csv, svg) = (
@@ -182,7 +182,7 @@ fn analog_inputs_have_units_and_null_is_shown_as_null() {
 }
 
 #[test]
-fn what_is_refused_or_ends_badly_has_the_exit_codes_of_run() {
+fn refusals_and_failures_have_the_exit_codes_of_run() {
     let folder = Folder::new();
     let aborted = report(1, &[&net("line.yaml"), "--cancel-at", "500ms"]);
     assert_eq!(aborted["reason"], "aborted", "{aborted}");
@@ -231,7 +231,7 @@ primitives:
     }
 }
 
-/// `plot`, which must end with this exit code; what it says.
+/// Runs `plot`, which must end with this exit code; returns its output.
 fn plot(exit: i32, arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
         .arg("plot")
@@ -247,7 +247,7 @@ fn plot(exit: i32, arguments: &[&str]) -> String {
 }
 
 #[test]
-fn a_plot_shows_path_and_joints_against_their_limits_and_is_the_same_each_time() {
+fn a_plot_shows_path_and_joints_relative_to_limits_reproducibly() {
     let folder = Folder::new();
     let run = |name: &str| {
         plot(0, &[&net("line.yaml"), "-o", &folder.file(name)]);
@@ -278,10 +278,10 @@ fn a_plot_shows_path_and_joints_against_their_limits_and_is_the_same_each_time()
 }
 
 #[test]
-fn a_net_that_would_break_a_limit_is_drawn_and_told_but_not_simulated() {
+fn a_net_that_would_break_a_limit_is_plotted_but_not_simulated() {
     let folder = Folder::new();
     let text = fs::read_to_string(net("line.yaml")).expect("a net");
-    // The motion knows nothing of what the net does to its joints: the last one turns as well, too fast.
+    // The motion knows nothing of how the net changes the joints: the last joint turns in addition, too fast.
     let hasty = text.replace("position: ik.joints", "position: turned.out")
         + "  turn: {type: Multiply, inputs: {a: move.distance, b: 50 rad/m}}
   turned: {type: SetElement, inputs: {in: ik.joints, index: 6, value: turn.out}}
@@ -348,7 +348,7 @@ fn check_rehearses_from_where_the_simulators_begin() {
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(3), "{words}");
     assert!(
-        words.contains("RCC3014") && words.contains("leg 1") && words.contains("% of its way"),
+        words.contains("RCC3014") && words.contains("leg 1") && words.contains("% of its path"),
         "{words}"
     );
     let fast = text.replace("0.15 m/s\n", "3 m/s\n");
@@ -358,17 +358,17 @@ fn check_rehearses_from_where_the_simulators_begin() {
     assert_eq!(output.status.code(), Some(3), "{words}");
     for part in [
         "RCC3014",
-        "move, leg 1: at the given speed J1 would come to",
+        "move, leg 1: at the given speed J1 would reach",
         "rad/s",
         "its limit is",
-        "of the speed is possible",
+        "of this speed is possible",
     ] {
         assert!(words.contains(part), "{part}: {words}");
     }
 }
 
 #[test]
-fn a_soft_arm_presses_with_its_stiffness_times_the_depth_and_what_is_on_top() {
+fn a_soft_arm_presses_with_stiffness_times_depth_plus_added_force() {
     let folder = Folder::new();
     let (cell, net) = (
         nets().join("../cells/impedance.yaml").display().to_string(),
@@ -385,10 +385,10 @@ fn a_soft_arm_presses_with_its_stiffness_times_the_depth_and_what_is_on_top() {
         let last = text.lines().last().expect("rows").split(',').nth(1);
         last.and_then(|cell| cell.parse().ok()).expect("a number")
     };
-    // The tool's spring and the table's, one behind the other.
+    // The springs of tool and table in series.
     let expected = (500.0 * 0.02 + 5.0) * 30_000.0 / 30_500.0;
     assert!((press(&net, &cell) - expected).abs() < 1e-6);
-    // In joint impedance the springs are those of the joints, and this net is refused there.
+    // In joint impedance the springs act at the joints, and the original net is refused.
     let text = fs::read_to_string(&cell).expect("a cell");
     let robots = nets().join("../robots/").display().to_string();
     let text = text
@@ -409,7 +409,7 @@ fn a_soft_arm_presses_with_its_stiffness_times_the_depth_and_what_is_on_top() {
         fs::write(&file, format!("{head}{command}  over:{rest}")).expect("written");
         press(&file, &joint)
     };
-    // Twice as stiff joints give nearly twice the force, the table's share aside.
+    // Joints twice as stiff give nearly twice the force, apart from the table's share.
     let (soft, stiff) = (
         springs("[200, 200, 200, 200, 200, 200, 200]"),
         springs("[400, 400, 400, 400, 400, 400, 400]"),
@@ -456,7 +456,7 @@ fn polishing_holds_its_force_on_the_table_and_gives_up_without_one() {
     let rows: Vec<[f64; 3]> = rows.collect();
     let most = rows.iter().map(|[_, press, _]| *press).fold(0.0, f64::max);
     assert!((9.9..12.0).contains(&most), "{most} N");
-    // From a second after the contact on, until the line brakes, it is 10 N, and the line goes on meanwhile.
+    // From a second after contact until the line brakes, the force is 10 N, while the line continues.
     let held: Vec<_> = rows
         .iter()
         .filter(|[time, _, _]| (2.5..2.8).contains(time))
@@ -470,7 +470,7 @@ fn polishing_holds_its_force_on_the_table_and_gives_up_without_one() {
         "{:?}",
         held[0]
     );
-    // The demo's cell has no table: it ends because of `travel`, before the line's end.
+    // The demo's cell has no table: `travel` ends the net before the end of the line.
     let gone = report(0, &[&net]);
     assert_eq!(gone["reason"], "finished");
 }

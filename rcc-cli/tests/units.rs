@@ -1,15 +1,15 @@
-//! `install-units` writes what systemd accepts and calls safe, and takes it away again. The tests play no systemd: its
-//! own `systemd-analyze` judges. Run by the threads of the test harness.
+//! `install-units` writes units that systemd accepts and rates as safe, and removes them again. The tests use
+//! `systemd-analyze` instead of a running systemd. Run by the threads of the test harness.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Exposure by `systemd-analyze security`, in tenths: 33 = 3.3 "OK" is what may be reached at most.
+/// Highest exposure by `systemd-analyze security`, in tenths: 33 = 3.3 "OK".
 const EXPOSURE_MAX: u32 = 33;
 
-/// A root folder of one test, removed at the end.
+/// A temporary root folder of one test, removed at the end.
 struct Root(PathBuf);
 
 impl Root {
@@ -33,7 +33,7 @@ impl Root {
             .unwrap()
     }
 
-    /// All files below it, with their texts.
+    /// Returns all files below it, with their contents.
     fn files(&self) -> BTreeMap<String, String> {
         let mut files = BTreeMap::new();
         let mut folders = vec![self.0.clone()];
@@ -51,12 +51,12 @@ impl Root {
         files
     }
 
-    /// Runs systemd-analyze on these units; `None` where the machine has none.
+    /// Runs systemd-analyze on these units; `None` if the machine has none.
     fn analyze(&self, arguments: &[&str], unit: &str) -> Option<Output> {
         let ran = Command::new("systemd-analyze")
             .args(arguments)
             .arg(unit)
-            // With a colon at its end: and the system's own units.
+            // The trailing colon appends the system's own units.
             .env(
                 "SYSTEMD_UNIT_PATH",
                 format!("{}/etc/systemd/system:", self.0.display()),
@@ -75,7 +75,7 @@ impl Drop for Root {
 
 const DEMO: [&str; 4] = ["--simulators", "--port", "fri=49938", "--port=io=49940"];
 
-/// What a cell's units are called.
+/// Names of the demo cell's units.
 const UNITS: [&str; 10] = [
     "rcc.target",
     "rcc@demo.target",
@@ -118,7 +118,7 @@ fn systemd_accepts_every_unit() {
 }
 
 #[test]
-fn every_service_is_locked_in() {
+fn every_service_is_confined() {
     let root = Root::new("security");
     succeeds(&root.install("demo.yaml", &DEMO));
     let threshold = format!("--threshold={EXPOSURE_MAX}");
@@ -181,7 +181,7 @@ fn the_configuration_decides_restarts_priorities_cores_and_addresses() {
 }
 
 #[test]
-fn what_is_not_for_production_is_refused_with_the_remedy() {
+fn configurations_not_for_production_are_refused_with_the_remedy() {
     let root = Root::new("refused");
     let output = root.install("demo.yaml", &[]);
     let said = text(&output.stderr);
@@ -201,7 +201,7 @@ fn what_is_not_for_production_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn somebody_elses_unit_is_never_touched() {
+fn units_not_written_by_rcc_are_never_changed() {
     let root = Root::new("foreign");
     let folder = root.0.join("etc/systemd/system");
     fs::create_dir_all(&folder).unwrap();
@@ -209,7 +209,10 @@ fn somebody_elses_unit_is_never_touched() {
     let output = root.install("lwr.yaml", &[]);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(5), "{said}");
-    assert!(said.contains("rcc.target exists and was not written by RCC"), "{said}");
+    assert!(
+        said.contains("rcc.target exists and was not written by RCC"),
+        "{said}"
+    );
     assert_eq!(root.files().len(), 1, "nothing was written");
 }
 
@@ -233,7 +236,7 @@ fn a_dry_run_writes_nothing_and_a_second_run_changes_nothing() {
 }
 
 #[test]
-fn uninstall_leaves_other_cells_alone_and_at_last_nothing() {
+fn uninstall_keeps_other_cells_and_finally_removes_everything() {
     let root = Root::new("uninstall");
     succeeds(&root.install("lwr.yaml", &[]));
     let one = root.files();
@@ -245,7 +248,7 @@ fn uninstall_leaves_other_cells_alone_and_at_last_nothing() {
 }
 
 #[test]
-fn a_device_that_is_gone_loses_its_unit() {
+fn the_unit_of_a_removed_device_is_removed() {
     let root = Root::new("stale");
     succeeds(&root.install("demo.yaml", &DEMO));
     let more = [&DEMO[1..], &["--cell", "demo"]].concat();

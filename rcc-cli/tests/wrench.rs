@@ -1,5 +1,5 @@
-//! `rcc-cli wrench identify`: synthetic readings are identified exactly without noise, within their deviation with it, and
-//! refused where they say too little; files of other verbs are read. Run by the threads of the test harness.
+//! `rcc-cli wrench identify`: synthetic readings are identified exactly without noise, within the deviation with noise,
+//! and refused if they are insufficient; files of other verbs are read. Run by the threads of the test harness.
 
 use std::process::Command;
 
@@ -14,10 +14,10 @@ const FORCE: [f64; 3] = [3.2, -1.7, 12.5];
 const TORQUE: [f64; 3] = [0.21, -0.34, 0.055];
 const DOWN: [f64; 3] = [0.0, 0.0, -GRAVITY];
 
-/// Numbers that look random, -1 to 1: SplitMix64.
-struct Chance(u64);
+/// Pseudo-random numbers from -1 to 1: SplitMix64.
+struct NoiseSource(u64);
 
-impl Chance {
+impl NoiseSource {
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -27,8 +27,8 @@ impl Chance {
     }
 }
 
-/// What a sensor reads there: by rotation matrices and components, another way than the code's.
-fn reading(rpy: [f64; 3], noise: f64, chance: &mut Chance) -> Reading {
+/// Returns the reading of a sensor, computed by rotation matrices and components, independently of the tested code.
+fn reading(rpy: [f64; 3], noise: f64, chance: &mut NoiseSource) -> Reading {
     let rotation = rotation::from_rpy(rpy);
     let matrix = nalgebra::Rotation3::from_euler_angles(rpy[0], rpy[1], rpy[2]);
     let w = matrix.matrix().transpose() * Vector3::new(0.0, 0.0, -GRAVITY * MASS);
@@ -47,13 +47,13 @@ fn reading(rpy: [f64; 3], noise: f64, chance: &mut Chance) -> Reading {
 }
 
 fn readings(rpy: impl IntoIterator<Item = [f64; 3]>, noise: f64) -> Vec<Reading> {
-    let mut chance = Chance(1);
+    let mut chance = NoiseSource(1);
     rpy.into_iter()
         .map(|rpy| reading(rpy, noise, &mut chance))
         .collect()
 }
 
-/// Gravity along the three axes, from both sides.
+/// Gravity along the three axes, in both directions.
 const SIX: [[f64; 3]; 6] = [
     [0.0, 0.0, 0.3],
     [3.1, 0.1, 0.0],
@@ -82,8 +82,8 @@ fn without_noise_six_orientations_give_the_parameters_to_1e_9() {
 }
 
 #[test]
-fn any_orientations_that_are_not_refused_are_exact_without_noise() {
-    let (mut chance, mut refused) = (Chance(7), 0);
+fn accepted_orientations_are_exact_without_noise() {
+    let (mut chance, mut refused) = (NoiseSource(7), 0);
     for _ in 0..300 {
         let width = 0.2 + 3.0 * chance.next().abs();
         let count = 6 + (20.0 * chance.next().abs()) as usize;
@@ -99,12 +99,12 @@ fn any_orientations_that_are_not_refused_are_exact_without_noise() {
 }
 
 #[test]
-fn with_noise_the_error_is_a_few_of_the_deviations_that_are_told() {
-    let mut chance = Chance(3);
+fn with_noise_the_error_is_within_a_few_reported_deviations() {
+    let mut chance = NoiseSource(3);
     let rpy: Vec<_> = (0..400)
         .map(|_| std::array::from_fn(|_| 3.0 * chance.next()))
         .collect();
-    // Evenly up to 0.5 N: a standard deviation of 0.5 / sqrt 3.
+    // Uniform noise up to 0.5 N has a standard deviation of 0.5 / sqrt 3.
     let found = identify(&readings(rpy, 0.5), DOWN).expect("many orientations");
     let [mass, centre] = found.deviation;
     assert!((found.mass - MASS).abs() < 4.0 * mass, "{found:?}");
@@ -218,7 +218,7 @@ fn a_disturbed_reading_or_a_wrong_scale_is_refused_and_the_reading_named() {
 }
 
 #[test]
-fn what_is_no_number_is_refused_by_its_place() {
+fn readings_that_are_not_finite_are_refused_with_their_number() {
     let mut all = readings(SIX, 0.0);
     all[3].wrench[2] = f64::NAN;
     assert_eq!(
@@ -271,7 +271,10 @@ fn two() -> Vec<Reading> {
 #[test]
 fn a_table_of_simulate_gives_the_lines_in_which_both_are_known() {
     let pose = [0.4, 0.1, 0.5, 0.0, 0.0, 0.6, 0.8];
-    assert_eq!(read(&sheet_of(&pose), &ReadingSelection::default()), Ok(two()));
+    assert_eq!(
+        read(&sheet_of(&pose), &ReadingSelection::default()),
+        Ok(two())
+    );
 }
 
 #[test]
@@ -298,7 +301,7 @@ fn lines_of_tail_are_paired_by_their_cycle() {
 }
 
 #[test]
-fn of_two_wrenches_one_is_named() {
+fn one_of_two_wrenches_is_selected_by_name() {
     let text = format!(
         "{}{}{}\n0{}{}{}\n",
         "time [s]",
@@ -318,7 +321,7 @@ fn of_two_wrenches_one_is_named() {
 }
 
 #[test]
-fn what_is_not_understood_is_told_by_its_line() {
+fn parse_errors_name_their_line() {
     for (text, part) in [
         ("", "line 1"),
         ("a,b\n1\n", "line 2"),
@@ -326,12 +329,14 @@ fn what_is_not_understood_is_told_by_its_line() {
         ("{\"name\": \n", "line 1"),
         ("a,b\n1,2\n", "a, b"),
     ] {
-        let error = read(text, &ReadingSelection::default()).unwrap_err().to_string();
+        let error = read(text, &ReadingSelection::default())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(part), "{error}");
     }
 }
 
-/// The program, with a table in a file of its own.
+/// Runs the program on a table in a temporary file.
 fn run(name: &str, readings: &[Reading]) -> (i32, String, String) {
     let mut text = format!(
         "time [s]{}{}\n",
@@ -363,7 +368,7 @@ fn run(name: &str, readings: &[Reading]) -> (i32, String, String) {
 }
 
 #[test]
-fn what_is_printed_is_a_primitive_that_compiles() {
+fn the_printed_primitive_compiles() {
     let (code, out, err) = run("good", &readings(SIX, 0.0));
     assert_eq!(code, 0, "{err}");
     assert!(
@@ -382,7 +387,7 @@ fn what_is_printed_is_a_primitive_that_compiles() {
 }
 
 #[test]
-fn too_few_orientations_are_refused_with_words() {
+fn too_few_orientations_are_refused_with_a_reason() {
     let (code, _, err) = run("few", &readings(SIX[..5].iter().copied(), 0.0));
     assert_eq!(code, 2, "{err}");
     assert!(
@@ -392,7 +397,7 @@ fn too_few_orientations_are_refused_with_words() {
 }
 
 #[test]
-fn every_command_of_the_page_runs_and_prints_what_it_shows() {
+fn commands_of_the_docs_print_what_the_docs_show() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let page = std::fs::read_to_string(root.join("docs/force.md")).expect("the page");
     let mut commands = 0;

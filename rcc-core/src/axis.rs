@@ -180,20 +180,20 @@ pub fn rest_to_rest(distance: f64, limits: &MotionLimits) -> [(f64, f64); 7] {
         acceleration: a,
         jerk: j,
     } = limits;
-    let way = distance.abs();
+    let length = distance.abs();
     // Acceleration to the velocity limit: with or without a phase at the acceleration limit.
     let (mut ramp_s, mut hold_s) = if v * j > a * a {
         (a / j, v / a - a / j)
     } else {
         (libm::sqrt(v / j), 0.0)
     };
-    let mut cruise_s = way / v - (2.0 * ramp_s + hold_s);
+    let mut cruise_s = length / v - (2.0 * ramp_s + hold_s);
     if cruise_s < 0.0 {
         cruise_s = 0.0;
         ramp_s = a / j;
-        hold_s = (libm::sqrt(ramp_s * ramp_s + 4.0 * way / a) - 3.0 * ramp_s) / 2.0;
+        hold_s = (libm::sqrt(ramp_s * ramp_s + 4.0 * length / a) - 3.0 * ramp_s) / 2.0;
         if hold_s < 0.0 {
-            (ramp_s, hold_s) = (libm::cbrt(way / (2.0 * j)), 0.0);
+            (ramp_s, hold_s) = (libm::cbrt(length / (2.0 * j)), 0.0);
         }
     }
     let jerk = if distance < 0.0 { -j } else { j };

@@ -201,13 +201,13 @@ impl fmt::Display for Violation {
                 write!(f, "additional load {value} {unit} exceeds {limit} {unit}")
             }
             ViolationKind::Strategy => {
-                let (asked, runs) = (
+                let (requested, runs) = (
                     ControlMode::label(value as u64),
                     ControlMode::label(limit as u64),
                 );
                 write!(
                     f,
-                    "the set-point is for {asked}, but the controller runs {runs}"
+                    "the set-point is for {requested}, but the controller runs {runs}"
                 )
             }
             ViolationKind::Workspace => {
@@ -300,12 +300,12 @@ impl Guard {
             velocity: [0.0; JOINTS_MAX],
             dt_s: None,
         };
-        for ((joint, kept), index) in self.joints().zip(&mut history.position).zip(0..) {
-            let asked = element(position, index);
-            joint.check_position(asked)?;
-            let jump = asked - element(hold, index);
+        for ((joint, stored), index) in self.joints().zip(&mut history.position).zip(0..) {
+            let requested = element(position, index);
+            joint.check_position(requested)?;
+            let jump = requested - element(hold, index);
             joint.check(ViolationKind::Jump, jump, self.first_tolerance, 0.0)?;
-            *kept = asked;
+            *stored = requested;
         }
         if let Some(workspace) = &mut self.workspace {
             workspace.begin(&history.position);
@@ -335,13 +335,13 @@ impl Guard {
         let dt_s = if dt_s > 0.0 { dt_s } else { f64::NAN };
         // Each velocity is the mean over its interval, so two of them are half of each interval apart.
         let between_s = 0.5 * (dt_s + history.dt_s.unwrap_or(dt_s));
-        let kept = history.position.iter_mut().zip(&mut history.velocity);
-        for ((joint, (last_position, last_velocity)), index) in self.joints().zip(kept).zip(0..) {
-            let asked = element(position, index);
-            joint.check_position(asked)?;
-            let step = asked - *last_position;
+        let stored = history.position.iter_mut().zip(&mut history.velocity);
+        for ((joint, (last_position, last_velocity)), index) in self.joints().zip(stored).zip(0..) {
+            let requested = element(position, index);
+            joint.check_position(requested)?;
+            let step = requested - *last_position;
             let velocity = step / dt_s;
-            let rounding = 8.0 * f64::EPSILON * (1.0 + libm::fabs(asked)) / dt_s;
+            let rounding = 8.0 * f64::EPSILON * (1.0 + libm::fabs(requested)) / dt_s;
             joint.check_velocity(step, velocity, dt_s, rounding)?;
             let acceleration = (velocity - *last_velocity) / between_s;
             let limit = joint.acceleration_max;
@@ -351,7 +351,7 @@ impl Guard {
                 limit,
                 rounding / between_s,
             )?;
-            (*last_position, *last_velocity) = (asked, velocity);
+            (*last_position, *last_velocity) = (requested, velocity);
         }
         if let Some(workspace) = &mut self.workspace {
             workspace.check(&history.position)?;
@@ -421,21 +421,21 @@ impl Guard {
 }
 
 impl JointBounds {
-    fn check_position(&self, asked: f64) -> Result<(), Violation> {
+    fn check_position(&self, requested: f64) -> Result<(), Violation> {
         let violation = |kind, limit| {
             Err(Violation {
                 kind,
                 joint: self.index,
-                value: asked,
+                value: requested,
                 limit,
             })
         };
-        if !asked.is_finite() {
+        if !requested.is_finite() {
             return violation(ViolationKind::NotFinite, f64::NAN);
         }
         // The comparison is written so that a NaN limit refuses.
-        let above = asked >= self.lower - RELATIVE_TOLERANCE * libm::fabs(self.lower);
-        let below = asked <= self.upper + RELATIVE_TOLERANCE * libm::fabs(self.upper);
+        let above = requested >= self.lower - RELATIVE_TOLERANCE * libm::fabs(self.lower);
+        let below = requested <= self.upper + RELATIVE_TOLERANCE * libm::fabs(self.upper);
         if !above {
             return violation(ViolationKind::Range, self.lower);
         }

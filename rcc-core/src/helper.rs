@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_says_what_the_beat_says() {
+    fn a_table_row_reflects_its_heartbeat() {
         let beat = HelperHeartbeat::new("pump", 5);
         beat.turn(70);
         beat.turn(80);

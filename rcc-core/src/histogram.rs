@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_histogram_says_nothing() {
+    fn an_empty_histogram_gives_zeros() {
         let empty = Histogram::default();
         assert_eq!((empty.min(), empty.max(), empty.quantile(500)), (0, 0, 0));
         assert_eq!((empty.mean(), empty.buckets().count()), (0, 0));

@@ -201,7 +201,7 @@ mod tests {
     use crate::testing::IMPEDANCE;
 
     #[test]
-    fn a_number_without_a_meaning_is_no_strategy() {
+    fn an_unknown_number_is_not_a_strategy() {
         for (strategy, _) in ControlMode::ALL {
             assert_eq!(ControlMode::from_number(strategy as u64), Some(strategy));
         }
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_are_the_same_after_a_way_through_a_file() {
+    fn limits_round_trip_through_slots() {
         let mut slots = [0.0; ImpedanceLimits::SLOTS];
         for (place, value) in slots.iter_mut().zip(1..) {
             *place = f64::from(value);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arm_is_held_with_what_is_allowed() {
+    fn the_default_hold_is_within_the_allowed_range() {
         let held = IMPEDANCE.default_hold(ControlMode::CartesianImpedance, 7);
         assert_eq!(
             held.stiffness,

@@ -105,7 +105,7 @@ pub trait Motions {
     ///
     /// The motion never leaves its path, never moves backwards, and keeps its limits for any sequence of inputs.
     /// `None`: the motion does not exist.
-    fn step(&mut self, index: usize, drive: SpeedOverride) -> Option<MotionState>;
+    fn step(&mut self, index: usize, speed_override: SpeedOverride) -> Option<MotionState>;
 
     /// Plans the motion of one axis from any state to rest at `goal`, as fast as `limits` allow; stores nothing.
     fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases;
@@ -113,7 +113,7 @@ pub trait Motions {
 
 impl Motions for () {
     /// There are no motions.
-    fn step(&mut self, _index: usize, _drive: SpeedOverride) -> Option<MotionState> {
+    fn step(&mut self, _index: usize, _speed_override: SpeedOverride) -> Option<MotionState> {
         None
     }
 

@@ -232,7 +232,7 @@ pub enum Resource {
 }
 
 impl Resources {
-    /// Claims nothing.
+    /// No resources.
     pub const NONE: Resources = Resources {
         arms: 0,
         digital: [0; DEVICES_MAX],
@@ -532,7 +532,7 @@ impl<'a> Plan<'a> {
     }
 
     fn check_runs(&self, models: &[DeviceModel]) -> Result<CheckedPlan, PlanError> {
-        let mut seen = PlanTally {
+        let mut tally = PlanTally {
             resources: Resources::NONE,
             clocks: 0,
             terminations: 0,
@@ -552,23 +552,23 @@ impl<'a> Plan<'a> {
             }
             for (group, number) in operands.chunks_exact(group).zip(0u32..) {
                 let first = run.first + number * group.len() as u32;
-                seen.primitives += 1;
-                self.check_group(entry, kernel, group, first, models, &mut seen)?;
+                tally.primitives += 1;
+                self.check_group(entry, kernel, group, first, models, &mut tally)?;
             }
         }
-        if seen.terminations != 1 {
+        if tally.terminations != 1 {
             return Err(PlanError::Terminations {
-                count: seen.terminations,
+                count: tally.terminations,
             });
         }
-        if seen.clocks.count_ones() != self.clocks {
+        if tally.clocks.count_ones() != self.clocks {
             return Err(PlanError::Clocks);
         }
         Ok(CheckedPlan {
-            resources: seen.resources,
-            can_cancel: seen.cancels > 0,
-            primitives: seen.primitives,
-            work: seen.work,
+            resources: tally.resources,
+            can_cancel: tally.cancels > 0,
+            primitives: tally.primitives,
+            work: tally.work,
         })
     }
 
@@ -579,12 +579,12 @@ impl<'a> Plan<'a> {
         group: &[u32],
         first: u32,
         models: &[DeviceModel],
-        seen: &mut PlanTally,
+        tally: &mut PlanTally,
     ) -> Result<(), PlanError> {
         let spec = &entry.spec;
         let sizes = spec.sizes_in(kernel, group);
         let work = sizes.work().saturating_mul(group.len() as u64);
-        seen.work = seen.work.saturating_add(work);
+        tally.work = tally.work.saturating_add(work);
         let mut device = None;
         for ((operand, &value), index) in spec.operands(kernel).zip(group).zip(first..) {
             let bad = PlanError::BadOperand { operand: index };
@@ -602,14 +602,14 @@ impl<'a> Plan<'a> {
                 }
                 Operand::Channel(kind) => {
                     let (device, model) = device.ok_or(bad)?;
-                    seen.claim_channel(spec.role, kind, device, value)?;
+                    tally.claim_channel(spec.role, kind, device, value)?;
                     model
                         .channels
                         .get(kind as usize)
                         .is_some_and(|count| value < *count)
                         && value < channel_max(kind)
                 }
-                Operand::Clock => value < self.clocks && seen.take_clock(value),
+                Operand::Clock => value < self.clocks && tally.take_clock(value),
                 // The slots that a size multiplies were checked to be in their arenas, which bounds the size.
                 Operand::Size(Size::Open | Size::Dim(_)) => value > 0,
                 Operand::Size(Size::Cycles) => (1..=CYCLES_MAX).contains(&value),
@@ -619,7 +619,7 @@ impl<'a> Plan<'a> {
             }
         }
         let width = spec.has_width(kernel).then_some(sizes.get(Size::Open));
-        seen.account(spec.role, device, width, first)
+        tally.account(spec.role, device, width, first)
     }
 
     /// Returns the operands of a run.

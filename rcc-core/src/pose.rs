@@ -237,14 +237,14 @@ mod tests {
     }
 
     #[test]
-    fn the_half_turn_has_no_way_between() {
+    fn orientations_180_degrees_apart_have_no_interpolation() {
         let turned = Pose::from_xyz_rpy([0.0; 3], [0.0, PI, 0.0]);
         assert_eq!(Pose::IDENTITY.slerp(&turned, 0.5), None);
         assert!((Pose::IDENTITY.angle_to(&turned) - PI).abs() < 1e-15);
     }
 
     #[test]
-    fn null_goes_through_every_operation() {
+    fn null_propagates_through_every_operation() {
         let (null, pose) = (
             Pose::NULL,
             Pose::from_xyz_rpy([1.0, 2.0, 3.0], [0.1, 0.2, 0.3]),
@@ -280,7 +280,7 @@ mod tests {
         }
 
         #[test]
-        fn the_way_between_begins_and_ends_exactly_and_is_even(a in any_pose(), b in any_pose(), t in 0.0..1.0f64) {
+        fn interpolation_starts_and_ends_exactly_and_is_uniform(a in any_pose(), b in any_pose(), t in 0.0..1.0f64) {
             prop_assume!(a.angle_to(&b) < PI - 1e-6);
             prop_assert!(near(&a.slerp(&b, 0.0).unwrap(), &a, 1e-15));
             prop_assert!(near(&a.slerp(&b, 1.0).unwrap(), &b, 1e-15));
@@ -290,7 +290,7 @@ mod tests {
         }
 
         #[test]
-        fn the_way_between_does_not_depend_on_the_sign_of_the_quaternion(a in any_pose(), b in any_pose()) {
+        fn interpolation_does_not_depend_on_the_sign_of_the_quaternion(a in any_pose(), b in any_pose()) {
             prop_assume!(a.angle_to(&b) < PI - 1e-6);
             let same = Pose { orientation: b.orientation.map(|x| -x), ..b };
             prop_assert!(near(&a.slerp(&b, 0.3).unwrap(), &a.slerp(&same, 0.3).unwrap(), 1e-14));

@@ -8,7 +8,6 @@ use crate::topic;
 mod abs;
 mod add;
 mod all_of;
-mod along;
 mod analog_input;
 mod analog_output;
 mod analog_output_state;
@@ -128,6 +127,7 @@ mod online_trajectory;
 mod or;
 mod or_else;
 mod path_correction;
+mod path_motion;
 mod peak_hold;
 mod pid;
 mod pose_add_twist;
@@ -501,7 +501,7 @@ mod tests {
     }
 
     #[test]
-    fn the_names_of_the_docs_are_names_of_primitives() {
+    fn names_in_the_docs_are_names_of_primitives() {
         let text = include_str!("../../docs/names.md");
         let rows = text
             .lines()
@@ -543,7 +543,7 @@ mod tests {
     }
 
     #[test]
-    fn the_null_rule_agrees_with_its_words() {
+    fn the_null_rule_agrees_with_its_description() {
         for entry in CATALOGUE {
             let spec = &entry.spec;
             if spec.null == PROPAGATES {

@@ -105,7 +105,7 @@ mod tests {
         "a\x1b[2J\x1b]0;owned\x07\x7f\u{9b}31m\u{202e}live\u{2066}\u{200b}\u{2028}\r\u{e0041}z";
 
     #[test]
-    fn what_a_terminal_would_obey_is_shown() {
+    fn control_characters_are_shown_escaped() {
         assert_eq!(
             Printable(HOSTILE).to_string(),
             "a\\u001b[2J\\u001b]0;owned\\u0007\\u007f\\u009b31m\\u202elive\\u2066\\u200b\\u2028\\u000d\\udb40\\udc41z"
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn only_colours_pass_where_we_colour() {
+    fn only_colour_sequences_pass_in_coloured_text() {
         for (text, printed) in [
             ("\x1b[31mred\x1b[0m", "\x1b[31mred\x1b[0m"),
             ("\x1b[1;38;5;9mx\x1b[m", "\x1b[1;38;5;9mx\x1b[m"),
@@ -135,7 +135,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_comes_only_printable_characters_leave(text: String) {
+        fn only_printable_characters_are_printed(text: String) {
             let printed = Printable(&text).to_string();
             prop_assert!(first_unprintable(&printed).is_none(), "{printed:?}");
         }

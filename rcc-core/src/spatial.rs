@@ -67,9 +67,9 @@ pub fn integrate(pose: &Pose, twist: SpatialVector, time_s: f64) -> Pose {
 /// shorter rotation.
 #[must_use]
 pub fn difference(previous: &Pose, pose: &Pose, time_s: f64) -> SpatialVector {
-    let way = vector::subtract(pose.position, previous.position);
+    let translation = vector::subtract(pose.position, previous.position);
     let turn = rotation::error(previous.orientation, pose.orientation);
-    join(way, turn).map(|element| element / time_s)
+    join(translation, turn).map(|element| element / time_s)
 }
 
 /// Rotates both vectors to axes of the outer frame, same reference point.
@@ -158,7 +158,7 @@ mod tests {
         }
 
         #[test]
-        fn there_and_back_gives_the_same_six(pose in any_pose(), six in any_six(), by in prop::array::uniform3(-2.0..2.0f64)) {
+        fn transforming_there_and_back_gives_the_same_vector(pose in any_pose(), six in any_six(), by in prop::array::uniform3(-2.0..2.0f64)) {
             let back = vector::scale(by, -1.0);
             prop_assert!(far(shift_twist(shift_twist(six, by), back), six) < 1e-13);
             prop_assert!(far(shift_wrench(shift_wrench(six, by), back), six) < 1e-13);

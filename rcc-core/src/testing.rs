@@ -37,8 +37,8 @@ impl MotionBuilder for EndlessMotion {
 }
 
 impl Motions for EndlessMotion {
-    fn step(&mut self, _index: usize, drive: SpeedOverride) -> Option<MotionState> {
-        self.stopped |= drive.stop;
+    fn step(&mut self, _index: usize, speed_override: SpeedOverride) -> Option<MotionState> {
+        self.stopped |= speed_override.stop;
         let path = PathState {
             done: self.stopped,
             stopping: self.stopped,

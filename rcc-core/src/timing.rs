@@ -136,14 +136,14 @@ mod tests {
     }
 
     #[test]
-    fn the_cause_is_the_greater_part_of_the_lateness() {
+    fn the_cause_is_the_larger_part_of_the_lateness() {
         assert_eq!(LateCause::of(900, 200), LateCause::WokenLate);
         assert_eq!(LateCause::of(200, 900), LateCause::ComputedLong);
         assert_eq!(LateCause::of(500, 500), LateCause::WokenLate);
     }
 
     #[test]
-    fn causes_have_their_numbers() {
+    fn every_cause_round_trips_through_its_number() {
         for (cause, _) in LateCause::ALL {
             assert_eq!(LateCause::from_number(cause as u32), cause);
         }

@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_topic_is_its_name_and_its_kind_what_it_carries() {
+    fn a_topic_has_a_key_by_name_and_a_kind_by_type_and_unit() {
         let force = Topic::new("tool/force", "Wrench", "");
         assert_eq!(force, Topic::new("tool/force", "Wrench", ""));
         let other = Topic::new("tool/force", "Real", "N");

@@ -57,7 +57,7 @@ pub const NULL_INT: i64 = i64::MIN;
 pub const NULL_REAL: f64 = f64::NAN;
 /// Longest text value in bytes.
 pub const TEXT_MAX: usize = 64;
-/// Most elements of an array or matrix.
+/// Maximum number of elements of an array or matrix.
 pub const ELEMENTS_MAX: u16 = 1024;
 
 impl Type {

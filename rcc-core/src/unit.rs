@@ -207,7 +207,7 @@ mod tests {
     use std::string::ToString;
 
     #[test]
-    fn what_is_printed_can_be_read_back() {
+    fn printed_units_can_be_parsed() {
         for unit in [
             Unit::ONE,
             Unit::NEWTON,

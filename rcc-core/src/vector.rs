@@ -73,7 +73,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_direction_of_the_longest_and_of_the_shortest_vector_is_found() {
+    fn the_longest_and_the_shortest_vector_are_normalized() {
         for size in [f64::MAX, 1e200, 1.0, f64::MIN_POSITIVE, 5e-324] {
             let direction = normalized([size, 0.0, -size]).unwrap();
             let half = core::f64::consts::FRAC_1_SQRT_2;

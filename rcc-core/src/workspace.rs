@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_are_inside_and_what_is_beyond_is_named() {
+    fn the_bounds_are_inside_and_a_violated_bound_is_named() {
         let mut space = Workspace::ANYWHERE;
         space.upper[1] = y_of(&turned(0.1));
         let mut stay = resting(space, &REST);
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_point_that_stays_inside() {
+    fn the_monitored_point_stays_inside() {
         let at = |point| {
             Workspace {
                 point,
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn who_rests_outside_may_come_back_but_not_go_further() {
+    fn an_arm_outside_may_come_back_but_not_go_further() {
         let mut space = Workspace::ANYWHERE;
         space.upper[1] = y_of(&turned(-0.2));
         let mut stay = resting(space, &REST);
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn null_is_outside_even_of_what_has_no_bounds() {
+    fn null_is_outside_even_an_unbounded_workspace() {
         let nowhere = [f64::NAN; crate::message::JOINTS_MAX];
         assert!(resting(Workspace::ANYWHERE, &REST).check(&nowhere).is_err());
     }

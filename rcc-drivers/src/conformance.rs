@@ -30,9 +30,9 @@ pub const TIMEOUT: Duration = Duration::from_millis(20);
 /// The other end of the wire. Its inputs 0 are looped back from its outputs 0.
 pub trait Peer {
     /// Called before each receive: a device that sends first sends now.
-    fn before(&mut self);
+    fn before_receive(&mut self);
     /// Called after each answer, or after an exchange without one.
-    fn after(&mut self);
+    fn after_exchange(&mut self);
     /// Makes the device disappear or return.
     fn set_present(&mut self, present: bool);
 }
@@ -79,21 +79,21 @@ pub trait Subject: Peer + Sized {
     /// The device's address, if the driver sends first; otherwise any address.
     fn address(&self) -> SocketAddr;
     /// Sets the address that the device sends to, if it sends first.
-    fn aim(&mut self, driver: SocketAddr) {
+    fn set_driver_address(&mut self, driver: SocketAddr) {
         let _ = driver;
     }
     /// Returns the configuration for a device at this address or, if the device sends first, for a driver at this
     /// address. Each kind of output has a channel, and a digital output has `on_release: hold`.
     fn device(at: SocketAddr) -> DeviceConfig;
     /// Returns the present outputs of the device.
-    fn told(&mut self) -> ObservedOutputs;
+    fn outputs(&mut self) -> ObservedOutputs;
     /// Returns the set-points in a packet of the driver, if the device follows them.
     fn followed(&self, packet: &[u8]) -> Option<Joints> {
         let _ = packet;
         None
     }
     /// Returns the protocol violations of the driver that the device has seen; losses on the wire do not count.
-    fn complaints(&self) -> Vec<String> {
+    fn protocol_violations(&self) -> Vec<String> {
         Vec::new()
     }
     /// Returns captured bytes of an exchange with another device, and the expected inputs.
@@ -221,7 +221,7 @@ pub fn exchange(
     inputs: &mut Inputs,
     outputs: &Outputs,
 ) -> Result<Exchange, LinkError> {
-    peer.before();
+    peer.before_receive();
     let result = driver.receive(TIMEOUT, inputs).and_then(|exchange| {
         let position = exchange.mirror;
         driver.send(&Outputs {
@@ -230,6 +230,6 @@ pub fn exchange(
         })?;
         Ok(exchange)
     });
-    peer.after();
+    peer.after_exchange();
     result
 }

@@ -105,7 +105,7 @@ pub enum LinkError {
     #[error("the device is silent")]
     Silent,
     /// The connection is broken; the next [`Driver::receive`] tries to restore it.
-    #[error("the device is not reached (reason {reason})")]
+    #[error("the device cannot be reached (reason {reason})")]
     Lost {
         /// One of the driver's reason numbers.
         reason: u32,
@@ -116,7 +116,7 @@ pub enum LinkError {
 #[derive(Debug, Error)]
 pub enum DriverError {
     /// No driver has this name.
-    #[error("devices.{device}.driver: there is no driver '{driver}'; there are: {known}")]
+    #[error("devices.{device}.driver: unknown driver `{driver}`; available drivers: {known}")]
     UnknownDriver {
         /// Name of the device.
         device: String,
@@ -126,7 +126,7 @@ pub enum DriverError {
         known: String,
     },
     /// A setting is missing or invalid.
-    #[error("devices.{device}.settings.{key}: {cause}; give {expected}")]
+    #[error("devices.{device}.settings.{key}: {cause}; expected {expected}")]
     Setting {
         /// Name of the device.
         device: String,
@@ -138,7 +138,7 @@ pub enum DriverError {
         expected: &'static str,
     },
     /// The driver has no such setting.
-    #[error("devices.{device}.settings.{key}: the driver has no such setting; it has: {known}")]
+    #[error("devices.{device}.settings.{key}: unknown setting; available settings: {known}")]
     UnknownSetting {
         /// Name of the device.
         device: String,
@@ -148,7 +148,7 @@ pub enum DriverError {
         known: String,
     },
     /// The driver cannot reach this channel.
-    #[error("devices.{device}.channels.{channel}: {cause}; give {expected}")]
+    #[error("devices.{device}.channels.{channel}: {cause}; expected {expected}")]
     Channel {
         /// Name of the device.
         device: String,
@@ -169,7 +169,7 @@ pub enum DriverError {
     },
     /// The operating system refuses what a setting asks for.
     #[error(
-        "devices.{device}.settings.{key}: {value}: {source}; is another driver running, or the address of another machine?"
+        "devices.{device}.settings.{key}: {value}: {source}; check that no other driver is running and that the address belongs to this machine"
     )]
     System {
         /// Name of the device.

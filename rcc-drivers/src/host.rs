@@ -66,7 +66,7 @@ pub enum HostError {
     #[error(transparent)]
     Announce(#[from] AnnounceError),
     /// The operating system refuses to create a thread.
-    #[error("the system refuses a thread: {0}")]
+    #[error("cannot create a thread: {0}")]
     Thread(#[from] std::io::Error),
 }
 
@@ -113,12 +113,12 @@ impl Host {
         let link = driver.diagnosis();
         let reasons = driver.reasons().unwrap_or(reasons);
         let mut board = session.create_board::<Measurement>(MEASUREMENT)?;
-        let session_state = DeviceSession::new(device, monotonic_ns());
-        let session_state = match leads {
-            Some(_) => session_state.with_leading_clock(),
-            None => session_state,
+        let device_session = DeviceSession::new(device, monotonic_ns());
+        let device_session = match leads {
+            Some(_) => device_session.with_leading_clock(),
+            None => device_session,
         };
-        board.write(session_state.measurement());
+        board.write(device_session.measurement());
         let announcement = Announcement::of(&session)
             .configured(Configuration::new(config.identity()).only(&device.name))
             .service(MEASUREMENT, board.service())
@@ -141,7 +141,7 @@ impl Host {
         tracing::info!(device = %device.name, "announced");
         Ok(Self {
             driver,
-            session: session_state,
+            session: device_session,
             board,
             watch,
             commands: None,
@@ -219,7 +219,7 @@ impl Host {
             LinkError::Silent => None,
             LinkError::Lost { reason } => Some(reason),
         };
-        self.session.silence(monotonic_ns(), lost)
+        self.session.handle_link_error(monotonic_ns(), lost)
     }
 
     fn observe(&mut self) {

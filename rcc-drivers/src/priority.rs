@@ -7,7 +7,7 @@ use thread_priority::{
 };
 
 /// Requests SCHED_FIFO with this priority (1 to 99) for the calling thread, and logs whether it was granted.
-pub fn rise(priority: u8) {
+pub fn set_realtime_priority(priority: u8) {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
     let result =
@@ -16,7 +16,7 @@ pub fn rise(priority: u8) {
         Ok(Ok(())) => tracing::info!(priority, "runs with SCHED_FIFO"),
         refused => tracing::warn!(
             priority,
-            "runs without SCHED_FIFO ({refused:?}): allow it with `ulimit -r` or CAP_SYS_NICE"
+            "runs without SCHED_FIFO ({refused:?}): permit it with `ulimit -r` or CAP_SYS_NICE"
         ),
     }
 }

@@ -189,6 +189,6 @@ fn a_wire_that_cannot_be_is_refused_with_exit_code_2() {
     assert!(
         String::from_utf8(output.stderr)
             .unwrap()
-            .contains("is no wire")
+            .contains("invalid loopback")
     );
 }

@@ -196,7 +196,7 @@ fn impossible_options_are_refused_with_a_sentence_and_exit_code_2() {
     assert_eq!(output.status.code(), Some(2));
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(
-        text.contains("--safety-limits is 7") && text.contains("at most 1"),
+        text.contains("invalid value 7 for --safety-limits") && text.contains("at most 1"),
         "{text}"
     );
 }

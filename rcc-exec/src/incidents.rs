@@ -17,7 +17,7 @@ use rcc_engine::incident::{
     self, COMMAND_FILE_MAX, EXTENSION, FORMAT, IncidentHead, IncidentParts, RingOverview,
 };
 use rcc_engine::net::NetOrigin;
-use rcc_engine::record::{FrozenRecording, RecorderHelper, TriggerReason};
+use rcc_engine::record::{FlightRecorderHelper, FrozenRecording, TriggerReason};
 use rcc_ipc::control::RecordingState;
 use rcc_ipc::events::{self, EventKind, EventRecorder};
 use rcc_ipc::{Cell, ProcessInstance, monotonic_ns};
@@ -133,7 +133,7 @@ struct KeptPlan {
 pub struct IncidentWriter {
     context: IncidentContext,
     folder: PathBuf,
-    helper: RecorderHelper,
+    helper: FlightRecorderHelper,
     prepared: Receiver<PreparedNet>,
     plans: VecDeque<KeptPlan>,
     pruned_at: Instant,
@@ -145,7 +145,7 @@ impl IncidentWriter {
     /// Creates a writer for the recordings of `helper`. Whoever builds nets sends each one through the returned sender.
     pub fn new(
         context: IncidentContext,
-        helper: RecorderHelper,
+        helper: FlightRecorderHelper,
     ) -> (IncidentWriter, Sender<PreparedNet>, RecordingResults) {
         let (sender, prepared) = channel();
         let folder = context.recorder.folder.clone();

@@ -53,7 +53,7 @@ struct DeviceLink {
 /// A request whose answer is pending, and the action to take when it succeeds.
 struct PendingRequest {
     request: Request,
-    then: OnDone,
+    on_done: OnDone,
 }
 
 /// Action to take when the real-time thread confirms a request.
@@ -129,7 +129,7 @@ pub struct IntakeConfig {
 }
 
 impl Intake {
-    /// Creates the intake, which takes requests from `server` and sends orders to the real-time thread.
+    /// Creates the intake, which takes requests from `server` and passes them on to the real-time thread.
     ///
     /// # Errors
     /// Returns an error if the system cannot create the net-builder thread.
@@ -149,7 +149,7 @@ impl Intake {
                 refused: 0,
             })
             .collect();
-        let site = BuildContext {
+        let build_context = BuildContext {
             models: config.models,
             configuration: config.configuration,
             period_ns: config.period_ns,
@@ -160,7 +160,7 @@ impl Intake {
             server,
             engine_requests,
             engine_replies,
-            net_builder: NetBuilderThread::start(site, &config.helpers)?,
+            net_builder: NetBuilderThread::start(build_context, &config.helpers)?,
             stale_after_ns: config.stale_after_ns,
             devices,
             pending: HashMap::new(),
@@ -215,9 +215,9 @@ impl Intake {
             self.update_drivers();
         }
         let mut busy = false;
-        while let Ok(outcome) = self.engine_replies.pop() {
+        while let Ok(reply) = self.engine_replies.pop() {
             busy = true;
-            self.handle_outcome(outcome);
+            self.handle_reply(reply);
         }
         while let Some(outcome) = self.net_builder.next_outcome() {
             busy = true;
@@ -238,11 +238,11 @@ impl Intake {
         busy
     }
 
-    fn handle_outcome(&mut self, outcome: EngineReply) {
-        match outcome {
+    fn handle_reply(&mut self, engine_reply: EngineReply) {
+        match engine_reply {
             EngineReply::Answer { ticket, answer } => {
-                if let Some(PendingRequest { request, then }) = self.pending.remove(&ticket) {
-                    let answer = self.finish_answer(answer, then);
+                if let Some(PendingRequest { request, on_done }) = self.pending.remove(&ticket) {
+                    let answer = self.finish_answer(answer, on_done);
                     reply(request, &answer);
                 }
             }
@@ -329,7 +329,7 @@ impl Intake {
 
     fn dispatch(&mut self, call: Call, request: Request) {
         let ticket = self.ticket();
-        let mut then = OnDone::Nothing;
+        let mut on_done = OnDone::Nothing;
         let engine_request = match call {
             Call::Reserve => EngineRequest::Reserve { ticket },
             Call::Reject { id } => EngineRequest::Reject { ticket, id },
@@ -338,12 +338,12 @@ impl Intake {
                 if let Some(source) = self.rebuild_source(id, &snapshot) {
                     return self.build(ticket, id, source, snapshot, request);
                 }
-                then = OnDone::Started(vec![id], None);
+                on_done = OnDone::Started(vec![id], None);
                 EngineRequest::Start { ticket, id }
             }
             Call::Switch { stop, start } => match (id_list(&stop), id_list(&start)) {
                 (Some(stop), Some(list)) => {
-                    then = OnDone::Started(start, None);
+                    on_done = OnDone::Started(start, None);
                     EngineRequest::Handover {
                         ticket,
                         stop,
@@ -365,7 +365,7 @@ impl Intake {
                     return reply(request, &Answer::Refused(refusal));
                 }
                 if self.ready.contains_key(&id) {
-                    then = OnDone::Set(id, values.clone());
+                    on_done = OnDone::Set(id, values.clone());
                 }
                 EngineRequest::Set { ticket, id, values }
             }
@@ -388,7 +388,7 @@ impl Intake {
             Call::Cancel { id } => EngineRequest::Cancel { ticket, id },
             Call::Abort { id } => EngineRequest::Abort { ticket, id },
             Call::Unload { id } => {
-                then = OnDone::Unloaded(id);
+                on_done = OnDone::Unloaded(id);
                 EngineRequest::Unload { ticket, id }
             }
             Call::Record => EngineRequest::Record { ticket },
@@ -410,7 +410,7 @@ impl Intake {
         };
         self.submit(
             engine_request,
-            Some((ticket, PendingRequest { request, then })),
+            Some((ticket, PendingRequest { request, on_done })),
         );
     }
 
@@ -436,9 +436,9 @@ impl Intake {
                 if rebuild {
                     self.rebuilding.insert(id);
                 }
-                let then = OnDone::Nothing;
+                let on_done = OnDone::Nothing;
                 self.pending
-                    .insert(ticket, PendingRequest { request, then });
+                    .insert(ticket, PendingRequest { request, on_done });
             }
             Err(refusal) => reply(request, &Answer::Refused(refusal)),
         }
@@ -470,11 +470,11 @@ impl Intake {
                         arms: net.resources().arms,
                         values: BTreeMap::new(),
                     };
-                    let then = OnDone::Ready(id, rehearsed, ready);
+                    let on_done = OnDone::Ready(id, rehearsed, ready);
                     let engine_request = EngineRequest::Install { ticket, id, net };
                     self.submit(
                         engine_request,
-                        Some((ticket, PendingRequest { request, then })),
+                        Some((ticket, PendingRequest { request, on_done })),
                     );
                 }
                 Err(refusal) => {
@@ -519,11 +519,11 @@ impl Intake {
         if let Some(ready) = self.ready.get_mut(&id) {
             ready.origin = origin;
         }
-        let then = OnDone::Started(vec![id], rehearsed);
+        let on_done = OnDone::Started(vec![id], rehearsed);
         let engine_request = EngineRequest::Start { ticket, id };
         self.submit(
             engine_request,
-            Some((ticket, PendingRequest { request, then })),
+            Some((ticket, PendingRequest { request, on_done })),
         );
     }
 
@@ -536,11 +536,11 @@ impl Intake {
     }
 
     /// Takes the action of a confirmed request, and returns the answer for the caller.
-    fn finish_answer(&mut self, answer: Answer, then: OnDone) -> Answer {
+    fn finish_answer(&mut self, answer: Answer, on_done: OnDone) -> Answer {
         let Answer::Done { cycle } = answer else {
             return answer;
         };
-        let rehearsed = match then {
+        let rehearsed = match on_done {
             OnDone::Nothing => None,
             OnDone::Ready(id, rehearsed, ready) => {
                 self.send_origin(id, &ready.origin);

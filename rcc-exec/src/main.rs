@@ -22,7 +22,7 @@ use rcc_engine::costs::Costs;
 use rcc_engine::costs::cache::{self, CostsSource};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::queue::{HelperRingEnds, RtRingEnds, rings};
-use rcc_engine::record::{EventRecorder as FlightRecorder, RecorderConfig as FlightConfig};
+use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
 use rcc_exec::clock::{Clock, FollowedDevice};
 use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, RecordingResults};
 use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
@@ -124,14 +124,14 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let FlightRecorderParts {
         recorder: flight,
         incident_writer,
-        made,
+        prepared,
         recordings,
     } = flight_recorder(config, &cell, session.incarnation());
     let incident_writer = incident_writer.map(|writer| writer.with_event_log(recorder.clone()));
     let intake = Intake::new(session, server, requests, replies, intake_config)?;
     let intake = intake
         .with_event_log(recorder.clone())
-        .with_incident_writer(made, recordings);
+        .with_incident_writer(prepared, recordings);
     let pump = Pump::new(records, events, publisher, names);
     let pump = pump.with_event_log(&cell, recorder.clone());
     spawn_helpers(&helpers, intake, pump, incident_writer)?;
@@ -242,7 +242,7 @@ fn costs() -> Costs {
 struct FlightRecorderParts {
     recorder: Option<FlightRecorder>,
     incident_writer: Option<IncidentWriter>,
-    made: Option<Sender<PreparedNet>>,
+    prepared: Option<Sender<PreparedNet>>,
     recordings: RecordingResults,
 }
 
@@ -252,7 +252,7 @@ fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> Flight
     if recorder.memory == 0 {
         return FlightRecorderParts::default();
     }
-    let wanted = FlightConfig {
+    let wanted = FlightRecorderConfig {
         span_ns: recorder.span_ns,
         memory: recorder.memory,
         period_ns: config.period_ns,
@@ -272,11 +272,11 @@ fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> Flight
         models: config.models(),
         recorder: recorder.clone(),
     };
-    let (incident_writer, made, recordings) = IncidentWriter::new(context, helper);
+    let (incident_writer, prepared, recordings) = IncidentWriter::new(context, helper);
     FlightRecorderParts {
         recorder: Some(flight),
         incident_writer: Some(incident_writer),
-        made: Some(made),
+        prepared: Some(prepared),
         recordings,
     }
 }

@@ -200,7 +200,7 @@ fn no_cycle_no_heartbeat() {
 }
 
 #[test]
-fn required_real_time_that_is_not_granted_ends_for_good() {
+fn missing_required_real_time_ends_the_executor_with_exit_code_77() {
     let mut supervised = SupervisedExecutor::start("required", |text| {
         text.replace("{priority: 80}", "{priority: 80, core: 4095, rt: required}")
     });
@@ -282,7 +282,7 @@ fn a_helper_that_panics_ends_the_executor_with_its_name() {
 
 /// Only files with an executor's file name are considered, and only those of dead executors are removed.
 #[test]
-fn half_written_incidents_of_dead_executors_are_removed_at_the_start() {
+fn incomplete_incidents_of_dead_executors_are_removed_at_the_start() {
     let own = rcc_ipc::ProcessInstance::current().unwrap().incarnation();
     // No process has this id and started at boot.
     let dead = 1 << 40 | 1;

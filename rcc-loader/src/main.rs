@@ -39,7 +39,7 @@ const WORKERS: usize = 4;
 /// Time allowed for these threads to start.
 const WORKERS_WAIT: Duration = Duration::from_secs(20);
 /// Idle time after which a worker thread would end: never.
-const NEVER: Duration = Duration::from_secs(100 * 365 * 24 * 3600);
+const IDLE_THREAD_LIFETIME: Duration = Duration::from_secs(100 * 365 * 24 * 3600);
 
 /// Interval at which the runtime shows that it responds.
 const TURN_EVERY: Duration = Duration::from_millis(100);
@@ -71,7 +71,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     // Announce first, because only one process can hold the announcement; then open the socket.
     let helpers = Helpers::default();
     let writer = helpers.helper("events", SLOW_TURN_MAX);
-    let turn = move || writer.count_turns();
+    let turn = move || writer.turn();
     let recorder = EventRecorder::watched(&cell, Role::Loader, session.label(), turn)?;
     let predecessor = events::predecessor(&cell, Role::Loader, session.label());
     let announced = cell
@@ -106,7 +106,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         // One thread for each request and each compilation, so that none waits for a thread.
         .max_blocking_threads(routes::REQUESTS_MAX + routes::LOADING_MAX)
         .enable_all()
-        .thread_keep_alive(NEVER)
+        .thread_keep_alive(IDLE_THREAD_LIFETIME)
         .build()?;
     make_workers(&runtime)?;
     let turns = Arc::new(AtomicU64::new(0));
@@ -201,7 +201,7 @@ fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
 async fn probe_workers(workers: Helper) {
     loop {
         if tokio::task::spawn_blocking(|| ()).await.is_ok() {
-            workers.count_turns();
+            workers.turn();
         }
         tokio::time::sleep(TURN_EVERY).await;
     }

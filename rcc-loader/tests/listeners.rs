@@ -21,8 +21,8 @@ use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
 use rcc_loader::server::bodies::{self, TEXT_MAX};
 use rcc_loader::server::connection::{
-    CONNECTION_TIME, HEAD_MAX, HEAD_TIME, HEADERS_MAX, HEADS_MAX, Limits, STOPS, TCP,
-    UNAUTHENTICATED, UNIX,
+    CONNECTION_TIME_MAX, ConnectionLimits, HEAD_MAX, HEAD_TIME_MAX, HEADERS_MAX, HEADS_MAX, STOPS,
+    TCP, UNAUTHENTICATED, UNIX,
 };
 use rcc_loader::server::listeners::{ListenError, Listeners};
 use rcc_loader::server::routes;
@@ -129,8 +129,8 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
     let kib = |bytes: usize| format!("{} KiB", bytes >> 10);
     let mib = |bytes: usize| format!("{} MiB", bytes >> 20);
     let seconds = |time: std::time::Duration| format!("{} s", time.as_secs());
-    let requests = |limits: Limits| {
-        let Limits {
+    let requests = |limits: ConnectionLimits| {
+        let ConnectionLimits {
             connections,
             connections_of_peer,
             rate,
@@ -151,23 +151,23 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         ),
         format!(
             "| connections of a listener without a complete head | {HEADS_MAX} | {} |",
-            seconds(HEAD_TIME)
+            seconds(HEAD_TIME_MAX)
         ),
         format!(
             "| body of a LOAD | {}, all together {} | {} |",
             mib(TEXT_MAX),
             mib(bodies::TEXTS_MAX),
-            seconds(bodies::BODY_TIME)
+            seconds(bodies::BODY_TIME_MAX)
         ),
         format!(
             "| body of START, a hand-over or inputs | {} | {} |",
             kib(bodies::SET_TEXT_MAX),
-            seconds(bodies::BODY_TIME)
+            seconds(bodies::BODY_TIME_MAX)
         ),
         format!(
             "| long answers, all together | {} | {} |",
             mib(bodies::ANSWERS_MAX),
-            seconds(CONNECTION_TIME)
+            seconds(CONNECTION_TIME_MAX)
         ),
         format!(
             "| files of commands, all together | {} | – |",
@@ -181,17 +181,17 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         format!(
             "| head of a request | {}, {HEADERS_MAX} lines | {} |",
             kib(HEAD_MAX),
-            seconds(HEAD_TIME)
+            seconds(HEAD_TIME_MAX)
         ),
         format!(
             "| work for a request | {} at a time, {} of them texts | {} |",
             routes::REQUESTS_MAX,
             routes::LOADING_MAX,
-            seconds(routes::REQUEST_TIME)
+            seconds(routes::REQUEST_TIME_MAX)
         ),
         format!(
             "| whole connection | one request | {} |",
-            seconds(CONNECTION_TIME)
+            seconds(CONNECTION_TIME_MAX)
         ),
         format!("| token | {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} characters | – |"),
         format!(

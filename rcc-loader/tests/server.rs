@@ -27,7 +27,7 @@ use rcc_loader::server::store::{CommandFile, CommandStore};
 use test_server::{TestServer, ask, config, service};
 
 /// Returns a caller without a deadline.
-fn patient() -> Caller {
+fn without_deadline() -> Caller {
     Caller::default()
 }
 
@@ -41,7 +41,9 @@ fn a_net_is_named_before_the_executor_has_its_plan() {
     let test = TestCell::new("names");
     let executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
-    let id = service.reserve(&patient(), line()).expect("a row is free");
+    let id = service
+        .reserve(&without_deadline(), line())
+        .expect("a row is free");
     assert_eq!(
         service
             .detail(&id.to_string(), true)
@@ -61,12 +63,12 @@ fn a_net_is_named_before_the_executor_has_its_plan() {
 }
 
 #[test]
-fn a_text_with_faults_is_rejected_and_says_why_afterwards() {
+fn a_text_with_errors_is_rejected_and_keeps_its_diagnostics() {
     let test = TestCell::new("faults");
     let _executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
     let id = service
-        .reserve(&patient(), "net: broken\n".to_owned())
+        .reserve(&without_deadline(), "net: broken\n".to_owned())
         .expect("a row is free");
     service.install(id, "broken.yaml");
     let command = service
@@ -82,12 +84,14 @@ fn a_text_with_faults_is_rejected_and_says_why_afterwards() {
 }
 
 #[test]
-fn a_refused_plan_tells_the_executors_reason_by_name() {
+fn a_refused_plan_reports_the_executors_reason_with_names() {
     let test = TestCell::new("refused");
     let refusal = Refusal::Prepare(PrepareFault::HoldUnknown { device: 0 });
     let _executor = FakeExecutor::start(&test.cell, &[], Some(refusal));
     let service = service(&test.cell);
-    let id = service.reserve(&patient(), line()).expect("a row is free");
+    let id = service
+        .reserve(&without_deadline(), line())
+        .expect("a row is free");
     service.install(id, "line.yaml");
     let command = service
         .detail(&id.to_string(), true)
@@ -151,7 +155,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
     let service = service(&test.cell);
     let line = || CommandRef::Name("line".to_owned());
     let switched = service.switch(
-        &patient(),
+        &without_deadline(),
         &Switch {
             stop: vec![line()],
             start: vec![line(), CommandRef::Id(5)],
@@ -173,7 +177,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
         "{last:?}"
     );
     let nothing = service
-        .switch(&patient(), &Switch::default())
+        .switch(&without_deadline(), &Switch::default())
         .expect_err("nothing named");
     assert_eq!(nothing.code, codes::BAD_REQUEST);
     let nine = Switch {
@@ -182,7 +186,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
     };
     assert_eq!(
         service
-            .switch(&patient(), &nine)
+            .switch(&without_deadline(), &nine)
             .expect_err("too many")
             .code,
         codes::NAMED_TWICE
@@ -193,7 +197,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
     };
     assert_eq!(
         service
-            .switch(&patient(), &unknown)
+            .switch(&without_deadline(), &unknown)
             .expect_err("unknown")
             .code,
         codes::UNKNOWN_COMMAND
@@ -264,13 +268,13 @@ fn an_operation_applies_to_the_newest_suitable_net_of_a_name() {
     let service = service(&test.cell);
     assert_eq!(
         service
-            .operate(&patient(), "line", Operation::Abort)
+            .operate(&without_deadline(), "line", Operation::Abort)
             .map(|done| done.id),
         Ok(3)
     );
     assert_eq!(
         service
-            .operate(&patient(), "line", Operation::Start)
+            .operate(&without_deadline(), "line", Operation::Start)
             .map(|done| done.id),
         Ok(4)
     );
@@ -285,14 +289,16 @@ fn an_unloaded_net_leaves_no_file() {
     let test = TestCell::new("unload");
     let executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
-    let id = service.reserve(&patient(), line()).expect("a row is free");
+    let id = service
+        .reserve(&without_deadline(), line())
+        .expect("a row is free");
     service.install(id, "line.yaml");
     let refused = service
-        .operate(&patient(), "line", Operation::Cancel)
+        .operate(&without_deadline(), "line", Operation::Cancel)
         .map_err(|error| error.code);
     assert_eq!(refused.map(|done| done.id), Err(codes::NOT_CANCELABLE));
     service
-        .operate(&patient(), "line", Operation::Unload)
+        .operate(&without_deadline(), "line", Operation::Unload)
         .expect("it is not active");
     let store = CommandStore::of(&test.cell, executor.incarnation);
     assert_eq!(store.read(id), None);
@@ -303,7 +309,7 @@ fn an_unloaded_net_leaves_no_file() {
 }
 
 #[test]
-fn an_executor_that_is_gone_is_named_and_the_next_one_is_found() {
+fn a_lost_executor_is_reported_and_the_next_one_is_found() {
     let test = TestCell::new("gone");
     let service = service(&test.cell);
     let missing = service.list().map_err(|error| error.code);

@@ -110,7 +110,7 @@ fn an_abort_does_not_wait_for_a_load_that_the_executor_has_not_answered() {
         let service = Arc::clone(&service);
         std::thread::spawn(move || service.install(id, "line.yaml"))
     };
-    executor.saw(1, |call| matches!(call, Call::Install { .. }));
+    executor.wait_for_calls(1, |call| matches!(call, Call::Install { .. }));
     let done = service.operate(&Caller::default(), "weld", Operation::Abort);
     assert_eq!(done.map(|done| done.id), Ok(4));
     assert!(!loading.is_finished(), "the load is still in flight");
@@ -146,7 +146,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
     let _served = TestServer::start(&test.cell);
     executor.hold(true);
     let first = send(&test.cell, "POST /commands/lamp/start", "", b"");
-    executor.saw(1, is_start);
+    executor.wait_for_calls(1, is_start);
     // This request waits for the first one, and announces how long it waits.
     let told = send(
         &test.cell,

@@ -11,7 +11,7 @@ use nix::sys::signal::Signal;
 use rcc_ipc::pattern::Pattern;
 use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
-use rcc_monitor::tail::{Format, Options, TailEnd, print_note, tail};
+use rcc_monitor::tail::{Format, TailEnd, TailOptions, print_note, tail};
 
 /// Shows the monitored values of a cell's nets.
 #[derive(Parser)]
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
         count,
         duration,
     } = arguments.verb;
-    let options = Options {
+    let options = TailOptions {
         patterns,
         format: output,
         count,

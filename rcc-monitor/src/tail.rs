@@ -29,7 +29,7 @@ pub enum Format {
 
 /// What is printed, and for how long.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct TailOptions {
     /// Patterns of the values to show; all if empty.
     pub patterns: Vec<Pattern>,
     /// Output format.
@@ -73,7 +73,7 @@ pub fn print_note(words: &str) {
 /// Returns an error if the stream cannot be read or the output cannot be written.
 pub fn tail(
     cell: &str,
-    options: &Options,
+    options: &TailOptions,
     signals: &mut Signals,
     out: &mut impl Write,
     reader_is_gone: impl Fn() -> bool,
@@ -159,13 +159,13 @@ fn print(
 
 /// Formats records as lines.
 struct Printer<'a> {
-    options: &'a Options,
+    options: &'a TailOptions,
     printed: u64,
     first_stamp_ns: Option<u64>,
 }
 
 impl<'a> Printer<'a> {
-    fn new(options: &'a Options) -> Printer<'a> {
+    fn new(options: &'a TailOptions) -> Printer<'a> {
         Printer {
             options,
             printed: 0,
@@ -293,7 +293,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     fn printed(format: Format, patterns: &[&str], values: &[f64], ty: &str) -> String {
-        let options = Options {
+        let options = TailOptions {
             patterns: patterns.iter().filter_map(|p| p.parse().ok()).collect(),
             format,
             count: None,
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_monitor_is_meant_by_its_port_and_by_its_own_id() {
+    fn a_monitor_is_selected_by_its_port_or_by_its_own_id() {
         for (pattern, shown) in [("line/move.*", true), ("*/watch", true), ("other/*", false)] {
             let line = printed(Format::Human, &[pattern], &[1.0], "Real");
             assert_eq!(!line.is_empty(), shown, "{pattern}");

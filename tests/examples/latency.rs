@@ -275,12 +275,12 @@ impl Figures {
 
 const HEAD: &str = "# Latency
 
-How long it takes from a robot's packet that comes in to the first answer that goes out with the effect of that very
-packet, through everything: driver, measurement board, the executor's cycle with a net, command board, driver.
+The time from a packet of the robot to the first answer that contains the effect of that packet, through the whole chain:
+driver, measurement board, the executor's cycle with a net, command board, driver.
 
 A relay between the simulated controller and the driver writes a number into each packet (`$FRI_TO_REA[1]`); a net copies
-it to an output (`$FRI_FRM_REA[1]`) while it commands the arm; the relay sees it come back. A packet comes each
-millisecond; so does a cycle. This page is what the program prints:
+it to an output (`$FRI_FRM_REA[1]`) while it commands the arm; the relay waits for its return. There is one packet and one cycle
+per millisecond. A program prints this page:
 
 ```console
 $ cargo build{profile} --workspace --bins && cargo run{profile} -p rcc-tests --example latency -- {seconds}
@@ -289,24 +289,24 @@ $ cargo build{profile} --workspace --bins && cargo run{profile} -p rcc-tests --e
 
 const TAIL: &str = "
 **With `clock: {device: lwr}`** in the cell's configuration the executor's cycles begin a fixed time (`offset`) after the
-robot's packets. The driver publishes a measurement as soon as it is there, waits for the set-point that was computed from
-it, at most 60 % of the robot's period, and answers: the effect leaves within the same period of the robot. Nothing waits
-anywhere else, so `offset` is most of the figure; it must be longer than what the machine takes from the packet to the
-board, and shorter ones gain little.
+robot's packets. The driver publishes a measurement as soon as it arrives, waits for the set-point that was computed from
+it, at most 60 % of the robot's period, and answers: the effect leaves within the same period of the robot. There is no other
+waiting, so `offset` is most of the latency; it must be longer than the time from the packet to the board, and a shorter one
+gains little.
 
 - Deadlines are moved by at most 1 % of a period in a cycle; logical time has one period for each cycle, as always.
-- An executor that is late for a packet is bridged: the arm goes on as it moved, for at most 10 ms, and is
-  then back at the newest set-point within its limits; no delay is left over. A longer pause brings the arm to rest and
+- A late executor is bridged: the arm goes on as it moved, for at most 10 ms, and then returns
+  to the newest set-point within its limits; no delay remains. A longer pause brings the arm to rest and
   ends its net. With `delay: 10 ms` pauses of up to 10 ms are bridged by playing slower.
 - Without the robot (or before it is found) the executor runs on its own clock, and `rcc-cli status` says so.
 - The robot's period must be the cell's or a multiple of it.
 
 **Without it** there are two clocks, and set-points wait in the driver for `delay`, so that neither clock starves the other.
-The rest, about a period, is the wait for the next cycle and for the next packet. What piles up during a stall of the
-machine is caught up with: at rest at once, unless outputs change with it; in motion at a pace of up to 1.05, within the
+The rest, about a period, is the wait for the next cycle and for the next packet. Set-points that accumulate during a stall of
+the machine are caught up: at rest at once, unless outputs change with them; in motion at up to 1.05 times the speed, within the
 limits of velocity and acceleration, which takes 20 ms for each millisecond.
 
-On a machine that does not stall, `delay: 2 ms` is enough. What `rcc-cli doctor` measures tells which kind yours is.
+On a machine that does not stall, `delay: 2 ms` is enough. `rcc-cli doctor` measures whether a machine stalls.
 ";
 
 fn main() -> io::Result<()> {

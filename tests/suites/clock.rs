@@ -33,7 +33,7 @@ fn move_there_and_back(cell: &TestCell) {
             let row = cell.await_end(id);
             let starved = cell
                 .logs()
-                .contains("set-points stopped coming while the device moved");
+                .contains("no more set-points arrived while the device moved");
             let slept = starved && row["fault"]["fault"] == "device lost";
             assert!(
                 row["reason"] == "finished" || slept,

@@ -4,7 +4,7 @@
 use std::fs;
 
 use nix::sys::signal::Signal;
-use rcc_ipc::events::{Event, Kind, Origin, Reader};
+use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader};
 use rcc_ipc::{Build, Role};
 use rcc_tests::place::Place;
 use rcc_tests::processes::signal;
@@ -14,7 +14,7 @@ use rcc_tests::{HandCell, TestCell, await_some, nets};
 /// Two channels of a device change places in the file: what was the first digital output is the second.
 const LAMP: &str =
     "      lamp:  {kind: digital output, address: coil 0, on_release: {safe: false}}\n";
-const CLAMP: &str = "      clamp: {kind: digital output, address: coil 1, on_release: hold}     # what is clamped must not fall\n";
+const CLAMP: &str = "      clamp: {kind: digital output, address: coil 1, on_release: hold}     # a clamped part must not fall\n";
 /// A second of the simulated controller's time.
 const SECOND: u64 = 1000;
 
@@ -60,10 +60,10 @@ fn assert_not_started(place: &Place, id: u64, code: &str) {
 }
 
 /// Who in the cell told of a process with another configuration, as far as that is written now.
-fn tellers(place: &Place) -> Vec<(Origin, String)> {
-    let events: Vec<Event> = Reader::open(place.cell()).poll().expect("the log");
+fn tellers(place: &Place) -> Vec<(EventOrigin, String)> {
+    let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
     let told = events.into_iter().filter_map(|event| match event.what {
-        Kind::OtherConfiguration { process, .. } => Some((event.source.role, process)),
+        EventKind::ConfigurationMismatch { process, .. } => Some((event.source.role, process)),
         _ => None,
     });
     told.collect()
@@ -109,7 +109,7 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
         ];
         all.iter().all(|word| out.contains(word)).then_some(())
     });
-    let told = |teller: Origin, of: &str| {
+    let told = |teller: EventOrigin, of: &str| {
         tellers(&cell)
             .iter()
             .filter(|row| **row == (teller, of.to_owned()))
@@ -117,8 +117,8 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
     };
     await_some("both to tell of each other", || {
         let counts = (
-            told(Origin::Executor, "driver io"),
-            told(Origin::Driver, "executor"),
+            told(EventOrigin::Executor, "driver io"),
+            told(EventOrigin::Driver, "executor"),
         );
         (counts.0 > 0 && counts.1 > 0).then_some(())
     });
@@ -127,8 +127,8 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
     cell.assert_ends(line, "finished");
     assert_eq!(
         (
-            told(Origin::Executor, "driver io"),
-            told(Origin::Driver, "executor")
+            told(EventOrigin::Executor, "driver io"),
+            told(EventOrigin::Driver, "executor")
         ),
         (1, 1)
     );
@@ -159,7 +159,7 @@ fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driv
     let lamp = cell.load(&nets::lamp("lamp"));
     assert_not_started(&cell, lamp, "RCC3008");
     await_some("the driver to tell of the executor", || {
-        let row = (Origin::Driver, "executor".to_owned());
+        let row = (EventOrigin::Driver, "executor".to_owned());
         tellers(&cell).contains(&row).then_some(())
     });
     // The configuration of the other device is the same: it works on.
@@ -214,9 +214,9 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     let before = cell.load(&nets::lamp("before"));
     swap_lamp_and_clamp(&cell);
     await_some("the loader to tell of the changed file", || {
-        let events = Reader::open(cell.cell()).poll().expect("the log");
+        let events = EventReader::open(cell.cell()).poll().expect("the log");
         let told = events.into_iter().any(|event| {
-            matches!(event.what, Kind::ConfigurationChanged { differs, .. } if differs == "io: channels lamp, clamp")
+            matches!(event.what, EventKind::ConfigurationChanged { differs, .. } if differs == "io: channels lamp, clamp")
         });
         told.then_some(())
     });
@@ -248,11 +248,11 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     );
     let status = cell.rest("GET", "/status", "").body;
     let words = status["configuration"].to_string();
-    assert!(words.contains("loads and starts nothing"), "{words}");
+    assert!(words.contains("refuses LOAD and START"), "{words}");
     cell.done(running, "cancel");
     cell.assert_ends(running, "canceled");
     assert_eq!(coils(&mut station), [false, false]);
-    assert!(tellers(&cell).contains(&(Origin::Loader, "executor".to_owned())));
+    assert!(tellers(&cell).contains(&(EventOrigin::Loader, "executor".to_owned())));
     cell.end("loader", Signal::SIGTERM);
     edit(&cell, &format!("{CLAMP}{LAMP}"), &format!("{LAMP}{CLAMP}"));
     cell.start_loader();
@@ -298,11 +298,11 @@ fn assert_names_builds(words: &str) {
 }
 
 /// Waits until a process tells of another one that is of another build; returns the words.
-fn await_other_build(place: &Place, teller: Origin, of: &str) -> String {
+fn await_other_build(place: &Place, teller: EventOrigin, of: &str) -> String {
     await_some(&format!("{teller:?} to tell of {of}"), || {
-        let events: Vec<Event> = Reader::open(place.cell()).poll().expect("the log");
+        let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
         events.into_iter().find_map(|event| match &event.what {
-            Kind::OtherBuild { process, .. } if event.source.role == teller && process == of => {
+            EventKind::BuildMismatch { process, .. } if event.source.role == teller && process == of => {
                 Some(event.sentence(&|net, _| net.to_owned()))
             }
             _ => None,
@@ -335,7 +335,7 @@ fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
         "{refused:?}"
     );
     assert_names_builds(&refused.words());
-    assert_names_builds(&await_other_build(&cell, Origin::Executor, "driver io"));
+    assert_names_builds(&await_other_build(&cell, EventOrigin::Executor, "driver io"));
     // The other device's driver is of the same build: it works on.
     cell.await_device("lwr", "ready");
     cell.end("io", Signal::SIGTERM);
@@ -364,7 +364,7 @@ fn an_executor_of_another_build_is_not_followed_asked_or_watched_and_everybody_s
         );
         assert_names_builds(&refused.words());
     }
-    for teller in [Origin::Driver, Origin::Loader] {
+    for teller in [EventOrigin::Driver, EventOrigin::Loader] {
         assert_names_builds(&await_other_build(&cell, teller, "executor"));
     }
     let mut tail = cell.program("rcc-monitor");

@@ -3,7 +3,7 @@
 
 use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandState, DeviceState};
-use rcc_core::plan::Run;
+use rcc_core::plan::KernelRun;
 use rcc_core::primitives;
 use rcc_ipc::control::{Answer, Call, PlanData, Refusal};
 use rcc_tests::handover::{Arm, hand_over};
@@ -41,7 +41,7 @@ fn the_command_line_hands_over_and_a_refusal_names_the_net_and_changes_nothing()
         &["start", "second", "third", "--after-stopping", "first"],
     );
     assert!(
-        errors.contains("RCC3004") && errors.contains("nothing is stopped"),
+        errors.contains("RCC3004") && errors.contains("no command was stopped"),
         "{errors}"
     );
     assert_eq!(cell.state(first)["state"], "running");
@@ -116,7 +116,7 @@ fn drift(from: f64, configuration: u64) -> PlanData {
         let (entry, row) = primitives::find(name).expect("a primitive");
         let fits = |kernel| row.spec.operands(kernel).count() == operands.len();
         let kernel = row.kernels.iter().position(fits).expect("a kernel");
-        plan.runs.push(Run {
+        plan.runs.push(KernelRun {
             kernel: primitives::kernel_number(entry, kernel),
             first: plan.operands.len() as u32,
             operands: operands.len() as u32,

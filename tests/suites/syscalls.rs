@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
-use rcc_ipc::Life;
+use rcc_ipc::ProcessInstance;
 use rcc_tests::injection::{Call, calls_of, can_trace, choose, start_traced, tracee};
 use rcc_tests::place::{LIMIT, Watch, files_below};
 use rcc_tests::processes::signal;
@@ -142,7 +142,7 @@ fn works(cell: &HandCell, victim: &Victim, watch: &Watch, pid: u32) -> bool {
     match victim.device {
         Some(device) => {
             let row = watch.tables().devices[device];
-            let is_it = Life::from_incarnation(row.incarnation).pid == pid;
+            let is_it = ProcessInstance::from_incarnation(row.incarnation).pid == pid;
             // It counts exchanges; whether the device is still there now is the machine's matter.
             is_it && row.sequence > 0
         }

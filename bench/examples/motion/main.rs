@@ -98,9 +98,9 @@ fn cycles(effort: Effort) -> String {
     let mut figures = alternate(&mut subjects, effort).into_iter();
     let mut text = String::from(
         "## In a cycle\n\n\
-         ns a call, from the functions themselves up to a whole cycle of a net. Goals are held against the fastest round, which is what \
-         the code costs: what else runs on the machine only adds. Kinematics are asked at 256 random positions \
-         one after the other.\n",
+         ns per call, from single functions up to a whole cycle of a net. Goals are compared with the fastest round, \
+         which is the cost of the code: other programs on the machine only add time. Kinematics are evaluated at 256 \
+         random positions in turn.\n",
     );
     for (group, names) in heads {
         let rows = names.into_iter().zip(&mut figures);
@@ -124,9 +124,10 @@ fn replanning() -> String {
     });
     format!(
         "## New goals while an arm moves\n\n\
-         Seven joints of an LWR 4+, each planned with its limits of velocity, acceleration and jerk (`JointGoal`): ns that so many of \
-         200,000 cases did not exceed, the time to read the clock included. The last column and most of the one before are the \
-         machine's interruptions, not the code's: it has no loop without a constant bound.\n\n{}",
+         Seven joints of an LWR 4+, each planned with its limits of velocity, acceleration and jerk (`JointGoal`): the \
+         duration, ns, that this share of 200,000 cases did not exceed, including reading the clock. The last column \
+         and most of the one before it are caused by interruptions of the machine, not by the code, in which every \
+         loop has a constant bound.\n\n{}",
         table(
             &["seven joints", "50 %", "99 %", "99.9 %", "all"],
             &rows.collect::<Vec<_>>()

@@ -38,8 +38,8 @@ const COLUMNS: [(&str, &str); 5] = [
     ("even", "even"),
     ("fastest", "fastest"),
     ("fastest, jerk × 100", "loose_fastest"),
-    ("soonest law known", "reference"),
-    ("fastest, by that law", "of_reference"),
+    ("fastest known time law", "reference"),
+    ("fastest, relative to it", "of_reference"),
 ];
 
 /// Returns the section of the page; see the module.
@@ -62,22 +62,24 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
     let sum = |count: fn(&ToppRow) -> usize| groups.iter().map(count).sum::<usize>();
     let text = format!(
         "{head}How many times as long motions take as those of an independent TOPP-RA (toppra {}) along the same paths of joints, \
-         from rest to rest: median (90 %, worst) of random motions (`rcc-core/motion/tests/motions`). These are times of motions, no \
-         matter what machine computes them. toppra keeps the limits of velocity and acceleration of the joints, knows no jerk and \
-         keeps nothing for a stop or a pause: a lower bound, which nothing with a jerk limit reaches. The jerk limits are ten \
+         from rest to rest: median (90 %, worst) of random motions (`rcc-core/motion/tests/motions`). These are \
+         durations of motions, independent of the machine that computes them. toppra respects the limits of velocity \
+         and acceleration of the joints, has no jerk limit, and reserves nothing for a stop or a pause: a lower bound \
+         that no motion with a jerk limit reaches. The jerk limits are ten \
          times the acceleration limits, so that an acceleration builds up in 0.1 s: long for motions of half a second. Where it \
-         builds up in 1 ms (jerk × 100), what is left is mostly what ours keep for stops. The soonest law known, of some of the \
-         motions, keeps the same limits of velocity, acceleration and jerk, but nothing for a stop either; linear programs one \
-         after the other find it within seconds, beginning with ours and with TOPP-RA's: no bound, but a law that there is. The \
-         last column is how many times as long as that law ours take.\n\n",
+         builds up in 1 ms (jerk × 100), the remaining difference is mostly the reserve of our motions for stops. The \
+         fastest known time law, available for some of the motions, respects the same limits of velocity, acceleration \
+         and jerk, but reserves nothing for a stop either; a sequence of linear programs finds it within seconds, \
+         starting from ours and from TOPP-RA's: not a bound, but an existing time law. The last column is the duration \
+         of our motions relative to that time law.\n\n",
         first.version
     );
     let mut heads = vec!["path, robot", "motions"];
     heads.extend(COLUMNS.map(|(head, _)| head));
     let rows: Vec<_> = groups.iter().map(row).collect();
     Ok(format!(
-        "{text}{}\nOf {} motions none is sooner than the bound: the least takes {least:.3} of it. Half as many grid points change \
-         TOPP-RA's time by {:.2} % at most; it solved {}. The soonest law is known of {}.\n",
+        "{text}{}\nOf {} motions none is faster than the bound: the least takes {least:.3} of it. Halving the number \
+         of grid points changes TOPP-RA's time by {:.2} % at most; it solved {}. The fastest known time law is available for {}.\n",
         table(&heads, &rows),
         sum(|it| it.motions),
         100.0 * halved,

@@ -48,12 +48,12 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
         return Err(format!("{} has no rows", file.display()).into());
     };
     let mut text = format!(
-        "{head}ns a call, with how many times as long it took as ours: each program the best of many batches over the same positions \
+        "{head}ns per call, and in parentheses the multiple of our duration: each program's best of many batches over the same positions \
          (`tests/data/kinematics`), in turns with ours, medians of {} rounds{}. Before that, poses and Jacobians were compared with \
          ours. KDL searches for inverse kinematics (Levenberg-Marquardt), from up to 0.3 rad, or 2 mrad, beside the solution, as \
          far as its tolerance of 10 µm; ours and rs-opw-kinematics solve in closed form and take the previous joints as a hint. \
-         pinocchio has no inverse kinematics. rs-opw-kinematics checks each of its solutions by forward kinematics and makes a list \
-         on the heap, which a real-time cycle may not; its Jacobian is numeric and not compared.\n",
+         pinocchio has no inverse kinematics. rs-opw-kinematics checks each of its solutions by forward kinematics and \
+         allocates a list on the heap, which a real-time cycle must not do; its Jacobian is numeric and not compared.\n",
         first.rounds,
         if first.fifo {
             ", under SCHED_FIFO"

@@ -5,7 +5,7 @@ use std::error::Error;
 use std::fmt::Write;
 
 use rcc_bench::instance::cell;
-use rcc_bench::measure::{Subject, alternate};
+use rcc_bench::measure::{MeasuredSubject, alternate};
 use rcc_engine::net::Net;
 use rcc_language::compile_for;
 
@@ -55,7 +55,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         });
     }
     let subjects = nets.iter_mut().map(|running| {
-        Subject::new(|cycles| {
+        MeasuredSubject::new(|cycles| {
             for _ in 0..cycles {
                 running.step();
             }

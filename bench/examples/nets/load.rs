@@ -32,8 +32,8 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     }
     Ok(format!(
         "## Loading\n\n\
-         From the text to the checked plan, fastest and median of {ROUNDS}; what it takes a primitive says whether the time grows \
-         faster than the text.\n\n{}",
+         From the text to the checked plan, fastest and median of {ROUNDS}; the time per primitive shows whether the \
+         loading time grows faster than the text.\n\n{}",
         table(
             &[
                 "net",

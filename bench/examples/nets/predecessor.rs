@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use rcc_bench::measure::{Subject, TimeStats, alternate};
+use rcc_bench::measure::{MeasuredSubject, TimeStats, alternate};
 use rcc_config::CellConfig;
 use rcc_core::message::Joints;
 use rcc_engine::net::Net;
@@ -47,7 +47,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         });
     }
     let runs = nets.iter_mut().map(|running| {
-        Subject::new(|cycles| {
+        MeasuredSubject::new(|cycles| {
             for _ in 0..cycles {
                 running.step();
             }
@@ -63,8 +63,9 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     });
     Ok(format!(
         "## The predecessor's nets\n\n\
-         The 18 flat nets of `{FOLDER}`, through the reader of DirectIONet. *Theirs* counts the primitives in their text, *ours* \
-         what is evaluated here. A net without figures is for an arm of six axes, which the demo's cell does not have.\n\n{}",
+         The 18 flat nets of `{FOLDER}`, through the reader of DirectIONet. *Theirs* is the number of primitives in \
+         their text, *ours* the number evaluated here. A net without results is for an arm with six axes, which the \
+         demo cell does not have.\n\n{}",
         table(
             &[
                 "net",

@@ -5,7 +5,7 @@ use std::error::Error;
 
 use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
-use rcc_bench::measure::{Subject, alternate};
+use rcc_bench::measure::{MeasuredSubject, alternate};
 use rcc_bench::net::net;
 use rcc_core::plan::ValuePoint;
 use rcc_engine::net::Net;
@@ -51,7 +51,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         subjects.push((running, ValueReading::of(chosen.to_vec())));
     }
     let runs = subjects.iter_mut().map(|(running, reading)| {
-        Subject::new(|cycles| {
+        MeasuredSubject::new(|cycles| {
             for _ in 0..cycles {
                 running.step();
                 // Every point is in the plan; if nothing were read, the result would show it.

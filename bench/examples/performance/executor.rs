@@ -7,7 +7,7 @@ use rcc_bench::executor::BenchExecutor;
 use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
 use rcc_bench::kernel_nets;
-use rcc_bench::measure::{Effort, Subject, alternate};
+use rcc_bench::measure::{Effort, MeasuredSubject, alternate};
 use rcc_bench::net::net;
 use rcc_language::compile_for;
 use rcc_language::devices::{CellDevice, DeviceTable};
@@ -51,7 +51,7 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     names.push("an arm on a line: path, inverse kinematics, guard, set-point, monitor".into());
     executors.push(with_line()?);
     let subjects = executors.iter_mut().map(|executor| {
-        Subject::timing_itself(|cycles| Duration::from_nanos(executor.cycles(cycles)))
+        MeasuredSubject::timing_itself(|cycles| Duration::from_nanos(executor.cycles(cycles)))
     });
     let figures = alternate(&mut subjects.collect::<Vec<_>>(), effort);
     if executors
@@ -72,7 +72,7 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
         "## A whole cycle of the executor\n\n\
          ns from the wake-up until everything is written, as the executor itself measures it: boards read, nets evaluated, guard, \
          boards written (command, status, tables), flight recorder with the hash of every slot. One station with eight analog and \
-         four digital inputs that change every cycle; in the last row one arm. Hot: the loop has no pause.\n\n{}",
+         four digital inputs that change every cycle; in the last row one arm. Caches are warm, because the loop has no pause.\n\n{}",
         table(
             &["cycle", "ns", "% of 1 ms", "goal"],
             &rows.collect::<Vec<_>>()

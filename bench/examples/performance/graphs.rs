@@ -4,9 +4,9 @@
 use std::error::Error;
 
 use rcc_bench::graph::{Graph, MIXES, SIZES};
-use rcc_bench::instance::Instance;
-use rcc_bench::measure::{Effort, Subject, TimeStats, alternate};
-use rcc_bench::straight::{ALL, Inputs, Program};
+use rcc_bench::instance::GraphInstance;
+use rcc_bench::measure::{Effort, MeasuredSubject, TimeStats, alternate};
+use rcc_bench::straight::{ALL, CycleProgram, GraphInputs};
 
 use crate::table::{digits, spread, table, verdict};
 
@@ -44,11 +44,11 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     };
     Ok(format!(
         "## The interpreter\n\n\
-         ns a node of the graph, null and every check included: the cycle of a net as the executor runs it, without devices. \
-         *A primitive* is the same time by the primitives that the net evaluates (inputs and `Termination` are some, elements of \
-         transforms are none). *Straight-line* is Rust made from the same graph by the build step: with null as NaN, and where \
-         nothing is ever null also without. *Ratio* is interpreter to straight-line with null. Before it is measured each shows \
-         the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}",
+         ns per node of the graph, including null and all checks: the cycle of a net as the executor runs it, without devices. \
+         *A primitive* is the same time divided by the number of primitives that the net evaluates (inputs and \
+         `Termination` count, elements of transforms do not). *Straight-line* is Rust generated from the same graph by \
+         the build script: with null as NaN, and also without null where nothing is ever null. *Ratio* is \
+         interpreter to straight-line with null. Before the measurement each of them has computed the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}",
         table(&head, &rows)
     ))
 }
@@ -56,16 +56,16 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
 fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Error>> {
     let name = format!("{mix}_{size}");
     let graph = Graph::load(mix, size)?;
-    let mut instance = Instance::new(&graph)?;
-    let inputs: Vec<Inputs> = (1..=1000).map(Inputs::of).collect();
+    let mut instance = GraphInstance::new(&graph)?;
+    let inputs: Vec<GraphInputs> = (1..=1000).map(GraphInputs::of).collect();
     let made = ALL.iter().filter(|straight| straight.graph == name);
-    let mut programs: Vec<(bool, Box<dyn Program>)> = made
+    let mut programs: Vec<(bool, Box<dyn CycleProgram>)> = made
         .map(|straight| (straight.null, (straight.make)()))
         .collect();
     check(&name, &graph, &mut instance, &mut programs, &inputs)?;
     let primitives = instance.primitives() as f64;
     let inputs = &inputs[..64];
-    let mut subjects = vec![Subject::new(|cycles| {
+    let mut subjects = vec![MeasuredSubject::new(|cycles| {
         for cycle in 0..cycles {
             instance.measure(&inputs[cycle % inputs.len()]);
             instance.evaluate();
@@ -73,7 +73,7 @@ fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Er
     })];
     let nulls: Vec<bool> = programs.iter().map(|(null, _)| *null).collect();
     for (_, program) in &mut programs {
-        subjects.push(Subject::new(|cycles| {
+        subjects.push(MeasuredSubject::new(|cycles| {
             for first in (0..cycles).step_by(inputs.len()) {
                 program.run(&inputs[..inputs.len().min(cycles - first)]);
             }
@@ -106,9 +106,9 @@ fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Er
 fn check(
     name: &str,
     graph: &Graph,
-    instance: &mut Instance,
-    programs: &mut [(bool, Box<dyn Program>)],
-    inputs: &[Inputs],
+    instance: &mut GraphInstance,
+    programs: &mut [(bool, Box<dyn CycleProgram>)],
+    inputs: &[GraphInputs],
 ) -> Result<(), Box<dyn Error>> {
     let mut done = 0;
     for (cycle, expected) in &graph.expected {

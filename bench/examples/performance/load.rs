@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fs;
 use std::time::Instant;
 
-use rcc_bench::graph::{NetGraph, SIZES};
+use rcc_bench::graph::{Graph, SIZES};
 use rcc_bench::instance::cell;
 use rcc_bench::measure::median;
 use rcc_bench::net::net;
@@ -37,7 +37,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     let (mut times, mut memory) = (Vec::new(), Vec::new());
     for size in SIZES {
         eprintln!("performance: loading full_{size}");
-        let text = net(&NetGraph::load("full", size)?).text;
+        let text = net(&Graph::load("full", size)?).text;
         let rounds: Result<Vec<_>, _> = (0..ROUNDS).map(|_| stages(&text, &cell())).collect();
         let rounds = rounds?;
         let stage = |number: usize| median(rounds.iter().map(|round| round[number]).collect());
@@ -63,8 +63,8 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         "## Loading\n\n\
          ms, medians of {ROUNDS}: *text* to a tree, the tree to a *net*, *names, types, rules*, lowering and sorting to a *plan*, \
          its *check*, and what the *executor* does off its real-time thread (check again, start values, memory).\n\n{}\n\
-         kB of a loaded net: its plan, the arena that a cycle works on, and what the process grows by for each of many (a net keeps \
-         its plan, which has the arena to start from, beside the one it works on).\n\n{}",
+         Memory of a loaded net, kB: its plan, the arena that a cycle works on, and the growth of the process per net, \
+         measured over many nets (a net keeps its plan, which contains the initial arena, beside the working arena).\n\n{}",
         table(&head, &times),
         table(&["net", "plan", "arena", "measured"], &memory)
     ))

@@ -96,11 +96,11 @@ fn hal_text(rows: Option<&[HalRow]>) -> String {
         ]
     });
     format!(
-        "ns a component, the same graph in both, {} rounds in turns, each in a loop under SCHED_FIFO on the same core{}; \
-         *ratio* is the median of the rounds' ratios. HAL's results were compared with the graph's. HAL reads the clock before and \
-         after every component, as it is shipped: that is most of what a component costs it, and the comparison is with HAL as it \
-         is used, no more. A long pause between cycles cools the caches, of both, and \
-         whatever else runs on that core cools them more.\n\n{}",
+        "ns per component, with the same graph in both, {} rounds in turns, each in a loop under SCHED_FIFO on the same core{}; \
+         *ratio* is the median of the rounds' ratios. HAL's results were compared with the graph's. HAL as shipped \
+         reads the clock before and after every component, which is most of its cost per component; the comparison is \
+         with HAL as it is used. A long pause between cycles cools the caches of both, and other programs on that core \
+         cool them further.\n\n{}",
         rows.first().map_or(0, |row| row.rounds),
         if fair {
             ""
@@ -145,9 +145,10 @@ fn wakeup_text(rows: Option<&[WakeupRow]>) -> String {
     });
     format!(
         "How long after its deadline the thread runs, µs: p50 / p99 / max, medians of {} runs of {} s each, in turns, period 1 ms, \
-         SCHED_FIFO {} on core {}{}. Ours is the real executor in a cell of its own, idle, by its own histogram. *Ratio* is that of \
-         the p99, the median of the pairs and their range. The tails are the machine's, and a load \
-         average above what stress-ng alone makes means that other programs ran on these cores.\n\n{}",
+         SCHED_FIFO {} on core {}{}. RCC is the real executor, idle in a cell of its own, measured by its own \
+         histogram. *Ratio* is the ratio of the p99 values: the median of the pairs, and their range. The tails are \
+         caused by the machine; a load average above that of stress-ng alone means that other programs ran on these \
+         cores.\n\n{}",
         first.rounds,
         first.seconds,
         first.priority,

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::time::{Duration, Instant};
 
 use rcc_bench::kernel_nets::{CatalogueKernel, count, devices, models, net, rows};
-use rcc_bench::measure::{Effort, Subject, alternate};
+use rcc_bench::measure::{Effort, MeasuredSubject, alternate};
 use rcc_core::primitive::Role;
 use rcc_engine::net::Net;
 
@@ -26,10 +26,10 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
         nets.push(net(row, count(&row.entry.spec)).map_err(refused)?);
     }
     let (models, devices) = (models(), devices());
-    let mut subjects: Vec<Subject<'_>> = Vec::new();
+    let mut subjects: Vec<MeasuredSubject<'_>> = Vec::new();
     for net in &mut nets {
         let (models, devices) = (&models, &devices);
-        subjects.push(Subject::timing_itself(move |cycles| {
+        subjects.push(MeasuredSubject::timing_itself(move |cycles| {
             let mut total = Duration::ZERO;
             for first in (0..cycles).step_by(CYCLES) {
                 total += stretch(net, cycles.min(first + CYCLES) - first, |net| {
@@ -56,9 +56,9 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     });
     Ok(format!(
         "## Each primitive\n\n\
-         ns for one of a run of equal primitives, from nets made of the catalogue itself; the time of an empty net, {} ns, is \
-         taken off. Inputs are not null and differ from primitive to primitive. Commands of an arm and motions are fewer, because \
-         each needs an arm or a path clock of its own.\n\n{}",
+         ns per primitive in a run of equal primitives, from nets generated from the catalogue; the time of an empty net, {} ns, \
+         is subtracted. Inputs are not null and differ between primitives. Runs of arm commands and motions are \
+         shorter, because each needs an arm or a path clock of its own.\n\n{}",
         digits(empty),
         table(
             &["primitive", "in the run", "ns each"],

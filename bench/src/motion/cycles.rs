@@ -14,7 +14,7 @@ use rcc_language::compile_for;
 use rcc_language::devices::{CellDevice, DeviceTable};
 use rcc_motion::{MotionSet, MotionSetBuilder, PathBounds, PathClock, PathPiece};
 
-use super::{HOLD, NamedSubject, SubjectGroup, beside, model};
+use super::{HOLD, NamedSubject, SubjectGroup, model, offset_from_start};
 
 const PERIOD_S: f64 = 1e-3;
 
@@ -63,7 +63,7 @@ fn motion(legs: &[Leg<'_>], pace: SpeedProfile) -> MotionSet {
 
 /// Returns a subject that runs cycles of a motion, which starts again at its end.
 fn running(name: &str, legs: &[Leg<'_>]) -> NamedSubject {
-    paced(name, legs, SpeedProfile::Even)
+    paced(name, legs, SpeedProfile::Uniform)
 }
 
 fn paced(name: &str, legs: &[Leg<'_>], pace: SpeedProfile) -> NamedSubject {
@@ -78,8 +78,12 @@ fn paced(name: &str, legs: &[Leg<'_>], pace: SpeedProfile) -> NamedSubject {
 }
 
 pub(super) fn motions() -> SubjectGroup {
-    let to = beside(0.1, 0.1, 0.0);
-    let through = [beside(0.05, 0.0, 0.0), beside(0.05, 0.08, 0.02), to];
+    let to = offset_from_start(0.1, 0.1, 0.0);
+    let through = [
+        offset_from_start(0.05, 0.0, 0.0),
+        offset_from_start(0.05, 0.08, 0.02),
+        to,
+    ];
     // Slow, so that a run is much longer than its acceleration and deceleration.
     let leg = |segment, blend| Leg {
         scale: 0.02,
@@ -88,7 +92,7 @@ pub(super) fn motions() -> SubjectGroup {
     };
     let line = leg(PathSegment::Line { to }, 0.0);
     let circle = PathSegment::Circle {
-        via: beside(0.05, 0.05, 0.02).position,
+        via: offset_from_start(0.05, 0.05, 0.02).position,
         to,
         orientation: ArcOrientation::Even,
         angle: None,
@@ -98,7 +102,7 @@ pub(super) fn motions() -> SubjectGroup {
         to: [0.6, 0.2, 0.1, -1.2, 0.4, 0.7, 0.0, f64::NAN],
     };
     let back = PathSegment::Line {
-        to: beside(0.0, 0.1, 0.0),
+        to: offset_from_start(0.0, 0.1, 0.0),
     };
     let rounded = [leg(PathSegment::Line { to }, 0.03), leg(back, 0.03), line];
     SubjectGroup {
@@ -112,7 +116,7 @@ pub(super) fn motions() -> SubjectGroup {
             paced(
                 "three rounded lines, fastest",
                 &rounded,
-                SpeedProfile::Fastest,
+                SpeedProfile::TimeOptimal,
             ),
         ],
     }
@@ -122,7 +126,7 @@ pub(super) fn motions() -> SubjectGroup {
 fn lines(arms: &[&str], done: &str) -> String {
     let mut text = String::from("net: lines\nprimitives:\n  cancel: {type: Cancel}\n");
     for (index, arm) in arms.iter().enumerate() {
-        let [x, y, z] = beside(0.1, 0.1, 0.0).position;
+        let [x, y, z] = offset_from_start(0.1, 0.1, 0.0).position;
         text += &format!(
             "  move{index}: {{type: LinearMotion, parameters: {{device: {arm}, \
              to: {{xyz: [{x}, {y}, {z}], rpy: [0, deg(170), 0]}}, velocity: 0.005 m/s, \

@@ -1,7 +1,7 @@
 //! The operations of the graphs that are the same with and without null, because NaN passes through them. Used by the
 //! benchmarks.
 
-use super::Hash;
+use super::WordHash;
 
 macro_rules! operations {
     ($($name:ident($($argument:ident: $type:ty),*) -> $result:ty $body:block)*) => {
@@ -18,8 +18,8 @@ operations! {
     sqrt(a: f64) -> f64 { a.abs().sqrt() }
     limit(x: f64, low: f64, high: f64) -> f64 { if x < low { low } else if x > high { high } else { x } }
     mget(m: &[f64; 16], index: usize) -> f64 { m[index] }
-    r_hash(hash: &mut Hash, value: &f64) -> () { hash.real(*value) }
-    i_hash(hash: &mut Hash, value: &i64) -> () { hash.word(*value as u64) }
+    r_hash(hash: &mut WordHash, value: &f64) -> () { hash.real(*value) }
+    i_hash(hash: &mut WordHash, value: &i64) -> () { hash.word(*value as u64) }
 }
 
 /// Returns a frame; every element is null if a coordinate is.
@@ -74,7 +74,7 @@ pub fn minv(m: &[f64; 16]) -> [f64; 16] {
 
 /// Adds a matrix to the hash; it is null if its last element is.
 #[inline(always)]
-pub fn m_hash(hash: &mut Hash, value: &[f64; 16]) {
+pub fn m_hash(hash: &mut WordHash, value: &[f64; 16]) {
     if value[15].is_nan() {
         hash.real(f64::NAN);
     } else {

@@ -1,7 +1,7 @@
 //! The operations of the graphs with in-band null: a Real is null if it is NaN, a Bool if it is 2, an Int if it is
 //! `i64::MIN`. Branch-free, like the interpreter's. Used by the benchmarks.
 
-use super::Hash;
+use super::WordHash;
 #[allow(unused_imports)] // Without straight-line code.
 pub use super::common::*;
 
@@ -50,5 +50,5 @@ operations! {
         *n += (b == 1) as i64;
         if b & NULL != 0 { i64::MIN } else { *n }
     }
-    b_hash(hash: &mut Hash, value: &B) -> () { hash.word(u64::from(*value)) }
+    b_hash(hash: &mut WordHash, value: &B) -> () { hash.word(u64::from(*value)) }
 }

@@ -1,6 +1,6 @@
 //! The operations of the graphs if nothing is ever null, as one would write them by hand. Used by the benchmarks.
 
-use super::Hash;
+use super::WordHash;
 #[allow(unused_imports)] // Without straight-line code.
 pub use super::common::*;
 
@@ -31,5 +31,5 @@ operations! {
     lowpass(x: f64, g: f64, y: &mut f64) -> f64 { *y += (x - *y) * g; *y }
     edge(b: B, before: &mut B) -> B { b & !std::mem::replace(before, b) }
     count(b: B, n: &mut i64) -> i64 { *n += i64::from(b); *n }
-    b_hash(hash: &mut Hash, value: &B) -> () { hash.word(u64::from(*value)) }
+    b_hash(hash: &mut WordHash, value: &B) -> () { hash.word(u64::from(*value)) }
 }

@@ -91,7 +91,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
         command_timeout_ns: device.command_timeout_ns,
     });
     if leads {
-        player = player.leading();
+        player = player.with_leading_clock();
     }
     let mut image = CommandImage::new(7, MS);
     let mut checker = SetPointChecker::new(limits.joints, 0.0);

@@ -25,7 +25,7 @@ const BINARY32: f64 = 2.0e-7;
 /// A simulated controller, the driver under test, and a simulated executor.
 #[derive(Clone)]
 struct FriHarness {
-    session: FriSession,
+    fri: FriSession,
     session: DeviceSession,
     datagram: MeasurementDatagram,
     image: CommandImage,
@@ -45,7 +45,7 @@ static READY: LazyLock<FriHarness> = LazyLock::new(|| {
         .cell
         .device("lwr")
         .unwrap_or_else(|| panic!("the demo has an lwr"));
-    let session = FriSession::new(device, KrlConvention::FirstApp, Quality::Ok);
+    let fri = FriSession::new(device, KrlConvention::FirstApp, Quality::Ok);
     let mut datagram = MeasurementDatagram {
         state: SessionState::Command,
         quality: Quality::Perfect,
@@ -60,7 +60,7 @@ static READY: LazyLock<FriHarness> = LazyLock::new(|| {
         datagram.commanded_position[joint] = *hold as f32;
     }
     let mut harness = FriHarness {
-        session: session.unwrap_or_else(|error| panic!("{error}")),
+        fri: fri.unwrap_or_else(|error| panic!("{error}")),
         session: DeviceSession::new(device, 0),
         datagram,
         image: CommandImage::new(1, MS),
@@ -129,7 +129,7 @@ impl FriHarness {
             13 => self.corrupt_image(bytes)?,
             14 => self.now_ns += u64::from(u16::arbitrary(bytes)?) * MS / 16,
             15 => self.report_silence(),
-            16 => self.session.reset(),
+            16 => self.fri.reset(),
             17 => self.regular = bool::arbitrary(bytes)?,
             18 if u8::arbitrary(bytes)? == 0 => self.session.terminate(),
             _ => {}
@@ -153,7 +153,7 @@ impl FriHarness {
     }
 
     fn report_silence(&mut self) {
-        if self.session.silence(self.now_ns, Some(105)) {
+        if self.session.handle_link_error(self.now_ns, Some(105)) {
             self.checker.forget();
         }
     }
@@ -205,13 +205,13 @@ impl FriHarness {
     fn exchange(&mut self, bytes: &[u8]) {
         let image = self.executor.then_some(&self.image);
         self.session.observe(self.now_ns, image);
-        if !self.session.accept(bytes) {
+        if !self.fri.accept(bytes) {
             return;
         }
         let mut inputs = Inputs::NONE;
-        let exchange = self.session.exchange(&mut inputs);
+        let exchange = self.fri.exchange(&mut inputs);
         let outputs = self.session.exchange(self.now_ns, &inputs, &exchange);
-        let answer = CommandDatagram::decode(&self.session.answer(&outputs));
+        let answer = CommandDatagram::decode(&self.fri.answer(&outputs));
         let answer = answer.unwrap_or_else(|error| panic!("the answer is a datagram: {error}"));
         let mut told = [0.0; JOINTS_MAX];
         for (to, from) in told.iter_mut().zip(answer.joint_position) {

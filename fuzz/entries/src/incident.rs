@@ -11,7 +11,7 @@ use rcc_core::message::Measurement;
 use rcc_engine::incident::{self, Incident, IncidentHead, IncidentParts};
 use rcc_engine::net::Net;
 use rcc_engine::record::hash::WordChecksum;
-use rcc_engine::record::{EvaluationRecord, Recorder, RecorderConfig, TriggerReason};
+use rcc_engine::record::{EvaluationRecord, FlightRecorder, FlightRecorderConfig, TriggerReason};
 use rcc_engine::replay::{ReplaySource, replay};
 use rcc_ipc::control::PlanData;
 use rcc_ipc::events;
@@ -34,12 +34,12 @@ fn make() -> Vec<u64> {
     };
     let mut nets: Vec<_> = cell.plans.iter().filter_map(build).collect();
     let origins: Vec<_> = nets.iter().map(|net| net.origin()).collect();
-    let config = RecorderConfig {
+    let config = FlightRecorderConfig {
         span_ns: 1_000_000_000,
         memory: 1 << 20,
         period_ns: 1_000_000,
     };
-    let (mut recorder, mut helper) = Recorder::new(config, cell.models.len());
+    let (mut recorder, mut helper) = FlightRecorder::new(config, cell.models.len());
     let absent = DeviceInput {
         present: false,
         measurement: Measurement::zeroed(),

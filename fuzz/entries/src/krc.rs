@@ -45,7 +45,7 @@ pub fn run(data: &[u8]) {
     assert!(!to_line(Ok(ControlAnswer::State(Box::new(snapshot)))).contains('\n'));
 }
 
-fn next_measurement(krc: &mut Krc, line: &str) {
+fn send_line(krc: &mut Krc, line: &str) {
     let answer = serde_json::from_str::<KrcCommand>(line)
         .map_err(Into::into)
         .and_then(|command| krc.execute(command));
@@ -54,7 +54,7 @@ fn next_measurement(krc: &mut Krc, line: &str) {
 
 fn send_io_line(line: &str) {
     let mut image = ProcessImage::new(Vec::new());
-    if let Ok(io_control::Command::Set(input)) = serde_json::from_str(line) {
+    if let Ok(io_control::IoCommand::Set(input)) = serde_json::from_str(line) {
         // The only rule is that it returns.
         let _ = image.set(&input);
     }

@@ -21,7 +21,7 @@ use crate::plan::real;
 /// Number of exchanges per input.
 const EXCHANGES: usize = 4;
 
-struct Server {
+struct ScriptedServer {
     address: SocketAddr,
     /// Bytes with which the next connection is answered.
     answers: Sender<Vec<u8>>,
@@ -29,7 +29,7 @@ struct Server {
     ended: Receiver<()>,
 }
 
-static SERVER: LazyLock<Mutex<Server>> = LazyLock::new(|| {
+static SERVER: LazyLock<Mutex<ScriptedServer>> = LazyLock::new(|| {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap_or_else(|error| panic!("{error}"));
     let address = listener
         .local_addr()
@@ -47,7 +47,7 @@ static SERVER: LazyLock<Mutex<Server>> = LazyLock::new(|| {
             }
         }
     });
-    Mutex::new(Server {
+    Mutex::new(ScriptedServer {
         address,
         answers,
         ended,
@@ -175,7 +175,7 @@ fn serve(mut stream: TcpStream, data: &[u8]) -> std::io::Result<()> {
             // The right function code with any data.
             3 => framed(&header, &[&[header[7]], said].concat()),
             // A correct answer.
-            _ => framed(&header, &good(header[7], &request, said)),
+            _ => framed(&header, &correct_answer(header[7], &request, said)),
         };
         if size == 0 && how % 8 == 0 && bytes.is_empty() {
             return Ok(());
@@ -194,7 +194,7 @@ fn framed(header: &[u8; 8], pdu: &[u8]) -> Vec<u8> {
 }
 
 /// Builds a correct answer with these values.
-fn good(function: u8, request: &[u8], said: &[u8]) -> Vec<u8> {
+fn correct_answer(function: u8, request: &[u8], said: &[u8]) -> Vec<u8> {
     let count = usize::from(u16::from_be_bytes([
         request.get(2).copied().unwrap_or(0),
         request.get(3).copied().unwrap_or(0),

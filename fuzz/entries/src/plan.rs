@@ -71,11 +71,11 @@ fn change(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
         0..=2 => set(&mut plan.reals, real, bytes),
         3 => set(&mut plan.bools, u8::arbitrary, bytes),
         4 => set(&mut plan.ints, i64::arbitrary, bytes),
-        5..=7 => set(&mut plan.operands, near_number, bytes),
-        8 => set(&mut plan.runs, a_run, bytes),
-        9 => insert(&mut plan.runs, a_run, bytes),
-        10 => insert(&mut plan.delays, a_delay, bytes),
-        11 => insert(&mut plan.monitors, a_monitor, bytes),
+        5..=7 => set(&mut plan.operands, mostly_small_number, bytes),
+        8 => set(&mut plan.runs, arbitrary_run, bytes),
+        9 => insert(&mut plan.runs, arbitrary_run, bytes),
+        10 => insert(&mut plan.delays, arbitrary_delay, bytes),
+        11 => insert(&mut plan.monitors, arbitrary_monitor, bytes),
         12 => insert(&mut plan.reals, real, bytes),
         13 => remove(plan, bytes),
         14 => {
@@ -88,11 +88,11 @@ fn change(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
             }
             Ok(())
         }
-        15 => a_region_more(plan, bytes),
-        16 => set(&mut plan.regions, a_region, bytes),
+        15 => append_region(plan, bytes),
+        16 => set(&mut plan.regions, arbitrary_region, bytes),
         17 => match bool::arbitrary(bytes)? {
-            true => insert(&mut plan.blocks, a_block, bytes),
-            false => set(&mut plan.blocks, a_block, bytes),
+            true => insert(&mut plan.blocks, arbitrary_block, bytes),
+            false => set(&mut plan.blocks, arbitrary_block, bytes),
         },
         _ => {
             plan.clocks = bytes.int_in_range(0..=65)?;
@@ -171,22 +171,22 @@ pub(crate) fn real(bytes: &mut Unstructured<'_>) -> Result<f64> {
     }
 }
 
-fn near_number(bytes: &mut Unstructured<'_>) -> Result<u32> {
+fn mostly_small_number(bytes: &mut Unstructured<'_>) -> Result<u32> {
     if bool::arbitrary(bytes)? {
         return u8::arbitrary(bytes).map(u32::from);
     }
     u32::arbitrary(bytes)
 }
 
-fn a_run(bytes: &mut Unstructured<'_>) -> Result<KernelRun> {
+fn arbitrary_run(bytes: &mut Unstructured<'_>) -> Result<KernelRun> {
     Ok(KernelRun {
         kernel: bytes.int_in_range(0..=300)?,
-        first: near_number(bytes)?,
-        operands: near_number(bytes)?,
+        first: mostly_small_number(bytes)?,
+        operands: mostly_small_number(bytes)?,
     })
 }
 
-fn a_block(bytes: &mut Unstructured<'_>) -> Result<RunBlock> {
+fn arbitrary_block(bytes: &mut Unstructured<'_>) -> Result<RunBlock> {
     let region = match bool::arbitrary(bytes)? {
         true => NO_REGION,
         false => bytes.int_in_range(0..=3)?,
@@ -197,25 +197,25 @@ fn a_block(bytes: &mut Unstructured<'_>) -> Result<RunBlock> {
     })
 }
 
-fn a_region(bytes: &mut Unstructured<'_>) -> Result<PlanRegion> {
+fn arbitrary_region(bytes: &mut Unstructured<'_>) -> Result<PlanRegion> {
     Ok(PlanRegion {
-        condition: near_number(bytes)?,
+        condition: mostly_small_number(bytes)?,
         within: match bool::arbitrary(bytes)? {
             true => NO_REGION,
-            false => near_number(bytes)?,
+            false => mostly_small_number(bytes)?,
         },
-        active: near_number(bytes)?,
+        active: mostly_small_number(bytes)?,
         blanks: bytes.int_in_range(0..=3)?,
     })
 }
 
 /// Puts some of the last runs under a condition, so that the blocks still cover all runs.
-fn a_region_more(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
-    let region = a_region(bytes)?;
+fn append_region(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
+    let region = arbitrary_region(bytes)?;
     for _ in 0..region.blanks {
         plan.blanks.push(NullRange {
-            store: a_store(bytes)?,
-            slot: near_number(bytes)?,
+            store: arbitrary_store(bytes)?,
+            slot: mostly_small_number(bytes)?,
             width: bytes.int_in_range(0..=9)?,
         });
     }
@@ -242,27 +242,27 @@ fn a_region_more(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()
     Ok(())
 }
 
-fn a_store(bytes: &mut Unstructured<'_>) -> Result<Store> {
+fn arbitrary_store(bytes: &mut Unstructured<'_>) -> Result<Store> {
     bytes
         .choose(&[Store::Real, Store::Bool, Store::Int])
         .copied()
 }
 
-fn a_delay(bytes: &mut Unstructured<'_>) -> Result<Delay> {
+fn arbitrary_delay(bytes: &mut Unstructured<'_>) -> Result<Delay> {
     Ok(Delay {
-        store: a_store(bytes)?,
-        from: near_number(bytes)?,
-        to: near_number(bytes)?,
-        width: near_number(bytes)?,
+        store: arbitrary_store(bytes)?,
+        from: mostly_small_number(bytes)?,
+        to: mostly_small_number(bytes)?,
+        width: mostly_small_number(bytes)?,
     })
 }
 
-fn a_monitor(bytes: &mut Unstructured<'_>) -> Result<MonitorPoint> {
+fn arbitrary_monitor(bytes: &mut Unstructured<'_>) -> Result<MonitorPoint> {
     Ok(MonitorPoint {
-        store: a_store(bytes)?,
-        slot: near_number(bytes)?,
-        width: near_number(bytes)?,
-        every: near_number(bytes)?,
+        store: arbitrary_store(bytes)?,
+        slot: mostly_small_number(bytes)?,
+        width: mostly_small_number(bytes)?,
+        every: mostly_small_number(bytes)?,
     })
 }
 

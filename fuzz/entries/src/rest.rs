@@ -65,7 +65,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn good<T, E: std::fmt::Display>(result: std::result::Result<T, E>) -> T {
+fn unwrap_or_panic<T, E: std::fmt::Display>(result: std::result::Result<T, E>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -97,7 +97,7 @@ fn new_cell() -> Cell {
             remove_cell(&folder);
         }
     }
-    good(Cell::at(
+    unwrap_or_panic(Cell::at(
         "fuzz",
         &parent.join(format!("rcc-fuzz-{}", std::process::id())),
     ))
@@ -134,13 +134,14 @@ fn remove_cell(folder: &Path) {
 
 fn set_up() -> RestHarness {
     let cell = new_cell();
-    let session = good(Session::join(&cell, Role::ExecutorLink, "exec"));
-    let server = good(session.serve(CONTROL));
-    let status = good(session.create_board::<CycleStatus>(STATUS));
-    let tables = good(session.create_board::<Tables>(TABLES));
-    let timing = good(session.create_board::<CycleTiming>(TIMING));
-    let helpers =
-        good(session.create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS));
+    let session = unwrap_or_panic(Session::join(&cell, Role::Executor, "exec"));
+    let server = unwrap_or_panic(session.serve(CONTROL));
+    let status = unwrap_or_panic(session.create_board::<CycleStatus>(STATUS));
+    let tables = unwrap_or_panic(session.create_board::<Tables>(TABLES));
+    let timing = unwrap_or_panic(session.create_board::<CycleTiming>(TIMING));
+    let helpers = unwrap_or_panic(
+        session.create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS),
+    );
     let announcement = Announcement::of(&session)
         .configured(Configuration::new(shipped().cell.identity()))
         .service(CONTROL, server.service())
@@ -148,7 +149,7 @@ fn set_up() -> RestHarness {
         .service(TABLES, tables.service())
         .service(TIMING, timing.service())
         .service(rcc_ipc::control::HELPERS, helpers.service());
-    let announced = good(cell.announce(&announcement));
+    let announced = unwrap_or_panic(cell.announce(&announcement));
     let fake = Arc::new(Mutex::new(FakeExecutorState {
         tables: bytemuck::zeroed_box(),
         status: CycleStatus::zeroed(),
@@ -163,7 +164,7 @@ fn set_up() -> RestHarness {
         play_executor(&server, (status, tables, timing), &shared);
         drop((announced, helpers, server, session));
     });
-    let loader = good(Session::join(&cell, Role::Loader, "loader"));
+    let loader = unwrap_or_panic(Session::join(&cell, Role::Loader, "loader"));
     let service = Arc::new(Service::new(
         ExecutorLink::new(loader),
         shipped().cell.clone(),
@@ -172,7 +173,10 @@ fn set_up() -> RestHarness {
         .worker_threads(1)
         .enable_all()
         .build();
-    let (runtime, router) = (good(runtime), good(router(Arc::clone(&service))));
+    let (runtime, router) = (
+        unwrap_or_panic(runtime),
+        unwrap_or_panic(router(Arc::clone(&service))),
+    );
     let folder = cell.runtime_dir().to_owned();
     RestHarness {
         runtime,
@@ -211,7 +215,7 @@ fn play_executor(
                 let call = wire::decode::<Call>(request.bytes());
                 let answer = match (now.answers.pop_front(), call) {
                     (Some(bytes), _) => bytes,
-                    (None, Ok(call)) => good(wire::encode(&now.answer(&call))),
+                    (None, Ok(call)) => unwrap_or_panic(wire::encode(&now.answer(&call))),
                     (None, Err(error)) => panic!("the loader sent a malformed call: {error}"),
                 };
                 tables.write(&now.tables);

@@ -1,10 +1,10 @@
 //! A primitive as a box: lines of text, ports and their positions. Pure.
 
-use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole, PortInfo, SourceInfo};
+use rcc_language::structure::{NetStructure, PortInfo, PrimitiveInfo, PrimitiveRole, SourceInfo};
 
 use super::layout::{LayerConstraint, NodeShape};
 use super::text::{fit, lines, width};
-use super::{Values, constant, is_label, links, shown};
+use super::{PortValues, constant, is_label, links, shown};
 
 /// Font size of ids.
 pub const ID_SIZE: f64 = 13.0;
@@ -101,7 +101,7 @@ impl PrimitiveBox {
 
 /// Returns the boxes of a net: all primitives except those drawn as labels of others.
 #[must_use]
-pub fn boxes(net: &NetStructure, values: Option<&Values>) -> Vec<PrimitiveBox> {
+pub fn boxes(net: &NetStructure, values: Option<&PortValues>) -> Vec<PrimitiveBox> {
     let mut read: Vec<Vec<bool>> = net
         .primitives
         .iter()
@@ -121,7 +121,9 @@ pub fn boxes(net: &NetStructure, values: Option<&Values>) -> Vec<PrimitiveBox> {
     let parts = net.primitives.iter().enumerate();
     let parts = parts.filter(|(_, part)| !is_label(net, part));
     parts
-        .map(|(number, part)| boxed(net, number, part, &read[number], &watched[number], values))
+        .map(|(number, part)| {
+            primitive_box(net, number, part, &read[number], &watched[number], values)
+        })
         .collect()
 }
 
@@ -157,13 +159,13 @@ fn short_id(id: &str) -> &str {
     id.rsplit('/').next().unwrap_or(id)
 }
 
-fn boxed(
+fn primitive_box(
     net: &NetStructure,
     number: usize,
     part: &PrimitiveInfo,
     read: &[bool],
     watched: &[(usize, String)],
-    values: Option<&Values>,
+    values: Option<&PortValues>,
 ) -> PrimitiveBox {
     let value = |port: &str| values?.get(&format!("{}.{port}", part.id)).cloned();
     let inputs = part.inputs.iter().enumerate();
@@ -250,13 +252,13 @@ fn input(net: &NetStructure, port: usize, pin: &PortInfo, value: Option<String>)
 
 fn kind(pin: &PortInfo) -> String {
     match &pin.unit {
-        Some(unit) => format!("{} {}", pin.type_name, raised(unit)),
+        Some(unit) => format!("{} {}", pin.type_name, with_superscripts(unit)),
         None => pin.type_name.clone(),
     }
 }
 
 /// Replaces powers in units by superscripts.
-fn raised(words: &str) -> String {
+fn with_superscripts(words: &str) -> String {
     words.replace("^2", "²").replace("^3", "³")
 }
 
@@ -264,7 +266,7 @@ fn parameters(net: &NetStructure, part: &PrimitiveInfo) -> Vec<String> {
     let all = part.parameters.iter();
     let mut shown: Vec<String> = all
         .take(PARAMETERS_MAX)
-        .map(|(name, value)| format!("{name} {}", raised(value)))
+        .map(|(name, value)| format!("{name} {}", with_superscripts(value)))
         .collect();
     if let Some(more @ 1..) = part.parameters.len().checked_sub(PARAMETERS_MAX) {
         shown.push(format!("… {more} more"));

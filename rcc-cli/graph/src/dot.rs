@@ -3,13 +3,13 @@
 
 use std::fmt::Write as _;
 
-use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole, PortInfo, SourceInfo};
+use rcc_language::structure::{NetStructure, PortInfo, PrimitiveInfo, PrimitiveRole, SourceInfo};
 
-use super::{Values, constant, frame_title, links};
+use super::{PortValues, constant, frame_title, links};
 
 /// Returns the DOT source of a net.
 #[must_use]
-pub fn dot(net: &NetStructure, values: Option<&Values>) -> String {
+pub fn dot(net: &NetStructure, values: Option<&PortValues>) -> String {
     let mut out = format!(
         "digraph {} {{\n  rankdir=LR;\n  node [shape=plain, fontname=\"Helvetica\", fontsize=11];\n  edge [color=\"#7f8a99\", arrowsize=0.6];\n",
         quoted(&net.net)
@@ -35,7 +35,7 @@ pub fn dot(net: &NetStructure, values: Option<&Values>) -> String {
 }
 
 /// Writes the nodes; those of a fragment within its cluster.
-fn clusters(out: &mut String, net: &NetStructure, values: Option<&Values>) {
+fn clusters(out: &mut String, net: &NetStructure, values: Option<&PortValues>) {
     let mut parts: Vec<(Vec<&str>, usize)> = net
         .primitives
         .iter()
@@ -81,7 +81,13 @@ const fn colour(role: PrimitiveRole) -> &'static str {
     }
 }
 
-fn node(out: &mut String, net: &NetStructure, number: usize, part: &PrimitiveInfo, values: Option<&Values>) {
+fn node(
+    out: &mut String,
+    net: &NetStructure,
+    number: usize,
+    part: &PrimitiveInfo,
+    values: Option<&PortValues>,
+) {
     let device = part.device.as_ref().map(|device| format!(" · {device}"));
     let mut rows = format!(
         "<TR><TD COLSPAN=\"2\" BGCOLOR=\"{}\"><B>{}</B><BR/>{}</TD></TR>",

@@ -96,7 +96,7 @@ impl LinkRoute {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
     /// Top left corners, by box.
-    pub places: Vec<PlanePoint>,
+    pub positions: Vec<PlanePoint>,
     /// Courses of the links, by edge.
     pub routes: Vec<LinkRoute>,
     /// Total width.

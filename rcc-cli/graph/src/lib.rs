@@ -2,20 +2,20 @@
 //! same net gives the same bytes. Pure; run by the command line. A separate package, because it depends only on the
 //! language and is tested without the rest of the system.
 
+pub mod boxes;
 pub mod dot;
 pub mod layout;
 pub mod mermaid;
-pub mod boxes;
 pub mod scene;
 pub mod svg;
 pub mod text;
 
 use std::collections::BTreeMap;
 
-use rcc_language::structure::{NetStructure, LinkInfo, PrimitiveInfo, PrimitiveRole, SourceInfo};
+use rcc_language::structure::{LinkInfo, NetStructure, PrimitiveInfo, PrimitiveRole, SourceInfo};
 
 /// Values of a running net, as text, by `primitive.port`.
-pub type Values = BTreeMap<String, String>;
+pub type PortValues = BTreeMap<String, String>;
 
 /// Returns the links of a net: the reading primitive, its input, the element within a list of links, and the link.
 pub fn links(net: &NetStructure) -> impl Iterator<Item = (usize, usize, Option<usize>, &LinkInfo)> {

@@ -6,11 +6,11 @@ use std::fmt::Write as _;
 
 use rcc_language::structure::{NetStructure, PrimitiveRole, SourceInfo};
 
-use super::{Values, constant, frame_title, links};
+use super::{PortValues, constant, frame_title, links};
 
 /// Returns the Mermaid source of a net.
 #[must_use]
-pub fn mermaid(net: &NetStructure, values: Option<&Values>) -> String {
+pub fn mermaid(net: &NetStructure, values: Option<&PortValues>) -> String {
     let mut out = "flowchart LR\n".to_owned();
     nodes(&mut out, net);
     for (reader, input, element, link) in links(net) {

@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rcc_language::structure::{NetStructure, PrimitiveRole};
 
-use super::layout::{Edge, LayerConstraint, PlanePoint, LinkRoute, NodeShape, layout};
 use super::boxes::{PrimitiveBox, boxes};
-use super::{Values, frame_title, is_label, links};
+use super::layout::{Edge, LayerConstraint, LinkRoute, NodeShape, PlanePoint, layout};
+use super::{PortValues, frame_title, is_label, links};
 
 /// Largest number of boxes that is drawn.
 pub const BOXES_MAX: usize = 400;
@@ -19,7 +19,7 @@ const MARGIN: f64 = 18.0;
 
 /// A laid-out net.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Scene {
+pub struct NetScene {
     /// Boxes and their top left corners.
     pub boxes: Vec<(PrimitiveBox, PlanePoint)>,
     /// Frames of fragments, outer ones first.
@@ -70,7 +70,7 @@ pub struct TooManyBoxes {
 ///
 /// # Errors
 /// Fails if the net has more than [`BOXES_MAX`] boxes.
-pub fn scene(net: &NetStructure, values: Option<&Values>) -> Result<Scene, TooManyBoxes> {
+pub fn scene(net: &NetStructure, values: Option<&PortValues>) -> Result<NetScene, TooManyBoxes> {
     let boxes = boxes(net, values);
     if boxes.len() > BOXES_MAX {
         return Err(TooManyBoxes { boxes: boxes.len() });
@@ -87,7 +87,7 @@ pub fn scene(net: &NetStructure, values: Option<&Values>) -> Result<Scene, TooMa
     };
     let arranged = builder.arrange(&root, None);
     let at = |place: usize, at: PlanePoint| (boxes[place].clone(), at);
-    Ok(Scene {
+    Ok(NetScene {
         boxes: arranged
             .boxes
             .into_iter()
@@ -112,7 +112,7 @@ fn drawn_links(net: &NetStructure) -> Vec<DrawnLink> {
         ((link.primitive, link.output, link.delayed), (reader, input))
     });
     let mut seen = BTreeSet::new();
-    drawn_links.filter(|wire| seen.insert(*wire)).collect()
+    drawn_links.filter(|link| seen.insert(*link)).collect()
 }
 
 /// Boxes and groups within one instance of a fragment.
@@ -166,7 +166,7 @@ impl GroupLayout {
     }
 
     /// Adds the contents of an inner group, moved by `by`.
-    fn take(&mut self, inner: GroupLayout, by: PlanePoint) {
+    fn absorb(&mut self, inner: GroupLayout, by: PlanePoint) {
         let add = |at: PlanePoint| PlanePoint {
             x: at.x + by.x,
             y: at.y + by.y,
@@ -179,9 +179,9 @@ impl GroupLayout {
             ..frame
         }));
         let links = inner.links.into_iter();
-        self.links.extend(links.map(|piece| LinkSegment {
-            route: piece.route.moved(by),
-            ..piece
+        self.links.extend(links.map(|segment| LinkSegment {
+            route: segment.route.moved(by),
+            ..segment
         }));
     }
 }
@@ -197,11 +197,11 @@ struct EdgeBuilder<'a> {
     builder: &'a SceneBuilder<'a>,
     group: &'a FrameGroup,
     inner: &'a [GroupLayout],
-    /// By primitive: the box or group of this group that it is in.
+    /// Box or inner group that contains each primitive.
     owner: BTreeMap<usize, usize>,
     /// Shapes on the border for each incoming and outgoing signal.
-    coming: BTreeMap<Signal, usize>,
-    going: BTreeMap<Signal, usize>,
+    incoming: BTreeMap<Signal, usize>,
+    outgoing: BTreeMap<Signal, usize>,
     shapes: Vec<NodeShape>,
 }
 
@@ -223,13 +223,13 @@ impl SceneBuilder<'_> {
         let laid = layout(&ends.shapes, &edges);
         let EdgeBuilder {
             shapes,
-            coming,
-            going,
+            incoming,
+            outgoing,
             ..
         } = ends;
         let framed = title.is_some();
         let by = PlanePoint {
-            x: if framed && coming.is_empty() {
+            x: if framed && incoming.is_empty() {
                 MARGIN
             } else {
                 0.0
@@ -239,7 +239,7 @@ impl SceneBuilder<'_> {
         let mut out = GroupLayout {
             width: laid.width
                 + by.x
-                + if framed && going.is_empty() {
+                + if framed && outgoing.is_empty() {
                     MARGIN
                 } else {
                     0.0
@@ -250,10 +250,10 @@ impl SceneBuilder<'_> {
         let border = |borders: &BTreeMap<Signal, usize>| -> Vec<(Signal, f64)> {
             let borders = borders.iter();
             borders
-                .map(|(signal, shape)| (*signal, laid.places[*shape].y + by.y))
+                .map(|(signal, shape)| (*signal, laid.positions[*shape].y + by.y))
                 .collect()
         };
-        (out.inputs, out.outputs) = (border(&coming), border(&going));
+        (out.inputs, out.outputs) = (border(&incoming), border(&outgoing));
         if let Some(title) = title {
             out.frames.push(FragmentFrame {
                 title: title.to_owned(),
@@ -263,9 +263,9 @@ impl SceneBuilder<'_> {
             });
         }
         for (edge, route) in edges.iter().zip(laid.routes) {
-            out.links.push(self.piece(
+            out.links.push(self.link_segment(
                 group,
-                &coming,
+                &incoming,
                 edge,
                 route.moved(by),
                 &inner,
@@ -274,24 +274,24 @@ impl SceneBuilder<'_> {
             ));
         }
         let place = |shape: usize| PlanePoint {
-            x: laid.places[shape].x + by.x,
-            y: laid.places[shape].y + by.y,
+            x: laid.positions[shape].x + by.x,
+            y: laid.positions[shape].y + by.y,
         };
         for (shape, it) in group.boxes.iter().enumerate() {
             out.boxes.push((*it, place(shape)));
         }
         for (number, inner) in inner.into_iter().enumerate() {
-            out.take(inner, place(group.boxes.len() + number));
+            out.absorb(inner, place(group.boxes.len() + number));
         }
         out
     }
 
     /// Creates the link segment of an edge, extended to the border of the frame where the link enters or leaves.
     #[allow(clippy::too_many_arguments)]
-    fn piece(
+    fn link_segment(
         &self,
         group: &FrameGroup,
-        coming: &BTreeMap<Signal, usize>,
+        incoming: &BTreeMap<Signal, usize>,
         edge: &Edge,
         route: LinkRoute,
         inner: &[GroupLayout],
@@ -307,7 +307,7 @@ impl SceneBuilder<'_> {
             None => match inner.get(from - group.boxes.len()) {
                 Some(inner) => inner.outputs[output].0,
                 // An incoming signal: there is one shape per signal.
-                None => coming
+                None => incoming
                     .iter()
                     .find(|(_, shape)| **shape == from)
                     .map_or((0, 0, false), |(signal, _)| *signal),
@@ -320,12 +320,22 @@ impl SceneBuilder<'_> {
         LinkSegment {
             signal,
             to,
-            route: to_border(route, shapes[from].constraint, shapes[edge.to.0].constraint, width),
+            route: to_border(
+                route,
+                shapes[from].constraint,
+                shapes[edge.to.0].constraint,
+                width,
+            ),
         }
     }
 }
 
-fn to_border(route: LinkRoute, from: LayerConstraint, to: LayerConstraint, width: f64) -> LinkRoute {
+fn to_border(
+    route: LinkRoute,
+    from: LayerConstraint,
+    to: LayerConstraint,
+    width: f64,
+) -> LinkRoute {
     let extended = |mut points: Vec<PlanePoint>| {
         if let (LayerConstraint::First, Some(first)) = (from, points.first().copied()) {
             points.insert(0, PlanePoint { x: 0.0, ..first });
@@ -343,7 +353,11 @@ fn to_border(route: LinkRoute, from: LayerConstraint, to: LayerConstraint, width
 }
 
 impl<'a> EdgeBuilder<'a> {
-    fn new(builder: &'a SceneBuilder<'a>, group: &'a FrameGroup, inner: &'a [GroupLayout]) -> EdgeBuilder<'a> {
+    fn new(
+        builder: &'a SceneBuilder<'a>,
+        group: &'a FrameGroup,
+        inner: &'a [GroupLayout],
+    ) -> EdgeBuilder<'a> {
         let boxes = group.boxes.iter().map(|it| &builder.boxes[*it]);
         let mut owner: BTreeMap<usize, usize> = boxes
             .clone()
@@ -361,8 +375,8 @@ impl<'a> EdgeBuilder<'a> {
             group,
             inner,
             owner,
-            coming: BTreeMap::new(),
-            going: BTreeMap::new(),
+            incoming: BTreeMap::new(),
+            outgoing: BTreeMap::new(),
             shapes,
         }
     }
@@ -388,7 +402,12 @@ impl<'a> EdgeBuilder<'a> {
                 )
             }
             None => (
-                EdgeBuilder::border(&mut self.coming, &mut self.shapes, signal, LayerConstraint::First),
+                EdgeBuilder::border(
+                    &mut self.incoming,
+                    &mut self.shapes,
+                    signal,
+                    LayerConstraint::First,
+                ),
                 0,
             ),
         };
@@ -405,7 +424,12 @@ impl<'a> EdgeBuilder<'a> {
                 )
             }
             None => (
-                EdgeBuilder::border(&mut self.going, &mut self.shapes, signal, LayerConstraint::Last),
+                EdgeBuilder::border(
+                    &mut self.outgoing,
+                    &mut self.shapes,
+                    signal,
+                    LayerConstraint::Last,
+                ),
                 0,
             ),
         };

@@ -7,9 +7,9 @@ use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole};
 mod legend;
 
 use self::legend::Legend;
-use super::layout::{PlanePoint, LinkRoute};
-use super::boxes::{PrimitiveBox, PortLabel};
-use super::scene::{FragmentFrame, LinkSegment, Scene};
+use super::boxes::{PortLabel, PrimitiveBox};
+use super::layout::{LinkRoute, PlanePoint};
+use super::scene::{FragmentFrame, LinkSegment, NetScene};
 use super::text::{fit, lines};
 
 const MARGIN: f64 = 24.0;
@@ -85,7 +85,7 @@ text{fill:#e4e9ef}.paper{fill:#151a21}.words{fill:#9aa5b3}
 
 /// Returns the SVG of a net.
 #[must_use]
-pub fn svg(net: &NetStructure, scene: &Scene) -> String {
+pub fn svg(net: &NetStructure, scene: &NetScene) -> String {
     let wide = (scene.width + 2.0 * MARGIN).max(LEAST_WIDTH).ceil();
     let words = lines(&net.description, 12.0, wide - 2.0 * MARGIN, 4);
     let top = MARGIN + TITLE + 18.0 * words.len() as f64 + 14.0;
@@ -132,7 +132,7 @@ pub fn svg(net: &NetStructure, scene: &Scene) -> String {
     scene
         .links
         .iter()
-        .for_each(|piece| draw_link(&mut out, net, piece));
+        .for_each(|segment| draw_link(&mut out, net, segment));
     for (it, at) in &scene.boxes {
         if let Some(part) = net.primitives.get(it.part) {
             draw_box(&mut out, part, it, *at);
@@ -179,8 +179,8 @@ fn draw_frame(out: &mut String, frame: &FragmentFrame) {
     );
 }
 
-fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
-    let (part, output, delayed) = piece.signal;
+fn draw_link(out: &mut String, net: &NetStructure, segment: &LinkSegment) {
+    let (part, output, delayed) = segment.signal;
     let part = net.primitives.get(part);
     let port = part.and_then(|part| part.outputs.get(output));
     let (id, port) = (
@@ -188,7 +188,7 @@ fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
         port.map_or("", |port| port.name),
     );
     let class = if delayed { "link delayed" } else { "link" };
-    let to = piece.to.and_then(|(reader, input)| {
+    let to = segment.to.and_then(|(reader, input)| {
         let reader = net.primitives.get(reader)?;
         Some(format!(
             " → {}.{}",
@@ -199,11 +199,15 @@ fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
     let _ = writeln!(
         out,
         "<path class=\"{class}\" d=\"{}\"><title>{}</title></path>",
-        path(&piece.route),
+        path(&segment.route),
         escaped(&format!(
             "{id}.{port}{}{}",
             to.unwrap_or_default(),
-            if delayed { ", of the cycle before" } else { "" }
+            if delayed {
+                ", of the previous cycle"
+            } else {
+                ""
+            }
         ))
     );
 }

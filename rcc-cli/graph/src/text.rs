@@ -4,12 +4,12 @@
 /// Returns the width of a text, in the unit of `size`.
 #[must_use]
 pub fn width(text: &str, size: f64) -> f64 {
-    let sum: f64 = text.chars().map(em).sum();
+    let sum: f64 = text.chars().map(character_width).sum();
     sum * size
 }
 
 /// Returns the width of a character, relative to the size.
-fn em(letter: char) -> f64 {
+fn character_width(letter: char) -> f64 {
     match letter {
         'i' | 'j' | 'l' | '\'' | '|' => 0.30,
         'I' | '.' | ',' | ':' | ';' | ' ' | '·' => 0.34,
@@ -31,7 +31,7 @@ pub fn fit(text: &str, size: f64, most: f64) -> String {
     let mut kept = String::new();
     let mut used = width("…", size);
     for letter in text.chars() {
-        used += em(letter) * size;
+        used += character_width(letter) * size;
         if used > most {
             break;
         }
@@ -47,7 +47,9 @@ pub fn lines(text: &str, size: f64, most: f64, count: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {
-            Some(line) if width(line, size) + width(word, size) + em(' ') * size <= most => {
+            Some(line)
+                if width(line, size) + width(word, size) + character_width(' ') * size <= most =>
+            {
                 line.push(' ');
                 line.push_str(word);
             }

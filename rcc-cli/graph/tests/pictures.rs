@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
 use rcc_graph::layout::PlanePoint;
-use rcc_graph::scene::{Scene, scene};
+use rcc_graph::scene::{NetScene, scene};
 use rcc_graph::{dot::dot, is_label, links, mermaid::mermaid, shown, svg::svg};
-use rcc_language::structure::{NetStructure, PrimitiveRole};
 use rcc_language::compile_with_structure;
 use rcc_language::library::FileLibraries;
+use rcc_language::structure::{NetStructure, PrimitiveRole};
 
 fn folder(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -43,7 +43,7 @@ fn nets() -> BTreeMap<String, NetStructure> {
 }
 
 /// Checks that boxes do not overlap, lie within the diagram, and that links end at the ports of their boxes.
-fn check(net: &NetStructure, scene: &Scene) {
+fn check(net: &NetStructure, scene: &NetScene) {
     for (number, (a, at)) in scene.boxes.iter().enumerate() {
         for (b, other) in &scene.boxes[number + 1..] {
             let beside = at.x + a.width <= other.x || other.x + b.width <= at.x;
@@ -175,7 +175,7 @@ primitives:
 ";
 
 #[test]
-fn dot_has_ports_and_dashes_for_what_is_delayed() {
+fn dot_has_ports_and_dashed_delayed_links() {
     let text = dot(&structure(SMALL, "small"), None);
     for line in [
         "  n0:o0:e -> n2:i0:w;",
@@ -195,7 +195,7 @@ fn dot_has_ports_and_dashes_for_what_is_delayed() {
 }
 
 #[test]
-fn mermaid_has_boxes_links_and_nothing_that_it_would_read() {
+fn mermaid_has_boxes_and_links_and_escapes_texts() {
     let text = mermaid(&structure(SMALL, "small"), None);
     let wanted = "flowchart LR
   n0[\"<b>time</b><br/>Time\"]

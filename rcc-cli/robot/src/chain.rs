@@ -8,13 +8,13 @@ use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 
 use crate::ImportError;
-use crate::urdf::{UrdfJoint, JointKind, UrdfRobot};
+use crate::urdf::{JointKind, UrdfJoint, UrdfRobot};
 
 /// Largest number of names in a message.
 const LISTED_MAX: usize = 20;
 
 /// Conventional names of the flange link, used if a robot has several leaves (REP 199).
-const TIPS: [&str; 4] = ["tool0", "flange", "ee_link", "ee"];
+const FLANGE_LINKS: [&str; 4] = ["tool0", "flange", "ee_link", "ee"];
 
 /// A revolute joint of the chain.
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ pub struct RevoluteJoint {
 
 /// Chain of revolute joints from a base to a tip.
 #[derive(Clone, Debug)]
-pub struct Chain {
+pub struct JointChain {
     /// Name of the base link.
     pub base: String,
     /// Name of the flange link.
@@ -44,13 +44,13 @@ pub struct Chain {
     pub end: Isometry3<f64>,
 }
 
-impl Chain {
+impl JointChain {
     /// Returns the chain between two links of a robot.
     pub(crate) fn of(
         robot: &UrdfRobot,
         base: Option<&str>,
         tip: Option<&str>,
-    ) -> Result<Chain, ImportError> {
+    ) -> Result<JointChain, ImportError> {
         // Builds the tables once, so that the effort grows linearly with the number of links. If several joints have
         // the same child link, the first one counts.
         let parents: HashSet<&str> = robot.joints.iter().map(|joint| &*joint.parent).collect();
@@ -107,7 +107,7 @@ impl Chain {
             });
             between = Isometry3::identity();
         }
-        Ok(Chain {
+        Ok(JointChain {
             base,
             tip,
             revolute_joints,
@@ -134,7 +134,10 @@ impl Chain {
         let mut at = Isometry3::identity();
         let axes = self.revolute_joints.iter().map(|revolute| {
             at *= revolute.origin;
-            [at.rotation * revolute.axis.into_inner(), at.translation.vector]
+            [
+                at.rotation * revolute.axis.into_inner(),
+                at.translation.vector,
+            ]
         });
         let axes = axes.collect();
         (axes, at * self.end)
@@ -163,7 +166,9 @@ fn check_usable(joint: &UrdfJoint, is_only_one: bool) -> Result<(), ImportError>
     }
     let length = joint.axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length.is_nan() || length < 1e-9 {
-        return unusable("has a zero axis: write a direction such as `<axis xyz=\"0 0 1\"/>`".to_owned());
+        return unusable(
+            "has a zero axis: write a direction such as `<axis xyz=\"0 0 1\"/>`".to_owned(),
+        );
     }
     let ([lower, upper], velocity) = (joint.range, joint.velocity);
     let are_finite = [lower, upper, velocity]
@@ -219,7 +224,7 @@ fn find(
         };
     }
     let found: Vec<&str> = links().filter(|link| fits(link)).collect();
-    let usual = TIPS.iter().find(|tip| found.contains(tip));
+    let usual = FLANGE_LINKS.iter().find(|tip| found.contains(tip));
     match (found.as_slice(), usual) {
         ([one], _) => Ok((*one).to_owned()),
         (_, Some(tip)) => Ok((*tip).to_owned()),

@@ -7,14 +7,14 @@ use nalgebra::{Isometry3, Vector3};
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 
 use crate::chain::listed;
-use crate::{Chain, ImportError};
+use crate::{ImportError, JointChain};
 
 /// Tolerance of the axes, rad or m; the comparison of forward kinematics is stricter.
-const SLACK: f64 = 1e-6;
+const TOLERANCE_AXES: f64 = 1e-6;
 
 type Vector = Vector3<f64>;
 
-/// What a joint or link lacks.
+/// Mismatch of a joint or link.
 #[derive(Clone, Debug, PartialEq)]
 pub enum GeometryMismatch {
     /// The axis has another direction.
@@ -51,7 +51,9 @@ impl fmt::Display for GeometryMismatch {
             GeometryMismatch::Beside { by, point } => {
                 write!(f, "its axis misses {point} by {:.6} mm", by * 1e3)
             }
-            GeometryMismatch::NoLength { between } => write!(f, "the distance between {between} is zero"),
+            GeometryMismatch::NoLength { between } => {
+                write!(f, "the distance between {between} is zero")
+            }
         }
     }
 }
@@ -69,7 +71,7 @@ impl AxisLine {
     fn nearest_point(&self, other: &AxisLine) -> Option<(Vector, f64)> {
         let across = self.axis.cross(&other.axis);
         let square = across.norm_squared();
-        if square < SLACK {
+        if square < TOLERANCE_AXES {
             return None;
         }
         let apart = other.origin - self.origin;
@@ -87,13 +89,13 @@ impl AxisLine {
 
 /// A chain and its axes, while an arm is fitted to it.
 struct ChainFit<'c> {
-    chain: &'c Chain,
+    chain: &'c JointChain,
     lines: Vec<AxisLine>,
     tip: Isometry3<f64>,
 }
 
 /// Recognises the arm of a chain.
-pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
+pub(crate) fn arm(chain: &JointChain) -> Result<Arm, ImportError> {
     let (axes, tip) = chain.at_zero();
     let lines = axes
         .into_iter()
@@ -114,14 +116,20 @@ pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
 
 impl ChainFit<'_> {
     fn names(&self) -> String {
-        let names = self.chain.revolute_joints.iter().map(|revolute| revolute.name.as_str());
+        let names = self
+            .chain
+            .revolute_joints
+            .iter()
+            .map(|revolute| revolute.name.as_str());
         listed(names)
     }
 
     fn joint(&self, number: usize, mismatch: GeometryMismatch) -> ImportError {
         let revolute = self.chain.revolute_joints.get(number - 1);
         ImportError::Joint {
-            joint: revolute.map(|revolute| revolute.name.clone()).unwrap_or_default(),
+            joint: revolute
+                .map(|revolute| revolute.name.clone())
+                .unwrap_or_default(),
             mismatch,
         }
     }
@@ -141,7 +149,7 @@ impl ChainFit<'_> {
         direction: &Vector,
         wanted: &'static str,
     ) -> Result<f64, ImportError> {
-        if line.axis.cross(direction).norm() < SLACK {
+        if line.axis.cross(direction).norm() < TOLERANCE_AXES {
             return Ok(line.axis.dot(direction).signum());
         }
         let axis = line.axis.into();
@@ -156,7 +164,7 @@ impl ChainFit<'_> {
         point: &'static str,
     ) -> Result<(), ImportError> {
         let by = line.distance(at);
-        if by < SLACK {
+        if by < TOLERANCE_AXES {
             return Ok(());
         }
         Err(self.joint(number, GeometryMismatch::Beside { by, point }))
@@ -189,14 +197,14 @@ impl ChainFit<'_> {
         let [shoulder, elbow, wrist] = [l2, l4, l6].map(height);
         let flange = self.tip.translation.vector;
         let turned = self.tip.rotation.angle();
-        if turned > SLACK {
+        if turned > TOLERANCE_AXES {
             return Err(self.tip_mismatch(GeometryMismatch::Direction {
                 axis: (self.tip.rotation * Vector::x()).into(),
                 wanted: "that of the base (x axis of the flange, all joints 0)",
             }));
         }
         let by = flange.xy().norm();
-        if by > SLACK {
+        if by > TOLERANCE_AXES {
             let point = "the last axis";
             return Err(self.tip_mismatch(GeometryMismatch::Beside { by, point }));
         }
@@ -204,7 +212,7 @@ impl ChainFit<'_> {
             (4, "shoulder and elbow", elbow - shoulder),
             (6, "elbow and wrist", wrist - elbow),
         ] {
-            if length < SLACK {
+            if length < TOLERANCE_AXES {
                 return Err(self.joint(number, GeometryMismatch::NoLength { between }));
             }
         }
@@ -231,19 +239,20 @@ impl ChainFit<'_> {
         // The axis of joint 2 points to the left of the forward direction at joint 1 = 0, which is closer to x than to
         // −x.
         let left = l2.axis - up * l2.axis.z;
-        if l2.axis.z.abs() > SLACK {
+        if l2.axis.z.abs() > TOLERANCE_AXES {
             let wanted = "square to axis 1";
             let axis = l2.axis.into();
             return Err(self.joint(2, GeometryMismatch::Direction { axis, wanted }));
         }
-        let backwards = left.y < -SLACK || (left.y.abs() <= SLACK && left.x > 0.0);
+        let backwards =
+            left.y < -TOLERANCE_AXES || (left.y.abs() <= TOLERANCE_AXES && left.x > 0.0);
         let left = if backwards { -left } else { left }.normalize();
         let forwards = left.cross(&up);
         let sign2 = self.sign(2, l2, &left, "square to axis 1")?;
         let sign3 = self.sign(3, l3, &left, "parallel to axis 2")?;
 
         // The wrist: axes 4, 5 and 6 meet there.
-        let wrist = l4.nearest_point(l5).filter(|(_, by)| *by < SLACK);
+        let wrist = l4.nearest_point(l5).filter(|(_, by)| *by < TOLERANCE_AXES);
         let Some((wrist, _)) = wrist else {
             let by = l4.nearest_point(l5).map_or(0.0, |(_, by)| by);
             let point = "axis 4 (or is parallel to it)";
@@ -255,7 +264,7 @@ impl ChainFit<'_> {
             (5, l5, &l4.axis, "square to axis 4"),
             (6, l6, &l5.axis, "square to axis 5"),
         ] {
-            if a.axis.dot(b).abs() > SLACK {
+            if a.axis.dot(b).abs() > TOLERANCE_AXES {
                 let axis = a.axis.into();
                 return Err(self.joint(number, GeometryMismatch::Direction { axis, wanted }));
             }
@@ -265,7 +274,7 @@ impl ChainFit<'_> {
         let (shoulder_offset, shoulder_height) = level(l2.origin);
         let (along, rise) = level(l3.origin - l2.origin);
         let upper_arm = along.hypot(rise);
-        if upper_arm < SLACK {
+        if upper_arm < TOLERANCE_AXES {
             let between = "axes 2 and 3";
             return Err(self.joint(3, GeometryMismatch::NoLength { between }));
         }
@@ -277,22 +286,23 @@ impl ChainFit<'_> {
         let z3 = l4.axis * sign4;
         let x3 = left.cross(&z3);
         let (forearm, elbow_offset) = (lower.dot(&z3), lower.dot(&x3));
-        if forearm < SLACK {
+        if forearm < TOLERANCE_AXES {
             let between = "axis 3 and the wrist";
             return Err(self.joint(4, GeometryMismatch::NoLength { between }));
         }
         let (along, rise) = level(z3);
         let theta3 = along.atan2(rise) - theta2;
         let side = l5.axis.dot(&left);
-        let sign5 = if side < -SLACK || (side.abs() <= SLACK && l5.axis.dot(&x3) > 0.0) {
-            -1.0
-        } else {
-            1.0
-        };
+        let sign5 =
+            if side < -TOLERANCE_AXES || (side.abs() <= TOLERANCE_AXES && l5.axis.dot(&x3) > 0.0) {
+                -1.0
+            } else {
+                1.0
+            };
         let y4 = l5.axis * sign5;
         let theta4 = (-y4.dot(&x3)).atan2(y4.dot(&left));
         let [flange_x, z5] = [Vector::x(), Vector::z()].map(|axis| self.tip.rotation * axis);
-        let sign6 = if l6.axis.cross(&z5).norm() < SLACK {
+        let sign6 = if l6.axis.cross(&z5).norm() < TOLERANCE_AXES {
             l6.axis.dot(&z5).signum()
         } else {
             return Err(self.tip_mismatch(GeometryMismatch::Direction {
@@ -302,7 +312,7 @@ impl ChainFit<'_> {
         };
         let to_flange = self.tip.translation.vector - wrist;
         let by = to_flange.cross(&z5).norm();
-        if by > SLACK {
+        if by > TOLERANCE_AXES {
             let point = "the last axis";
             return Err(self.tip_mismatch(GeometryMismatch::Beside { by, point }));
         }

@@ -9,7 +9,7 @@ mod yaml;
 use rcc_core::kinematics::Arm;
 use rcc_core::message::{JOINTS_MAX, Joints};
 
-pub use chain::{Chain, RevoluteJoint};
+pub use chain::{JointChain, RevoluteJoint};
 pub use fit::GeometryMismatch;
 pub use urdf::{BYTES_MAX, UrdfError};
 pub use yaml::yaml;
@@ -26,7 +26,7 @@ pub struct Imported {
     /// Name of the robot in the URDF.
     pub name: String,
     /// Chain of its joints.
-    pub chain: Chain,
+    pub chain: JointChain,
     /// Kinematics of the arm.
     pub arm: Arm,
     /// Largest difference between the two forward kinematics, m or rad.
@@ -149,7 +149,7 @@ pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Impor
         return Err(ImportError::Xacro);
     }
     let robot = urdf::read(text)?;
-    let chain = Chain::of(&robot, base, tip)?;
+    let chain = JointChain::of(&robot, base, tip)?;
     let arm = fit::arm(&chain)?;
     let difference = difference(&chain, &arm);
     if difference > TOLERANCE || difference.is_nan() {
@@ -164,7 +164,7 @@ pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Impor
 }
 
 /// Returns the largest difference between the two forward kinematics at random joint positions, m or rad.
-fn difference(chain: &Chain, arm: &Arm) -> f64 {
+fn difference(chain: &JointChain, arm: &Arm) -> f64 {
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut worst = 0.0_f64;
     for _ in 0..SAMPLES {

@@ -175,7 +175,10 @@ fn ambiguous_and_unknown_links_are_named() {
         .to_string();
     assert!(refusal.contains("no chain of joints leads"), "{refusal}");
     let refusal = import(&text, Some("l1"), None).unwrap_err().to_string();
-    assert!(refusal.contains("the chain has 5 revolute joints"), "{refusal}");
+    assert!(
+        refusal.contains("the chain has 5 revolute joints"),
+        "{refusal}"
+    );
     let more = text.replacen("</robot>", "<link name=\"camera\"/><joint name=\"jc\" type=\"fixed\"><parent link=\"l6\"/><child link=\"camera\"/></joint></robot>", 1);
     assert!(import(&more, None, None).is_ok(), "flange is usual");
     let xacro = text.replacen("<link", "<xacro:arm prefix=\"left\"/><link", 1);

@@ -151,7 +151,8 @@ fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<UrdfJoint, UrdfError
     let written = required(node, "type")?;
     let kind = KINDS.iter().find(|(name, _)| *name == written.trim());
     let Some((_, kind)) = kind else {
-        let what = "a joint type: fixed, revolute, continuous, prismatic, floating, planar or spherical";
+        let what =
+            "a joint type: fixed, revolute, continuous, prismatic, floating, planar or spherical";
         return Err(malformed(node, "type", written, what));
     };
     let link = |what: &'static str| match element(node, what) {
@@ -207,7 +208,8 @@ fn origin(node: Node<'_, '_>, version: (u32, u32)) -> Result<Isometry3<f64>, Urd
             let [x, y, z, w] = numbers(text)
                 .ok_or_else(|| malformed(node, "quat_xyzw", text, "a quaternion: four numbers"))?;
             let quaternion = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-9);
-            quaternion.ok_or_else(|| malformed(node, "quat_xyzw", text, "a rotation: it is zero"))?
+            quaternion
+                .ok_or_else(|| malformed(node, "quat_xyzw", text, "a rotation: it is zero"))?
         }
         None => {
             let [roll, pitch, yaw] = vector(node, "rpy", [0.0; 3])?;

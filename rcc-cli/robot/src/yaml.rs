@@ -8,11 +8,11 @@ use rcc_core::kinematics::Arm;
 use crate::Imported;
 
 /// Time in which the chosen acceleration reaches full speed, s.
-const SPEED_UP_S: f64 = 0.3;
+const ACCELERATION_TIME_S: f64 = 0.3;
 /// Time in which the chosen jerk reaches full acceleration, s.
-const JERK_S: f64 = 0.1;
+const JERK_TIME_S: f64 = 0.1;
 /// Speed if the URDF gives none, rad/s.
-const VELOCITY: f64 = 1.0;
+const VELOCITY_DEFAULT_RAD_S: f64 = 1.0;
 
 /// Writes a line; writing to a String cannot fail.
 macro_rules! put {
@@ -44,31 +44,51 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
     match arm {
         Arm::Srs(arm) => {
             put!(text, "  type: srs");
-            put!(text, "  shoulder_height: {} m", tidy(arm.shoulder_height));
-            put!(text, "  upper_arm: {} m", tidy(arm.upper_arm));
-            put!(text, "  forearm: {} m", tidy(arm.forearm));
-            put!(text, "  wrist_to_flange: {} m", tidy(arm.wrist_to_flange));
+            put!(
+                text,
+                "  shoulder_height: {} m",
+                rounded(arm.shoulder_height)
+            );
+            put!(text, "  upper_arm: {} m", rounded(arm.upper_arm));
+            put!(text, "  forearm: {} m", rounded(arm.forearm));
+            put!(
+                text,
+                "  wrist_to_flange: {} m",
+                rounded(arm.wrist_to_flange)
+            );
             put!(text, "  signs: {:?}", arm.signs.map(|sign| sign as i32));
         }
         Arm::OrthoParallel(arm) => {
             put!(text, "  type: ortho-parallel");
-            put!(text, "  shoulder_height: {} m", tidy(arm.shoulder_height));
-            put!(text, "  shoulder_offset: {} m", tidy(arm.shoulder_offset));
-            put!(text, "  lateral_offset: {} m", tidy(arm.lateral_offset));
-            put!(text, "  upper_arm: {} m", tidy(arm.upper_arm));
-            put!(text, "  elbow_offset: {} m", tidy(arm.elbow_offset));
-            put!(text, "  forearm: {} m", tidy(arm.forearm));
-            put!(text, "  wrist_to_flange: {} m", tidy(arm.wrist_to_flange));
+            put!(
+                text,
+                "  shoulder_height: {} m",
+                rounded(arm.shoulder_height)
+            );
+            put!(
+                text,
+                "  shoulder_offset: {} m",
+                rounded(arm.shoulder_offset)
+            );
+            put!(text, "  lateral_offset: {} m", rounded(arm.lateral_offset));
+            put!(text, "  upper_arm: {} m", rounded(arm.upper_arm));
+            put!(text, "  elbow_offset: {} m", rounded(arm.elbow_offset));
+            put!(text, "  forearm: {} m", rounded(arm.forearm));
+            put!(
+                text,
+                "  wrist_to_flange: {} m",
+                rounded(arm.wrist_to_flange)
+            );
             put!(text, "  signs: {:?}", arm.signs.map(|sign| sign as i32));
             let zeros = arm
                 .zeros
-                .map(|zero| format!("deg({})", tidy(zero.to_degrees())));
+                .map(|zero| format!("deg({})", rounded(zero.to_degrees())));
             put!(text, "  zeros: [{}]", zeros.join(", "));
         }
     }
     put!(
         text,
-        "\n# URDF says no acceleration and no jerk: our choice, full speed after {SPEED_UP_S} s and full acceleration after {JERK_S} s."
+        "\n# The URDF gives no limits of acceleration and jerk: chosen for full speed after {ACCELERATION_TIME_S} s and full acceleration after {JERK_TIME_S} s."
     );
     put!(
         text,
@@ -79,14 +99,14 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         let [lower, upper] = revolute
             .range
             .unwrap_or([-180_f64, 180.0].map(f64::to_radians));
-        let velocity = revolute.velocity.unwrap_or(VELOCITY);
-        let degrees = |value: f64| tidy(value.to_degrees());
+        let velocity = revolute.velocity.unwrap_or(VELOCITY_DEFAULT_RAD_S);
+        let degrees = |value: f64| rounded(value.to_degrees());
         let mut missing = Vec::new();
         if revolute.range.is_none() {
-            missing.push("no limits in the URDF: one turn");
+            missing.push("no limits in the URDF: assumed one turn");
         }
         if revolute.velocity.is_none() {
-            missing.push("no speed in the URDF: chosen");
+            missing.push("no speed in the URDF: assumed");
         }
         let comment = match missing.is_empty() {
             true => String::new(),
@@ -99,15 +119,15 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
             degrees(lower),
             degrees(upper),
             degrees(velocity),
-            degrees(velocity / SPEED_UP_S),
-            degrees(velocity / SPEED_UP_S / JERK_S),
+            degrees(velocity / ACCELERATION_TIME_S),
+            degrees(velocity / ACCELERATION_TIME_S / JERK_TIME_S),
         );
     }
     text
 }
 
 /// Rounds to 12 decimals, to remove the rounding errors of angle conversions and sums.
-fn tidy(value: f64) -> f64 {
+fn rounded(value: f64) -> f64 {
     (value * 1e12).round() / 1e12 + 0.0
 }
 

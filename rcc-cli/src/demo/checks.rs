@@ -9,8 +9,11 @@ use rcc_core::pose::Pose;
 use rcc_loader::server::api::{CommandDetail, CommandView};
 
 use super::facts::MotionFacts;
-use super::simulator::Exchange;
-use super::verify::{self, ARM_TOLERANCE_M, MotionCheck, LineSegment, SET_POINT_TOLERANCE_M, SentDatagram, DistanceTrack};
+use super::simulator::DatagramExchange;
+use super::verify::{
+    self, ARM_TOLERANCE_M, DistanceTrack, LineSegment, MotionCheck, SET_POINT_TOLERANCE_M,
+    SentDatagram,
+};
 use crate::follow;
 
 /// Event during a motion of the demo, which selects the checks.
@@ -35,7 +38,7 @@ pub struct RecordedMotion<'a> {
     /// Its monitor records, in order.
     pub records: Vec<MonitorRecord>,
     /// Datagrams on the wire.
-    pub exchanges: Vec<Exchange>,
+    pub exchanges: Vec<DatagramExchange>,
     /// Kinematics of the arm.
     pub arm: Arm,
     /// Bit of the torch in `$FRI_FRM_BOOL`.
@@ -135,7 +138,7 @@ pub fn checks(recorded: &RecordedMotion<'_>, event: MotionEvent) -> Vec<MotionCh
         verify::on_the_line(what, points, &line, tolerance)
     };
     let mut checks = vec![
-        ended(&recorded.command.command, event),
+        end_reason_check(&recorded.command.command, event),
         verify::without_gaps("every cycle evaluated and recorded", &cycles),
         on_line("set-points on the line", &set_points, SET_POINT_TOLERANCE_M),
         on_line(
@@ -146,11 +149,16 @@ pub fn checks(recorded: &RecordedMotion<'_>, event: MotionEvent) -> Vec<MotionCh
         on_line("simulated arm on the line", &flanges, ARM_TOLERANCE_M),
         verify::within_limits("speed, acceleration, jerk within limits", &track),
     ];
-    checks.extend(of_event(recorded, event, &track, &line));
+    checks.extend(event_checks(recorded, event, &track, &line));
     checks
 }
 
-fn of_event(recorded: &RecordedMotion<'_>, event: MotionEvent, track: &DistanceTrack<'_>, line: &LineSegment) -> Vec<MotionCheck> {
+fn event_checks(
+    recorded: &RecordedMotion<'_>,
+    event: MotionEvent,
+    track: &DistanceTrack<'_>,
+    line: &LineSegment,
+) -> Vec<MotionCheck> {
     let sent: Vec<SentDatagram> = recorded
         .exchanges
         .iter()
@@ -163,7 +171,7 @@ fn of_event(recorded: &RecordedMotion<'_>, event: MotionEvent, track: &DistanceT
         MotionEvent::None => Vec::new(),
         MotionEvent::Contact => {
             let asked = recorded.first_true("stop.out");
-            let mut checks = vec![pushed(recorded)];
+            let mut checks = vec![floor_contact(recorded)];
             checks.extend(verify::soft_stop("contact", track, asked));
             checks
         }
@@ -172,14 +180,18 @@ fn of_event(recorded: &RecordedMotion<'_>, event: MotionEvent, track: &DistanceT
     }
 }
 
-fn weld(recorded: &RecordedMotion<'_>, track: &DistanceTrack<'_>, sent: &[SentDatagram]) -> Vec<MotionCheck> {
+fn weld(
+    recorded: &RecordedMotion<'_>,
+    track: &DistanceTrack<'_>,
+    sent: &[SentDatagram],
+) -> Vec<MotionCheck> {
     let (on, off) = (recorded.facts.torch_on, recorded.facts.torch_off);
     let switching = |(word, value, position): (&str, bool, Option<f64>)| {
         let switched = recorded.switched("burn.out", value);
         let pair = switched.and_then(|cycle| Some((track.at(cycle - 1)?, track.at(cycle)?)));
         let along = pair.map_or(f64::NAN, |(_, after)| after);
         let position = position.unwrap_or(f64::NAN);
-        let crossing = format!("torch {word} in the cycle of the crossing");
+        let crossing = format!("torch {word} in the crossing cycle");
         let datagram = format!("torch {word} in the datagram of that set-point");
         [
             verify::crosses(&crossing, position, pair),
@@ -192,7 +204,11 @@ fn weld(recorded: &RecordedMotion<'_>, track: &DistanceTrack<'_>, sent: &[SentDa
         .collect()
 }
 
-fn cancel(recorded: &RecordedMotion<'_>, track: &DistanceTrack<'_>, sent: &[SentDatagram]) -> Vec<MotionCheck> {
+fn cancel(
+    recorded: &RecordedMotion<'_>,
+    track: &DistanceTrack<'_>,
+    sent: &[SentDatagram],
+) -> Vec<MotionCheck> {
     let asked = recorded.first_true("cancel.requested");
     let off = recorded.switched("burn.out", false);
     let along = asked.and_then(|cycle| track.at(cycle)).unwrap_or(f64::NAN);
@@ -213,20 +229,20 @@ fn in_cycle(cycle: Option<u64>) -> String {
 }
 
 /// Checks that the arm really touched the floor.
-fn pushed(recorded: &RecordedMotion<'_>) -> MotionCheck {
+fn floor_contact(recorded: &RecordedMotion<'_>) -> MotionCheck {
     let force = recorded
         .exchanges
         .iter()
         .fold(0.0_f64, |most, exchange| most.max(exchange.force[2].abs()));
     MotionCheck::new(
-        "the simulated arm felt the floor",
+        "the simulated arm touched the floor",
         force > 0.0,
         "a force",
         format!("{force:.1} N at most"),
     )
 }
 
-fn ended(command: &CommandView, event: MotionEvent) -> MotionCheck {
+fn end_reason_check(command: &CommandView, event: MotionEvent) -> MotionCheck {
     let expected = if event == MotionEvent::Cancel {
         "canceled"
     } else {
@@ -237,12 +253,12 @@ fn ended(command: &CommandView, event: MotionEvent) -> MotionCheck {
         .as_ref()
         .map(|fault| format!(": {}", fault.words));
     MotionCheck::new(
-        "the net ended as it should",
+        "the net ended as expected",
         command.reason.as_deref() == Some(expected),
         format!("terminated ({expected})"),
         format!(
             "{}{}",
-            follow::state_words(command),
+            follow::state_text(command),
             words.unwrap_or_default()
         ),
     )

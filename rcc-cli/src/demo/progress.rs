@@ -1,7 +1,7 @@
 //! Progress of a motion: a bar with distance, speed, force and torch. Printed by the demo's main thread; redrawn in
 //! place on a terminal, otherwise printed once at the end.
 
-use crate::output::Printer;
+use crate::output::BackgroundPrinter;
 use std::io::{self, IsTerminal};
 
 /// Width of the bar, characters.
@@ -28,13 +28,13 @@ pub struct Bar {
     live: bool,
     shown: Option<String>,
     /// Never blocks: a closed or stopped terminal must not change how the robot stops.
-    printer: Printer,
+    printer: BackgroundPrinter,
 }
 
 impl Bar {
     /// Creates a bar with this title.
     #[must_use]
-    pub fn new(name: &str, quiet: bool, printer: &Printer) -> Bar {
+    pub fn new(name: &str, quiet: bool, printer: &BackgroundPrinter) -> Bar {
         Bar {
             name: name.to_owned(),
             live: !quiet && io::stdout().is_terminal(),
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_of_the_way_is_half_of_the_bar() {
+    fn half_of_the_path_is_half_of_the_bar() {
         let view = MotionProgress {
             part: 0.5,
             distance: 0.075,

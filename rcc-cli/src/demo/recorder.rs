@@ -27,19 +27,19 @@ struct RecordStore {
 }
 
 /// Keeps records until it is dropped.
-pub struct Recorder {
+pub struct MonitorRecorder {
     kept: Arc<Mutex<RecordStore>>,
     // Relaxed: the flag orders no other memory access.
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Recorder {
+impl MonitorRecorder {
     /// Starts to keep the records of the cell's executor.
     ///
     /// # Errors
     /// Fails if there is no executor or if its stream cannot be read.
-    pub fn start(cell: &Cell) -> Result<Recorder, Failure> {
+    pub fn start(cell: &Cell) -> Result<MonitorRecorder, Failure> {
         let failed = |words: String| Failure::new(codes::NO_EXECUTOR, words, "");
         let announced = cell
             .announced(Role::Executor, EXECUTOR_LABEL)
@@ -64,7 +64,7 @@ impl Recorder {
             .name("recorder".into())
             .spawn(move || keep(session, subscriber, &kept_there, &stop_there))
             .map_err(|error| failed(error.to_string()))?;
-        Ok(Recorder {
+        Ok(MonitorRecorder {
             kept,
             stop,
             thread: Some(thread),
@@ -100,7 +100,7 @@ impl Recorder {
     }
 }
 
-impl Drop for Recorder {
+impl Drop for MonitorRecorder {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {

@@ -7,38 +7,38 @@ use rcc_core::message::MonitorRecord;
 use rcc_loader::server::api::{CommandDetail, DeviceView, StatusView};
 use rcc_loader::server::codes;
 
-use super::recorder::Recorder;
-use super::simulator::{Exchange, Simulator};
-use crate::client::Client;
+use super::recorder::MonitorRecorder;
+use super::simulator::{DatagramExchange, SimulatorClient};
+use crate::client::LoaderClient;
 use crate::failure::Failure;
 use crate::follow::{self, OnRejection};
 use crate::interrupt::Interrupts;
-use crate::output::Printer;
+use crate::output::BackgroundPrinter;
 use crate::supervisor::{POLL_INTERVAL, Supervisor};
 
 /// Longest time to wait for a device to become ready.
-const READY_LIMIT: Duration = Duration::from_secs(20);
+const READY_TIMEOUT: Duration = Duration::from_secs(20);
 /// Longest time for one net of the demo.
-const NET_LIMIT: Duration = Duration::from_secs(20);
+const NET_TIMEOUT: Duration = Duration::from_secs(20);
 /// Longest time to wait for a net's last records.
-const RECORDS_LIMIT: Duration = Duration::from_secs(1);
+const RECORDS_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The demo's cell, its clients and its recorders.
 pub struct DemoRunner<'a> {
     /// Time at which the cell was up.
-    pub begun: Instant,
+    pub started: Instant,
     /// Supervises the cell.
     pub supervisor: &'a mut Supervisor,
     /// Client of the loader.
-    pub client: &'a Client,
+    pub client: &'a LoaderClient,
     /// Keeps the monitor records.
-    pub recorder: &'a Recorder,
+    pub recorder: &'a MonitorRecorder,
     /// Control port of the simulated arm.
-    pub simulator: &'a mut Simulator,
+    pub simulator: &'a mut SimulatorClient,
     /// Detects Ctrl-C.
     pub interrupts: &'a Interrupts,
     /// Prints progress and notes.
-    pub printer: &'a Printer,
+    pub printer: &'a BackgroundPrinter,
 }
 
 /// A net that has ended, with its recorded data.
@@ -48,7 +48,7 @@ pub struct NetRun {
     /// Its monitor records.
     pub records: Vec<MonitorRecord>,
     /// Datagrams on the wire, from before START until the arm was at rest.
-    pub exchanges: Vec<Exchange>,
+    pub exchanges: Vec<DatagramExchange>,
     /// Late cycles of the executor during the run.
     pub late: u64,
 }
@@ -63,7 +63,7 @@ impl DemoRunner<'_> {
         &mut self,
         name: &str,
         text: &str,
-        mut watch: impl FnMut(&Recorder, &CommandDetail) -> bool,
+        mut watch: impl FnMut(&MonitorRecorder, &CommandDetail) -> bool,
     ) -> Result<NetRun, Failure> {
         let late = self.late()?;
         self.wait_until_ready()?;
@@ -74,7 +74,7 @@ impl DemoRunner<'_> {
             .map_err(simulator_failed)?;
         let loaded = self.load_and_start(name, text)?;
         let id = loaded.command.id;
-        let begun = Instant::now();
+        let started = Instant::now();
         let mut canceled = false;
         let command = loop {
             self.pause()?;
@@ -86,8 +86,8 @@ impl DemoRunner<'_> {
             if follow::is_over(&command.command) {
                 break command;
             }
-            if begun.elapsed() > NET_LIMIT {
-                let message = format!("{name} is not over after {NET_LIMIT:?}");
+            if started.elapsed() > NET_TIMEOUT {
+                let message = format!("{name} is not over after {NET_TIMEOUT:?}");
                 return Err(Failure::new(codes::LOADER_SILENT, message, ""));
             }
         };
@@ -107,7 +107,7 @@ impl DemoRunner<'_> {
     /// Loads and starts a net. On a busy machine the device may become unready between LOAD and START; then both are
     /// repeated.
     fn load_and_start(&mut self, name: &str, text: &str) -> Result<CommandDetail, Failure> {
-        let limit = Instant::now() + READY_LIMIT;
+        let limit = Instant::now() + READY_TIMEOUT;
         loop {
             let loaded = follow::load(self.client, name, text, OnRejection::Unload)?;
             let id = loaded.id;
@@ -129,7 +129,7 @@ impl DemoRunner<'_> {
     /// # Errors
     /// Fails on an interrupt, if the loader cannot be reached, or if it takes too long.
     pub fn wait_until_ready(&mut self) -> Result<(), Failure> {
-        let limit = Instant::now() + READY_LIMIT;
+        let limit = Instant::now() + READY_TIMEOUT;
         loop {
             let devices: Vec<DeviceView> = self.client.get("/devices")?;
             let Some(device) = devices.iter().find(|device| device.state != "ready") else {
@@ -147,7 +147,7 @@ impl DemoRunner<'_> {
     }
 
     fn wait_for_records(&mut self, command: &CommandDetail) -> Result<(), Failure> {
-        let limit = Instant::now() + RECORDS_LIMIT;
+        let limit = Instant::now() + RECORDS_TIMEOUT;
         let (id, last) = (command.command.id, command.command.ended_cycle);
         let monitors = command
             .names

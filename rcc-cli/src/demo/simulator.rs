@@ -9,18 +9,18 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 /// Longest time that the simulator may take to answer.
-const ANSWER_LIMIT: Duration = Duration::from_secs(6);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(6);
 /// Value of the trace's `state` column while the robot follows set-points.
 const COMMAND_STATE: &str = "2";
 
 /// Client of the control port of `lwr-sim` or `io-sim`.
-pub struct Simulator {
+pub struct SimulatorClient {
     stream: BufReader<UnixStream>,
 }
 
 /// One measurement datagram of the controller and our answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Exchange {
+pub struct DatagramExchange {
     /// Joint positions of our answer as the robot received them, rad.
     pub commanded: [f64; 7],
     /// `$FRI_FRM_BOOL` of our answer.
@@ -31,16 +31,16 @@ pub struct Exchange {
     pub force: [f64; 3],
 }
 
-impl Simulator {
+impl SimulatorClient {
     /// Connects to a simulator's socket.
     ///
     /// # Errors
     /// Returns the system's error.
-    pub fn connect(path: &Path) -> io::Result<Simulator> {
+    pub fn connect(path: &Path) -> io::Result<SimulatorClient> {
         let stream = UnixStream::connect(path)?;
-        stream.set_read_timeout(Some(ANSWER_LIMIT))?;
-        stream.set_write_timeout(Some(ANSWER_LIMIT))?;
-        Ok(Simulator {
+        stream.set_read_timeout(Some(ANSWER_TIMEOUT))?;
+        stream.set_write_timeout(Some(ANSWER_TIMEOUT))?;
+        Ok(SimulatorClient {
             stream: BufReader::new(stream),
         })
     }
@@ -65,7 +65,7 @@ impl Simulator {
     /// Places a floor at this height (m) with this stiffness (N/m), which pushes upwards.
     ///
     /// # Errors
-    /// As [`Simulator::ask`].
+    /// As [`SimulatorClient::ask`].
     pub fn floor(&mut self, height: f64, stiffness: f64) -> io::Result<()> {
         let (point, normal) = ([0.0, 0.0, height], [0.0, 0.0, 1.0]);
         let wall =
@@ -76,7 +76,7 @@ impl Simulator {
     /// Removes the floor.
     ///
     /// # Errors
-    /// As [`Simulator::ask`].
+    /// As [`SimulatorClient::ask`].
     pub fn no_floor(&mut self) -> io::Result<()> {
         self.ask(&json!({"wall": null})).map(|_| ())
     }
@@ -84,7 +84,7 @@ impl Simulator {
     /// Starts a trace into a new file, which must be below the folder of the simulator's socket.
     ///
     /// # Errors
-    /// As [`Simulator::ask`].
+    /// As [`SimulatorClient::ask`].
     pub fn begin_trace(&mut self, path: &Path) -> io::Result<ActiveTrace> {
         match std::fs::remove_file(path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
@@ -99,8 +99,8 @@ impl Simulator {
     /// Ends the trace and reads it.
     ///
     /// # Errors
-    /// As [`Simulator::ask`]; also fails if the file is not a trace.
-    pub fn end_trace(&mut self, trace: ActiveTrace) -> io::Result<Vec<Exchange>> {
+    /// As [`SimulatorClient::ask`]; also fails if the file is not a trace.
+    pub fn end_trace(&mut self, trace: ActiveTrace) -> io::Result<Vec<DatagramExchange>> {
         self.ask(&json!({"trace": null}))?;
         let text = std::fs::read_to_string(&trace.path)?;
         read_trace(&text)
@@ -113,7 +113,7 @@ pub struct ActiveTrace {
 }
 
 /// Returns the exchanges of a trace in which the robot followed set-points.
-fn read_trace(text: &str) -> io::Result<Vec<Exchange>> {
+fn read_trace(text: &str) -> io::Result<Vec<DatagramExchange>> {
     let malformed = |what: &str| io::Error::other(format!("lwr-sim's trace: {what}"));
     let mut lines = text.lines();
     let heads: Vec<&str> = lines
@@ -141,7 +141,7 @@ fn read_trace(text: &str) -> io::Result<Vec<Exchange>> {
             continue;
         }
         let real = |index: usize| field(index).parse::<f64>().map_err(|_| malformed(line));
-        let mut exchange = Exchange {
+        let mut exchange = DatagramExchange {
             commanded: [0.0; 7],
             booleans: field(booleans).parse().map_err(|_| malformed(line))?,
             flange: [real(x)?, real(x + 1)?, real(x + 2)?],
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_trace_is_refused() {
+    fn a_file_that_is_not_a_trace_is_refused() {
         assert!(read_trace("a,b\n1,2").is_err());
         assert!(read_trace(&format!("{HEADS}\n1,0.1,2,2,3,1,x")).is_err());
     }

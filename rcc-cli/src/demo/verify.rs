@@ -89,7 +89,12 @@ impl LineSegment {
 
 /// Checks that every point is within `tolerance` (m) of the line; fails without points or with a NaN point.
 #[must_use]
-pub fn on_the_line(what: &str, points: &[[f64; 3]], line: &LineSegment, tolerance: f64) -> MotionCheck {
+pub fn on_the_line(
+    what: &str,
+    points: &[[f64; 3]],
+    line: &LineSegment,
+    tolerance: f64,
+) -> MotionCheck {
     let mut worst = 0.0_f64;
     for point in points {
         let distance = line.distance(*point);
@@ -188,12 +193,12 @@ pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> 
             format!("no {cause}"),
         )];
     };
-    let begun = stop_begins(track, asked);
+    let started = stop_begins(track, asked);
     let begins = MotionCheck::new(
         format!("soft stop begins after {cause}"),
-        begun.is_some_and(|cycle| cycle == asked || cycle == asked + 1),
+        started.is_some_and(|cycle| cycle == asked || cycle == asked + 1),
         "within 1 cycle",
-        match begun {
+        match started {
             Some(cycle) if cycle >= asked => {
                 format!("cycle {cycle}, {cause} seen in {asked}")
             }
@@ -201,11 +206,11 @@ pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> 
             None => format!("no braking after cycle {asked}"),
         },
     );
-    let rests = begun.zip(track.rest_cycle()).and_then(|(begun, rest)| {
-        let speed = track.step(begun - 1)? / track.dt_s;
+    let rests = started.zip(track.rest_cycle()).and_then(|(started, rest)| {
+        let speed = track.step(started - 1)? / track.dt_s;
         let predicted = stop_time(speed, 0.0, &track.limits) / track.dt_s;
         // Predicted: the first cycle at or after the end of the stop, counted from the last cycle before the stop.
-        Some((predicted.ceil(), (rest + 1).checked_sub(begun)? as f64))
+        Some((predicted.ceil(), (rest + 1).checked_sub(started)? as f64))
     });
     let in_time = MotionCheck::new(
         "comes to rest in the predicted time",
@@ -234,14 +239,14 @@ pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> 
 fn stop_begins(track: &DistanceTrack<'_>, asked: u64) -> Option<u64> {
     let slower = 0.5 * track.limits.jerk * track.dt_s.powi(3) / 6.0;
     let last = track.first_cycle + track.distances.len() as u64;
-    (asked.saturating_sub(BEFORE)..last).find(|cycle| {
+    (asked.saturating_sub(CYCLES_BEFORE_CAUSE)..last).find(|cycle| {
         let steps = track.step(*cycle).zip(track.step(cycle.wrapping_sub(1)));
         steps.is_some_and(|(now, before)| now < before - slower)
     })
 }
 
 /// Number of cycles before the cause that are searched for braking.
-const BEFORE: u64 = 20;
+const CYCLES_BEFORE_CAUSE: u64 = 20;
 
 /// One datagram to the robot: its set-point's position along the line, and an output bit.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Bars of a sparkline, from worst to best.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 /// Mark of a second without any exchange.
-const NOTHING: char = '·';
+const NO_EXCHANGE: char = '·';
 /// Longest status file that is read, bytes; a minute takes a few kilobytes.
 const FILE_MAX: u64 = 1 << 20;
 /// A living driver that has not written for this time is stuck, s.
@@ -99,9 +99,10 @@ impl DriverStatus {
     pub fn of(cell: &Cell, device: &str) -> Option<DriverStatus> {
         let announced = cell.announced(Role::Driver, device).ok().flatten()?;
         let path = cell.drivers_dir().join(format!("{device}.json"));
-        let told: DriverStatus = serde_json::from_slice(&file::read(&path, FILE_MAX).ok()?).ok()?;
+        let status: DriverStatus =
+            serde_json::from_slice(&file::read(&path, FILE_MAX).ok()?).ok()?;
         // A file of an earlier driver process does not count.
-        (!announced.liveness().is_dead() && announced.pid == told.pid).then_some(told)
+        (!announced.liveness().is_dead() && announced.pid == status.pid).then_some(status)
     }
 
     /// Returns the history of the last minute.
@@ -149,7 +150,7 @@ impl DriverStatus {
 pub fn sparkline(seconds: &[SecondStats]) -> String {
     let sign = |second: &SecondStats| {
         if second.exchanges == 0 {
-            return NOTHING;
+            return NO_EXCHANGE;
         }
         let place = second.quality_mean as usize * (BARS.len() - 1) / 1000;
         BARS[place.min(BARS.len() - 1)]
@@ -185,13 +186,13 @@ mod tests {
 
     #[test]
     fn silence_does_not_count_as_bad_quality_but_late_answers_add_up() {
-        let told = DriverStatus {
+        let status = DriverStatus {
             at: 100,
             seconds: vec![second(1000, 5), second(0, 0), second(600, 5)],
             link: serde_json::json!({"controller": "10.0.0.2:5"}),
             ..DriverStatus::default()
         };
-        let history = told.history_at(101);
+        let history = status.history_at(101);
         assert_eq!(
             (history.quality_min_permille, history.quality_mean_permille),
             (300, 800)
@@ -201,14 +202,14 @@ mod tests {
             (3, 3, false)
         );
         assert_eq!(history.peer.as_deref(), Some("10.0.0.2:5"));
-        assert!(told.history_at(106).stale);
+        assert!(status.history_at(106).stale);
     }
 
     #[test]
     fn an_older_or_newer_file_is_read_as_far_as_it_goes() -> Result<(), serde_json::Error> {
-        let told: DriverStatus =
+        let status: DriverStatus =
             serde_json::from_str(r#"{"schema":9,"pid":7,"new":[1],"seconds":[{"late":2}]}"#)?;
-        assert_eq!((told.pid, told.seconds[0].late), (7, 2));
+        assert_eq!((status.pid, status.seconds[0].late), (7, 2));
         Ok(())
     }
 }

@@ -4,15 +4,15 @@
 use std::path::PathBuf;
 
 use super::measure::WakeUpMeasurement;
-use super::trial::Trial;
 use super::requirements::MachineRequirements;
+use super::trial::Trial;
 
 pub mod cells;
 pub mod cpu;
-pub mod runtime_folder;
 pub mod kernel;
 pub mod limits;
 pub mod login;
+pub mod runtime_folder;
 pub mod shared_memory;
 pub mod system;
 
@@ -28,7 +28,7 @@ pub struct MachineFacts {
     /// Resource limits of this process.
     pub limits: limits::ResourceLimits,
     /// Limits that the system's files grant to users at login.
-    pub granted: Vec<limits::LimitGrant>,
+    pub limit_grants: Vec<limits::LimitGrant>,
     /// Kernel.
     pub kernel: kernel::KernelFacts,
     /// The configured core, or all cores.
@@ -40,7 +40,7 @@ pub struct MachineFacts {
     /// logind's RemoveIPC setting; `None` without systemd.
     pub remove_ipc: Option<bool>,
     /// Folder of the cells.
-    pub base: runtime_folder::FolderFacts,
+    pub runtime_folder: runtime_folder::FolderFacts,
     /// Cells in that folder.
     pub cells: Vec<cells::CellFacts>,
     /// Shared memory of cells in other folders.
@@ -58,14 +58,14 @@ pub struct MachineFacts {
 pub fn read(root: &system::SystemRoot, requirements: MachineRequirements) -> MachineFacts {
     let user = login::read(root);
     MachineFacts {
-        granted: limits::granted(root),
+        limit_grants: limits::limit_grants(root),
         limits: limits::read(root),
         kernel: kernel::read(root, &user.cgroup),
         cpu: cpu::read(root, requirements.core),
         memory: kernel::memory(root),
         shared: shared_memory::read(root),
         remove_ipc: login::remove_ipc(root),
-        base: runtime_folder::read(&rcc_ipc::cell::base_dir()),
+        runtime_folder: runtime_folder::read(&rcc_ipc::cell::base_dir()),
         cells: cells::read(&rcc_ipc::cell::base_dir()),
         strays: cells::strays(&PathBuf::from("/dev/shm"), &rcc_ipc::cell::base_dir()),
         requirements,

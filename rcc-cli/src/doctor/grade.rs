@@ -19,7 +19,7 @@ pub const PERIODS_C: u64 = 10;
 /// Shortest `stale_after` for A and B, in periods.
 pub const STALE_PERIODS: u64 = 3;
 /// Default of `stale_after`, ns.
-pub const STALE_USUAL_NS: u64 = 50_000_000;
+pub const STALE_DEFAULT_NS: u64 = 50_000_000;
 /// Least number of wake-ups for A or B.
 pub const CYCLES_MIN: u64 = 1000;
 
@@ -65,7 +65,7 @@ impl Grade {
 
     /// Describes what the grade is suitable for.
     #[must_use]
-    pub fn allows(self) -> &'static str {
+    pub fn suitable_for(self) -> &'static str {
         match self {
             Grade::A => "a real robot at this period",
             Grade::B => "a real robot at this period, with nets that need less than half of it",
@@ -145,7 +145,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_a_grade_allows_is_longer_than_what_was_measured() {
+    fn stale_after_exceeds_the_measured_latency() {
         let ms = 1_000_000;
         assert_eq!(Grade::A.stale_after_ns(38_000, ms), 3 * ms);
         assert_eq!(Grade::B.stale_after_ns(480_000, ms), 3 * ms);

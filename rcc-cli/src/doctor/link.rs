@@ -3,8 +3,8 @@
 
 use serde::Serialize;
 
-use super::driver_status::{LinkHistory, DriverStatus};
-use super::{HealthFinding, FindingLevel};
+use super::driver_status::{DriverStatus, LinkHistory};
+use super::{FindingLevel, HealthFinding};
 
 pub mod fri;
 pub mod gather;
@@ -33,7 +33,7 @@ pub struct LinkFacts {
     /// The driver's newest status.
     pub driver_status: Option<DriverStatus>,
     /// The driver's status about a second before.
-    pub before: Option<DriverStatus>,
+    pub previous_status: Option<DriverStatus>,
     /// Result of listening in the driver's place.
     pub probe: Option<serde_json::Value>,
     /// Reason why listening failed.
@@ -51,7 +51,7 @@ impl LinkFacts {
     #[must_use]
     pub fn link(&self) -> &serde_json::Value {
         match (&self.driver_status, &self.probe) {
-            (Some(told), _) => &told.link,
+            (Some(status), _) => &status.link,
             (None, Some(probe)) => &probe["link"],
             (None, None) => &serde_json::Value::Null,
         }
@@ -67,7 +67,7 @@ impl LinkFacts {
     #[must_use]
     pub fn grown(&self, key: &str) -> u64 {
         let before = self
-            .before
+            .previous_status
             .as_ref()
             .and_then(|before| before.link[key].as_u64());
         self.total(key).saturating_sub(before.unwrap_or(0))
@@ -179,9 +179,7 @@ fn configuration(facts: &LinkFacts) -> Option<HealthFinding> {
     let ports = facts.unknown_ports.join(", ");
     Some(
         HealthFinding::fail(
-            format!(
-                "the cell does not run, and its file assigns {ports} automatically at start"
-            ),
+            format!("the cell does not run, and its file assigns {ports} automatically at start"),
             format!(
                 "start the cell (`rcc-cli up {}`), or set fixed numbers in its `ports`",
                 facts.source
@@ -194,16 +192,16 @@ fn configuration(facts: &LinkFacts) -> Option<HealthFinding> {
 /// Stage: the driver is alive and reports its status.
 fn driver(facts: &LinkFacts) -> Option<HealthFinding> {
     let pid = facts.pid?;
-    let Some(told) = &facts.driver_status else {
+    let Some(status) = &facts.driver_status else {
         return Some(HealthFinding::fail(
             format!("the driver runs (pid {pid}) but has not reported its status yet"),
             "retry in two seconds; if it persists, check the driver's log",
         ));
     };
-    if told.history().stale {
+    if status.history().stale {
         return Some(
             HealthFinding::fail(
-                format!("the driver (pid {pid}) has not reported its status for {} s", super::driver_status::now().saturating_sub(told.at)),
+                format!("the driver (pid {pid}) has not reported its status for {} s", super::driver_status::now().saturating_sub(status.at)),
                 format!("continue or restart it: kill -CONT {pid}; `rcc-cli up` and systemd restart hung processes"),
             )
             .cause("it is stopped or hung"),
@@ -212,7 +210,7 @@ fn driver(facts: &LinkFacts) -> Option<HealthFinding> {
     Some(HealthFinding::ok(format!(
         "driver {} runs (pid {pid}), for {}",
         facts.driver,
-        super::record::age(super::driver_status::now().saturating_sub(told.since))
+        super::record::age(super::driver_status::now().saturating_sub(status.since))
     )))
 }
 
@@ -233,7 +231,11 @@ mod tests {
             (report.failed, report.findings.len()),
             (Some("configuration"), 1)
         );
-        assert!(report.human().contains("lwr does not work: stage `configuration`"));
+        assert!(
+            report
+                .human()
+                .contains("lwr does not work: stage `configuration`")
+        );
     }
 
     #[test]
@@ -256,6 +258,9 @@ mod tests {
             at: super::super::driver_status::now(),
             ..DriverStatus::default()
         });
-        assert_eq!(driver(&facts).map(|finding| finding.level), Some(FindingLevel::Ok));
+        assert_eq!(
+            driver(&facts).map(|finding| finding.level),
+            Some(FindingLevel::Ok)
+        );
     }
 }

@@ -69,14 +69,14 @@ pub struct WakeUpMeasurement {
 /// # Errors
 /// Fails if the system cannot create the thread or refuses the core.
 pub fn measure(plan: MeasurementPlan) -> io::Result<WakeUpMeasurement> {
-    let (tell, told) = mpsc::channel();
+    let (sender, receiver) = mpsc::channel();
     let thread = thread::Builder::new()
         .name("wake-ups".into())
         .spawn(move || {
             // The receiver waits for the result.
-            let _ = tell.send(run(plan));
+            let _ = sender.send(run(plan));
         })?;
-    let result = told
+    let result = receiver
         .recv()
         .map_err(|_| io::Error::other("the measuring thread panicked"))?;
     // The thread has sent its result and is about to end.
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_core_that_is_not_there_is_refused() {
+    fn a_missing_core_is_refused() {
         let plan = MeasurementPlan {
             priority: None,
             core: Some(1000),

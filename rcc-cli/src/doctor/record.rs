@@ -14,7 +14,7 @@ use super::measure::WakeUpMeasurement;
 use crate::table::{grouped, time};
 
 /// Folder of root's record, readable by everybody.
-const OF_ROOT: &str = "/var/lib/rcc";
+const ROOT_STATE_DIR: &str = "/var/lib/rcc";
 const FILE: &str = "doctor.json";
 /// Longest record that is read, bytes.
 const FILE_MAX: u64 = 64 << 10;
@@ -90,17 +90,19 @@ impl GradeRecord {
     /// Returns the last record of this user, or else of root.
     #[must_use]
     pub fn last() -> Option<GradeRecord> {
-        let folders = state_dir().into_iter().chain([PathBuf::from(OF_ROOT)]);
+        let folders = state_dir()
+            .into_iter()
+            .chain([PathBuf::from(ROOT_STATE_DIR)]);
         folders.filter_map(|folder| read(&folder)).next()
     }
 
     /// Describes the record in one line.
     #[must_use]
-    pub fn words(&self) -> String {
-        self.words_at(now(), &boot(), &line("/proc/sys/kernel/osrelease"))
+    pub fn summary(&self) -> String {
+        self.summary_at(now(), &boot(), &line("/proc/sys/kernel/osrelease"))
     }
 
-    fn words_at(&self, now: u64, boot: &str, kernel: &str) -> String {
+    fn summary_at(&self, now: u64, boot: &str, kernel: &str) -> String {
         let how = match self.priority {
             Some(priority) => format!("SCHED_FIFO {priority}"),
             None => "without SCHED_FIFO".to_owned(),
@@ -154,7 +156,7 @@ fn state_dir() -> Option<PathBuf> {
         return Some(folder);
     }
     if nix::unistd::getuid().is_root() {
-        return Some(PathBuf::from(OF_ROOT));
+        return Some(PathBuf::from(ROOT_STATE_DIR));
     }
     variable("XDG_STATE_HOME")
         .or_else(|| variable("HOME").map(|home| home.join(".local/state")))
@@ -182,7 +184,7 @@ mod tests {
     use crate::doctor::grade::tests::measured;
 
     #[test]
-    fn what_was_stored_is_read_again() -> io::Result<()> {
+    fn a_stored_record_is_read_again() -> io::Result<()> {
         let folder = std::env::temp_dir().join(format!("rcc-record-{}", std::process::id()));
         let record = GradeRecord::of(&measured(21, 38));
         let path = record.store_in(&folder)?;
@@ -195,21 +197,21 @@ mod tests {
     }
 
     #[test]
-    fn words_tell_grade_age_and_doubt() {
+    fn the_summary_shows_grade_age_and_doubt() {
         let mut record = GradeRecord::of(&measured(21, 38));
         (record.at, record.boot, record.kernel) = (1000, "x".to_owned(), "6.1".to_owned());
         assert_eq!(
-            record.words_at(1400, "x", "6.1"),
+            record.summary_at(1400, "x", "6.1"),
             "grade A for 1.0 ms, measured 6 min ago: max 38.0 µs in 5 000 cycles, SCHED_FIFO 80, core 1"
         );
         assert!(
             record
-                .words_at(1400, "y", "6.1")
+                .summary_at(1400, "y", "6.1")
                 .ends_with("before the last start of this machine")
         );
         assert!(
             record
-                .words_at(1400, "x", "6.2")
+                .summary_at(1400, "x", "6.2")
                 .ends_with("under another kernel (6.1): measure again")
         );
     }

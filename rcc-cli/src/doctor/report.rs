@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::facts::MachineFacts;
 use super::grade::Grade;
 use super::measure::WakeUpMeasurement;
-use super::{HealthFinding, FindingLevel, checks, worst};
+use super::{FindingLevel, HealthFinding, checks, worst};
 use crate::table::time;
 
 /// Version of the JSON format.
@@ -103,7 +103,7 @@ impl DoctorReport {
         let machine = match (self.grade, self.stale_after_min_ns) {
             (Some(grade), Some(stale_ns)) => format!(
                 "grade {grade}: {}; stale_after of {} or more",
-                grade.allows(),
+                grade.suitable_for(),
                 time(stale_ns)
             ),
             _ => "not graded: wake-up latency was not measured".to_owned(),
@@ -111,7 +111,9 @@ impl DoctorReport {
         let rest = match (count(FindingLevel::Fail), count(FindingLevel::Warn)) {
             (0, 0) => "no problems found".to_owned(),
             (0, warnings) => format!("cells can run here; {warnings} warnings"),
-            (fails, warnings) => format!("{fails} problems prevent cells from running; {warnings} warnings"),
+            (fails, warnings) => {
+                format!("{fails} problems prevent cells from running; {warnings} warnings")
+            }
         };
         format!("{machine}\n{rest}\n")
     }

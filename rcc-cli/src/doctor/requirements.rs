@@ -10,7 +10,7 @@ use rcc_config::{CellConfig, ExecutorConfig, auto_ports};
 use rcc_ipc::{Announcement, Cell};
 use rcc_loader::server::codes;
 
-use crate::context::{Context, of_cell};
+use crate::context::{Context, cell_failure};
 use crate::failure::Failure;
 
 /// Requirements on the machine.
@@ -122,7 +122,7 @@ fn of_file(path: &Path) -> Result<SelectedCell, Failure> {
 }
 
 fn of_running(name: &str) -> Result<Option<SelectedCell>, Failure> {
-    let Some(cell) = Cell::find(name).map_err(|error| of_cell(&error))? else {
+    let Some(cell) = Cell::find(name).map_err(|error| cell_failure(&error))? else {
         return Ok(None);
     };
     let announced = cell.announced_all().unwrap_or_default();
@@ -187,7 +187,7 @@ fn configuration_of(environment: &[u8]) -> Option<(PathBuf, BTreeMap<String, u16
 }
 
 fn load(path: &Path, chosen: &BTreeMap<String, u16>) -> Result<CellConfig, Failure> {
-    let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
     let mut ports: BTreeMap<String, u16> = auto_ports(path)
         .map_err(invalid)?
         .into_iter()
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn what_looks_like_a_path_is_a_file() {
+    fn arguments_that_look_like_paths_are_files() {
         for (name, file) in [
             ("demo", false),
             ("./demo", true),

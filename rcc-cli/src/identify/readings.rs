@@ -41,9 +41,7 @@ pub enum ReadingsError {
         names: String,
     },
     /// No row contains both values.
-    #[error(
-        "no line contains both wrench and pose: give their monitors the same rate"
-    )]
+    #[error("no line contains both wrench and pose: give their monitors the same rate")]
     Nothing,
 }
 

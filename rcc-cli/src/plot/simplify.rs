@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_out_lies_near_what_stays() {
+    fn removed_points_lie_near_the_remaining_line() {
         let wave: Vec<(f64, f64)> = (0..5000)
             .map(|i| (f64::from(i), (f64::from(i) * 0.005).sin()))
             .collect();
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn few_points_stay_as_they_are() {
+    fn few_points_are_kept() {
         assert!(simplified(&[], 1.0, 1.0).is_empty());
         assert_eq!(simplified(&[(1.0, 2.0)], 1.0, 1.0), [(1.0, 2.0)]);
         let same = [(1.0, 2.0); 3];

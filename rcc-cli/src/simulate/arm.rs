@@ -3,7 +3,7 @@
 
 use rcc_core::guard::{Guard, SLOW};
 use rcc_core::message::{CommandImage, DeviceState, Joints, SetPoint};
-use rcc_motion::{StopTrajectory, StopLimits};
+use rcc_motion::{StopLimits, StopTrajectory};
 
 /// State of following set-points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +40,13 @@ pub struct FollowingArm {
 impl FollowingArm {
     /// Creates an arm at rest at `position` (rad); its driver waits `delay` cycles of `dt_s` (s).
     #[must_use]
-    pub fn new(limits: StopLimits, guard: Guard, position: Joints, delay: u64, dt_s: f64) -> FollowingArm {
+    pub fn new(
+        limits: StopLimits,
+        guard: Guard,
+        position: Joints,
+        delay: u64,
+        dt_s: f64,
+    ) -> FollowingArm {
         FollowingArm {
             limits,
             guard,
@@ -72,7 +78,10 @@ impl FollowingArm {
             self.positions = [before; 3];
         }
         self.detect_start(image);
-        if !matches!(self.phase, FollowPhase::Following { .. } | FollowPhase::Waiting { .. }) {
+        if !matches!(
+            self.phase,
+            FollowPhase::Following { .. } | FollowPhase::Waiting { .. }
+        ) {
             self.outputs = self.newest;
         }
     }
@@ -165,8 +174,8 @@ impl FollowingArm {
         }
         let rest = StopTrajectory::new(self.limits, self.dt_s).ok();
         self.rest = rest.and_then(|mut rest| {
-            let begun = rest.begin(&self.positions[0], &velocity, &acceleration);
-            begun.ok().map(|()| rest)
+            let stopping = rest.begin(&self.positions[0], &velocity, &acceleration);
+            stopping.ok().map(|()| rest)
         });
         self.phase = FollowPhase::Stopping;
         self.go_to_rest();
@@ -212,8 +221,8 @@ impl FollowingArm {
         }
         let hold = self.positions[0];
         let point = image.at(first).copied().filter(commands);
-        let begun = point.filter(|point| self.guard.first(&point.position, &hold).is_ok());
-        match begun {
+        let allowed = point.filter(|point| self.guard.first(&point.position, &hold).is_ok());
+        match allowed {
             Some(point) => {
                 self.move_to(point.position);
                 (self.phase, self.outputs) = (FollowPhase::Following { entry: first }, point);

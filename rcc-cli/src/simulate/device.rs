@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease, RobotConfig, SimulatorConfig};
 use rcc_core::guard::Guard;
-use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlMode};
+use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
 use rcc_core::kinematics::Arm as Kinematics;
 use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
@@ -52,7 +52,11 @@ impl SimulatedDevice {
     /// Creates a device at rest, as described by the configuration and its simulators. Digital inputs are false, analog
     /// inputs have the value of raw 0.
     #[must_use]
-    pub fn new(config: &DeviceConfig, simulators: &[SimulatorConfig], period_ns: u64) -> SimulatedDevice {
+    pub fn new(
+        config: &DeviceConfig,
+        simulators: &[SimulatorConfig],
+        period_ns: u64,
+    ) -> SimulatedDevice {
         let arguments = arguments_of(config, simulators);
         let mut measurement = Measurement::zeroed();
         measurement.magic = MAGIC;
@@ -60,7 +64,7 @@ impl SimulatedDevice {
         measurement.joints = config.model().joints;
         measurement.strategy = strategy(&arguments) as u64;
         let digital_inputs = config.channels_of(ChannelKind::DigitalInput).count();
-        measurement.digital_known = ones(digital_inputs);
+        measurement.digital_known = low_bits(digital_inputs);
         measurement.period_ns = period_ns;
         measurement.analog.fill(f64::NAN);
         measurement.analog_out.fill(f64::NAN);
@@ -101,15 +105,15 @@ impl SimulatedDevice {
             arm.exchange(image);
             outputs = *arm.outputs();
         }
-        self.drive(&outputs);
-        self.soften(&outputs);
-        self.feed_back();
+        self.update_outputs(&outputs);
+        self.update_impedance(&outputs);
+        self.apply_wires();
         let m = &mut self.measurement;
         m.sequence += 1;
         m.periods += 1;
         m.stamp_ns = now_ns;
         m.digital_out = self.digital;
-        m.digital_out_known = ones(self.digital_release.len());
+        m.digital_out_known = low_bits(self.digital_release.len());
         for (place, value) in m.analog_out.iter_mut().zip(&self.analog) {
             *place = *value;
         }
@@ -119,11 +123,11 @@ impl SimulatedDevice {
             (m.position, m.hold) = (*arm.position(), *arm.position());
             (m.played_ns, m.settled_ns) = (arm.played_ns(), arm.settled_ns());
         }
-        self.touch();
+        self.update_contact();
     }
 
     /// Computes the contact force of the flange with the wall.
-    fn touch(&mut self) {
+    fn update_contact(&mut self) {
         let m = &mut self.measurement;
         if let (Some(arm), Some(wall)) = (&self.kinematics, &mut self.wall) {
             let flange = arm.forward(&m.position);
@@ -139,7 +143,7 @@ impl SimulatedDevice {
     }
 
     /// Sets the impedance: that of the followed set-point, or else the last one without added force.
-    fn soften(&mut self, outputs: &SetPoint) {
+    fn update_impedance(&mut self, outputs: &SetPoint) {
         let strategy = self.measurement.strategy;
         let asked = &outputs.impedance;
         if outputs.has_position == 1 && asked.strategy == strategy {
@@ -182,7 +186,7 @@ impl SimulatedDevice {
     }
 
     /// Sets the outputs to commanded values, or releases them.
-    fn drive(&mut self, outputs: &SetPoint) {
+    fn update_outputs(&mut self, outputs: &SetPoint) {
         for (index, release) in self.digital_release.iter().enumerate() {
             let commanded = outputs.digital_commanded >> index & 1 == 1;
             let value = match (commanded, release) {
@@ -202,7 +206,7 @@ impl SimulatedDevice {
         }
     }
 
-    fn feed_back(&mut self) {
+    fn apply_wires(&mut self) {
         for index in 0..self.wires.len() {
             let wire = self.wires[index];
             if wire.digital {
@@ -288,7 +292,7 @@ fn strategy(arguments: &[&str]) -> ControlMode {
 }
 
 /// Returns a mask of the `count` lowest bits.
-fn ones(count: usize) -> u64 {
+fn low_bits(count: usize) -> u64 {
     1u64.checked_shl(count as u32)
         .map_or(u64::MAX, |bit| bit - 1)
 }

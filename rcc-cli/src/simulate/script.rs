@@ -15,11 +15,11 @@ pub struct ScriptStep {
     pub at_ns: u64,
     device: usize,
     index: usize,
-    value: InputValue,
+    value: ScriptedValue,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum InputValue {
+enum ScriptedValue {
     Digital(Option<bool>),
     Analog(f64),
 }
@@ -107,19 +107,19 @@ impl ScriptStep {
             cause,
         };
         let value = match (channel.kind, value.trim()) {
-            (ChannelKind::DigitalInput, "true") => InputValue::Digital(Some(true)),
-            (ChannelKind::DigitalInput, "false") => InputValue::Digital(Some(false)),
-            (ChannelKind::DigitalInput, "null") => InputValue::Digital(None),
+            (ChannelKind::DigitalInput, "true") => ScriptedValue::Digital(Some(true)),
+            (ChannelKind::DigitalInput, "false") => ScriptedValue::Digital(Some(false)),
+            (ChannelKind::DigitalInput, "null") => ScriptedValue::Digital(None),
             (ChannelKind::DigitalInput, _) => {
                 return Err(bad("a digital input is true, false or null".to_owned()));
             }
-            (_, "null") => InputValue::Analog(f64::NAN),
+            (_, "null") => ScriptedValue::Analog(f64::NAN),
             (_, value) => {
                 let quantity = quantity::parse(value).map_err(|error| bad(error.to_string()))?;
                 if quantity.unit.is_some_and(|unit| unit != channel.unit) {
                     return Err(bad(format!("its unit is {}", channel.unit)));
                 }
-                InputValue::Analog(quantity.value)
+                ScriptedValue::Analog(quantity.value)
             }
         };
         Ok(ScriptStep {
@@ -136,8 +136,8 @@ impl ScriptStep {
             return;
         };
         match self.value {
-            InputValue::Digital(value) => device.set_digital(self.index, value),
-            InputValue::Analog(value) => device.set_analog(self.index, value),
+            ScriptedValue::Digital(value) => device.set_digital(self.index, value),
+            ScriptedValue::Analog(value) => device.set_analog(self.index, value),
         }
     }
 }

@@ -15,14 +15,14 @@ pub fn first_invalid_setting(config: &CellConfig) -> Option<String> {
     config.devices.iter().find_map(|device| {
         let robot = device.robot.as_ref()?;
         let wrong = match device.driver == IDEAL_ARM {
-            true => of_driver(device, robot),
-            false => of_simulator(&arguments_of(device, &config.simulators), robot),
+            true => invalid_driver_setting(device, robot),
+            false => invalid_simulator_argument(&arguments_of(device, &config.simulators), robot),
         };
         Some(format!("device `{}`: {}", device.name, wrong?))
     })
 }
 
-fn of_driver(device: &DeviceConfig, robot: &RobotConfig) -> Option<String> {
+fn invalid_driver_setting(device: &DeviceConfig, robot: &RobotConfig) -> Option<String> {
     let mut names = device
         .settings
         .as_object()
@@ -43,7 +43,7 @@ fn of_driver(device: &DeviceConfig, robot: &RobotConfig) -> Option<String> {
     })
 }
 
-fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
+fn invalid_simulator_argument(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
     if let Some(start) = value_of(arguments, "--start=") {
         let numbers: Vec<f64> = start
             .split(',')
@@ -62,7 +62,9 @@ fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
             ));
         }
     }
-    if let Some(wall) = value_of(arguments, "--wall=").filter(|_| ElasticWall::of(arguments).is_none()) {
+    if let Some(wall) =
+        value_of(arguments, "--wall=").filter(|_| ElasticWall::of(arguments).is_none())
+    {
         return Some(format!(
             "`--wall={wall}` must be PX,PY,PZ,NX,NY,NZ,K,D: a point (m), a direction to the free side, N/m and N·s/m, 0 or more"
         ));
@@ -92,7 +94,7 @@ mod tests {
     }
 
     /// Returns the message for the cell `table.yaml` with this argument before the others of the arm's simulator.
-    fn told(argument: &str) -> String {
+    fn message_for(argument: &str) -> String {
         let mut cell = cell("table.yaml");
         cell.simulators[0].arguments.insert(0, argument.to_owned());
         first_invalid_setting(&cell).unwrap_or_else(|| panic!("{argument} is taken"))
@@ -116,16 +118,24 @@ mod tests {
             "--start=nan,0,0,0,0,0,0",
             "--start=0,0,0,0,0,0,x",
         ] {
-            assert!(told(start).contains("7 joint positions"), "{}", told(start));
+            assert!(
+                message_for(start).contains("7 joint positions"),
+                "{}",
+                message_for(start)
+            );
         }
         for wall in [
             "--wall=0,0,1,0,0,1,500",
             "--wall=0,0,1,0,0,0,500,1",
             "--wall=0,0,1,0,0,1,-500,1",
         ] {
-            assert!(told(wall).contains("PX,PY,PZ"), "{}", told(wall));
+            assert!(
+                message_for(wall).contains("PX,PY,PZ"),
+                "{}",
+                message_for(wall)
+            );
         }
-        assert!(told("--strategy=joint-imp").contains("one of position"));
+        assert!(message_for("--strategy=joint-imp").contains("one of position"));
     }
 
     #[test]
@@ -140,8 +150,12 @@ mod tests {
             let device = &mut cell.devices[0];
             device.driver = IDEAL_ARM.to_owned();
             device.settings = serde_json::from_str(&format!("{{\"{name}\": {value}}}")).unwrap();
-            let told = first_invalid_setting(&cell).unwrap_or_else(|| panic!("{name}: {value} is taken"));
-            assert!(told.contains("`lwr`") && told.contains(name), "{told}");
+            let message =
+                first_invalid_setting(&cell).unwrap_or_else(|| panic!("{name}: {value} is taken"));
+            assert!(
+                message.contains("`lwr`") && message.contains(name),
+                "{message}"
+            );
         }
     }
 }

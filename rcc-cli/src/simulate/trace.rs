@@ -53,7 +53,7 @@ impl BucketedSeries {
         let range = value.map(|value| [value, value]);
         match self.buckets.last_mut() {
             Some(bucket) if self.filled < self.each => {
-                bucket.range = merged(bucket.range, range);
+                bucket.range = merge_ranges(bucket.range, range);
                 self.filled += 1;
             }
             _ => {
@@ -72,7 +72,7 @@ impl BucketedSeries {
             range: pair
                 .iter()
                 .skip(1)
-                .fold(pair[0].range, |all, one| merged(all, one.range)),
+                .fold(pair[0].range, |all, one| merge_ranges(all, one.range)),
             ..pair[0]
         });
         self.buckets = pairs.collect();
@@ -87,7 +87,7 @@ impl BucketedSeries {
 }
 
 /// Merges two ranges; a null in either gives a null.
-fn merged(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> Option<[f64; 2]> {
+fn merge_ranges(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> Option<[f64; 2]> {
     let ([a, b], [c, d]) = (one?, other?);
     Some([a.min(c), b.max(d)])
 }
@@ -131,7 +131,7 @@ impl MonitorTrace {
     }
 
     /// Records the values of one cycle at `time_s` (s since the start); returns true if there were any.
-    pub fn take(&mut self, time_s: f64, records: &[MonitorRecord]) -> bool {
+    pub fn record(&mut self, time_s: f64, records: &[MonitorRecord]) -> bool {
         for column in &mut self.columns {
             let record = records
                 .iter()

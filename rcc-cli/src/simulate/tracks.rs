@@ -28,9 +28,9 @@ pub struct ArmTracks {
 }
 
 /// Limits are drawn if a value exceeds this part of them, percent.
-const SHOWN: f64 = 40.0;
+const LIMITS_SHOWN_PERCENT: f64 = 40.0;
 /// Derivatives of the joint positions and their orders, one panel each.
-const RATES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
+const DERIVATIVES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
 
 impl ArmTracks {
     /// Creates empty tracks for the arms of a cell.
@@ -59,7 +59,7 @@ impl ArmTracks {
     }
 
     /// Records the set-points of this cycle.
-    pub fn take(&mut self, time_s: f64, engine: &Engine) {
+    pub fn record(&mut self, time_s: f64, engine: &Engine) {
         for track in &mut self.tracks {
             let image = engine.image(track.device);
             let point = image.and_then(|image| image.at(image.head.sequence));
@@ -79,27 +79,28 @@ impl ArmTracks {
     /// Returns the panels of every commanded arm; `marks` are times of events, s.
     #[must_use]
     pub fn panels(&self, marks: &[f64]) -> Vec<PlotPanel> {
-        let told = self
+        let commanded = self
             .tracks
             .iter()
             .filter(|track| !track.segments.is_empty());
-        let of_several = told.clone().count() > 1;
-        told.flat_map(|track| {
-            let prefix = if of_several {
-                format!("{}: ", track.name)
-            } else {
-                String::new()
-            };
-            let mut panels = track.panels(self.dt_s);
-            for panel in &mut panels {
-                panel.title = format!("{prefix}{}", panel.title);
-                if !panel.is_spatial {
-                    panel.marks = marks.to_vec();
+        let of_several = commanded.clone().count() > 1;
+        commanded
+            .flat_map(|track| {
+                let prefix = if of_several {
+                    format!("{}: ", track.name)
+                } else {
+                    String::new()
+                };
+                let mut panels = track.panels(self.dt_s);
+                for panel in &mut panels {
+                    panel.title = format!("{prefix}{}", panel.title);
+                    if !panel.is_spatial {
+                        panel.marks = marks.to_vec();
+                    }
                 }
-            }
-            panels
-        })
-        .collect()
+                panels
+            })
+            .collect()
     }
 }
 
@@ -107,7 +108,7 @@ impl ArmTrack {
     fn panels(&self, dt_s: f64) -> Vec<PlotPanel> {
         let mut panels = self.places(dt_s);
         panels.push(self.positions());
-        panels.extend(RATES.map(|(name, order)| self.rates(name, order, dt_s)));
+        panels.extend(DERIVATIVES.map(|(name, order)| self.rates(name, order, dt_s)));
         panels
     }
 
@@ -220,19 +221,27 @@ impl ArmTrack {
             .iter()
             .flat_map(|curve| curve.segments.iter().flatten());
         let most = values.fold(0.0, |most: f64, (_, value)| most.max(value.abs()));
-        if most < SHOWN {
+        if most < LIMITS_SHOWN_PERCENT {
             // Far from the limits: scaled to the values instead.
             panel.limits.clear();
         }
         panel
     }
 
-    fn joints_panel(&self, title: &str, curve: impl Fn(usize) -> Vec<Vec<(f64, f64)>>) -> PlotPanel {
-        let curves = self.joints.iter().enumerate().map(|(joint, name)| PlotCurve {
-            name: name.clone(),
-            segments: curve(joint),
-            colour: joint,
-        });
+    fn joints_panel(
+        &self,
+        title: &str,
+        curve: impl Fn(usize) -> Vec<Vec<(f64, f64)>>,
+    ) -> PlotPanel {
+        let curves = self
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(joint, name)| PlotCurve {
+                name: name.clone(),
+                segments: curve(joint),
+                colour: joint,
+            });
         PlotPanel {
             limits: vec![-100.0, 100.0],
             ..PlotPanel::over_time(title.to_owned(), curves.collect())

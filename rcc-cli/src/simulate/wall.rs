@@ -72,7 +72,8 @@ mod tests {
 
     #[test]
     fn the_force_grows_with_depth_and_speed_into_the_wall() {
-        let mut wall = ElasticWall::of(&["--start=0", "--wall=0,0,0.3,0,0,2,1000,50"]).expect("a wall");
+        let mut wall =
+            ElasticWall::of(&["--start=0", "--wall=0,0,0.3,0,0,2,1000,50"]).expect("a wall");
         assert_eq!(wall.force([0.1, 0.0, 0.31], 1e-3), [0.0; 3]);
         let [x, y, z] = wall.force([0.1, 0.0, 0.29], 0.1);
         assert!((z - 20.0).abs() < 1e-9 && x == 0.0 && y == 0.0, "{z}");

@@ -15,23 +15,23 @@ use rcc_config::cell::SupervisionConfig;
 use rcc_process::signals::PARENT;
 use rcc_process::{exit, oom};
 
-use super::processes::{LOADER_ENVIRONMENT, ReadySignal, ProcessSpec, ProcessKind};
 use super::notify::NotifySocket;
 use super::policy::RestartPolicy;
+use super::processes::{LOADER_ENVIRONMENT, ProcessKind, ProcessSpec, ReadySignal};
 
 /// Length from which a log is emptied, bytes.
 const LOG_MAX: u64 = 8 << 20;
 /// Lines of the log shown after a death.
-const LINES_SHOWN: usize = 6;
+const LOG_LINES_SHOWN: usize = 6;
 
 /// State of a supervised process.
 #[derive(Debug)]
 pub enum ProcessState {
     /// Not running; to be started at this time since the supervisor's start.
     Down(Duration),
-    /// Running, not ready yet.
+    /// RunningCell, not ready yet.
     Starting(Process),
-    /// Running and ready.
+    /// RunningCell and ready.
     Up(Process),
     /// Failed permanently: it is not restarted.
     Failed,
@@ -47,7 +47,7 @@ pub struct Child {
     /// Restart policy, with its previous deaths.
     pub restarts: RestartPolicy,
     /// Notifications; `None` while it does not run, and for programs that send none.
-    pub notices: Option<NotifySocket>,
+    pub notifications: Option<NotifySocket>,
     /// Set when it hung: length of the silence, and the time at which it was asked to abort.
     pub hung: Option<(Duration, Instant)>,
     watchdog: Duration,
@@ -59,7 +59,12 @@ pub struct Child {
 impl Child {
     /// Creates a process that is not started yet; its output goes to files in `logs`.
     #[must_use]
-    pub fn new(spec: ProcessSpec, number: usize, supervision: &SupervisionConfig, logs: &Path) -> Child {
+    pub fn new(
+        spec: ProcessSpec,
+        number: usize,
+        supervision: &SupervisionConfig,
+        logs: &Path,
+    ) -> Child {
         let file = spec.name.replace('/', "-");
         Child {
             log: logs.join(format!("{file}.log")),
@@ -68,7 +73,7 @@ impl Child {
             notify_path: logs.join(format!("n{number}")),
             state: ProcessState::Down(Duration::ZERO),
             restarts: RestartPolicy::new(supervision),
-            notices: None,
+            notifications: None,
             hung: None,
             watchdog: Duration::from_nanos(supervision.watchdog_ns),
             spec,
@@ -103,8 +108,9 @@ impl Child {
         command.env(PARENT, std::process::id().to_string());
         self.hung = None;
         if self.spec.ready == ReadySignal::Notified {
-            let notices = NotifySocket::listen(&self.notify_path).map_err(|error| named(&self.notify_path, error))?;
-            self.notices = Some(notices);
+            let notifications = NotifySocket::listen(&self.notify_path)
+                .map_err(|error| named(&self.notify_path, error))?;
+            self.notifications = Some(notifications);
             command.env("NOTIFY_SOCKET", &self.notify_path);
             command.env("WATCHDOG_USEC", self.watchdog.as_micros().to_string());
         }
@@ -134,7 +140,9 @@ impl Child {
     /// Returns the exit status once the process has ended.
     pub fn ended(&mut self) -> Option<ExitStatus> {
         match &mut self.state {
-            ProcessState::Starting(process) | ProcessState::Up(process) => process.try_wait().ok().flatten(),
+            ProcessState::Starting(process) | ProcessState::Up(process) => {
+                process.try_wait().ok().flatten()
+            }
             ProcessState::Down(_) | ProcessState::Failed => None,
         }
     }
@@ -143,7 +151,10 @@ impl Child {
     #[must_use]
     pub fn is_ready(&self) -> bool {
         match &self.spec.ready {
-            ReadySignal::Notified => self.notices.as_ref().is_some_and(NotifySocket::is_ready),
+            ReadySignal::Notified => self
+                .notifications
+                .as_ref()
+                .is_some_and(NotifySocket::is_ready),
             ReadySignal::Line => tail(&self.output).contains('\n'),
         }
     }
@@ -151,7 +162,7 @@ impl Child {
     /// Detects a hang: no READY within `start`, or no heartbeat within the watchdog's time. Aborts such a process, like
     /// systemd, and kills it if it does not end within `patience`. Returns the length of the silence when a hang is
     /// detected.
-    pub fn watch(&mut self, start: Duration, patience: Duration) -> Option<Duration> {
+    pub fn check_watchdog(&mut self, start: Duration, patience: Duration) -> Option<Duration> {
         self.pid()?;
         if let Some((_, since)) = self.hung {
             if since.elapsed() > patience {
@@ -159,9 +170,9 @@ impl Child {
             }
             return None;
         }
-        let notices = self.notices.as_mut()?;
-        notices.take();
-        let silence = notices.hung_for(start, self.watchdog)?;
+        let notifications = self.notifications.as_mut()?;
+        notifications.read();
+        let silence = notifications.silence_beyond(start, self.watchdog)?;
         self.hung = Some((silence, Instant::now()));
         self.signal(Signal::SIGABRT);
         // A stopped process aborts only after it continues.
@@ -182,7 +193,7 @@ impl Child {
     pub fn last_log_lines(&self) -> Vec<String> {
         let text = tail(&self.log);
         let lines: Vec<&str> = text.lines().filter(|line| !line.is_empty()).collect();
-        let skipped = lines.len().saturating_sub(LINES_SHOWN);
+        let skipped = lines.len().saturating_sub(LOG_LINES_SHOWN);
         lines[skipped..]
             .iter()
             .map(|line| (*line).to_owned())
@@ -214,9 +225,7 @@ pub fn remedy(status: ExitStatus) -> Option<&'static str> {
 
 fn final_ending(status: ExitStatus) -> Option<&'static (u8, &'static str, &'static str)> {
     let code = status.code()?;
-    exit::FINAL
-        .iter()
-        .find(|(row, ..)| i32::from(*row) == code)
+    exit::FINAL.iter().find(|(row, ..)| i32::from(*row) == code)
 }
 
 /// Describes how a process ended.

@@ -15,7 +15,7 @@ const DATAGRAMS_PER_POLL: usize = 64;
 #[derive(Debug)]
 pub struct NotifySocket {
     socket: UnixDatagram,
-    begun: Instant,
+    started: Instant,
     last_heartbeat: Instant,
     ready: bool,
     stopping: bool,
@@ -37,7 +37,7 @@ impl NotifySocket {
         let now = Instant::now();
         Ok(NotifySocket {
             socket,
-            begun: now,
+            started: now,
             last_heartbeat: now,
             ready: false,
             stopping: false,
@@ -46,7 +46,7 @@ impl NotifySocket {
     }
 
     /// Reads the waiting notifications.
-    pub fn take(&mut self) {
+    pub fn read(&mut self) {
         let mut buffer = [0; DATAGRAM_MAX];
         for _ in 0..DATAGRAMS_PER_POLL {
             let Ok(size) = self.socket.recv(&mut buffer) else {
@@ -86,10 +86,10 @@ impl NotifySocket {
 
     /// Returns the time without progress if it exceeds the limit: `watchdog` once the process is ready, `start` before.
     #[must_use]
-    pub fn hung_for(&self, start: Duration, watchdog: Duration) -> Option<Duration> {
+    pub fn silence_beyond(&self, start: Duration, watchdog: Duration) -> Option<Duration> {
         let (since, limit) = match self.ready {
             true => (self.last_heartbeat, watchdog),
-            false => (self.begun, start),
+            false => (self.started, start),
         };
         // A stopping process has another limit, which is watched by whoever stops it.
         Some(since.elapsed()).filter(|silence| *silence > limit && !self.stopping)
@@ -108,44 +108,59 @@ mod tests {
     const NEVER: Duration = Duration::from_secs(3600);
 
     fn connected(name: &str) -> (NotifySocket, UnixDatagram, std::path::PathBuf) {
-        let path = std::env::temp_dir().join(format!("rcc-notices-{name}-{}", std::process::id()));
-        let notices = NotifySocket::listen(&path).unwrap();
+        let path =
+            std::env::temp_dir().join(format!("rcc-notifications-{name}-{}", std::process::id()));
+        let notifications = NotifySocket::listen(&path).unwrap();
         let sender = UnixDatagram::unbound().unwrap();
         sender.connect(&path).unwrap();
-        (notices, sender, path)
+        (notifications, sender, path)
     }
 
     #[test]
     fn notifications_are_read_in_any_combination() {
-        let (mut notices, sender, path) = connected("words");
+        let (mut notifications, sender, path) = connected("words");
         sender
             .send(b"READY=1\nSTATUS=1000 Hz, a=b\nWATCHDOG=1\nMAINPID=7\n\xff")
             .unwrap();
-        notices.take();
-        assert!(notices.is_ready());
-        assert_eq!(notices.status(), "1000 Hz, a=b");
+        notifications.read();
+        assert!(notifications.is_ready());
+        assert_eq!(notifications.status(), "1000 Hz, a=b");
         std::fs::remove_file(path).unwrap();
     }
 
     #[test]
     fn silence_is_a_hang_only_beyond_its_limit() {
-        let (mut notices, sender, path) = connected("silence");
+        let (mut notifications, sender, path) = connected("silence");
         assert!(
-            notices.hung_for(Duration::ZERO, NEVER).is_some(),
+            notifications
+                .silence_beyond(Duration::ZERO, NEVER)
+                .is_some(),
             "not ready in time"
         );
-        assert!(notices.hung_for(NEVER, Duration::ZERO).is_none());
-        sender.send(b"READY=1").unwrap();
-        notices.take();
-        assert!(notices.hung_for(Duration::ZERO, NEVER).is_none());
         assert!(
-            notices.hung_for(NEVER, Duration::ZERO).is_some(),
+            notifications
+                .silence_beyond(NEVER, Duration::ZERO)
+                .is_none()
+        );
+        sender.send(b"READY=1").unwrap();
+        notifications.read();
+        assert!(
+            notifications
+                .silence_beyond(Duration::ZERO, NEVER)
+                .is_none()
+        );
+        assert!(
+            notifications
+                .silence_beyond(NEVER, Duration::ZERO)
+                .is_some(),
             "no heartbeat"
         );
         sender.send(b"STOPPING=1").unwrap();
-        notices.take();
+        notifications.read();
         assert!(
-            notices.hung_for(NEVER, Duration::ZERO).is_none(),
+            notifications
+                .silence_beyond(NEVER, Duration::ZERO)
+                .is_none(),
             "it stops"
         );
         std::fs::remove_file(path).unwrap();

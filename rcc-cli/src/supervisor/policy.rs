@@ -22,7 +22,7 @@ pub struct RestartPolicy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RestartDecision {
     /// Restart at this time; the `nth` restart within the window.
-    Again {
+    Restart {
         /// Time on the supervisor's clock.
         at: Duration,
         /// Number of the restart, from 1 to the limit.
@@ -46,7 +46,7 @@ impl RestartPolicy {
     }
 
     /// Records a death at `now` (time since the supervisor's start).
-    pub fn died(&mut self, now: Duration) -> RestartDecision {
+    pub fn record_death(&mut self, now: Duration) -> RestartDecision {
         while self
             .deaths
             .front()
@@ -59,7 +59,7 @@ impl RestartPolicy {
         }
         let pause = (PAUSE_FIRST * (1 << self.deaths.len().min(10))).min(PAUSE_MAX);
         self.deaths.push_back(now);
-        RestartDecision::Again {
+        RestartDecision::Restart {
             at: now + pause,
             nth: self.deaths.len(),
         }
@@ -80,24 +80,32 @@ mod tests {
             restarts: 0,
             ..SupervisionConfig::default()
         });
-        assert_eq!(restarts.died(Duration::ZERO), RestartDecision::Failed);
+        assert_eq!(
+            restarts.record_death(Duration::ZERO),
+            RestartDecision::Failed
+        );
     }
 
     #[test]
     fn the_sixth_death_within_the_window_is_a_failure() {
         let mut restarts = usual();
         for second in 0..5 {
-            let verdict = restarts.died(Duration::from_secs(second));
-            assert!(matches!(verdict, RestartDecision::Again { nth, .. } if nth == second as usize + 1));
+            let verdict = restarts.record_death(Duration::from_secs(second));
+            assert!(
+                matches!(verdict, RestartDecision::Restart { nth, .. } if nth == second as usize + 1)
+            );
         }
-        assert_eq!(restarts.died(Duration::from_secs(6)), RestartDecision::Failed);
+        assert_eq!(
+            restarts.record_death(Duration::from_secs(6)),
+            RestartDecision::Failed
+        );
     }
 
     #[test]
     fn old_deaths_are_forgotten() {
         let mut restarts = usual();
         for second in [0, 10, 20, 25, 29, 31, 45] {
-            let verdict = restarts.died(Duration::from_secs(second));
+            let verdict = restarts.record_death(Duration::from_secs(second));
             assert_ne!(verdict, RestartDecision::Failed, "{second}");
         }
     }
@@ -106,8 +114,8 @@ mod tests {
     fn each_pause_is_longer_than_the_one_before() {
         let mut restarts = usual();
         let pauses: Vec<Duration> = (0..5)
-            .filter_map(|_| match restarts.died(Duration::ZERO) {
-                RestartDecision::Again { at, .. } => Some(at),
+            .filter_map(|_| match restarts.record_death(Duration::ZERO) {
+                RestartDecision::Restart { at, .. } => Some(at),
                 RestartDecision::Failed => None,
             })
             .collect();

@@ -11,7 +11,7 @@ use rcc_loader::server::codes;
 use rcc_process::oom;
 
 use super::paths;
-use crate::context::of_cell;
+use crate::context::cell_failure;
 use crate::failure::Failure;
 
 /// Difference between the SCHED_FIFO priorities of the executor and of the drivers.
@@ -103,7 +103,7 @@ pub fn prepare(path: &Path) -> Result<PreparedCell, Failure> {
     let path = path
         .canonicalize()
         .map_err(|error| Failure::unreadable(&name, &error))?;
-    let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
     let mut ports = BTreeMap::new();
     for (name, protocol) in auto_ports(&path).map_err(invalid)? {
         let port = free_port(protocol).map_err(|error| {
@@ -134,7 +134,7 @@ pub fn driver_priority(executor: u8) -> u8 {
 ///
 /// # Errors
 /// Fails if a program is missing or if the path of a control port is too long.
-pub fn specs(name: &str, prepared: &PreparedCell) -> Result<Vec<ProcessSpec>, Failure> {
+pub fn process_specs(name: &str, prepared: &PreparedCell) -> Result<Vec<ProcessSpec>, Failure> {
     let mut common: Vec<OsString> = vec!["--cell".into(), name.into(), "--config".into()];
     common.push(prepared.path.clone().into());
     for (port, number) in &prepared.ports {
@@ -146,7 +146,7 @@ pub fn specs(name: &str, prepared: &PreparedCell) -> Result<Vec<ProcessSpec>, Fa
         let mut arguments: Vec<OsString> = simulator.arguments.iter().map(Into::into).collect();
         if simulator.device.is_some() {
             let socket = cell::simulator_socket(&cell::base_dir().join(name), &simulator.name);
-            cell::check_socket_path(&socket).map_err(|error| of_cell(&error))?;
+            cell::check_socket_path(&socket).map_err(|error| cell_failure(&error))?;
             let mut argument = OsString::from("--control=");
             argument.push(socket);
             arguments.push(argument);

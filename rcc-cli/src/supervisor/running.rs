@@ -21,7 +21,7 @@ const RUNNING_MAX: u64 = 1 << 20;
 
 /// Content of the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Running {
+pub struct RunningCell {
     /// File of the configuration, absolute.
     pub config: PathBuf,
     /// Numbers of its automatic ports.
@@ -33,7 +33,7 @@ pub struct Running {
 /// # Errors
 /// Fails if the file cannot be written.
 pub fn write(cell: &Cell, prepared: &PreparedCell) -> Result<(), Failure> {
-    let running = Running {
+    let running = RunningCell {
         config: prepared.path.clone(),
         ports: prepared.ports.clone(),
     };
@@ -63,10 +63,10 @@ pub fn read(cell: &Cell) -> Result<CellConfig, Failure> {
             "start it with `rcc-cli up FILE`",
         )
     })?;
-    let running: Running = serde_json::from_slice(&text).map_err(|error| {
+    let running: RunningCell = serde_json::from_slice(&text).map_err(|error| {
         let words = format!("{}: {error}", path.display());
         Failure::new(codes::BAD_REQUEST, words, "restart the cell")
     })?;
     CellConfig::load(&running.config, &running.ports)
-        .map_err(|faults| Failure::of_faults("the configuration is not valid", &faults))
+        .map_err(|faults| Failure::from_faults("the configuration is not valid", &faults))
 }

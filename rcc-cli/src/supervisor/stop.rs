@@ -16,11 +16,11 @@ use crate::follow;
 use crate::interrupt::Interrupts;
 
 /// Longest time for nets to end after CANCEL.
-const CANCEL_LIMIT: Duration = Duration::from_secs(10);
+const CANCEL_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest time for devices to come to rest.
-const REST_LIMIT: Duration = Duration::from_secs(5);
+const REST_TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest time for monitors to leave the cell.
-const LEAVE_LIMIT: Duration = Duration::from_secs(2);
+const LEAVE_TIMEOUT: Duration = Duration::from_secs(2);
 
 impl Supervisor {
     /// Ends the cell: cancels the nets, waits for rest, stops executor, loader, drivers and simulators, and removes all
@@ -34,12 +34,12 @@ impl Supervisor {
         let is_impatient = || interrupts.count() > asked;
         // Commands of an executor that this supervisor did not start are left alone.
         if self.has_own_executor() {
-            self.end_commands(&is_impatient);
+            self.end_nets(&is_impatient);
             self.wait_for_rest(&is_impatient);
         }
         let mut clean_end = true;
-        for stage in ProcessKind::ALL {
-            clean_end &= self.end_stage(stage);
+        for kind in ProcessKind::ALL {
+            clean_end &= self.stop_processes(kind);
         }
         clean_end & self.remove_files()
     }
@@ -51,8 +51,8 @@ impl Supervisor {
         own.is_some() && served.is_none_or(|status| Some(status.executor.pid) == own)
     }
 
-    fn end_commands(&mut self, is_impatient: &dyn Fn() -> bool) {
-        let begun = Instant::now();
+    fn end_nets(&mut self, is_impatient: &dyn Fn() -> bool) {
+        let started = Instant::now();
         let mut canceled = Vec::new();
         loop {
             let Ok(commands) = self.client.get::<Vec<CommandView>>("/commands") else {
@@ -65,7 +65,7 @@ impl Supervisor {
             if active.is_empty() {
                 return;
             }
-            let late = is_impatient() || begun.elapsed() > CANCEL_LIMIT;
+            let late = is_impatient() || started.elapsed() > CANCEL_TIMEOUT;
             for command in active {
                 let gently = command.can_cancel && !late;
                 if gently && canceled.contains(&command.id) {
@@ -77,7 +77,7 @@ impl Supervisor {
                 // It may have ended meanwhile; the next poll shows that.
                 let _ = follow::operate(&self.client, &command.id.to_string(), what);
             }
-            if begun.elapsed() > CANCEL_LIMIT * 2 {
+            if started.elapsed() > CANCEL_TIMEOUT * 2 {
                 return;
             }
             std::thread::sleep(POLL_INTERVAL);
@@ -85,8 +85,8 @@ impl Supervisor {
     }
 
     fn wait_for_rest(&mut self, is_impatient: &dyn Fn() -> bool) {
-        let begun = Instant::now();
-        while begun.elapsed() < REST_LIMIT && !is_impatient() {
+        let started = Instant::now();
+        while started.elapsed() < REST_TIMEOUT && !is_impatient() {
             let Ok(devices) = self.client.get::<Vec<DeviceView>>("/devices") else {
                 return;
             };
@@ -100,14 +100,14 @@ impl Supervisor {
     }
 
     /// Sends SIGTERM to all processes of a kind, then SIGKILL to those that remain. Returns true if none was killed.
-    fn end_stage(&mut self, stage: ProcessKind) -> bool {
-        let of_stage = |child: &&mut child::Child| child.spec.kind == stage;
-        for child in self.children.iter_mut().filter(of_stage) {
+    fn stop_processes(&mut self, kind: ProcessKind) -> bool {
+        let of_kind = |child: &&mut child::Child| child.spec.kind == kind;
+        for child in self.children.iter_mut().filter(of_kind) {
             child.signal(Signal::SIGTERM);
         }
-        let limit = Instant::now() + self.patience();
+        let limit = Instant::now() + self.stop_timeout();
         let mut killed = Vec::new();
-        for child in self.children.iter_mut().filter(of_stage) {
+        for child in self.children.iter_mut().filter(of_kind) {
             while child.pid().is_some() && child.ended().is_none() {
                 if Instant::now() >= limit {
                     child.signal(Signal::SIGKILL);
@@ -132,7 +132,7 @@ impl Supervisor {
     fn remove_files(mut self) -> bool {
         // The logs are kept only while the cell exists.
         let _ = std::fs::remove_dir_all(&self.logs);
-        let limit = Instant::now() + LEAVE_LIMIT;
+        let limit = Instant::now() + LEAVE_TIMEOUT;
         // The cell stays claimed until its files are gone, so that nobody can claim it in between and lose files.
         let mut removed = ownership::release(&self.cell, &self.presence);
         // Monitors leave the cell a moment after the executor.

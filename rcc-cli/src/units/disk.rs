@@ -32,7 +32,11 @@ pub enum FileChange {
 ///
 /// # Errors
 /// Fails if a file was not written by RCC, or if the system refuses.
-pub fn write(root: &Path, files: &[UnitFile], dry: bool) -> Result<Vec<(FileChange, PathBuf)>, Failure> {
+pub fn write(
+    root: &Path,
+    files: &[UnitFile],
+    dry: bool,
+) -> Result<Vec<(FileChange, PathBuf)>, Failure> {
     let plan: Result<Vec<_>, Failure> = files
         .iter()
         .map(|file| Ok((judge(root, file)?, file)))
@@ -43,8 +47,8 @@ pub fn write(root: &Path, files: &[UnitFile], dry: bool) -> Result<Vec<(FileChan
             store(&root.join(&file.path), &file.text)?;
         }
     }
-    let told = |(done, file): &(FileChange, &UnitFile)| (*done, root.join(&file.path));
-    Ok(plan.iter().map(told).collect())
+    let entry = |(done, file): &(FileChange, &UnitFile)| (*done, root.join(&file.path));
+    Ok(plan.iter().map(entry).collect())
 }
 
 fn judge(root: &Path, file: &UnitFile) -> Result<FileChange, Failure> {

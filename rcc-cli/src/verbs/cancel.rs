@@ -27,7 +27,7 @@ pub struct Arguments {
 /// it.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
-    let begun = Instant::now();
+    let started = Instant::now();
     let done = follow::operate(&client, &arguments.named.name, "cancel")?;
     let Some(patience) = arguments.wait else {
         context.print(&done, |done| format!("{}#{}  canceling", done.net, done.id));
@@ -37,17 +37,17 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         let command = follow::brief(&client, &done.id.to_string())?;
         if follow::is_over(&command) {
             context.print(&command, |command: &CommandView| {
-                let (title, state) = (follow::title(command), follow::state_words(command));
-                let passed = begun.elapsed().as_secs_f64();
+                let (title, state) = (follow::title(command), follow::state_text(command));
+                let passed = started.elapsed().as_secs_f64();
                 let first = match command.reason.as_deref() {
                     Some("finished") => ", before it could be canceled",
                     _ => "",
                 };
                 format!("{title}  {state}  after {passed:.2} s{first}")
             });
-            return follow::judge(&command, RequestedEnd::Cancel);
+            return follow::exit_result(&command, RequestedEnd::Cancel);
         }
-        if begun.elapsed() > patience {
+        if started.elapsed() > patience {
             let title = follow::title(&command);
             return Err(Failure::new(
                 codes::LOADER_SILENT,
@@ -55,6 +55,6 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 format!("allow more time, or end it at once with `rcc-cli abort {title}`"),
             ));
         }
-        std::thread::sleep(follow::POLL);
+        std::thread::sleep(follow::POLL_INTERVAL);
     }
 }

@@ -15,8 +15,8 @@ use rcc_loader::server::codes::{self, exit};
 use rcc_loader::server::compile::{findings, name_of};
 use serde::Serialize;
 
-use super::simulate::with_namer;
-use crate::context::{Context, Format};
+use super::simulate::with_names;
+use crate::context::{Context, OutputFormat};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::output::{print_diagnostics, print_line};
@@ -82,7 +82,7 @@ struct CheckSummary {
 /// Fails with exit code 3 if a net is invalid, with the file's code if one cannot be read, and with 2 if folders hold
 /// no net.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let begun = Instant::now();
+    let started = Instant::now();
     let config = match &arguments.config {
         Some(path) => path.clone(),
         None => paths::config("cells/demo.yaml")?,
@@ -95,7 +95,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let stage = arguments.rehearse.then_some(&config);
     let context = Context {
         format: if arguments.json {
-            Format::Json
+            OutputFormat::Json
         } else {
             context.format
         },
@@ -122,13 +122,13 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 Ok(source) => {
                     let verdict = verdict(&source, &cell, arguments.deny.is_some(), stage);
                     summary.count(&verdict);
-                    tell(&context, &source, &verdict, is_many);
+                    print_verdict(&context, &source, &verdict, is_many);
                 }
             }
         }
     }
-    if is_many && context.format == Format::Human {
-        print_line(&summary.text(begun.elapsed().as_secs_f64()));
+    if is_many && context.format == OutputFormat::Human {
+        print_line(&summary.text(started.elapsed().as_secs_f64()));
     }
     let folders_only = arguments.files.iter().all(|file| Path::new(file).is_dir());
     if folders_only && summary.valid + summary.invalid == 0 && summary.unreadable.is_none() {
@@ -140,8 +140,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         CheckSummary {
             unreadable: Some(code),
             ..
-        } => Err(Failure::said(code)),
-        CheckSummary { invalid: 1.., .. } => Err(Failure::said(exit::INVALID)),
+        } => Err(Failure::reported(code)),
+        CheckSummary { invalid: 1.., .. } => Err(Failure::reported(exit::INVALID)),
         _ => Ok(()),
     }
 }
@@ -195,15 +195,20 @@ fn rehearsed(
     plan: PlanData,
     names: &Names,
 ) -> Result<Option<RehearsalView>, Box<Finding>> {
-    let told = rehearse_at_start(config, plan);
-    with_namer(names, config, |namer| match told {
+    let rehearsal = rehearse_at_start(config, plan);
+    with_names(names, config, |namer| match rehearsal {
         Ok(rehearsed) => Ok(rehearsed.map(|rehearsed| namer.rehearsal(&rehearsed))),
         Err(refusal) => Err(Box::new(namer.refusal(1, refusal).finding())),
     })
 }
 
-fn tell(context: &Context, source: &(String, String), verdict: &NetVerdict, is_many: bool) {
-    if context.format == Format::Json {
+fn print_verdict(
+    context: &Context,
+    source: &(String, String),
+    verdict: &NetVerdict,
+    is_many: bool,
+) {
+    if context.format == OutputFormat::Json {
         return context.print(verdict, |_| String::new());
     }
     print_diagnostics(&draw(&verdict.diagnostics, Some(source), Context::colour()));
@@ -310,7 +315,7 @@ fn is_net((name, text): &(String, String)) -> bool {
 
 /// Loads a configuration for compiling nets; automatic ports get a dummy number.
 pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
-    let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
     let ports = auto_ports(path).map_err(invalid)?;
     let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();
     CellConfig::load(path, &ports).map_err(invalid)
@@ -342,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn a_summary_tells_how_many_are_valid_and_what_was_found() {
+    fn a_summary_counts_valid_nets_and_findings() {
         let verdict = |valid: bool, severities: &[&str]| NetVerdict {
             file: String::new(),
             valid,

@@ -61,14 +61,16 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = DeviceTable::from(&load_config(&config)?);
     let (name, text) = read_text(&arguments.file)?;
     let text = header(&arguments)? + &text;
-    let invalid = |faults: &_| Failure::of_faults("the net is not valid", faults);
+    let invalid = |faults: &_| Failure::from_faults("the net is not valid", faults);
     let compiled = compile::compile_for(&text, &name, &cell).map_err(|faults| invalid(&faults))?;
     let mut faults = Vec::new();
     let net = compile::read(&text, &name, &cell, &mut faults);
     let converted = net.and_then(|net| match arguments.to {
         NetFormat::Yaml => Some(write::yaml(&net)),
         NetFormat::Json => Some(write::json(&net)),
-        NetFormat::Directionet => directionet::write::text(&net, &compiled.names, &cell, &mut faults),
+        NetFormat::Directionet => {
+            directionet::write::text(&net, &compiled.names, &cell, &mut faults)
+        }
     });
     // A text that compiles can be read, so only writing can have failed.
     let Some(converted) = converted else {

@@ -57,8 +57,8 @@ fn rows(costs: &Costs) -> Vec<CostRow> {
 /// Describes where the costs come from.
 pub(super) fn origin_text(origin: &CostsSource) -> String {
     match origin {
-        CostsSource::Read(path) => format!("measured before, kept in {}", path.display()),
-        CostsSource::Measured(path) => format!("measured now, kept in {}", path.display()),
-        CostsSource::NotKept(why) => format!("measured now and not kept: {why}"),
+        CostsSource::Read(path) => format!("measured earlier, stored in {}", path.display()),
+        CostsSource::Measured(path) => format!("measured now, stored in {}", path.display()),
+        CostsSource::NotKept(why) => format!("measured now, not stored: {why}"),
     }
 }

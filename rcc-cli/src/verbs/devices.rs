@@ -8,9 +8,9 @@ use rcc_loader::server::api::DeviceView;
 use serde::Serialize;
 
 use crate::context::Context;
+use crate::doctor::driver_status::{self, DriverStatus, LinkHistory};
 use crate::doctor::link::percent;
 use crate::doctor::record::age;
-use crate::doctor::driver_status::{self, LinkHistory, DriverStatus};
 use crate::failure::Failure;
 use crate::table::{self, grouped};
 
@@ -140,7 +140,11 @@ fn connections(rows: &[DeviceRow]) -> String {
             percent(history.quality_mean_permille),
             percent(history.quality_min_permille),
             format!("{} ({})", history.late, history.late_total),
-            last_lost(history, lost.as_ref(), [driver_status::now(), monotonic_ns()]),
+            last_lost(
+                history,
+                lost.as_ref(),
+                [driver_status::now(), monotonic_ns()],
+            ),
             history.peer.clone().unwrap_or_else(|| "–".to_owned()),
         ]);
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use rcc_ipc::cell::base_dir;
 use rcc_loader::server::codes::{self, exit};
 
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::doctor::FindingLevel;
 use crate::doctor::clean::clean;
 use crate::doctor::facts::{self, MachineFacts, cpu, system::SystemRoot};
@@ -14,10 +14,10 @@ use crate::doctor::link::{LinkReport, gather::gather};
 use crate::doctor::measure::{MeasurementPlan, measure};
 use crate::doctor::record::GradeRecord;
 use crate::doctor::report::DoctorReport;
+use crate::doctor::requirements::{self, MachineRequirements, SelectedCell};
 use crate::doctor::trial::try_all;
-use crate::doctor::requirements::{self, SelectedCell, MachineRequirements};
 use crate::failure::Failure;
-use crate::output::{print_note, print_line};
+use crate::output::{print_line, print_note};
 
 /// Arguments of `doctor`. `--cell` takes a cell's name or its file.
 #[derive(clap::Args, Debug)]
@@ -67,7 +67,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let requirements = selected
         .as_ref()
-        .map_or_else(MachineRequirements::default, |selected| MachineRequirements::of(&selected.config));
+        .map_or_else(MachineRequirements::default, |selected| {
+            MachineRequirements::of(&selected.config)
+        });
     let facts = collect_facts(context, requirements, arguments.measure);
     let mut report = DoctorReport::of(&facts);
     if let Some(measured) = &facts.measured {
@@ -78,7 +80,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     context.print(&report, DoctorReport::human);
     if report.worst == FindingLevel::Fail {
-        return Err(Failure::said(exit::FAILED));
+        return Err(Failure::reported(exit::FAILED));
     }
     Ok(())
 }
@@ -109,12 +111,16 @@ fn device(context: &Context, selected: Option<SelectedCell>, name: &str) -> Resu
     let report = LinkReport::of(&gather(&selected, device));
     context.print(&report, LinkReport::human);
     match report.failed {
-        Some(_) => Err(Failure::said(exit::FAILED)),
+        Some(_) => Err(Failure::reported(exit::FAILED)),
         None => Ok(()),
     }
 }
 
-fn collect_facts(context: &Context, requirements: MachineRequirements, length: Duration) -> MachineFacts {
+fn collect_facts(
+    context: &Context,
+    requirements: MachineRequirements,
+    length: Duration,
+) -> MachineFacts {
     let system = SystemRoot::at(Path::new("/"));
     let trial = try_all(requirements.priority);
     let mut facts = facts::read(&system, requirements);
@@ -129,14 +135,17 @@ fn collect_facts(context: &Context, requirements: MachineRequirements, length: D
         .count();
     let requirements = &facts.requirements;
     // The measurement yields to a running executor.
-    let priority = requirements.priority.saturating_sub(u8::from(executors > 0)).max(1);
+    let priority = requirements
+        .priority
+        .saturating_sub(u8::from(executors > 0))
+        .max(1);
     let plan = MeasurementPlan {
         priority: facts.trial.fifo.is_ok().then_some(priority),
         core: requirements.core,
         period_ns: requirements.period_ns,
         length,
     };
-    if context.format == Format::Human {
+    if context.format == OutputFormat::Human {
         print_note(&format!(
             "measuring wake-ups for {} s …",
             length.as_secs_f64()
@@ -153,7 +162,7 @@ fn collect_facts(context: &Context, requirements: MachineRequirements, length: D
 
 fn remove_leftovers(context: &Context, strays: bool) -> Result<(), Failure> {
     let cleaned = clean(&base_dir(), strays.then_some(Path::new("/dev/shm")));
-    if context.format == Format::Json {
+    if context.format == OutputFormat::Json {
         context.print(&cleaned, |_| String::new());
     } else {
         for line in &cleaned.removed {
@@ -169,6 +178,6 @@ fn remove_leftovers(context: &Context, strays: bool) -> Result<(), Failure> {
     if cleaned.refused.is_empty() {
         Ok(())
     } else {
-        Err(Failure::said(exit::FAILED))
+        Err(Failure::reported(exit::FAILED))
     }
 }

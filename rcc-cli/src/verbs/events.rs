@@ -5,13 +5,15 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use rcc_ipc::Cell;
-use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader, EventSeverity, wall_time_before};
+use rcc_ipc::events::{
+    Event, EventKind, EventOrigin, EventReader, EventSeverity, wall_time_before,
+};
 use rcc_loader::server::codes;
 
-use crate::context::{Context, Format, of_cell};
+use crate::context::{Context, OutputFormat, cell_failure};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
-use crate::output::{print_note, print_line};
+use crate::output::{print_line, print_note};
 use crate::table::grouped;
 
 /// Interval between two polls of a followed log.
@@ -40,11 +42,13 @@ pub struct Arguments {
 /// Fails if the cell does not exist, if its log cannot be read, or if Ctrl-C ended the verb.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = context.cell_name();
-    let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
+    let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
     let cell = cell.ok_or_else(|| {
         Failure::new(
             codes::NO_LOADER,
-            format!("cell `{name}` not found; its event log is removed when the cell ends normally"),
+            format!(
+                "cell `{name}` not found; its event log is removed when the cell ends normally"
+            ),
             "start it with `rcc-cli up FILE`, or name another cell with --cell (RCC_CELL)",
         )
     })?;
@@ -55,7 +59,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut batch = reader.poll().map_err(unreadable)?;
     // Sorts the events of several processes by time.
     batch.sort_by(|a, b| a.time.cmp(&b.time));
-    view.begin(&batch);
+    view.prepare(&batch);
     loop {
         batch.iter().for_each(|event| view.show(event));
         if !arguments.follow {
@@ -90,35 +94,36 @@ enum Since {
 
 /// Filter and format of the shown events.
 struct EventView {
-    format: Format,
+    format: OutputFormat,
     since: Since,
     net: Option<String>,
     device: Option<String>,
     /// Names of commands, by the executor's incarnation and id.
     names: HashMap<(String, u64), String>,
-    headed: bool,
+    header_printed: bool,
 }
 
 impl EventView {
-    fn new(format: Format, arguments: &Arguments) -> Result<EventView, Failure> {
+    fn new(format: OutputFormat, arguments: &Arguments) -> Result<EventView, Failure> {
         Ok(EventView {
             format,
             since: since(arguments.since.as_deref())?,
             net: arguments.net.clone(),
             device: arguments.device.clone(),
             names: HashMap::new(),
-            headed: false,
+            header_printed: false,
         })
     }
 
     /// Prepares the filter: learns names that are reported late, and the time of the first requested cycle.
-    fn begin(&mut self, events: &[Event]) {
-        events.iter().for_each(|event| self.learn(event));
+    fn prepare(&mut self, events: &[Event]) {
+        events.iter().for_each(|event| self.learn_name(event));
         let Since::Cycle(from) = self.since else {
             return;
         };
         // Cycles are counted from 1 in each incarnation of the executor: the newest is meant.
-        let ours = |event: &&Event| event.source.role == EventOrigin::Executor && event.cycle.is_some();
+        let ours =
+            |event: &&Event| event.source.role == EventOrigin::Executor && event.cycle.is_some();
         let newest = events
             .iter()
             .rfind(ours)
@@ -132,7 +137,7 @@ impl EventView {
         }
     }
 
-    fn learn(&mut self, event: &Event) {
+    fn learn_name(&mut self, event: &Event) {
         if let EventKind::Loaded {
             command,
             executor,
@@ -156,45 +161,47 @@ impl EventView {
         name.map_or_else(|| format!("#{id}"), |name| format!("{name}#{id}"))
     }
 
-    fn wanted(&self, event: &Event) -> bool {
+    fn matches(&self, event: &Event) -> bool {
         let young = match &self.since {
             Since::Always => true,
             Since::Time(time) => event.time >= *time,
             Since::Cycle(cycle) => event.cycle.is_some_and(|is| is >= *cycle),
         };
-        young && self.is_of_net(event) && self.is_of_device(event)
+        young && self.matches_net(event) && self.matches_device(event)
     }
 
-    fn is_of_net(&self, event: &Event) -> bool {
-        let Some(wanted) = &self.net else { return true };
+    fn matches_net(&self, event: &Event) -> bool {
+        let Some(matches) = &self.net else {
+            return true;
+        };
         event.what.command().is_some_and(|id| {
             let whole = self.net(event.executor(), id);
             let name = whole.split('#').next().unwrap_or_default();
-            [whole.as_str(), name, &id.to_string()].contains(&wanted.as_str())
+            [whole.as_str(), name, &id.to_string()].contains(&matches.as_str())
         })
     }
 
-    fn is_of_device(&self, event: &Event) -> bool {
-        let Some(wanted) = &self.device else {
+    fn matches_device(&self, event: &Event) -> bool {
+        let Some(matches) = &self.device else {
             return true;
         };
-        let of_driver = event.source.role == EventOrigin::Driver && event.source.label == *wanted;
-        let process = wanted.strip_prefix("driver/").unwrap_or(wanted);
+        let of_driver = event.source.role == EventOrigin::Driver && event.source.label == *matches;
+        let process = matches.strip_prefix("driver/").unwrap_or(matches);
         of_driver || event.what.device() == Some(process)
     }
 
     fn show(&mut self, event: &Event) {
-        self.learn(event);
-        if !self.wanted(event) {
+        self.learn_name(event);
+        if !self.matches(event) {
             return;
         }
         let words = event.sentence(&|executor, id| self.net(executor, id));
         match self.format {
-            Format::Json => print_line(&json(event, &words, self)),
-            Format::Human => {
-                if !self.headed {
+            OutputFormat::Json => print_line(&json(event, &words, self)),
+            OutputFormat::Human => {
+                if !self.header_printed {
                     print_line(&row("TIME (UTC)", "CYCLE", "WHO", " ", "WHAT"));
-                    self.headed = true;
+                    self.header_printed = true;
                 }
                 let cycle = event.cycle.map_or_else(String::new, grouped);
                 let mark = match event.severity {
@@ -291,8 +298,8 @@ mod tests {
     }
 
     fn view(arguments: &Arguments) -> EventView {
-        let mut view = EventView::new(Format::Human, arguments).unwrap();
-        view.begin(&[loaded(), lost()]);
+        let mut view = EventView::new(OutputFormat::Human, arguments).unwrap();
+        view.prepare(&[loaded(), lost()]);
         view
     }
 
@@ -314,13 +321,13 @@ mod tests {
                 net: Some(net.into()),
                 ..Arguments::default()
             });
-            assert!(view.wanted(&lost()), "{net}");
+            assert!(view.matches(&lost()), "{net}");
         }
         let view = view(&Arguments {
             net: Some("other".into()),
             ..Arguments::default()
         });
-        assert!(!view.wanted(&lost()));
+        assert!(!view.matches(&lost()));
     }
 
     #[test]
@@ -336,10 +343,10 @@ mod tests {
             how: "SIGKILL".into(),
             last_words: String::new(),
         };
-        assert!(view.wanted(&lost()));
-        assert!(view.wanted(&event(EventOrigin::Driver, "lwr", None, stopping())));
-        assert!(view.wanted(&event(EventOrigin::Supervisor, "up", None, died)));
-        assert!(!view.wanted(&event(EventOrigin::Driver, "io", None, stopping())));
+        assert!(view.matches(&lost()));
+        assert!(view.matches(&event(EventOrigin::Driver, "lwr", None, stopping())));
+        assert!(view.matches(&event(EventOrigin::Supervisor, "up", None, died)));
+        assert!(!view.matches(&event(EventOrigin::Driver, "io", None, stopping())));
     }
 
     #[test]
@@ -352,6 +359,6 @@ mod tests {
             since,
             ..Arguments::default()
         });
-        assert!(!view.wanted(&lost()));
+        assert!(!view.matches(&lost()));
     }
 }

@@ -9,9 +9,9 @@ use std::path::PathBuf;
 use rcc_engine::costs::cache;
 use rcc_loader::server::api::{CommandView, StatusView};
 
-use self::report::{Explanation, CellCapacity};
+use self::report::{CellCapacity, Explanation};
 use super::{costs, source};
-use crate::client::Client;
+use crate::client::LoaderClient;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow;
@@ -61,7 +61,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Returns the free capacity of the running cell.
-fn room(client: &Client) -> Result<CellCapacity, Failure> {
+fn room(client: &LoaderClient) -> Result<CellCapacity, Failure> {
     let status: StatusView = client.get("/status")?;
     let commands: Vec<CommandView> = client.get("/commands")?;
     let active = |command: &&CommandView| matches!(command.state.as_str(), "running" | "canceling");

@@ -14,8 +14,8 @@ use rcc_loader::server::executor::EXECUTOR_LABEL;
 use serde_json::{Value, json};
 
 use crate::client::no_loader;
-use crate::context::{Context, of_cell};
-use crate::demo::simulator::Simulator;
+use crate::context::{Context, cell_failure};
+use crate::demo::simulator::SimulatorClient;
 use crate::failure::Failure;
 use crate::supervisor::running;
 use effect::{FaultAction, FaultEffect, action};
@@ -44,13 +44,15 @@ pub struct Arguments {
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let (target, effect) = in_order(arguments)?;
     let name = context.cell_name();
-    let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
+    let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
     let cell = cell.ok_or_else(|| no_loader(name, ": no such cell"))?;
     let config = running::read(&cell)?;
     let (action, words) = action(&effect);
     match action {
         FaultAction::Signal(signal) => send(&cell, &config, &target, signal, &words)?,
-        FaultAction::Command(command) => command_simulator(&cell, &config, &target, &command, &words)?,
+        FaultAction::Command(command) => {
+            command_simulator(&cell, &config, &target, &command, &words)?
+        }
     }
     let done = json!({"target": target, "what": words});
     context.print(&done, |_| match effect {
@@ -91,7 +93,9 @@ fn is_simulated(config: &CellConfig, device: &str) -> bool {
 fn not_simulated(what: &str) -> Failure {
     Failure::new(
         codes::NOT_PERMITTED,
-        format!("{what} is not simulated in this cell: faults are injected into simulated devices only"),
+        format!(
+            "{what} is not simulated in this cell: faults are injected into simulated devices only"
+        ),
         "start a cell with simulators (`simulators:` with `device:`), for example configs/cells/demo.yaml",
     )
 }
@@ -122,15 +126,15 @@ fn command_simulator(
             "not every simulator supports every fault; see `rcc-cli fault DEVICE --help`",
         )
     };
-    let mut simulator = Simulator::connect(&path).map_err(failed)?;
+    let mut simulator = SimulatorClient::connect(&path).map_err(failed)?;
     log_fault(cell, device, words);
-    let begun = Instant::now();
+    let started = Instant::now();
     loop {
         match simulator.ask(command) {
             Ok(_) => return Ok(()),
             // `clear` and `ack` acknowledge, which the simulator refuses while the arm moves.
             Err(error)
-                if error.to_string().contains("still moves") && begun.elapsed() < REST_LIMIT =>
+                if error.to_string().contains("still moving") && started.elapsed() < REST_LIMIT =>
             {
                 std::thread::sleep(Duration::from_millis(20));
             }

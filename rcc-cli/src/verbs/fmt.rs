@@ -4,10 +4,10 @@ use rcc_language::format::{FormatError, format};
 use rcc_loader::server::codes::{self, exit};
 use serde::Serialize;
 
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::follow::read_text;
-use crate::output::{print_line, print_file};
+use crate::output::{print_file, print_line};
 
 /// Arguments of `fmt`.
 #[derive(clap::Args, Debug)]
@@ -39,7 +39,7 @@ struct FormatOutcome {
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut worst = 0;
     for file in &arguments.files {
-        match one(context, &arguments, file) {
+        match format_file(context, &arguments, file) {
             Ok(false) => {}
             Ok(true) => worst = worst.max(1),
             Err(failure) => {
@@ -51,12 +51,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if worst == 0 {
         Ok(())
     } else {
-        Err(Failure::said(worst))
+        Err(Failure::reported(worst))
     }
 }
 
 /// Formats one file; returns true if `--check` found it unformatted.
-fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Failure> {
+fn format_file(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Failure> {
     let (name, text) = read_text(file)?;
     let written = format(&text, &name).map_err(|error| refused(&name, error))?;
     let changed = written != text;
@@ -68,7 +68,7 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
     if changed && !arguments.check {
         std::fs::write(file, &written).map_err(|error| Failure::unreadable(file, &error))?;
     }
-    if context.format == Format::Human {
+    if context.format == OutputFormat::Human {
         match (changed, arguments.check) {
             (true, true) => print_line(&format!("{name}: not formatted (run `rcc-cli fmt`)")),
             (true, false) => print_line(&format!("{name}: formatted")),
@@ -88,7 +88,7 @@ fn refused(name: &str, error: FormatError) -> Failure {
     let what = format!("{name} is unchanged: {error}");
     match error {
         FormatError::Faulty(faults) | FormatError::WouldLose(faults) => {
-            Failure::of_faults(&what, &faults)
+            Failure::from_faults(&what, &faults)
         }
         FormatError::Json => Failure {
             exit: exit::INVALID,

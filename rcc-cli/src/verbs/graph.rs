@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use rcc_graph::Values;
+use rcc_graph::PortValues;
 use rcc_graph::scene::{BOXES_MAX, scene};
 use rcc_graph::{dot::dot, mermaid::mermaid, svg::svg};
 use rcc_language::structure::literal_label;
@@ -84,7 +84,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Returns the values of a loaded net by port, as text.
-fn values(context: &Context, net: &str) -> Result<Values, Failure> {
+fn values(context: &Context, net: &str) -> Result<PortValues, Failure> {
     let answer = context.client()?.values(net, &[])?;
     let rows = answer.values.iter();
     Ok(rows.map(|row| (row.port.clone(), words(row))).collect())
@@ -97,12 +97,12 @@ const ELEMENTS_MAX: usize = 3;
 fn words(row: &ValueView) -> String {
     let words = match &row.value {
         Value::Array(values) => {
-            let shown = values.iter().take(ELEMENTS_MAX).map(one);
+            let shown = values.iter().take(ELEMENTS_MAX).map(format_scalar);
             let more = (values.len() > ELEMENTS_MAX).then(|| "…".to_owned());
             let shown: Vec<String> = shown.chain(more).collect();
             format!("[{}]", shown.join(", "))
         }
-        value => one(value),
+        value => format_scalar(value),
     };
     match &row.unit {
         Some(unit) if !row.value.is_null() => format!("{words} {unit}"),
@@ -110,12 +110,15 @@ fn words(row: &ValueView) -> String {
     }
 }
 
-fn one(value: &Value) -> String {
+fn format_scalar(value: &Value) -> String {
     if let Value::String(infinite) = value {
         return infinite.clone();
     }
     match value.as_f64().filter(|_| !value.is_i64()) {
-        Some(number) => literal_label(&Literal::new(LiteralShape::Real(number, None), Default::default())),
+        Some(number) => literal_label(&Literal::new(
+            LiteralShape::Real(number, None),
+            Default::default(),
+        )),
         None => value.to_string(),
     }
 }

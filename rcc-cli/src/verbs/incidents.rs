@@ -4,13 +4,13 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rcc_engine::incident::{EXTENSION, IncidentHead, IncidentError, read_head};
+use rcc_engine::incident::{EXTENSION, IncidentError, IncidentHead, read_head};
 use rcc_ipc::Cell;
-use rcc_loader::server::api::Frozen;
+use rcc_loader::server::api::WrittenIncident;
 use rcc_loader::server::codes;
 use serde::Serialize;
 
-use crate::context::{Context, of_cell};
+use crate::context::{Context, cell_failure};
 use crate::failure::Failure;
 use crate::incident::IncidentNet;
 use crate::output::print_note;
@@ -19,7 +19,7 @@ use crate::table;
 /// Interval between two checks for the requested file.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time limit for the requested file: recording continues for a fifth of a second, and the disk may be slow.
-const WRITTEN_WITHIN: Duration = Duration::from_secs(20);
+const WRITE_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Arguments of `incidents`.
 #[derive(clap::Args, Debug)]
@@ -57,7 +57,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => {
             let folder = match arguments.folder {
                 Some(folder) => folder,
-                None => of(context)?,
+                None => incidents_dir(context)?,
             };
             let rows = rows(&folder)?;
             context.print(&rows, |rows| list(rows));
@@ -68,9 +68,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Returns the cell's folder of incidents.
-fn of(context: &Context) -> Result<PathBuf, Failure> {
+fn incidents_dir(context: &Context) -> Result<PathBuf, Failure> {
     let name = context.cell_name();
-    let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
+    let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
     let cell = cell.ok_or_else(|| {
         Failure::new(
             codes::NO_LOADER,
@@ -160,7 +160,7 @@ pub(super) fn reason(head: &IncidentHead) -> String {
 }
 
 fn record(context: &Context) -> Result<(), Failure> {
-    let frozen: Frozen = context.client()?.post("/incidents", String::new())?;
+    let frozen: WrittenIncident = context.client()?.post("/incidents", String::new())?;
     if context.remote.is_some() {
         context.print(&frozen, |frozen| {
             format!(
@@ -170,9 +170,9 @@ fn record(context: &Context) -> Result<(), Failure> {
         });
         return Ok(());
     }
-    let folder = of(context)?;
-    let begun = Instant::now();
-    while begun.elapsed() < WRITTEN_WITHIN {
+    let folder = incidents_dir(context)?;
+    let started = Instant::now();
+    while started.elapsed() < WRITE_TIMEOUT {
         let written = rows(&folder)?.into_iter().find(|row| {
             let span = row.head.first_cycle..=row.head.last_cycle;
             row.head.executor == frozen.executor && span.contains(&frozen.cycle)
@@ -187,7 +187,7 @@ fn record(context: &Context) -> Result<(), Failure> {
     }
     Err(Failure::new(
         codes::EXECUTOR_SILENT,
-        format!("no incident file was written within {WRITTEN_WITHIN:?}"),
+        format!("no incident file was written within {WRITE_TIMEOUT:?}"),
         "see `rcc-cli events` for a failure; `rcc-cli incidents` lists files written later",
     ))
 }

@@ -8,7 +8,7 @@ use rcc_config::ports::PortArgument;
 use rcc_config::{CellConfig, auto_ports};
 use rcc_loader::server::codes;
 
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::output::print_line;
 use crate::units::cores::Cores;
@@ -63,23 +63,23 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = arguments.file.display().to_string();
     let path = arguments.file.canonicalize();
     let path = path.map_err(|error| Failure::unreadable(&name, &error))?;
-    let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
     if arguments.uninstall {
         // Removing needs no ports.
         let config = CellConfig::load_offline(&path).map_err(invalid)?;
         let cell = context.cell.as_deref().unwrap_or(&config.name);
         let removed = disk::remove(&arguments.root, cell, arguments.dry_run)?;
-        tell(context, &removed);
+        print_changes(context, &removed);
         after_uninstall(context, cell);
         return Ok(());
     }
-    let ports = chosen(&path, &arguments)?;
+    let ports = chosen_ports(&path, &arguments)?;
     let config = CellConfig::load(&path, &ports).map_err(invalid)?;
     let cell = context.cell.clone().unwrap_or(config.name.clone());
     let elsewhere = arguments.root != Path::new("/");
     let programs = programs(arguments.programs.as_deref(), elsewhere)?;
-    visible(&path, "the configuration", elsewhere)?;
-    real(&config, &arguments)?;
+    require_visible(&path, "the configuration", elsewhere)?;
+    require_no_simulators(&config, &arguments)?;
     let cores = cores(&config, arguments.cpus)?;
     let order = CellUnits {
         cell: &cell,
@@ -99,20 +99,20 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         &files,
         arguments.dry_run,
     )?);
-    tell(context, &done);
+    print_changes(context, &done);
     after_install(context, &cell, arguments.dry_run);
     Ok(())
 }
 
 /// Returns the numbers of the automatic ports; all of them must be given.
-fn chosen(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, Failure> {
+fn chosen_ports(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, Failure> {
     let given: BTreeMap<String, u16> = arguments
         .ports
         .iter()
         .map(|port| (port.name.clone(), port.number))
         .collect();
     let automatic = auto_ports(path)
-        .map_err(|faults| Failure::of_faults("the configuration is not valid", &faults))?;
+        .map_err(|faults| Failure::from_faults("the configuration is not valid", &faults))?;
     let open: Vec<String> = automatic.into_iter().map(|(name, _)| name).collect();
     let missing: Vec<&str> = open
         .iter()
@@ -138,7 +138,7 @@ fn chosen(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, F
 }
 
 /// Fails if the configuration has simulators that were not requested.
-fn real(config: &CellConfig, arguments: &Arguments) -> Result<(), Failure> {
+fn require_no_simulators(config: &CellConfig, arguments: &Arguments) -> Result<(), Failure> {
     if arguments.simulators || config.simulators.is_empty() {
         return Ok(());
     }
@@ -174,11 +174,11 @@ fn programs(given: Option<&Path>, elsewhere: bool) -> Result<PathBuf, Failure> {
             "install all programs in one folder and pass it with --programs DIR",
         ));
     }
-    visible(&folder, "the folder of the programs", elsewhere)?;
+    require_visible(&folder, "the folder of the programs", elsewhere)?;
     Ok(folder)
 }
 
-fn visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failure> {
+fn require_visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failure> {
     let hidden = HIDDEN.iter().find(|folder| path.starts_with(folder));
     match hidden {
         Some(folder) if !elsewhere => Err(Failure::new(
@@ -201,9 +201,7 @@ fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Fai
     if given.as_ref().is_some_and(|cores| cores.contains(core)) {
         return Err(Failure::new(
             codes::BAD_REQUEST,
-            format!(
-                "core {core} is reserved for the executor (`executor: {{core: {core}}}`)"
-            ),
+            format!("core {core} is reserved for the executor (`executor: {{core: {core}}}`)"),
             "remove it from --cpus",
         ));
     }
@@ -211,8 +209,8 @@ fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Fai
     Ok(given.or_else(|| Cores::all_but(count, &BTreeSet::from([core]))))
 }
 
-fn tell(context: &Context, done: &[(FileChange, PathBuf)]) {
-    if context.format == Format::Json {
+fn print_changes(context: &Context, done: &[(FileChange, PathBuf)]) {
+    if context.format == OutputFormat::Json {
         let rows: Vec<_> = done
             .iter()
             .map(|(done, path)| serde_json::json!({"path": path, "done": done}))
@@ -233,7 +231,7 @@ fn tell(context: &Context, done: &[(FileChange, PathBuf)]) {
 }
 
 fn after_install(context: &Context, cell: &str, dry: bool) {
-    if context.format == Format::Json {
+    if context.format == OutputFormat::Json {
         return;
     }
     if dry {
@@ -249,7 +247,7 @@ fn after_install(context: &Context, cell: &str, dry: bool) {
 }
 
 fn after_uninstall(context: &Context, cell: &str) {
-    if context.format == Format::Human {
+    if context.format == OutputFormat::Human {
         print_line(&format!(
             "next: sudo systemctl stop rcc@{cell}.target; sudo systemctl daemon-reload"
         ));

@@ -45,7 +45,7 @@ pub(super) fn line(command: &CommandView) -> String {
         command.primitives,
         match command.expected_ns {
             0 => String::new(),
-            ns => format!("  expected: {} a cycle", time(ns)),
+            ns => format!("  expected: {} per cycle", time(ns)),
         }
     )
 }

@@ -37,7 +37,7 @@ pub(super) fn list(commands: &[CommandView]) -> String {
     for command in commands {
         rows.add_row([
             follow::title(command),
-            follow::state_words(command),
+            follow::state_text(command),
             table::grouped(command.cycles),
             format!(
                 "{} / {}",

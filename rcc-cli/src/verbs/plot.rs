@@ -10,7 +10,9 @@ use rcc_loader::server::codes;
 use rcc_loader::server::codes::exit;
 use serde::Serialize;
 
-use super::simulate::{PreparedScenario, SimulationScenario, create, failure, not_written, with_namer};
+use super::simulate::{
+    PreparedScenario, SimulationScenario, create, failure, not_written, with_names,
+};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::plot::{Plot, PlotError};
@@ -56,7 +58,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         ..options
     };
     let mut tracks = ArmTracks::new(&config);
-    let mut watch = |time_s: f64, engine: &rcc_engine::engine::Engine| tracks.take(time_s, engine);
+    let mut watch =
+        |time_s: f64, engine: &rcc_engine::engine::Engine| tracks.record(time_s, engine);
     let simulated = simulate::run(&config, plan, &names, &options, None, &mut watch)
         .map_err(|error| failure(&error, &names, &config, None))?;
     let cancel_s = options.cancel_at_ns.map(|ns| ns as f64 / 1e9);
@@ -71,8 +74,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => names.net.clone(),
     };
     write(&out, &Plot { title, panels })?;
-    let words = |refusal: Refusal| with_namer(&names, &config, |namer| namer.refusal(1, refusal));
-    let fault = with_namer(&names, &config, |namer| {
+    let words = |refusal: Refusal| with_names(&names, &config, |namer| namer.refusal(1, refusal));
+    let fault = with_names(&names, &config, |namer| {
         namer.fault(&simulated.command.fault)
     });
     let breaks = simulated.foreseen.map(|refusal| words(refusal).message);
@@ -91,8 +94,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     });
     let is_fault = EndReason::from_number(simulated.command.reason) == EndReason::Fault;
     match report.breaks {
-        Some(_) => Err(Failure::said(exit::FAILED)),
-        None if is_fault => Err(Failure::said(exit::FAILED)),
+        Some(_) => Err(Failure::reported(exit::FAILED)),
+        None if is_fault => Err(Failure::reported(exit::FAILED)),
         None => Ok(()),
     }
 }

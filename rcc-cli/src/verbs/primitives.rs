@@ -38,7 +38,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 if arguments.markdown {
                     print_line(manual::page(view).trim_end());
                 } else {
-                    context.print(view, one);
+                    context.print(view, describe);
                 }
                 return Ok(());
             }
@@ -111,10 +111,10 @@ fn list(all: &[PrimitiveView]) -> String {
     text
 }
 
-fn one(view: &PrimitiveView) -> String {
+fn describe(view: &PrimitiveView) -> String {
     let mut text = format!("{}  {}\n  null: {}\n", view.name, view.summary, view.null);
     if !view.undefined.is_empty() {
-        text = format!("{text}  no result for: {}\n", view.undefined);
+        text = format!("{text}  undefined for: {}\n", view.undefined);
     }
     if !view.formula.is_empty() {
         text = format!("{text}  formula: {}\n", view.formula);
@@ -145,7 +145,7 @@ fn one(view: &PrimitiveView) -> String {
         text = format!("{text}\n{}\n", table::text(&rows));
     }
     for example in &view.examples {
-        text = format!("{text}\n{}\n", worked(example));
+        text = format!("{text}\n{}\n", worked_values(example));
     }
     text
 }
@@ -171,8 +171,8 @@ fn parameter_row(parameter: &ParameterView) -> [String; 5] {
     ]
 }
 
-/// Formats worked values, one row per cycle.
-fn worked(example: &ExampleView) -> String {
+/// Formats a worked example, one row per cycle.
+fn worked_values(example: &ExampleView) -> String {
     let names: Vec<String> = example
         .names
         .iter()
@@ -183,7 +183,7 @@ fn worked(example: &ExampleView) -> String {
     for row in &example.rows {
         rows.add_row(row);
     }
-    let mut about = format!("worked: {}", example.shows);
+    let mut about = format!("example: {}", example.shows);
     if !example.parameters.is_empty() {
         about = format!("{about}; parameters: {}", example.parameters);
     }

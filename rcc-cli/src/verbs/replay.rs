@@ -8,14 +8,16 @@ use std::path::{Path, PathBuf};
 
 use rcc_engine::incident::{Incident, IncidentError};
 use rcc_engine::net::Evaluation;
-use rcc_engine::replay::{MismatchKind, Mismatch, NetReplayResult, ReplaySource, ReplayStep, replay};
+use rcc_engine::replay::{
+    Mismatch, MismatchKind, NetReplayResult, ReplaySource, ReplayStep, replay,
+};
 use rcc_ipc::pattern::Pattern;
 use rcc_loader::server::codes;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::incidents::reason;
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::incident::{IncidentNet, ShownSlots, text, value_of};
 use crate::output::print_line;
@@ -100,7 +102,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             "free disk space there",
         )
     })?;
-    tell(context, &incident, &results, &named)
+    print_results(context, &incident, &results, &named)
 }
 
 fn unusable(path: &str, error: IncidentError) -> Failure {
@@ -116,7 +118,7 @@ fn unusable(path: &str, error: IncidentError) -> Failure {
 }
 
 /// Prints the result.
-fn tell(
+fn print_results(
     context: &Context,
     incident: &Incident,
     results: &[NetReplayResult],
@@ -183,7 +185,7 @@ fn result_of(result: &NetReplayResult, named: &IncidentNet) -> ReplayResult {
         _ => named.title(),
     };
     let words = match (&result.mismatch, result.compared) {
-        (Some(mismatch), _) => mismatch_words(mismatch, result, named),
+        (Some(mismatch), _) => describe_mismatch(mismatch, result, named),
         (None, 0) if !result.has_plan => {
             "not compared: its plan is not in the file because it was unloaded too early".to_owned()
         }
@@ -211,11 +213,15 @@ fn result_of(result: &NetReplayResult, named: &IncidentNet) -> ReplayResult {
     }
 }
 
-fn mismatch_words(mismatch: &Mismatch, result: &NetReplayResult, named: &IncidentNet) -> String {
+fn describe_mismatch(mismatch: &Mismatch, result: &NetReplayResult, named: &IncidentNet) -> String {
     let what = match mismatch.what {
         MismatchKind::Slots => String::new(),
         MismatchKind::Evaluation { recorded, replayed } => {
-            format!(", it {} in the recording and {} in the replay", ended(recorded), ended(replayed))
+            format!(
+                ", it {} in the recording and {} in the replay",
+                describe_evaluation(recorded),
+                describe_evaluation(replayed)
+            )
         }
         MismatchKind::Cycles { recorded, replayed } => {
             format!(", its cycle {recorded} is cycle {replayed} of the replay: records are missing")
@@ -240,7 +246,7 @@ fn mismatch_words(mismatch: &Mismatch, result: &NetReplayResult, named: &Inciden
     words
 }
 
-fn ended(evaluation: Evaluation) -> String {
+fn describe_evaluation(evaluation: Evaluation) -> String {
     match evaluation {
         Evaluation::Running => "continued".to_owned(),
         Evaluation::Terminated => "had terminated".to_owned(),
@@ -260,7 +266,7 @@ fn mismatch_json(mismatch: &Mismatch, named: &IncidentNet) -> Value {
 
 /// Prints or stores the shown values, cycle by cycle.
 struct ValuePrinter {
-    format: Format,
+    format: OutputFormat,
     /// Shown slots of each net, and the index of its first column.
     nets: BTreeMap<u64, (Vec<ShownSlots>, usize)>,
     columns: usize,
@@ -272,7 +278,7 @@ struct ValuePrinter {
 
 impl ValuePrinter {
     fn new(
-        format: Format,
+        format: OutputFormat,
         arguments: &Arguments,
         named: &BTreeMap<u64, IncidentNet>,
     ) -> Result<ValuePrinter, Failure> {
@@ -351,7 +357,7 @@ impl ValuePrinter {
             return Ok(());
         }
         match self.format {
-            Format::Human => {
+            OutputFormat::Human => {
                 for one in shown {
                     let values = one.values(step.net);
                     let values: Vec<String> = values.iter().map(|value| text(value, "–")).collect();
@@ -363,7 +369,7 @@ impl ValuePrinter {
                     ));
                 }
             }
-            Format::Json => {
+            OutputFormat::Json => {
                 let values = shown.iter().map(|one| {
                     let mut all = one.values(step.net);
                     let value = match (all.len(), all.pop()) {

@@ -47,7 +47,8 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::unreadable(&shown, &error))?;
     let imported = rcc_robot::import(&text, import.base.as_deref(), import.tip.as_deref());
     let imported = imported.map_err(|error| {
-        let help = "name the arm's links with --base and --tip; see docs/robots.md for the supported arms";
+        let help =
+            "name the arm's links with --base and --tip; see docs/robots.md for the supported arms";
         Failure::new(codes::BAD_REQUEST, format!("{shown}: {error}"), help)
     })?;
     let name = Path::new(&import.file).file_name();
@@ -57,11 +58,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => print_file(&yaml),
         Some(path) => std::fs::write(&path, yaml).map_err(|error| {
             let message = format!("{}: {error}", path.display());
-            Failure::new(
-                codes::BAD_REQUEST,
-                message,
-                "name a writable file",
-            )
+            Failure::new(codes::BAD_REQUEST, message, "name a writable file")
         })?,
     }
     Ok(())

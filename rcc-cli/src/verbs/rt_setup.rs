@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use rcc_loader::server::codes;
-use rcc_process::{Helpers, Notifier, HealthReport, Stop};
+use rcc_process::{HealthReport, Helpers, Notifier, Stop};
 
 use crate::context::Context;
 use crate::failure::Failure;
@@ -159,7 +159,10 @@ fn latency(root: &Path) -> (Option<File>, String) {
     let path = root.join("dev/cpu_dma_latency");
     let opened = OpenOptions::new().write(true).open(&path);
     match opened.and_then(|mut file| file.write_all(&0_i32.to_ne_bytes()).map(|()| file)) {
-        Ok(file) => (Some(file), "sleep states: disabled while this runs".to_owned()),
+        Ok(file) => (
+            Some(file),
+            "sleep states: disabled while this runs".to_owned(),
+        ),
         Err(error) => (
             None,
             format!("sleep states: unchanged ({}: {error})", path.display()),
@@ -225,10 +228,7 @@ mod tests {
             "frequency governor: not available on this machine"
         );
         let line = interrupts(nowhere, &BTreeSet::from([0]));
-        assert_eq!(
-            line,
-            "interrupts: not moved, there is no other core"
-        );
+        assert_eq!(line, "interrupts: not moved, there is no other core");
         assert!(
             latency(nowhere)
                 .1

@@ -6,15 +6,15 @@ use std::time::{Duration, Instant};
 use rcc_loader::server::api::CommandView;
 use rcc_loader::server::codes::{RequestedEnd, exit};
 
-use crate::client::Client;
-use crate::context::{Context, Format};
+use crate::client::LoaderClient;
+use crate::context::{Context, OutputFormat};
 use crate::failure::{Failure, draw};
 use crate::follow::{self, OnRejection};
 use crate::interrupt::Interrupts;
-use crate::output::{Printer, print_diagnostics};
+use crate::output::{BackgroundPrinter, print_diagnostics};
 
 /// Longest time to wait for a loader that died.
-const PATIENCE: Duration = Duration::from_secs(5);
+const LOADER_RESTART_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Arguments of `run`.
 #[derive(clap::Args, Debug)]
@@ -36,9 +36,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let interrupts = Interrupts::listen()?;
     let loaded = follow::load(&client, &source.0, &source.1, OnRejection::Unload)?;
     print_diagnostics(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
-    let printer = Printer::start();
+    let printer = BackgroundPrinter::start();
     let show = |line: &str| {
-        if context.format == Format::Human {
+        if context.format == OutputFormat::Human {
             printer.print_line(line);
         }
     };
@@ -49,19 +49,19 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     printer.finish();
     let command = outcome?;
-    if context.format == Format::Json {
+    if context.format == OutputFormat::Json {
         context.print(&command, |_| String::new());
     }
     // Whoever requested the run has withdrawn it, whether the net was cancelled, aborted or had just finished.
     if interrupts.asked() && command.fault.is_none() {
         return Err(Failure::interrupted());
     }
-    follow::judge(&command, RequestedEnd::Finish)
+    follow::exit_result(&command, RequestedEnd::Finish)
 }
 
 fn start_and_follow(
     show: &dyn Fn(&str),
-    client: &Client,
+    client: &LoaderClient,
     interrupts: &Interrupts,
     loaded: &CommandView,
 ) -> Result<CommandView, Failure> {
@@ -75,14 +75,17 @@ fn start_and_follow(
     loop {
         let command = match follow::brief(client, &id) {
             // A loader that died is restarted; the net runs on meanwhile.
-            Err(failure) if failure.exit == exit::UNREACHABLE && answered.elapsed() < PATIENCE => {
-                std::thread::sleep(follow::POLL);
+            Err(failure)
+                if failure.exit == exit::UNREACHABLE
+                    && answered.elapsed() < LOADER_RESTART_TIMEOUT =>
+            {
+                std::thread::sleep(follow::POLL_INTERVAL);
                 continue;
             }
             state => state?,
         };
         answered = Instant::now();
-        let words = follow::state_words(&command);
+        let words = follow::state_text(&command);
         // The snapshot may be a few cycles older than the START that was just answered.
         let old = command.state == "ready";
         if words != shown && !old {
@@ -103,6 +106,6 @@ fn start_and_follow(
                 done => drop(done?),
             }
         }
-        std::thread::sleep(follow::POLL);
+        std::thread::sleep(follow::POLL_INTERVAL);
     }
 }

@@ -18,14 +18,14 @@ use serde::Serialize;
 
 use super::check::{load_config, require_valid_settings};
 use super::plot;
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::failure::{Failure, draw};
 use crate::follow::read_net;
-use crate::output::{print_note, print_diagnostics};
+use crate::output::{print_diagnostics, print_note};
 use crate::plot::Plot;
 use crate::simulate::script::ScriptStep;
 use crate::simulate::trace;
-use crate::simulate::{self, SimulationOptions, SimulateError, SimulationResult};
+use crate::simulate::{self, SimulateError, SimulationOptions, SimulationResult};
 use crate::supervisor::paths;
 use crate::table;
 
@@ -108,10 +108,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     } = arguments.scenario.prepare()?;
     let mut csv = arguments.csv.as_deref().map(create).transpose()?;
     let table = csv.as_mut().map(|file| file as &mut dyn Write);
-    let begun = Instant::now();
+    let started = Instant::now();
     let simulated = simulate::run(&config, plan, &names, &options, table, &mut |_, _| ())
         .map_err(|error| failure(&error, &names, &config, arguments.csv.as_deref()))?;
-    let took = begun.elapsed();
+    let took = started.elapsed();
     let report = report(&names, &simulated, &config);
     if let Some(path) = &arguments.plot {
         let panels = trace::panels(simulated.trace.columns());
@@ -119,7 +119,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         plot::write(path, &Plot { title, panels })?;
     }
     context.print(&report, human);
-    if context.format == Format::Human {
+    if context.format == OutputFormat::Human {
         print_note(&speed(&simulated, took));
     }
     arguments
@@ -150,7 +150,7 @@ impl SimulationScenario {
         };
         match code {
             exit::OK => Ok(()),
-            code => Err(Failure::said(code)),
+            code => Err(Failure::reported(code)),
         }
     }
 
@@ -182,7 +182,10 @@ impl SimulationScenario {
 
     fn options(&self, config: &CellConfig) -> Result<SimulationOptions, Failure> {
         let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
-        let steps = self.input.iter().map(|text| ScriptStep::parse(text, config));
+        let steps = self
+            .input
+            .iter()
+            .map(|text| ScriptStep::parse(text, config));
         let steps = steps.collect::<Result<_, _>>().map_err(|error| {
             let help = "see `rcc-cli simulate --help`";
             Failure::new(codes::BAD_REQUEST, error.to_string(), help)
@@ -229,12 +232,14 @@ pub(super) fn failure(
     match error {
         SimulateError::Refused(refusal) => {
             let refused = with_names(net, config, |names| names.refusal(1, *refusal));
-            Failure::answered(refused.body())
+            Failure::from_server(refused.body())
         }
         SimulateError::Write(error) => not_written(csv.unwrap_or(Path::new("the table")), error),
-        SimulateError::Silent => {
-            Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it as a bug")
-        }
+        SimulateError::Silent => Failure::new(
+            codes::PROCESS_FAILED,
+            error.to_string(),
+            "report it as a bug",
+        ),
     }
 }
 
@@ -242,11 +247,13 @@ fn report(net: &Names, simulated: &SimulationResult, config: &CellConfig) -> Sim
     let command = &simulated.command;
     let reason = EndReason::from_number(command.reason);
     let columns = simulated.trace.columns().iter();
-    let monitors = columns.filter(|column| column.seen).map(|column| LastValue {
-        name: column.name.clone(),
-        unit: column.unit.clone(),
-        last: column.last,
-    });
+    let monitors = columns
+        .filter(|column| column.seen)
+        .map(|column| LastValue {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            last: column.last,
+        });
     SimulateReport {
         net: net.net.clone(),
         state: CommandState::from_number(command.state).name().to_owned(),

@@ -4,15 +4,15 @@
 use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
-use rcc_language::structure::NetStructure;
 use rcc_language::library::{FileLibraries, LibrarySource, NoLibraries};
+use rcc_language::structure::NetStructure;
 use rcc_language::{Compiled, compile_with_structure};
 use rcc_loader::server::api::StatusView;
 use rcc_loader::server::codes::exit;
 use rcc_loader::server::compile::findings;
 
 use super::check::load_config;
-use crate::client::Client;
+use crate::client::LoaderClient;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
@@ -28,7 +28,7 @@ pub struct ResolvedNet {
     /// Configuration that it was compiled for.
     pub config: CellConfig,
     /// Client of the running cell, if one runs.
-    pub client: Option<Client>,
+    pub client: Option<LoaderClient>,
 }
 
 /// Finds and compiles a net.
@@ -60,11 +60,15 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
     };
     let config = load_config(&config)?;
     // A loaded net is one text; its libraries are not available here.
-    let libraries: &dyn LibrarySource = if is_file { &FileLibraries } else { &NoLibraries };
-    let (compiled, structure) =
-        compile_with_structure(&source.1, &source.0, &config, libraries).map_err(|faults| {
+    let libraries: &dyn LibrarySource = if is_file {
+        &FileLibraries
+    } else {
+        &NoLibraries
+    };
+    let (compiled, structure) = compile_with_structure(&source.1, &source.0, &config, libraries)
+        .map_err(|faults| {
             print_diagnostics(&draw(&findings(&faults), Some(&source), Context::colour()));
-            Failure::said(exit::INVALID)
+            Failure::reported(exit::INVALID)
         })?;
     Ok(ResolvedNet {
         compiled,

@@ -27,7 +27,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     if let ([name], []) = (&arguments.names[..], &arguments.after_stopping[..]) {
         let done: Done = follow::operate(&client, name, "start")?;
-        context.print(&done, began);
+        context.print(&done, started_line);
         return Ok(());
     }
     let switched = follow::switch(&client, &arguments.after_stopping, &arguments.names)?;
@@ -36,13 +36,15 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             let last = grouped(done.cycle.saturating_sub(1));
             format!("{}#{}  stopped  after cycle {last}", done.net, done.id)
         });
-        let lines: Vec<String> = stopped.chain(switched.started.iter().map(began)).collect();
+        let lines: Vec<String> = stopped
+            .chain(switched.started.iter().map(started_line))
+            .collect();
         lines.join("\n")
     });
     Ok(())
 }
 
-fn began(done: &Done) -> String {
+fn started_line(done: &Done) -> String {
     format!(
         "{}#{}  running  at cycle {}",
         done.net,

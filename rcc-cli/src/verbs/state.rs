@@ -72,7 +72,7 @@ fn human(detail: &CommandDetail) -> String {
     let mut lines = vec![format!(
         "{}  {}",
         follow::title(command),
-        follow::state_words(command)
+        follow::state_text(command)
     )];
     let mut add = |head: &str, text: String| {
         if !text.is_empty() {

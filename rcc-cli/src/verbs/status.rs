@@ -57,8 +57,8 @@ struct Status {
 fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
     let executor = &status.executor;
     let head = format!(
-        "cell {}  {}\n{}executor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up {} \
-         after its time; {} nets running{}\n{}{}\nmachine   {}\n",
+        "cell {}  {}\n{}executor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up latency {}; \
+         {} nets running{}\n{}{}\nmachine   {}\n",
         status.cell,
         status.config,
         configuration(&status.configuration),
@@ -75,7 +75,7 @@ fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
         executor.grade,
         measured.map_or_else(
             || "not graded yet: run `rcc-cli doctor`".to_owned(),
-            GradeRecord::words
+            GradeRecord::summary
         )
     );
     let mut rows = table::table(&["PROCESS", "PID", "INCARNATION", "STATE"]);
@@ -121,9 +121,9 @@ fn configuration(words: &[String]) -> String {
 fn late(executor: &ExecutorView) -> String {
     let new = executor.late.saturating_sub(executor.late_acknowledged);
     match (executor.late, new) {
-        (0, _) => "no late cycle".to_owned(),
+        (0, _) => "no late cycles".to_owned(),
         (all, 0) => format!(
-            "no late cycle since the last acknowledgement ({} before)",
+            "no late cycles since the last acknowledgement ({} before)",
             grouped(all)
         ),
         (all, new) => format!(
@@ -167,7 +167,7 @@ pub(super) fn late_words(late: &LateView) -> String {
         String::new()
     };
     format!(
-        "cycle {} {}: woke {} after its time, computed {}{net}",
+        "cycle {} {}: woke up {} late, computed for {}{net}",
         grouped(late.cycle),
         late.cause,
         time(late.wake_ns),
@@ -181,7 +181,7 @@ fn budget(executor: &ExecutorView) -> String {
         return String::new();
     }
     format!(
-        ", expected to need {} of {} a cycle",
+        ", expected to take {} of {} per cycle",
         time(executor.committed_ns),
         time(executor.budget_ns)
     )

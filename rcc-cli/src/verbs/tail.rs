@@ -5,7 +5,7 @@ use std::process::Command;
 
 use rcc_loader::server::codes;
 
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::supervisor::paths;
 
@@ -31,8 +31,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut command = Command::new(&program);
     command.arg("--cell").arg(context.cell_name()).arg("tail");
     let format = match context.format {
-        Format::Human => "human",
-        Format::Json => "json",
+        OutputFormat::Human => "human",
+        OutputFormat::Json => "json",
     };
     command.arg("--output").arg(format);
     if let Some(count) = arguments.count {

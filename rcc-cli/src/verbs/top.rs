@@ -13,8 +13,8 @@ use rcc_loader::server::codes;
 use serde::Serialize;
 
 use super::duration;
-use crate::client::Client;
-use crate::context::{Context, Format};
+use crate::client::LoaderClient;
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 
@@ -44,7 +44,7 @@ struct TopSnapshot {
 }
 
 impl TopSnapshot {
-    fn take(client: &Client) -> Result<TopSnapshot, Failure> {
+    fn take(client: &LoaderClient) -> Result<TopSnapshot, Failure> {
         Ok(TopSnapshot {
             status: client.get("/status")?,
             nets: client.get("/commands")?,
@@ -63,14 +63,15 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let snapshot = TopSnapshot::take(&client)?;
     let terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
-    if arguments.once || !terminal || context.format == Format::Json {
+    if arguments.once || !terminal || context.format == OutputFormat::Json {
         context.print(&snapshot, text::text);
         return Ok(());
     }
     let interrupts = Interrupts::listen()?;
     // This also restores the terminal if the program panics.
     let terminal = ratatui::try_init();
-    let shown = terminal.and_then(|terminal| live(terminal, &client, snapshot, every, &interrupts));
+    let shown =
+        terminal.and_then(|terminal| run_live(terminal, &client, snapshot, every, &interrupts));
     // Runs however the view ended; a failure means that the terminal is gone.
     let _ = ratatui::try_restore();
     shown.map_err(|error| {
@@ -84,18 +85,18 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Shows the live view until it is closed. If the cell stops answering, the error appears below the last data.
-fn live(
+fn run_live(
     mut terminal: DefaultTerminal,
-    client: &Client,
+    client: &LoaderClient,
     mut snapshot: TopSnapshot,
     every: Duration,
     interrupts: &Interrupts,
 ) -> io::Result<()> {
-    let mut told = String::new();
+    let mut message = String::new();
     let mut taken = Instant::now();
     loop {
         terminal.draw(|frame| {
-            screen::draw(frame, &snapshot, &told);
+            screen::draw(frame, &snapshot, &message);
             make_printable(frame.buffer_mut());
         })?;
         let mut changed = false;
@@ -106,7 +107,7 @@ fn live(
             if event::poll(POLL_INTERVAL)? {
                 match key_action(&event::read()?) {
                     KeyAction::End => return Ok(()),
-                    KeyAction::Acknowledge => told = acknowledge(client),
+                    KeyAction::Acknowledge => message = acknowledge(client),
                     KeyAction::Draw => {}
                     KeyAction::Nothing => continue,
                 }
@@ -116,7 +117,7 @@ fn live(
                 taken = Instant::now();
                 match TopSnapshot::take(client) {
                     Ok(new) => snapshot = new,
-                    Err(failure) => told = failure.human(false).replace('\n', " "),
+                    Err(failure) => message = failure.human(false).replace('\n', " "),
                 }
                 changed = true;
             }
@@ -133,7 +134,7 @@ fn make_printable(picture: &mut Buffer) {
     }
 }
 
-fn acknowledge(client: &Client) -> String {
+fn acknowledge(client: &LoaderClient) -> String {
     let done = client.post::<Acknowledged>("/status/acknowledge", String::new());
     match done {
         Ok(done) => format!(
@@ -176,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hostile_name_commands_no_terminal() {
+    fn a_hostile_name_does_not_control_the_terminal() {
         let mut terminal = Terminal::new(TestBackend::new(120, 40)).unwrap();
         let hostile = "\x1b[2Ja\u{202e}b\u{9b}31m\u{200b}";
         let net = CommandView {
@@ -213,8 +214,14 @@ mod tests {
         let key = |code, modifiers| key_action(&Event::Key(KeyEvent::new(code, modifiers)));
         assert_eq!(key(KeyCode::Char('q'), KeyModifiers::NONE), KeyAction::End);
         assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), KeyAction::End);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), KeyAction::End);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), KeyAction::Nothing);
+        assert_eq!(
+            key(KeyCode::Char('c'), KeyModifiers::CONTROL),
+            KeyAction::End
+        );
+        assert_eq!(
+            key(KeyCode::Char('c'), KeyModifiers::NONE),
+            KeyAction::Nothing
+        );
         assert_eq!(
             key(KeyCode::Char('a'), KeyModifiers::NONE),
             KeyAction::Acknowledge

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use rcc_loader::server::codes::exit;
 
-use crate::context::{Context, Format};
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
-use crate::output::Printer;
-use crate::supervisor::{POLL_INTERVAL, SupervisorEvent, Supervisor, processes};
+use crate::output::BackgroundPrinter;
+use crate::supervisor::{POLL_INTERVAL, Supervisor, SupervisorEvent, processes};
 
 /// Arguments of `up`.
 #[derive(clap::Args, Debug)]
@@ -26,13 +26,13 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let interrupts = Interrupts::listen()?;
     let prepared = processes::prepare(&arguments.file)?;
     let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
-    let json = context.format == Format::Json;
-    let printer = Printer::start();
-    let told = printer.clone();
+    let json = context.format == OutputFormat::Json;
+    let printer = BackgroundPrinter::start();
+    let event_printer = printer.clone();
     let mut supervisor = Supervisor::start(
         &name,
         prepared,
-        Box::new(move |line| tell(&told, line, json)),
+        Box::new(move |line| print_event(&event_printer, line, json)),
     )?;
     let up = supervisor.wait_until_up(&interrupts);
     if up.is_ok() {
@@ -41,7 +41,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             who: format!("cell {name}"),
             what: "ready  (Ctrl-C ends it; next: rcc-cli devices, rcc-cli run FILE)".to_owned(),
         };
-        tell(&printer, &ready, json);
+        print_event(&printer, &ready, json);
         while !interrupts.asked() && !supervisor.is_over() {
             supervisor.poll();
             std::thread::sleep(POLL_INTERVAL);
@@ -52,12 +52,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     printer.finish();
     up?;
     if failed || !clean {
-        return Err(Failure::said(exit::FAILED));
+        return Err(Failure::reported(exit::FAILED));
     }
     Ok(())
 }
 
-fn tell(printer: &Printer, line: &SupervisorEvent, json: bool) {
+fn print_event(printer: &BackgroundPrinter, line: &SupervisorEvent, json: bool) {
     let SupervisorEvent { at, who, what } = line;
     if json {
         let value = serde_json::json!({"at_s": at.as_secs_f64(), "who": who, "what": what});

@@ -8,8 +8,8 @@ use rcc_loader::server::api::ValuesView;
 use rcc_loader::server::codes::{self, RequestedEnd, exit};
 
 use super::state::shown;
-use crate::client::Client;
-use crate::context::{Context, Format};
+use crate::client::LoaderClient;
+use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
@@ -56,7 +56,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let mut screen = Screen {
         format: if arguments.json {
-            Format::Json
+            OutputFormat::Json
         } else {
             context.format
         },
@@ -80,7 +80,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             samples += 1;
         }
         if values.state == "terminated" {
-            return screen.over(&client, &id);
+            return screen.report_end(&client, &id);
         }
         if arguments.count.is_some_and(|count| samples >= count) {
             return Ok(());
@@ -88,17 +88,17 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         next = (next + every).max(Instant::now());
         while Instant::now() < next {
             if interrupts.asked() {
-                return Err(Failure::said(exit::INTERRUPTED));
+                return Err(Failure::reported(exit::INTERRUPTED));
             }
             let left = next.saturating_duration_since(Instant::now());
-            std::thread::sleep(left.min(follow::POLL));
+            std::thread::sleep(left.min(follow::POLL_INTERVAL));
         }
         values = client.values(&id, &arguments.ports)?;
     }
 }
 
 struct Screen {
-    format: Format,
+    format: OutputFormat,
     style: Style,
     /// Lines of the previous sample, which the next one overwrites on a terminal.
     lines: usize,
@@ -107,7 +107,7 @@ struct Screen {
 impl Screen {
     fn show(&mut self, values: &ValuesView) {
         match self.format {
-            Format::Human => {
+            OutputFormat::Human => {
                 let text = shown(values, self.style);
                 let lines = text.lines().count();
                 reprint(self.lines, &text);
@@ -117,7 +117,7 @@ impl Screen {
                     0
                 };
             }
-            Format::Json => {
+            OutputFormat::Json => {
                 let mut values = values.clone();
                 for view in &mut values.values {
                     let (value, unit) = (self.style.value(view), self.style.unit(view));
@@ -131,15 +131,15 @@ impl Screen {
     }
 
     /// Reports how the net ended, as text and as the exit code. In JSON, the last line has the state `terminated`.
-    fn over(&self, client: &Client, id: &str) -> Result<(), Failure> {
+    fn report_end(&self, client: &LoaderClient, id: &str) -> Result<(), Failure> {
         let command = follow::brief(client, id)?;
-        if matches!(self.format, Format::Human) {
+        if matches!(self.format, OutputFormat::Human) {
             print_line(&format!(
                 "{}  {}",
                 follow::title(&command),
-                follow::state_words(&command)
+                follow::state_text(&command)
             ));
         }
-        follow::judge(&command, RequestedEnd::Finish)
+        follow::exit_result(&command, RequestedEnd::Finish)
     }
 }

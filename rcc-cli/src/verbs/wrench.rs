@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::follow::given;
+use crate::follow::read_named_text;
 use crate::identify::readings::{self, ReadingSelection};
 use crate::identify::{GRAVITY, Identified, identify};
 
@@ -42,7 +42,7 @@ struct IdentifyArguments {
     #[arg(long, value_name = "NAME")]
     pose: Option<String>,
     /// Acceleration of a falling body in the base frame, m/s² [default: 0,0,-9.80665]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_three)]
     gravity: Option<[f64; 3]>,
 }
 
@@ -53,7 +53,7 @@ struct WrenchReport {
     gravity: Option<[f64; 3]>,
 }
 
-fn three(text: &str) -> Result<[f64; 3], String> {
+fn parse_three(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let numbers = numbers.map_err(|error| format!("`{text}`: {error}"))?;
     let count = numbers.len();
@@ -94,7 +94,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn content(file: &str) -> Result<String, Failure> {
-    given(file, READINGS_MAX).map_err(|error| Failure::unreadable(file, &error))
+    read_named_text(file, READINGS_MAX).map_err(|error| Failure::unreadable(file, &error))
 }
 
 /// Formats a primitive to paste; comments state the quality of the fit.
@@ -125,7 +125,7 @@ fn human(report: &WrenchReport) -> String {
         found.readings, found.orientations, found.spread, found.condition
     ));
     line(format!(
-        "# left over: force {force:.2e} N (at most {force_max:.2e}), torque {torque:.2e} N·m (at most {torque_max:.2e})"
+        "# residual: force {force:.2e} N (at most {force_max:.2e}), torque {torque:.2e} N·m (at most {torque_max:.2e})"
     ));
     line(format!(
         "# standard deviation: mass {mass:.2e} kg, centre {centre:.2e} m"

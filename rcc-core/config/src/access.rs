@@ -1,5 +1,5 @@
-//! Who may use a cell beside the user that runs it: a group on the Unix socket, token holders on TCP; nobody by default.
-//! Read at start-up by the loader, which makes the doors.
+//! Access to a cell beyond the user that runs it: a group on the Unix socket, token holders on TCP; nobody by default.
+//! Read at start-up by the loader, which creates the listeners.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -14,25 +14,25 @@ use crate::yaml::{Entry, Node};
 const KEYS: [&str; 2] = ["group", "tcp"];
 const TCP_KEYS: [&str; 3] = ["listen", "token_file", "allow_remote"];
 
-/// The doors of a cell beside its owner's.
+/// Access to a cell for others than its owner.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AccessConfig {
-    /// Members of this group may use the Unix socket; `None` = only the user that runs the cell.
+    /// Group whose members may use the Unix socket; `None`: only the user that runs the cell.
     pub group: Option<String>,
-    /// `None` = no TCP.
+    /// TCP access; `None`: no TCP.
     pub tcp: Option<TcpAccess>,
 }
 
-/// The door for programs that do not run on this machine, or not as its users.
+/// Access for programs on other machines, or of other users.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TcpAccess {
-    /// Address and port, as numbers.
+    /// Numeric address and port to listen on.
     pub listen: SocketAddr,
-    /// The file with the token.
+    /// File that contains the token.
     pub token_file: PathBuf,
 }
 
-/// Reads the key `access` of a cell; `base` is the folder that paths begin at.
+/// Reads the key `access` of a cell; relative paths start at `base`.
 pub(crate) fn read(
     reader: &mut ConfigReader,
     cell: &Fields<'_>,
@@ -81,7 +81,7 @@ fn tcp(
 
 fn address(reader: &mut ConfigReader, node: &Node, text: &str, remote: bool) -> Option<SocketAddr> {
     let Ok(address) = text.parse::<SocketAddr>() else {
-        let message = format!("`{text}` is no address with a port");
+        let message = format!("`{text}` is not an address with a port");
         let help = "write both as numbers: `127.0.0.1:7425`, `[::1]:7425`";
         reader.report(error(codes::BAD_ADDRESS, node.span, message).help(help));
         return None;

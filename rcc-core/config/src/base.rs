@@ -1,5 +1,5 @@
-//! Where an arm stands: `base: {xyz: [0 m, 0.9 m, 0 m], rpy: [0 deg, 0 deg, 180 deg]}`, its base in the cell's world.
-//! Read at start-up with the cell's file.
+//! Mounting pose of an arm: `base: {xyz: [0 m, 0.9 m, 0 m], rpy: [0 deg, 0 deg, 180 deg]}`, the pose of its base in the
+//! world frame of the cell. Read at start-up with the cell's file.
 
 use rcc_core::pose::Pose;
 use rcc_core::unit::Unit;
@@ -9,7 +9,7 @@ use crate::yaml::{Entry, Node};
 
 const KEYS: [&str; 2] = ["xyz", "rpy"];
 
-/// Reads the key `base` of a device; without it the base is the world, without `rpy` it is not turned.
+/// Reads the key `base` of a device. Without it the base is the world frame; without `rpy` it is not rotated.
 pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Pose> {
     let Some(Entry { key, value }) = device.entry("base") else {
         return Some(Pose::IDENTITY);

@@ -1,5 +1,5 @@
-//! A cell as its file describes it: timing, devices, simulators and ports, checked as a whole.
-//! Read once at start-up by every process that works with the cell; never by the real-time thread.
+//! A cell as described by its file: timing, devices, simulators and ports, checked as a whole. Read once at start-up by
+//! every process that works with the cell; never by the real-time thread.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,32 +16,32 @@ use crate::recorder::RecorderConfig;
 mod clock;
 mod read;
 
-/// Everything that the processes of one cell must agree on.
+/// Configuration that all processes of one cell must agree on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellConfig {
     /// Name of the cell; `[a-z0-9][a-z0-9_-]{0,31}`.
     pub name: String,
     /// Period of the executor, ns.
     pub period_ns: u64,
-    /// A measurement older than this is stale, and the ports of its device are null; ns.
+    /// Age beyond which a measurement is stale and the ports of its device are null, ns.
     pub stale_after_ns: u64,
-    /// The device that the executor's clock follows, `None` = it has its own.
+    /// Device that the executor's clock follows; `None`: it has its own clock.
     pub clock: Option<ClockConfig>,
-    /// The real-time thread.
+    /// Real-time thread of the executor.
     pub executor: ExecutorConfig,
-    /// The flight recorder.
+    /// Flight recorder.
     pub recorder: RecorderConfig,
-    /// What supervisors do with processes that die or hang.
+    /// How supervisors treat processes that die or hang.
     pub supervision: SupervisionConfig,
-    /// Who may use the cell beside the user that runs it.
+    /// Access for others than the user that runs the cell.
     pub access: AccessConfig,
-    /// At most 16, in the order of the file: the place is the device's index in plans.
+    /// Devices in the order of the file, at most 16; the position is the device index in plans.
     pub devices: Vec<DeviceConfig>,
-    /// Robot-side programs that `up` starts; none in production.
+    /// Simulators that `up` starts; none in production.
     pub simulators: Vec<SimulatorConfig>,
-    /// Every port of the file by its name, with the numbers that hold in this run.
+    /// All ports by name, with their numbers in this run.
     pub ports: BTreeMap<String, u16>,
-    /// The file.
+    /// Path of the file.
     pub source: PathBuf,
 }
 
@@ -50,45 +50,45 @@ pub struct CellConfig {
 pub struct ClockConfig {
     /// Index of the device.
     pub device: usize,
-    /// How long after the packet a cycle begins, ns; at most half of the period.
+    /// Time from the packet to the beginning of the cycle, ns; at most half of the period.
     pub offset_ns: u64,
 }
 
-/// How the executor's real-time thread runs.
+/// Settings of the executor's real-time thread.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExecutorConfig {
     /// SCHED_FIFO priority, 1 to 99.
     pub priority: u8,
-    /// The core that it is bound to, `None` = the system chooses.
+    /// CPU core that the thread is bound to; `None`: the system chooses.
     pub core: Option<usize>,
-    /// After this many late cycles in a row the most expensive net ends; 0 = never.
+    /// Number of late cycles in a row after which the most expensive net ends; 0: never.
     pub late_in_a_row_max: u32,
-    /// What nets may need of a cycle together, in thousandths of the period; more than 1000 admits what is too much.
+    /// Share of a cycle that all nets may use together, in thousandths of the period; above 1000 overload is admitted.
     pub budget_permille: u32,
-    /// What becomes of an executor that is not real-time.
+    /// What happens if real time is not available.
     pub rt: RealTime,
 }
 
-/// What becomes of an executor that the system does not let be real-time: SCHED_FIFO, locked memory, and its core if
+/// Behaviour of an executor to which the system does not grant real time: SCHED_FIFO, locked memory, and its core if
 /// one is configured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RealTime {
-    /// It runs, and says what it lacks.
+    /// It runs and reports what is missing.
     BestEffort,
-    /// It ends.
+    /// It exits.
     Required,
 }
 
-/// What supervisors (`rcc-cli up`, systemd) do with processes that die or hang.
+/// How supervisors (`rcc-cli up`, systemd) treat processes that die or hang.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SupervisionConfig {
-    /// A process that dies is started again so many times …
+    /// A process that dies is restarted this many times …
     pub restarts: u32,
-    /// … within this time, ns; one more death and it has failed for good.
+    /// … within this time, ns; one more death, and it stays failed.
     pub within_ns: u64,
-    /// How long a process that was asked to end may take before it is killed, ns.
+    /// Time that a process may take to end on request before it is killed, ns.
     pub stop_timeout_ns: u64,
-    /// How long a process may make no progress before it is killed and started again, ns.
+    /// Time without progress after which a process is killed and restarted, ns.
     pub watchdog_ns: u64,
 }
 
@@ -103,16 +103,17 @@ impl Default for SupervisionConfig {
     }
 }
 
-/// A program that plays a device's part.
+/// A program that simulates a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SimulatorConfig {
     /// Name, unique among the simulators of its cell.
     pub name: String,
-    /// The program: a name beside our own programs, or a path.
+    /// The program: a name next to our own programs, or a path.
     pub program: String,
-    /// Its arguments; `${port}` is already replaced. With `device`, whoever starts it adds `--control`: its control port.
+    /// Its arguments, with `${port}` replaced. With `device`, whoever starts it adds `--control` and its control
+    /// socket.
     pub arguments: Vec<String>,
-    /// The device whose part it plays.
+    /// The simulated device.
     pub device: Option<String>,
 }
 
@@ -129,27 +130,28 @@ impl Default for ExecutorConfig {
 }
 
 impl CellConfig {
-    /// Reads a cell's file and the robots' files that it names. `ports` are the numbers that the program which started
-    /// the cell has chosen: every automatic port needs one; a fixed port takes it instead of its own.
+    /// Reads a cell's file and the robots' files that it names. `ports` holds the numbers chosen by the program that
+    /// started the cell: every automatic port needs one; a fixed port is overridden by it.
     ///
     /// # Errors
-    /// All faults of all these files.
+    /// Returns all faults of all these files.
     pub fn load(path: &Path, ports: &BTreeMap<String, u16>) -> Result<CellConfig, Faults> {
         CellConfig::read(path, PortNumbers::Chosen(ports))
     }
 
-    /// As [`CellConfig::load`], for those who open no port and only check or compile: automatic ports are 0.
+    /// Like [`CellConfig::load`], for programs that open no port and only check or compile: automatic ports are 0.
     ///
     /// # Errors
-    /// All faults of all these files.
+    /// Returns all faults of all these files.
     pub fn load_offline(path: &Path) -> Result<CellConfig, Faults> {
         CellConfig::read(path, PortNumbers::Offline)
     }
 
-    /// Reads a cell's text; `file` is its name for people, `base` the folder that paths in it begin at.
+    /// Parses the text of a cell's file; `file` is its name in diagnostics, `base` the folder at which relative paths
+    /// start.
     ///
     /// # Errors
-    /// All faults of the text and of the files that it names.
+    /// Returns all faults of the text and of the files that it names.
     pub fn parse(
         text: &str,
         file: &str,
@@ -166,20 +168,20 @@ impl CellConfig {
         read::cell(&file, base, numbers)
     }
 
-    /// What nets may need together in one cycle, ns.
+    /// Returns the time that all nets may use together in one cycle, ns.
     #[must_use]
     pub fn budget_ns(&self) -> u64 {
         // No overflow: a period is at most a second, the share at most 100000.
         self.period_ns * u64::from(self.executor.budget_permille) / 1000
     }
 
-    /// The devices as the core knows them, in order of their index.
+    /// Returns the device models of the core, in the order of their indices.
     #[must_use]
     pub fn models(&self) -> Vec<DeviceModel> {
         self.devices.iter().map(DeviceConfig::model).collect()
     }
 
-    /// Index and configuration of the device of this name.
+    /// Returns index and configuration of the device with this name.
     #[must_use]
     pub fn device(&self, name: &str) -> Option<(usize, &DeviceConfig)> {
         self.devices

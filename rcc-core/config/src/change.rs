@@ -1,5 +1,5 @@
-//! Notices that the files of a configuration say something else than what a process was started with.
-//! Run by threads that are not real-time, a look now and then.
+//! Detects that the configuration files differ from what a process was started with. Polled by threads that are not
+//! real-time.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,36 +11,36 @@ use crate::device::{ChannelConfig, DeviceConfig};
 use crate::diagnostic::Faults;
 use crate::ports::auto_ports;
 
-/// What the files say now, compared with what is in force.
+/// Difference between the files and the configuration in force.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ConfigChange {
-    /// The same: text that means nothing else is no change.
+    /// No difference. A change of the text without a change of meaning does not count.
     None,
-    /// Something else; each sentence names what: `io: channels torch, gas`.
+    /// Differences, one sentence each: `io: channels torch, gas`.
     Differs(Vec<String>),
-    /// Nothing that a process could be started with; the first fault.
+    /// No process could be started with the files; the first fault.
     Invalid(String),
 }
 
-/// A configuration in force, and its files.
+/// The configuration in force and its files.
 #[derive(Debug)]
 pub struct FileWatch {
     running: CellConfig,
     given: BTreeMap<String, u16>,
     files: Vec<PathBuf>,
-    /// As the files were at the last look; empty before the first.
+    /// Stamps of the files at the last poll; empty before the first.
     seen: Vec<FileStamp>,
-    /// As they were when they were read last.
+    /// Stamps of the files when they were last read.
     read: Vec<FileStamp>,
     change: ConfigChange,
     disk: Option<CellConfig>,
 }
 
-/// By what a changed file is noticed: inode, length, time of its last change. A file that is not there has none.
+/// Identifies a version of a file: inode, length, time of the last change; `None` for a missing file.
 type FileStamp = Option<(u64, u64, i64, i64)>;
 
 impl FileWatch {
-    /// Watches the files of `running`; `given` are the ports that it was loaded with.
+    /// Watches the files of `running`, which was loaded with the ports `given`.
     #[must_use]
     pub fn new(running: CellConfig, given: BTreeMap<String, u16>) -> FileWatch {
         FileWatch {
@@ -54,8 +54,8 @@ impl FileWatch {
         }
     }
 
-    /// Looks at the files. They are read when they were touched and then left alone from one look to the next: who is
-    /// still writing is waited for. Returns what they say if that is something else than before.
+    /// Polls the files. They are read once they have changed and then stayed the same from one poll to the next, so
+    /// that a writer can finish. Returns the result if it differs from the previous one.
     pub fn poll(&mut self) -> Option<&ConfigChange> {
         let stamps: Vec<FileStamp> = self.files.iter().map(|file| stamp(file)).collect();
         if stamps == self.read {
@@ -77,7 +77,7 @@ impl FileWatch {
         };
         self.disk = read.ok();
         if let Some(disk) = &self.disk {
-            // What was in force before still counts, and what the file names now does, too.
+            // Watch the files of the configuration in force, and also those that the changed file names.
             for file in disk.files() {
                 if !self.files.contains(&file) {
                     self.read.push(stamp(&file));
@@ -90,13 +90,13 @@ impl FileWatch {
         is_news.then_some(&self.change)
     }
 
-    /// What the files said when they were read last.
+    /// Returns the result of the last read.
     #[must_use]
     pub fn change(&self) -> &ConfigChange {
         &self.change
     }
 
-    /// The configuration that they held then, if it was valid.
+    /// Returns the configuration from the last read, if it was valid.
     #[must_use]
     pub fn disk(&self) -> Option<&CellConfig> {
         self.disk.as_ref()
@@ -104,7 +104,7 @@ impl FileWatch {
 }
 
 impl CellConfig {
-    /// The files that it was read from: its own, and the robots'.
+    /// Returns the files that the configuration was read from: the cell's and the robots'.
     #[must_use]
     pub fn files(&self) -> Vec<PathBuf> {
         let base = self.source.parent().unwrap_or(Path::new(""));
@@ -118,7 +118,7 @@ impl CellConfig {
         files
     }
 
-    /// What is not the same in `other`, by the words of the file; nothing if both mean the same.
+    /// Returns the differences to `other` in terms of the file's keys; empty if both mean the same.
     #[must_use]
     pub fn differences(&self, other: &CellConfig) -> Vec<String> {
         let changed = [
@@ -163,7 +163,7 @@ impl CellConfig {
 impl DeviceConfig {
     fn differences(&self, other: &DeviceConfig) -> Vec<String> {
         let robot = |device: &DeviceConfig| {
-            // Its file may have moved.
+            // The path of the robot's file may differ.
             device.robot.clone().map(|robot| crate::RobotConfig {
                 source: String::new(),
                 ..robot
@@ -193,7 +193,7 @@ impl DeviceConfig {
     }
 }
 
-/// The names of channels that are new, gone, or not the same.
+/// Returns the names of channels that are new, removed or different.
 fn changed_channels<'a>(here: &'a [ChannelConfig], there: &'a [ChannelConfig]) -> Vec<&'a str> {
     let changed = here.iter().filter(|channel| !there.contains(channel));
     let new = there
@@ -208,8 +208,8 @@ fn named(rows: &[(&str, bool)]) -> Vec<String> {
     changed.map(|(name, _)| (*name).to_owned()).collect()
 }
 
-/// The file as a process of this cell would read it that is started now: ports that were chosen keep their numbers, as
-/// far as the file still has them, and new ones have none yet.
+/// Reads the file as a newly started process of this cell would: chosen ports keep their numbers if the file still
+/// declares them, and new automatic ports are 0.
 fn reload(path: &Path, given: &BTreeMap<String, u16>) -> Result<CellConfig, Faults> {
     let mut ports: BTreeMap<String, u16> = auto_ports(path)?
         .into_iter()

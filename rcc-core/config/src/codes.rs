@@ -1,12 +1,12 @@
-//! Every fault that a configuration can have, with its stable code.
-//! A table without behaviour; the tests walk over it and demand a case for every row.
+//! All faults of a configuration with their stable codes. A plain table; the tests iterate over it and require a test
+//! case for every row.
 
 /// A kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
-    /// Never given to another kind of fault.
+    /// Stable code, never reused for another kind of fault.
     pub code: &'static str,
-    /// What it means, in a few words.
+    /// Short description.
     pub meaning: &'static str,
 }
 
@@ -16,67 +16,67 @@ const fn code(code: &'static str, meaning: &'static str) -> Code {
 
 /// The file cannot be read.
 pub const UNREADABLE: Code = code("RCC2001", "a file cannot be read");
-/// A key that has no meaning there.
+/// A key is not known at this place.
 pub const UNKNOWN_KEY: Code = code("RCC2002", "a key has no meaning there");
-/// A key that must be given.
+/// A required key is missing.
 pub const MISSING_KEY: Code = code("RCC2003", "a key is missing");
-/// A list where a mapping is expected and the like.
-pub const WRONG_SHAPE: Code = code("RCC2004", "a value is of another kind");
-/// A text that is no number with a unit.
-pub const NOT_A_QUANTITY: Code = code("RCC2005", "a text is no number with a unit");
+/// A value has the wrong type, such as a list instead of a mapping.
+pub const WRONG_SHAPE: Code = code("RCC2004", "a value has the wrong type");
+/// A text is not a number with a unit.
+pub const NOT_A_QUANTITY: Code = code("RCC2005", "a text is not a number with a unit");
 /// A number without its unit.
 pub const MISSING_UNIT: Code = code("RCC2006", "a number lacks its unit");
-/// The unit of something else.
-pub const WRONG_UNIT: Code = code("RCC2007", "a unit is of another quantity");
-/// Beyond what is possible or sensible.
+/// The unit belongs to another quantity.
+pub const WRONG_UNIT: Code = code("RCC2007", "a unit belongs to another quantity");
+/// A value is outside of what is possible or sensible.
 pub const OUT_OF_RANGE: Code = code("RCC2008", "a value is out of range");
-/// A name of another form.
-pub const BAD_NAME: Code = code("RCC2009", "a name has another form");
-/// Two outputs at one address.
+/// A name does not follow its rule.
+pub const BAD_NAME: Code = code("RCC2009", "a name is invalid");
+/// Two outputs have the same address.
 pub const ADDRESS_TAKEN: Code = code("RCC2010", "two outputs have the same address");
-/// More than there is room for.
-pub const TOO_MANY: Code = code("RCC2011", "there are more than a device or cell can have");
-/// Neither this nor that.
-pub const UNKNOWN_KIND: Code = code("RCC2012", "a kind is not known");
-/// An output that does not say what becomes of it.
+/// More elements than the limit.
+pub const TOO_MANY: Code = code("RCC2011", "a device or cell has too many of something");
+/// A keyword is not one of the known ones.
+pub const UNKNOWN_KIND: Code = code("RCC2012", "a keyword is unknown");
+/// An output does not define what it does on release.
 pub const NO_ON_RELEASE: Code = code(
     "RCC2013",
-    "an output does not say what it does when released",
+    "an output does not define what it does on release",
 );
-/// A key that means something for other kinds only.
+/// A key that only applies to other kinds of entries.
 pub const KEY_OF_OTHER_KIND: Code = code("RCC2014", "a key does not fit the kind of its entry");
-/// `${name}` of no port.
+/// `${name}` does not name a port.
 pub const UNKNOWN_PORT: Code = code("RCC2015", "a text names a port that is not declared");
-/// An automatic port without a number.
+/// An automatic port has no number.
 pub const PORT_NOT_CHOSEN: Code = code("RCC2016", "an automatic port has no number");
-/// A number for a port that the cell does not have.
+/// A number was given for a port that the cell does not have.
 pub const PORT_NOT_DECLARED: Code = code(
     "RCC2017",
     "a number was given for a port that is not declared",
 );
-/// The lower bound is not below the upper one.
+/// A lower bound is not less than its upper bound.
 pub const REVERSED: Code = code("RCC2018", "a lower bound is not below its upper bound");
-/// Not the number of joints of the kinematics.
+/// The number of joints does not match the kinematics.
 pub const JOINT_COUNT: Code = code("RCC2019", "the joints do not match the kinematics");
-/// More delay than the set-points that a driver finds.
+/// The delay is longer than the driver's buffer of set-points.
 pub const DELAY_TOO_LONG: Code = code(
     "RCC2020",
-    "the delay is longer than the set-points that a driver finds",
+    "the delay is longer than the buffer of set-points",
 );
-/// A safe value that the output refuses.
+/// The output would refuse its own safe value.
 pub const UNSAFE_VALUE: Code = code("RCC2021", "a safe value is outside of the channel's range");
-/// Not a port.
+/// A port declaration is invalid.
 pub const BAD_PORT: Code = code("RCC2022", "a port is neither a number nor automatic");
-/// A `$` that begins nothing.
+/// `${` without a closing brace.
 pub const BROKEN_PLACEHOLDER: Code = code("RCC2023", "a placeholder is not closed");
-/// Not an address with a port.
-pub const BAD_ADDRESS: Code = code("RCC2024", "a text is no address with a port");
-/// An address that other machines reach, without a word that this is wanted.
+/// A text is not an address with a port.
+pub const BAD_ADDRESS: Code = code("RCC2024", "a text is not an address with a port");
+/// An address that other machines can reach, without explicit permission.
 pub const REMOTE_ADDRESS: Code = code("RCC2025", "other machines can reach an address");
-/// No device of that name.
+/// A device with this name does not exist.
 pub const UNKNOWN_DEVICE: Code = code("RCC2026", "a device is not in the cell");
 
-/// All kinds, in order.
+/// All kinds, in the order of their codes.
 pub const CODES: &[Code] = &[
     UNREADABLE,
     UNKNOWN_KEY,

@@ -13,28 +13,28 @@ mod read;
 
 pub(crate) use read::channels;
 
-/// One device and how its driver reaches it.
+/// Configuration of one device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceConfig {
     /// Name, unique in its cell; `[a-z][a-z0-9_-]{0,31}`.
     pub name: String,
-    /// Name of the driver; only the drivers know which there are.
+    /// Name of the driver; only the drivers package knows which exist.
     pub driver: String,
-    /// The arm, `None` for plain I/O.
+    /// The arm; `None` for plain I/O.
     pub robot: Option<RobotConfig>,
-    /// What only this driver understands, an object; `${port}` is already replaced in its texts.
+    /// Driver-specific settings, an object; `${port}` is already replaced in its texts.
     pub settings: serde_json::Value,
     /// Channels of all kinds, in the order of the file.
     pub channels: Vec<ChannelConfig>,
-    /// How far the first set-point of a net may be from the hold set-point, rad per joint.
+    /// Maximum distance of a net's first set-point from the hold set-point, rad per joint.
     pub first_tolerance_rad: f64,
-    /// Where its base stands in the world of the cell.
+    /// Pose of its base in the world frame of the cell.
     pub base: Pose,
-    /// Where the arm may be; `None` = anywhere.
+    /// Region that the arm must not leave; `None`: no restriction.
     pub workspace: Option<Workspace>,
-    /// A command image older than this is stale, and the driver brings its device to rest; ns.
+    /// Age beyond which a command image is stale and the driver brings its device to rest, ns.
     pub command_timeout_ns: u64,
-    /// How long set-points wait in the driver before they are played, ns; at most 12 periods.
+    /// Time that set-points wait in the driver before they are played, ns; at most 252 periods.
     pub delay_ns: u64,
 }
 
@@ -45,32 +45,32 @@ pub struct ChannelConfig {
     pub name: String,
     /// Digital or analog, input or output.
     pub kind: ChannelKind,
-    /// Place among the channels of the same kind of its device, in the order of the file, from 0.
+    /// Index among the channels of the same kind of its device, in the order of the file, from 0.
     pub index: u32,
-    /// Where it is in the device, a whole number or a text; only the driver understands it.
+    /// Driver-specific address in the device, an integer or a text.
     pub address: serde_json::Value,
     /// Unit of its value; [`Unit::ONE`] for a digital channel.
     pub unit: Unit,
     /// SI value = raw × `scale` + `offset`; never 0. 1 for a digital channel.
     pub scale: f64,
-    /// SI value at raw 0.
+    /// SI value for raw value 0.
     pub offset: f64,
     /// Smallest and largest value in SI units; a value outside is refused, never clamped.
     pub range: Option<[f64; 2]>,
-    /// What the driver does when nobody commands it any more: given for every output, for no input.
+    /// What the driver does when the output is no longer commanded: present for every output, absent for inputs.
     pub on_release: Option<OnRelease>,
 }
 
-/// What an output does on termination, null and loss.
+/// Action of an output on termination, null and loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OnRelease {
-    /// It keeps its last value.
+    /// Keeps its last value.
     Hold,
-    /// It goes to this value, SI; 0 or 1 for a digital output.
+    /// Changes to this value, SI; 0 or 1 for a digital output.
     Safe(f64),
 }
 
-/// All kinds, in the order in which [`DeviceModel::channels`] counts them.
+/// All kinds of channels, in the order of [`DeviceModel::channels`].
 pub const CHANNEL_KINDS: [ChannelKind; 4] = [
     ChannelKind::DigitalInput,
     ChannelKind::DigitalOutput,
@@ -78,7 +78,7 @@ pub const CHANNEL_KINDS: [ChannelKind; 4] = [
     ChannelKind::AnalogOutput,
 ];
 
-/// A kind as it is written in the file.
+/// Returns the name of a kind as written in the file.
 #[must_use]
 pub fn kind_name(kind: ChannelKind) -> &'static str {
     match kind {
@@ -89,20 +89,20 @@ pub fn kind_name(kind: ChannelKind) -> &'static str {
     }
 }
 
-/// True if the device is told its value.
+/// Returns true if values are sent to the device.
 #[must_use]
 pub fn is_output(kind: ChannelKind) -> bool {
     matches!(kind, ChannelKind::DigitalOutput | ChannelKind::AnalogOutput)
 }
 
-/// True if its value is a Bool.
+/// Returns true if the value is a Bool.
 #[must_use]
 pub fn is_digital(kind: ChannelKind) -> bool {
     matches!(kind, ChannelKind::DigitalInput | ChannelKind::DigitalOutput)
 }
 
 impl DeviceConfig {
-    /// The device as the core knows it.
+    /// Returns the device model of the core.
     #[must_use]
     pub fn model(&self) -> DeviceModel {
         let limits = self.robot.as_ref().map_or(NO_JOINTS, RobotConfig::limits);
@@ -114,19 +114,19 @@ impl DeviceConfig {
             first_tolerance_rad: self.first_tolerance_rad,
             base: self.base,
             workspace: self.workspace,
-            // At most DIGITAL_MAX = 64 of a kind.
+            // At most DIGITAL_MAX = 64 per kind.
             channels: CHANNEL_KINDS.map(|kind| self.channels_of(kind).count() as u32),
             impedance: self.robot.as_ref().and_then(|robot| robot.impedance),
         }
     }
 
-    /// The channel of this kind and name.
+    /// Returns the channel with this kind and name.
     #[must_use]
     pub fn channel(&self, kind: ChannelKind, name: &str) -> Option<&ChannelConfig> {
         self.channels_of(kind).find(|channel| channel.name == name)
     }
 
-    /// The channels of one kind, in order of their index.
+    /// Returns the channels of one kind, in the order of their indices.
     pub fn channels_of(&self, kind: ChannelKind) -> impl Iterator<Item = &ChannelConfig> {
         self.channels
             .iter()

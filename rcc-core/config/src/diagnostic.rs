@@ -1,5 +1,5 @@
-//! Faults of a text: where they are, what is wrong, what to do; drawn for people or as rows for programs.
-//! Used by loader, command line and every reader of a configuration, never by the real-time thread.
+//! Diagnostics of a text: position, problem and remedy; drawn for people or as rows for programs. Used by the loader,
+//! the command line and every reader of a configuration, never by the real-time thread.
 
 mod drawing;
 
@@ -10,72 +10,72 @@ use serde::{Deserialize, Serialize};
 use drawing::LineIndex;
 pub use drawing::render;
 
-/// Most faults that are drawn; the rest is counted.
+/// Maximum number of diagnostics that are drawn; further ones are only counted.
 pub const DRAWN_MAX: usize = 100;
-/// Most faults that are kept; a text with more is broken in one way a thousand times.
+/// Maximum number of diagnostics that are kept; more than this usually repeats one mistake.
 pub const KEPT_MAX: usize = 1000;
 
-/// A place in a text, in bytes; `end` is behind the last one.
+/// A range of bytes in a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
-    /// First byte.
+    /// Offset of the first byte.
     pub start: usize,
-    /// Behind the last byte.
+    /// Offset after the last byte.
     pub end: usize,
 }
 
 impl Span {
-    /// From the first byte to behind the last one.
+    /// Creates a span from its first byte to the one after its last.
     #[must_use]
     pub const fn new(start: usize, end: usize) -> Span {
         Span { start, end }
     }
 }
 
-/// How bad it is.
+/// Severity of a diagnostic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// The text is refused.
     Error,
-    /// The text is accepted, but should be looked at.
+    /// The text is accepted, but should be reviewed.
     Warning,
 }
 
-/// One thing that is wrong with a text.
+/// One problem in a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     /// Stable code, `RCC1203`.
     pub code: &'static str,
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
-    /// What is wrong, one sentence without a full stop.
+    /// The problem, one sentence without a full stop.
     pub message: String,
-    /// Where; `None` if it concerns the text as a whole.
+    /// Position; `None` if the diagnostic concerns the text as a whole.
     pub place: Option<Span>,
-    /// What to say at the place; empty: nothing.
+    /// Label at the position; may be empty.
     pub label: String,
-    /// What to do.
+    /// Remedy.
     pub help: Option<String>,
     /// Index of the source that `place` refers to.
     pub file: u32,
-    /// Where the text at `place` is used, if it is used in several places.
+    /// Where the text at `place` is used, if it can be used in several places.
     pub used_at: Option<Box<UseSite>>,
 }
 
-/// Where a text is used that may be used in several places.
+/// Use of a text that can be used in several places.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UseSite {
-    /// The place.
+    /// Position of the use.
     pub place: Span,
     /// Index of its source.
     pub file: u32,
-    /// What to say there.
+    /// Label at that position.
     pub label: String,
 }
 
 impl Diagnostic {
-    /// An error at a place of source 0.
+    /// Creates an error at a position in source 0.
     pub fn error(code: &'static str, place: Span, message: impl Into<String>) -> Diagnostic {
         Diagnostic {
             code,
@@ -89,7 +89,7 @@ impl Diagnostic {
         }
     }
 
-    /// A warning at a place of source 0.
+    /// Creates a warning at a position in source 0.
     pub fn warning(code: &'static str, place: Span, message: impl Into<String>) -> Diagnostic {
         Diagnostic {
             severity: Severity::Warning,
@@ -97,7 +97,7 @@ impl Diagnostic {
         }
     }
 
-    /// Says this at the place.
+    /// Sets the label.
     #[must_use]
     pub fn label(self, label: impl Into<String>) -> Diagnostic {
         Diagnostic {
@@ -106,7 +106,7 @@ impl Diagnostic {
         }
     }
 
-    /// Says what to do.
+    /// Sets the remedy.
     #[must_use]
     pub fn help(self, help: impl Into<String>) -> Diagnostic {
         Diagnostic {
@@ -115,13 +115,13 @@ impl Diagnostic {
         }
     }
 
-    /// Says what to do, if anything is known.
+    /// Sets the remedy, or none.
     #[must_use]
     pub fn help_if(self, help: Option<String>) -> Diagnostic {
         Diagnostic { help, ..self }
     }
 
-    /// Concerns the whole text.
+    /// Removes the position: the diagnostic concerns the whole text.
     #[must_use]
     pub fn anywhere(self) -> Diagnostic {
         Diagnostic {
@@ -131,53 +131,53 @@ impl Diagnostic {
     }
 }
 
-/// A text that faults refer to.
+/// A text that diagnostics refer to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceText {
-    /// File name as the reader knows it.
+    /// File name for people.
     pub name: String,
-    /// Its text.
+    /// The text.
     pub text: String,
 }
 
-/// All faults of a text, or of a text and those that it names.
+/// All diagnostics of a text and of the texts that it names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Faults {
-    /// The texts; the first one is the one that was given.
+    /// The texts; the first is the one that was given.
     pub sources: Vec<SourceText>,
-    /// The faults, in the order of their places.
+    /// The diagnostics, in the order of their positions.
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// A fault as a row for programs; the same codes and texts as the drawing.
+/// A diagnostic as a row for programs, with the same codes and texts as the drawing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DiagnosticRow {
     /// Stable code.
     pub code: String,
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
-    /// What is wrong.
+    /// The problem.
     pub message: String,
     /// File name.
     pub file: String,
-    /// Line, counted from 1; 0: the text as a whole.
+    /// Line, counted from 1; 0 for the text as a whole.
     pub line: usize,
-    /// Column in characters, counted from 1; 0: the text as a whole.
+    /// Column in characters, counted from 1; 0 for the text as a whole.
     pub column: usize,
-    /// Length of the place in bytes, at most to the end of the line.
+    /// Length in bytes, at most to the end of the line.
     pub length: usize,
-    /// What is said at the place.
+    /// Label at the position.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub label: String,
-    /// What to do.
+    /// Remedy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub help: Option<String>,
-    /// Where the text with the fault is used, if it is used in several places.
+    /// Where the text with the fault is used, if it can be used in several places.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub used_at: Option<DiagnosticPosition>,
 }
 
-/// A second place of a row.
+/// A second position of a row.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DiagnosticPosition {
     /// File name.
@@ -186,14 +186,14 @@ pub struct DiagnosticPosition {
     pub line: usize,
     /// Column in characters, counted from 1.
     pub column: usize,
-    /// Length of the place in bytes, at most to the end of the line.
+    /// Length in bytes, at most to the end of the line.
     pub length: usize,
-    /// What is said at the place.
+    /// Label at the position.
     pub label: String,
 }
 
 impl Faults {
-    /// Faults of one text, put in the order of their places; at most [`KEPT_MAX`], errors first if there are more.
+    /// Collects the diagnostics of one text, sorted by position; at most [`KEPT_MAX`], preferring errors.
     pub fn new(
         name: impl Into<String>,
         text: impl Into<String>,
@@ -214,9 +214,9 @@ impl Faults {
         }
     }
 
-    /// Takes the faults of another text over.
+    /// Adds the diagnostics of another text.
     pub fn append(&mut self, mut other: Faults) {
-        // Nobody has 2^32 files.
+        // There are never 2^32 files.
         let shift = self.sources.len() as u32;
         for fault in &mut other.diagnostics {
             fault.file += shift;
@@ -228,20 +228,20 @@ impl Faults {
         self.diagnostics.append(&mut other.diagnostics);
     }
 
-    /// True if the text is refused.
+    /// Returns true if the text is refused.
     #[must_use]
     pub fn has_errors(&self) -> bool {
         self.count(Severity::Error) > 0
     }
 
-    /// How many there are.
+    /// Returns the number of diagnostics with this severity.
     #[must_use]
     pub fn count(&self, severity: Severity) -> usize {
         let same = |fault: &&Diagnostic| fault.severity == severity;
         self.diagnostics.iter().filter(same).count()
     }
 
-    /// The rows for programs.
+    /// Returns the diagnostics as rows for programs.
     #[must_use]
     pub fn rows(&self) -> Vec<DiagnosticRow> {
         let lines: Vec<LineIndex<'_>> = self
@@ -284,7 +284,7 @@ impl Faults {
         self.diagnostics.iter().map(row).collect()
     }
 
-    /// The drawing for people: each fault with its line, then how many there are.
+    /// Draws the diagnostics for people: each with its line of the text, then their number.
     #[must_use]
     pub fn render(&self, colour: bool) -> String {
         render(&self.rows(), &self.sources, colour)
@@ -299,7 +299,7 @@ impl fmt::Display for Faults {
 
 impl std::error::Error for Faults {}
 
-/// The known name that an unknown one was most likely meant to be.
+/// Returns the known name that is most similar to `name`, if any is similar enough.
 pub fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = name.to_lowercase();
     let rated = known.into_iter().map(|candidate| {
@@ -308,7 +308,7 @@ pub fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
             .max(strsim::normalized_damerau_levenshtein(&lower, &other));
         (rating, candidate)
     });
-    // `max_by` takes the last of equals; the first one is wanted, hence the strict comparison.
+    // `max_by` returns the last of equal elements; the strict comparison keeps the first one.
     let best = rated.fold(None, |best: Option<(f64, &str)>, (rating, candidate)| {
         if best.is_none_or(|(highest, _)| rating > highest) {
             Some((rating, candidate))
@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_outside_the_text_is_moved_into_it() {
+    fn a_position_outside_the_text_is_moved_into_it() {
         for place in [
             Span::new(0, 0),
             Span::new(3, 90),
@@ -369,14 +369,14 @@ mod tests {
     }
 
     #[test]
-    fn a_long_line_is_cut_around_the_place() {
+    fn a_long_line_is_cut_around_the_position() {
         let text = format!("{}HERE{}", "é".repeat(100_000), "b".repeat(100_000));
         let drawn = faults(&text, Span::new(200_000, 200_004)).render(false);
         assert!(drawn.contains("HERE") && drawn.len() < 3000, "{drawn}");
     }
 
     #[test]
-    fn a_drawing_commands_no_terminal_and_still_points_to_the_place() {
+    fn a_drawing_contains_no_terminal_control_and_points_to_the_position() {
         let hostile = "\x1b[2J\u{9b}31m\u{202e}\u{7}";
         let text = format!("net: {hostile} x HERE {hostile}\n");
         let at = text.find("HERE").unwrap();
@@ -398,7 +398,7 @@ mod tests {
                     "{drawn}"
                 );
             }
-            // What is left of a drawing in colours is its colours.
+            // A coloured drawing contains no escape sequences besides its own colours.
             let coloured = render(&faults.rows(), sources, true);
             assert_eq!(Coloured(&coloured).to_string(), coloured);
             assert!(!coloured.contains("\x1b[2J"), "{coloured:?}");

@@ -1,5 +1,5 @@
-//! A file of a configuration: its text, and where its faults go.
-//! Read at start-up by whoever reads a configuration; nothing here is real-time.
+//! A configuration file: its text and its diagnostics. Read at start-up by programs that read a configuration; nothing
+//! here is real-time.
 
 use std::io::{self, Read};
 use std::path::Path;
@@ -9,14 +9,14 @@ use crate::diagnostic::{Diagnostic, Faults, Severity, Span};
 use crate::reader::ConfigReader;
 use crate::yaml::{self, Node};
 
-/// A text with the name that people know it by.
+/// A text with its file name.
 pub(crate) struct SourceFile {
     pub name: String,
     pub text: String,
 }
 
 impl SourceFile {
-    /// Nothing if there are no faults.
+    /// Returns the diagnostics as an error if one of them is an error.
     pub fn faults(&self, reader: ConfigReader) -> Result<(), Faults> {
         let refused = reader
             .faults
@@ -30,7 +30,7 @@ impl SourceFile {
     }
 }
 
-/// The text of a file.
+/// Reads a file.
 pub(crate) fn read(path: &Path) -> Result<SourceFile, Faults> {
     let name = path.display().to_string();
     match text(path) {
@@ -39,7 +39,8 @@ pub(crate) fn read(path: &Path) -> Result<SourceFile, Faults> {
     }
 }
 
-/// The tree of a text, and a reader that knows what the parser has found and could go on from (duplicate keys).
+/// Parses a text; returns its tree and a reader that holds the faults from which the parser could recover (duplicate
+/// keys).
 pub(crate) fn tree(file: &SourceFile) -> Result<(Node, ConfigReader), Faults> {
     match yaml::read(&file.text) {
         (Some(root), faults) => Ok((root, ConfigReader { faults })),
@@ -47,8 +48,8 @@ pub(crate) fn tree(file: &SourceFile) -> Result<(Node, ConfigReader), Faults> {
     }
 }
 
-/// At most one byte more than the parser takes: it then says that it is too much. A configuration is read again by every
-/// process of its cell, so it is a regular file; a pipe would be waited for.
+/// Reads at most one byte more than the parser accepts, which then reports that the text is too long. Every process of
+/// a cell reads the configuration again, so it must be a regular file; reading a pipe would block.
 pub(crate) fn text(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     let most = yaml::BYTES_MAX as u64 + 1;
@@ -58,15 +59,15 @@ pub(crate) fn text(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// A file that cannot be read; it has no place yet.
+/// Returns the diagnostic for a file that cannot be read, without a position.
 pub(crate) fn unreadable(path: &Path, cause: &io::Error) -> Diagnostic {
     let message = format!("{} cannot be read: {cause}", path.display());
     let help = match cause.kind() {
-        io::ErrorKind::NotFound => "look at the path; in a cell's file it is relative to that file",
-        io::ErrorKind::PermissionDenied => "look at its permissions",
+        io::ErrorKind::NotFound => "check the path; in a cell's file it is relative to that file",
+        io::ErrorKind::PermissionDenied => "check its permissions",
         io::ErrorKind::InvalidData => "save it as UTF-8 text",
         io::ErrorKind::InvalidInput => "name a regular file",
-        _ => "look at the file",
+        _ => "check the file",
     };
     let fault = Diagnostic::error(codes::UNREADABLE.code, Span::default(), message);
     fault.anywhere().help(help)
@@ -78,7 +79,7 @@ mod tests {
     use std::process::Command;
 
     #[test]
-    fn what_is_no_regular_file_is_refused_with_words_and_not_waited_for() -> io::Result<()> {
+    fn a_special_file_is_refused_with_a_remedy_and_not_waited_for() -> io::Result<()> {
         let pipe = std::env::temp_dir().join(format!("rcc-config-pipe-{}", std::process::id()));
         let made = Command::new("mkfifo").arg(&pipe).status()?;
         assert!(made.success());

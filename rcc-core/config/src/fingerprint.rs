@@ -1,5 +1,5 @@
-//! Fingerprints of a configuration: by them the processes of a cell notice that they were started with different ones.
-//! Computed once at start-up; pure.
+//! Fingerprints of a configuration, by which the processes of a cell detect that they were started with different ones.
+//! Computed once at start-up; pure functions.
 
 use rcc_core::pose::Pose;
 
@@ -7,13 +7,13 @@ use crate::cell::CellConfig;
 use crate::device::{CHANNEL_KINDS, ChannelConfig, DeviceConfig, OnRelease, kind_name};
 use crate::robot::RobotConfig;
 
-/// The parts of a device's configuration that have a fingerprint each, in the order in which they are told.
+/// The parts of a device's configuration that have a fingerprint each, in the order in which they are announced.
 pub const PARTS: [&str; 5] = ["driver", "timing", "robot", "settings", "channels"];
 
 /// One fingerprint for each of [`PARTS`].
 pub type PartFingerprints = [u64; PARTS.len()];
 
-/// What a process announces of its configuration: its file, [`CellConfig::fingerprint`], [`PARTS`] and
+/// The identity that a process announces of its configuration: file, [`CellConfig::fingerprint`], [`PARTS`] and
 /// [`CellConfig::device_fingerprints`].
 pub type CellIdentity = (
     String,
@@ -23,9 +23,9 @@ pub type CellIdentity = (
 );
 
 impl CellConfig {
-    /// A hash (FNV-1a, 64 bits) of everything that a plan depends on: the period; the devices in their order with name,
-    /// kinematics, joints and limits; the channels in their order with kind, name and unit. Ports, drivers, settings,
-    /// scales and the file's form do not count.
+    /// Returns a hash (FNV-1a, 64 bits) of everything that a plan depends on: the period; the devices in their order
+    /// with name, kinematics, joints and limits; the channels in their order with kind, name and unit. Ports, drivers,
+    /// settings, scales and the formatting of the file do not count.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
         let mut hash = Fnv::default();
@@ -42,11 +42,11 @@ impl CellConfig {
         hash.0
     }
 
-    /// The devices in their order, each with the fingerprints of all that its driver and everybody else in the cell must
-    /// agree on. Other than [`CellConfig::fingerprint`] they contain how the device is reached: its driver, addresses,
-    /// scales, settings, what becomes of outputs that nobody commands, and times. Comments, paths of files and the order
-    /// of settings do not count. Nor does a device's place in the cell: drivers are found by name, and who counts
-    /// devices compares the order of this list.
+    /// Returns the devices in their order, each with fingerprints of everything that its driver and the other processes
+    /// of the cell must agree on. In addition to [`CellConfig::fingerprint`] they cover how the device is reached:
+    /// driver, addresses, scales, settings, actions on release, and times. Comments, paths of files and the order of
+    /// settings do not count. The position of a device in the cell does not count either: drivers are found by name,
+    /// and processes that use device indices compare the order of this list.
     #[must_use]
     pub fn device_fingerprints(&self) -> Vec<(String, PartFingerprints)> {
         let devices = self.devices.iter().enumerate();
@@ -55,7 +55,7 @@ impl CellConfig {
             .collect()
     }
 
-    /// By what other processes tell this configuration from another one.
+    /// Returns the identity by which other processes distinguish this configuration from another one.
     #[must_use]
     pub fn identity(&self) -> CellIdentity {
         let file = self.source.display().to_string();
@@ -84,7 +84,7 @@ impl CellConfig {
             of(&|hash| hash.json(&device.settings)),
             of(&|hash| {
                 hash.number(device.channels.len() as u64);
-                // A channel is told by its place among those of its kind, wherever the file has it.
+                // A channel is identified by its index among those of its kind, wherever it is in the file.
                 for channel in CHANNEL_KINDS
                     .iter()
                     .flat_map(|kind| device.channels_of(*kind))
@@ -97,7 +97,7 @@ impl CellConfig {
     }
 }
 
-/// FNV-1a, 64 bits (Fowler, Noll, Vo): stable across builds and machines, unlike the standard library's hashes.
+/// FNV-1a, 64 bits (Fowler, Noll, Vo): stable across builds and machines, unlike the hashers of the standard library.
 struct Fnv(u64);
 
 impl Default for Fnv {
@@ -123,12 +123,12 @@ impl Fnv {
         }
     }
 
-    /// With its end, so that "ab", "c" and "a", "bc" differ.
+    /// Hashes a text with a terminator, so that "ab", "c" and "a", "bc" differ.
     fn text(&mut self, text: &str) {
         self.bytes(text.bytes().chain([0]));
     }
 
-    /// The arm of a device, where it stands and where it may be.
+    /// Hashes the arm of a device, its base and its workspace.
     fn kinematics(&mut self, device: &DeviceConfig) {
         self.number(device.first_tolerance_rad.to_bits());
         self.number(u64::from(device.robot.is_some()));
@@ -171,7 +171,7 @@ impl Fnv {
         }
     }
 
-    /// What a plan knows of a channel.
+    /// Hashes what a plan knows about a channel.
     fn channel(&mut self, channel: &ChannelConfig) {
         self.text(&channel.name);
         self.text(kind_name(channel.kind));
@@ -181,7 +181,7 @@ impl Fnv {
         self.reals([lower, upper]);
     }
 
-    /// What only its driver does with a channel.
+    /// Hashes what only the driver uses of a channel.
     fn wire(&mut self, channel: &ChannelConfig) {
         self.json(&channel.address);
         self.reals([channel.scale, channel.offset]);
@@ -195,7 +195,7 @@ impl Fnv {
         }
     }
 
-    /// A value with its kind; an object by its keys, because settings mean the same in any order.
+    /// Hashes a value with its type; an object sorted by keys, because the order of settings has no meaning.
     fn json(&mut self, value: &serde_json::Value) {
         use serde_json::Value as Json;
         match value {
@@ -218,7 +218,7 @@ impl Fnv {
                 self.text("text");
                 self.text(text);
             }
-            // Null, true and numbers: no two of them are written alike.
+            // Null, booleans and numbers have distinct textual forms.
             plain => self.text(&plain.to_string()),
         }
     }

@@ -1,5 +1,5 @@
-//! The one text parser, diagnostics with places, and the configuration of a cell.
-//! Used by every process at start-up and by the loader; nothing here is real-time.
+//! The common YAML and JSON parser, diagnostics with positions, and the configuration of a cell. Used by every process
+//! at start-up and by the loader; nothing here is real-time.
 
 pub mod access;
 mod base;

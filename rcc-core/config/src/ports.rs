@@ -1,5 +1,5 @@
-//! Network ports of a cell: fixed numbers, or numbers that are chosen when the cell is started.
-//! Used by the program that starts a cell and by every process that reads the cell's file; never real-time.
+//! Network ports of a cell: fixed numbers, or numbers chosen when the cell is started. Used by the program that starts
+//! a cell and by every process that reads the cell's file; never real-time.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -12,7 +12,7 @@ use crate::diagnostic::{Diagnostic, Faults, Span, closest};
 use crate::reader::{ConfigReader, ID, error};
 use crate::yaml::{Node, Value};
 
-/// What a port is for.
+/// Transport protocol of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Protocol {
     /// Datagrams.
@@ -21,11 +21,11 @@ pub enum Protocol {
     Tcp,
 }
 
-/// A port of 127.0.0.1 that was free a moment ago, chosen by the system from its ephemeral range. Another process can
-/// take it before ours does: then ours says so when it binds, and the cell is started again.
+/// Returns a port of 127.0.0.1 that was free a moment ago, chosen by the system from its ephemeral range. Another
+/// process can take it first; binding then fails, and the cell must be started again.
 ///
 /// # Errors
-/// The system has no port left or forbids sockets.
+/// Returns an error if the system has no free port or forbids sockets.
 pub fn free_port(protocol: Protocol) -> io::Result<u16> {
     let any = (Ipv4Addr::LOCALHOST, 0);
     let address = match protocol {
@@ -35,20 +35,20 @@ pub fn free_port(protocol: Protocol) -> io::Result<u16> {
     Ok(address.port())
 }
 
-/// `name=number` on a command line: a port that the program which started the cell has chosen.
+/// `name=number` on a command line: a port number chosen by the program that started the cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PortArgument {
-    /// As the cell's file calls it.
+    /// Name of the port in the cell's file.
     pub name: String,
-    /// Its number.
+    /// Port number.
     pub number: u16,
 }
 
-/// Text that is not `name=number`.
+/// The text is not `name=number`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{given}' is no port: write name=number, for example fri=49938")]
+#[error("invalid port `{given}`: write name=number, for example fri=49938")]
 pub struct PortArgumentError {
-    /// What was given.
+    /// The given text.
     pub given: String,
 }
 
@@ -68,26 +68,27 @@ impl FromStr for PortArgument {
     }
 }
 
-/// How a file declares a port.
+/// Declaration of a port in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PortDeclaration {
     Fixed(u16),
     Automatic(Protocol),
 }
 
-/// Where the numbers of automatic ports come from.
+/// Source of the numbers of automatic ports.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum PortNumbers<'a> {
-    /// From the program that started the cell.
+    /// Chosen by the program that started the cell.
     Chosen(&'a BTreeMap<String, u16>),
-    /// Nothing will be opened: they are 0.
+    /// No port will be opened: the numbers are 0.
     Offline,
 }
 
-/// The ports of the file that must be chosen when its cell is started, in the order of the file.
+/// Returns the ports that must be chosen when the cell is started, in the order of the file.
 ///
 /// # Errors
-/// The file cannot be read, or a port is declared wrongly. Other faults are left to [`crate::CellConfig::load`].
+/// Returns an error if the file cannot be read or a port declaration is invalid. Other faults are left to
+/// [`crate::CellConfig::load`].
 pub fn auto_ports(path: &Path) -> Result<Vec<(String, Protocol)>, Faults> {
     let file = crate::file::read(path)?;
     let (root, mut reader) = crate::file::tree(&file)?;
@@ -113,7 +114,7 @@ fn declared(
         let name = reader.key_name(&entry.key, "a port", ID);
         let port = declaration(reader, &entry.value);
         if let Some(name) = name {
-            // A faulty one is still declared, so that its uses are no faults too.
+            // A faulty port is still declared, so that its uses are not reported as well.
             let port = port.unwrap_or(PortDeclaration::Fixed(0));
             ports.push((name, entry.key.span, port));
         }
@@ -137,12 +138,12 @@ fn declaration(reader: &mut ConfigReader, node: &Node) -> Option<PortDeclaration
     if found.is_none() {
         let message = "a port is a number from 1 to 65535, `auto udp` or `auto tcp`";
         let fault = error(codes::BAD_PORT, node.span, message);
-        reader.report(fault.help("with `auto` a free one is chosen when the cell is started"));
+        reader.report(fault.help("with `auto`, a free port is chosen when the cell is started"));
     }
     found
 }
 
-/// The numbers of all declared ports.
+/// Returns the numbers of all declared ports.
 pub(crate) fn numbers(
     reader: &mut ConfigReader,
     node: Option<&Node>,
@@ -160,7 +161,7 @@ pub(crate) fn numbers(
             (None, PortDeclaration::Automatic(_), PortNumbers::Offline) => 0,
             (None, PortDeclaration::Automatic(_), PortNumbers::Chosen(_)) => {
                 let message =
-                    format!("the port `{name}` is automatic, and no number was given for it");
+                    format!("the port `{name}` is automatic, but no number was given for it");
                 let help = format!(
                     "`rcc-cli up` chooses one and passes it on; by hand: `--port {name}=NUMBER`"
                 );
@@ -172,9 +173,7 @@ pub(crate) fn numbers(
     }
     if let PortNumbers::Chosen(chosen) = given {
         for name in chosen.keys().filter(|name| !numbers.contains_key(*name)) {
-            let message = format!(
-                "a number was given for the port `{name}`, but the cell has none of this name"
-            );
+            let message = format!("the cell has no port `{name}`, but a number was given for it");
             let fault = error(codes::PORT_NOT_DECLARED, Span::default(), message).anywhere();
             reader.report(fault.help(known_ports(name, &numbers)));
         }
@@ -221,6 +220,6 @@ pub(crate) fn substitute(
 }
 
 fn unknown_port(name: &str, span: Span, numbers: &BTreeMap<String, u16>) -> Diagnostic {
-    let message = format!("`${{{name}}}` names no port of this cell");
+    let message = format!("`${{{name}}}` is not a port of this cell");
     error(codes::UNKNOWN_PORT, span, message).help(known_ports(name, numbers))
 }

@@ -1,5 +1,5 @@
-//! Numbers with a unit as people write them: `100 Hz`, `12 N`, `0.25 m/s`, `deg(30)`, `rad(pi/2)`.
-//! Turned into SI once, when a text is read; never on the real-time thread.
+//! Numbers with a unit as people write them: `100 Hz`, `12 N`, `0.25 m/s`, `deg(30)`, `rad(pi/2)`. Converted to SI
+//! once, when a text is read; never on the real-time thread.
 
 use std::f64::consts::PI;
 
@@ -9,7 +9,7 @@ use thiserror::Error;
 use crate::diagnostic::closest;
 use crate::yaml::{Node, Value};
 
-/// Deepest nesting of parentheses in `deg(…)` and `rad(…)`.
+/// Maximum nesting of parentheses in `deg(…)` and `rad(…)`.
 const DEPTH_MAX: usize = 16;
 
 /// A number in SI units.
@@ -17,20 +17,20 @@ const DEPTH_MAX: usize = 16;
 pub struct Quantity {
     /// Value in SI units.
     pub value: f64,
-    /// The SI unit; `None`: a bare number, which takes the unit of the place where it is used.
+    /// SI unit; `None` for a bare number, which takes the unit of the place where it is used.
     pub unit: Option<Unit>,
 }
 
-/// Why a text is no quantity.
+/// Reason why a text is not a quantity.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum QuantityError {
-    /// It is something else than a number or text.
+    /// The value is neither a number nor text.
     #[error("expected a number or a number with a unit, found {found}")]
     NotANumber {
-        /// What it is.
+        /// Type of the value.
         found: &'static str,
     },
-    /// It does not begin with a number.
+    /// The text does not begin with a number.
     #[error("`{text}` is neither a number nor a number with a unit such as `12 N` or `deg(30)`")]
     NoNumber {
         /// The text.
@@ -39,18 +39,18 @@ pub enum QuantityError {
     /// The unit is not known.
     #[error("unknown unit `{name}`{}", did_you_mean(.suggestion.as_deref()))]
     UnknownUnit {
-        /// The unit as written.
+        /// Name of the unit as written.
         name: String,
-        /// A unit that may have been meant.
+        /// A known unit with a similar name.
         suggestion: Option<String>,
     },
-    /// What stands in `deg(…)` or `rad(…)` cannot be computed.
-    #[error("`{text}` cannot be computed: numbers, pi, + - * / and parentheses are understood")]
+    /// The expression in `deg(…)` or `rad(…)` cannot be evaluated.
+    #[error("cannot evaluate `{text}`: use numbers, pi, + - * / and parentheses")]
     Expression {
-        /// What stands in the parentheses.
+        /// The expression.
         text: String,
     },
-    /// The number is too large for the computer.
+    /// The number is beyond the range of `f64`.
     #[error("`{text}` is too large")]
     TooLarge {
         /// The text.
@@ -62,7 +62,7 @@ fn did_you_mean(suggestion: Option<&str>) -> String {
     suggestion.map_or(String::new(), |name| format!(", did you mean `{name}`?"))
 }
 
-/// True if a text is meant to be a quantity: it begins like a number, or with `deg(` or `rad(`.
+/// Returns true if a text is meant as a quantity: it begins like a number, or with `deg(` or `rad(`.
 #[must_use]
 pub fn looks_like(text: &str) -> bool {
     let unsigned = text.trim_start_matches(['+', '-']).trim_start();
@@ -71,10 +71,10 @@ pub fn looks_like(text: &str) -> bool {
         || unsigned.starts_with("rad(")
 }
 
-/// Reads a number, or text that is a number with a unit.
+/// Reads a number, or a text with a number and a unit.
 ///
 /// # Errors
-/// What is wrong, in words for people. A number in quotes is text without a unit and refused.
+/// Returns a [`QuantityError`]. A number in quotes is text without a unit and is refused.
 pub fn of(node: &Node) -> Result<Quantity, QuantityError> {
     match &node.value {
         #[allow(clippy::cast_precision_loss)] // Nobody writes 2^53 metres.
@@ -94,7 +94,7 @@ pub fn of(node: &Node) -> Result<Quantity, QuantityError> {
 /// Reads a number with a unit.
 ///
 /// # Errors
-/// What is wrong, in words for people.
+/// Returns a [`QuantityError`].
 pub fn parse(text: &str) -> Result<Quantity, QuantityError> {
     let text = text.trim();
     let (sign, rest) = match text.strip_prefix('-') {
@@ -145,7 +145,7 @@ fn unknown_unit(unit: &str) -> QuantityError {
     }
 }
 
-/// Length of the unsigned number that a text begins with.
+/// Returns the length of the unsigned number at the beginning of a text.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits = |from: usize| {
@@ -166,7 +166,7 @@ fn number_length(text: &str) -> usize {
     end
 }
 
-/// The value of what stands in parentheses; `inside` still has the closing one.
+/// Evaluates the expression in parentheses; `inside` still has the closing one.
 fn angle(inside: &str, whole: &str) -> Result<f64, QuantityError> {
     let fault = || QuantityError::Expression {
         text: whole.to_string(),
@@ -185,7 +185,7 @@ fn angle(inside: &str, whole: &str) -> Result<f64, QuantityError> {
     }
 }
 
-/// A reader of `sum = product (± product)*`, `product = factor (×÷ factor)*`, `factor = ±factor | number | pi | (sum)`.
+/// Parser of `sum = product (± product)*`, `product = factor (×÷ factor)*`, `factor = ±factor | number | pi | (sum)`.
 struct Expression<'a> {
     rest: &'a str,
     depth: usize,
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_quantity_is_refused() {
+    fn invalid_quantities_are_refused() {
         for text in [
             "",
             "12",

@@ -1,5 +1,5 @@
-//! Takes values out of a tree and keeps what is wrong with them, so that all faults of a file come at once.
-//! Whoever reads a configuration uses it at start-up; nothing here is real-time.
+//! Extracts values from a parsed tree and collects all diagnostics, so that all faults of a file are reported together.
+//! Used at start-up by programs that read a configuration; nothing here is real-time.
 
 use std::f64::consts::PI;
 use std::fmt::Display;
@@ -11,44 +11,44 @@ use crate::diagnostic::{Diagnostic, Span, closest};
 use crate::quantity::{self, QuantityError};
 use crate::yaml::{Entry, Key, Node, Value};
 
-/// Longest name, in characters.
+/// Maximum length of a name, characters.
 const NAME_LENGTH_MAX: usize = 32;
 
-/// Collects the faults of one file. Every method that returns `None` has kept a fault that says why.
+/// Collects the faults of one file. Every method that returns `None` has reported the reason.
 #[derive(Debug, Default)]
 pub(crate) struct ConfigReader {
     pub faults: Vec<Diagnostic>,
 }
 
-/// A mapping whose keys are known.
+/// A mapping with a known set of keys.
 #[derive(Clone, Copy)]
 pub(crate) struct Fields<'n> {
     node: &'n Node,
-    /// Where it begins to be about it: the key before it.
+    /// Position of the key before the mapping.
     pub place: Span,
     what: &'static str,
 }
 
 impl<'n> Fields<'n> {
-    /// A value that may be left out; null counts as left out.
+    /// Returns an optional value; null counts as absent.
     pub fn get(&self, key: &str) -> Option<&'n Node> {
         let node = self.node.get(key)?;
         (node.value != Value::Null).then_some(node)
     }
 
-    /// Where a key stands; if it is left out, where it would belong.
+    /// Returns the position of a key, or of the mapping if the key is absent.
     pub fn place_of(&self, key: &str) -> Span {
         self.entry(key).map_or(self.place, |entry| entry.key.span)
     }
 
-    /// A key and its value, unless left out.
+    /// Returns a key with its value, unless it is absent or null.
     pub fn entry(&self, key: &str) -> Option<&'n Entry> {
         let mut entries = self.node.map()?.iter();
         entries.find(|entry| entry.key.name == key && entry.value.value != Value::Null)
     }
 }
 
-/// A number with its unit and its bounds, both included.
+/// A unit with inclusive bounds.
 #[derive(Clone, Copy)]
 pub(crate) struct QuantityRange {
     pub unit: Unit,
@@ -57,7 +57,7 @@ pub(crate) struct QuantityRange {
 }
 
 impl QuantityRange {
-    /// Any finite number of this unit.
+    /// Accepts any finite number with this unit.
     pub const fn any(unit: Unit) -> QuantityRange {
         QuantityRange {
             unit,
@@ -66,7 +66,7 @@ impl QuantityRange {
         }
     }
 
-    /// Greater than 0.
+    /// Accepts numbers greater than 0.
     pub const fn positive(unit: Unit) -> QuantityRange {
         QuantityRange {
             unit,
@@ -76,7 +76,7 @@ impl QuantityRange {
     }
 }
 
-/// The form of a name: may it begin with these, go on with those.
+/// Rule for a name: characters allowed at the beginning and after it, and a description.
 #[derive(Clone, Copy)]
 pub(crate) struct NameRule {
     pub first: fn(char) -> bool,
@@ -84,28 +84,28 @@ pub(crate) struct NameRule {
     pub words: &'static str,
 }
 
-/// Names of cells.
+/// Rule for names of cells.
 pub(crate) const CELL_NAME: NameRule = NameRule {
     first: |c| c.is_ascii_lowercase() || c.is_ascii_digit(),
     further: |c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-',
     words: "1 to 32 of a-z 0-9 _ -, beginning with a letter or digit",
 };
 
-/// Names of devices, drivers and simulators.
+/// Rule for names of devices, drivers and simulators.
 pub(crate) const DEVICE_NAME: NameRule = NameRule {
     first: |c| c.is_ascii_lowercase(),
     words: "1 to 32 of a-z 0-9 _ -, beginning with a letter",
     ..CELL_NAME
 };
 
-/// Names of channels and ports.
+/// Rule for names of channels and ports.
 pub(crate) const ID: NameRule = NameRule {
     first: |c| c.is_ascii_lowercase(),
     further: |c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_',
     words: "1 to 32 of a-z 0-9 _, beginning with a letter",
 };
 
-/// Names of joints.
+/// Rule for names of joints.
 pub(crate) const JOINT_NAME: NameRule = NameRule {
     first: |c| c.is_ascii_alphabetic(),
     further: |c| c.is_ascii_alphanumeric() || c == '_',
@@ -113,12 +113,12 @@ pub(crate) const JOINT_NAME: NameRule = NameRule {
 };
 
 impl ConfigReader {
-    /// Keeps a fault.
+    /// Adds a diagnostic.
     pub fn report(&mut self, fault: Diagnostic) {
         self.faults.push(fault);
     }
 
-    /// A mapping with these keys and no others.
+    /// Reads a mapping with these keys; reports others.
     pub fn fields<'n>(
         &mut self,
         node: &'n Node,
@@ -129,7 +129,7 @@ impl ConfigReader {
         self.fields_or(node, place, what, keys, ("", ""))
     }
 
-    /// As [`ConfigReader::fields`]; `gone` is a key that older files have, and what to do about it.
+    /// Like [`ConfigReader::fields`]; `gone` is a key from older files with its remedy.
     pub fn fields_or<'n>(
         &mut self,
         node: &'n Node,
@@ -151,7 +151,7 @@ impl ConfigReader {
         Some(Fields { node, place, what })
     }
 
-    /// The entries of a mapping.
+    /// Reads the entries of a mapping.
     pub fn entries<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n [Entry]> {
         let entries = node.map();
         if entries.is_none() {
@@ -160,20 +160,21 @@ impl ConfigReader {
         entries
     }
 
-    /// A value that must be given.
+    /// Reads a required value.
     pub fn require<'n>(&mut self, fields: &Fields<'n>, key: &str) -> Option<&'n Node> {
         let node = fields.get(key);
         if node.is_none() {
             let message = format!("{} needs a key `{key}`", fields.what);
             self.report(
-                error(codes::MISSING_KEY, fields.place, message)
-                    .help(format!("add `{key}: …`; the files in configs/ show how")),
+                error(codes::MISSING_KEY, fields.place, message).help(format!(
+                    "add `{key}: …`; see the files in configs/ for examples"
+                )),
             );
         }
         node
     }
 
-    /// Text.
+    /// Reads a text.
     pub fn text<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n str> {
         let text = node.text();
         if text.is_none() {
@@ -182,7 +183,7 @@ impl ConfigReader {
         text
     }
 
-    /// The elements of a list.
+    /// Reads the elements of a list.
     pub fn list<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n [Node]> {
         let list = node.list();
         if list.is_none() {
@@ -191,7 +192,7 @@ impl ConfigReader {
         list
     }
 
-    /// A list of exactly `N` elements.
+    /// Reads a list of exactly `N` elements.
     pub fn array<'n, const N: usize>(
         &mut self,
         node: &'n Node,
@@ -200,13 +201,13 @@ impl ConfigReader {
         let list = self.list(node, what)?;
         let array = list.try_into().ok();
         if array.is_none() {
-            let message = format!("{what} has {} elements, {N} are expected", list.len());
+            let message = format!("{what} has {} elements, expected {N}", list.len());
             self.report(error(codes::WRONG_SHAPE, node.span, message));
         }
         array
     }
 
-    /// `true` or `false`.
+    /// Reads `true` or `false`.
     pub fn bool(&mut self, node: &Node, what: &str) -> Option<bool> {
         if let Value::Bool(value) = node.value {
             return Some(value);
@@ -215,7 +216,7 @@ impl ConfigReader {
         None
     }
 
-    /// A whole number without unit, bounds included.
+    /// Reads an integer without unit, with inclusive bounds.
     pub fn integer(&mut self, node: &Node, what: &str, least: i64, most: i64) -> Option<i64> {
         let Value::Int(value) = node.value else {
             self.wrong_type(node, what, "a whole number");
@@ -224,12 +225,12 @@ impl ConfigReader {
         if (least..=most).contains(&value) {
             return Some(value);
         }
-        let message = format!("{what} is {value}, it must be from {least} to {most}");
+        let message = format!("{what} is {value}, but must be from {least} to {most}");
         self.report(error(codes::OUT_OF_RANGE, node.span, message));
         None
     }
 
-    /// A number with its unit, in SI.
+    /// Reads a number with its unit; returns it in SI.
     pub fn quantity(&mut self, node: &Node, what: &str, wanted: QuantityRange) -> Option<f64> {
         let unit = wanted.unit;
         let quantity = match quantity::of(node) {
@@ -249,9 +250,9 @@ impl ConfigReader {
         };
         match quantity.unit {
             None if unit != Unit::ONE => {
-                let message = format!("{what} is a number without its unit");
+                let message = format!("{what} has no unit");
                 let help = format!(
-                    "write the unit behind it, for example `{}`",
+                    "add the unit, for example `{}`",
                     sample_of(quantity.value, unit)
                 );
                 let fault = error(codes::MISSING_UNIT, node.span, message);
@@ -289,16 +290,16 @@ impl ConfigReader {
             ),
         };
         let message = format!(
-            "{what} is {}, it must be {range}",
+            "{what} is {}, but must be {range}",
             display_value(value, unit)
         );
         self.report(error(codes::OUT_OF_RANGE, node.span, message));
     }
 
-    /// A time in whole nanoseconds, bounds included.
+    /// Reads a time in whole nanoseconds, with inclusive bounds.
     pub fn nanoseconds(&mut self, node: &Node, what: &str, least: u64, most: u64) -> Option<u64> {
         let value = self.quantity(node, what, QuantityRange::any(Unit::SECOND))?;
-        // Rounded before it is judged: 100 us is a little less than 1e-4 s. Beyond its range the cast saturates.
+        // Round before comparing: 100 us is slightly less than 1e-4 s. The cast saturates beyond its range.
         let ns = (value * 1e9).round();
         if ns >= 0.0 && (least..=most).contains(&(ns as u64)) {
             return Some(ns as u64);
@@ -312,7 +313,7 @@ impl ConfigReader {
         None
     }
 
-    /// A lower and an upper bound.
+    /// Reads a lower and an upper bound.
     pub fn bounds(&mut self, node: &Node, what: &str, unit: Unit) -> Option<[f64; 2]> {
         let [lower, upper] = self.array(node, what)?;
         let lower = self.quantity(lower, what, QuantityRange::any(unit));
@@ -332,12 +333,12 @@ impl ConfigReader {
         None
     }
 
-    /// A name that is a key.
+    /// Checks a name that is a key.
     pub fn key_name(&mut self, key: &Key, what: &str, form: NameRule) -> Option<String> {
         self.name(&key.name, key.span, what, form)
     }
 
-    /// A name.
+    /// Checks a name.
     pub fn name(&mut self, name: &str, span: Span, what: &str, form: NameRule) -> Option<String> {
         let mut characters = name.chars();
         let fits = characters.next().is_some_and(form.first)
@@ -346,20 +347,20 @@ impl ConfigReader {
         if fits {
             return Some(name.to_owned());
         }
-        let message = format!("`{name}` cannot name {what}");
+        let message = format!("invalid name `{name}` for {what}");
         self.report(error(codes::BAD_NAME, span, message).help(format!("use {}", form.words)));
         None
     }
 
-    /// At most `most` of something; the first one too many is shown.
+    /// Reports more than `most` elements, at the first one too many.
     pub fn at_most(&mut self, most: usize, what: &str, places: &[Span]) {
         if let Some(place) = places.get(most) {
-            let message = format!("{} {what}, at most {most} are possible", places.len());
+            let message = format!("{} {what}, the maximum is {most}", places.len());
             self.report(error(codes::TOO_MANY, *place, message).label("the first one too many"));
         }
     }
 
-    /// One of several words.
+    /// Reads one of several keywords.
     pub fn keyword<T: Copy>(&mut self, node: &Node, what: &str, words: &[(&str, T)]) -> Option<T> {
         let text = self.text(node, what)?;
         if let Some((_, value)) = words.iter().find(|(word, _)| *word == text) {
@@ -368,26 +369,26 @@ impl ConfigReader {
         let known = words.iter().map(|(word, _)| *word);
         let help = match closest(text, known.clone()) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => format!("known are: {}", known.collect::<Vec<_>>().join(", ")),
+            None => format!("known values: {}", known.collect::<Vec<_>>().join(", ")),
         };
-        let message = format!("`{text}` is no known {what}");
+        let message = format!("unknown {what} `{text}`");
         self.report(error(codes::UNKNOWN_KIND, node.span, message).help(help));
         None
     }
 
-    /// Keeps that a value is of another kind.
+    /// Reports a value of the wrong type.
     pub fn wrong_type(&mut self, node: &Node, what: &str, expected: impl Display) {
         let message = format!("{what} must be {expected}, found {}", node.kind());
         self.report(error(codes::WRONG_SHAPE, node.span, message));
     }
 }
 
-/// A fault of this kind.
+/// Creates an error of this kind.
 pub(crate) fn error(code: Code, place: Span, message: impl Into<String>) -> Diagnostic {
     Diagnostic::error(code.code, place, message)
 }
 
-/// A value as people like to read it, without the noise of the conversion to SI.
+/// Formats a value in common units, without rounding noise from the conversion to SI.
 pub(crate) fn display_value(value: f64, unit: Unit) -> String {
     let (scale, name) = match unit {
         Unit::SECOND if value == 0.0 || value.abs() >= 0.9995 => (1.0, "s".to_owned()),
@@ -401,7 +402,7 @@ pub(crate) fn display_value(value: f64, unit: Unit) -> String {
     format!("{value} {name}")
 }
 
-/// The unit as people like to write it.
+/// Returns the common form of a unit.
 fn scaled(unit: Unit) -> String {
     match unit {
         Unit::SECOND => "ms".to_owned(),

@@ -1,5 +1,5 @@
-//! What the flight recorder keeps and where incident files go: 10 s, 64 MB and the runtime folder by default.
-//! Read at start-up by the executor.
+//! Settings of the flight recorder: recorded time, memory and incident files; by default 10 s, 64 MB and the runtime
+//! folder. Read at start-up by the executor.
 
 use std::path::{Path, PathBuf};
 
@@ -15,16 +15,16 @@ const MEMORY_MB: [i64; 2] = [1, 4096];
 const FILES: [i64; 2] = [1, 1000];
 const MB: usize = 1 << 20;
 
-/// The flight recorder of a cell.
+/// Settings of the flight recorder of a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecorderConfig {
-    /// The most that is kept before an incident, ns.
+    /// Maximum time that is kept before an incident, ns.
     pub span_ns: u64,
-    /// Memory that is locked for it, bytes; 0 = nothing is recorded. One half records while the other is written.
+    /// Locked memory, bytes; 0: nothing is recorded. One half records while the other is written to a file.
     pub memory: usize,
-    /// Incident files that are kept; one more, and the oldest goes.
+    /// Maximum number of incident files; the oldest is removed.
     pub files: usize,
-    /// Where they go; `None` = into the cell's runtime folder, which an orderly end removes.
+    /// Folder of the incident files; `None`: the runtime folder of the cell, which an orderly end removes.
     pub folder: Option<PathBuf>,
 }
 
@@ -39,7 +39,7 @@ impl Default for RecorderConfig {
     }
 }
 
-/// Reads the key `recorder` of a cell; `base` is the folder that paths begin at.
+/// Reads the key `recorder` of a cell; relative paths start at `base`.
 pub(crate) fn read(
     reader: &mut ConfigReader,
     cell: &Fields<'_>,
@@ -50,7 +50,7 @@ pub(crate) fn read(
         return Some(recorder);
     };
     let fields = reader.fields(value, key.span, "the recorder", &KEYS)?;
-    // All of them are read before one of them ends it: all faults come at once.
+    // Read all keys before returning, so that all faults are reported together.
     let mut sound = true;
     if let Some(node) = fields.get("seconds") {
         let [least, most] = SECONDS;
@@ -82,7 +82,7 @@ pub(crate) fn read(
     sound.then_some(recorder)
 }
 
-/// `64 MB`, or `0 MB`.
+/// Reads `64 MB`, or `0 MB`.
 fn memory(reader: &mut ConfigReader, node: &Node) -> Option<usize> {
     let number = match &node.value {
         Value::Text(text) => text.strip_suffix("MB").map(str::trim_end),
@@ -96,7 +96,7 @@ fn memory(reader: &mut ConfigReader, node: &Node) -> Option<usize> {
     let [least, most] = MEMORY_MB;
     if number != 0 && !(least..=most).contains(&number) {
         let message = format!(
-            "memory is {number} MB, it must be from {least} MB to {most} MB, or 0 MB for none"
+            "memory is {number} MB, but must be from {least} MB to {most} MB, or 0 MB for none"
         );
         reader.report(error(codes::OUT_OF_RANGE, node.span, message));
         return None;

@@ -1,5 +1,5 @@
-//! A robot as its file describes it: kinematics and the limits of each joint, in SI units.
-//! Read once at start-up by every process that works with the cell; never by the real-time thread.
+//! A robot as described by its file: kinematics and the limits of each joint, in SI units. Read once at start-up by
+//! every process that works with the cell; never by the real-time thread.
 
 use rcc_core::guard::JointLimits;
 use rcc_core::impedance::ImpedanceLimits;
@@ -14,37 +14,37 @@ pub(crate) use read::robot as read;
 /// An arm: kinematics and limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotConfig {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// Kinematics.
     pub arm: Arm,
-    /// One row a joint, from the base to the flange; never empty, at most [`JOINTS_MAX`].
+    /// Joints from the base to the flange; at least one, at most [`JOINTS_MAX`].
     pub joints: Vec<JointConfig>,
-    /// What impedance set-points may be; `None` = its controller has position control only.
+    /// Limits of impedance set-points; `None` if its controller has position control only.
     pub impedance: Option<ImpedanceLimits>,
-    /// The file it was read from, as the cell's file names it.
+    /// Path of the file, as written in the cell's file.
     pub source: String,
 }
 
-/// What one joint may do.
+/// Limits of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointConfig {
     /// Name, unique in its robot.
     pub name: String,
-    /// Smallest position, rad.
+    /// Minimum position, rad.
     pub lower_rad: f64,
-    /// Largest position, rad; greater than the smallest.
+    /// Maximum position, rad; greater than the minimum.
     pub upper_rad: f64,
-    /// Largest |velocity|, rad/s; greater than 0.
+    /// Maximum |velocity|, rad/s; greater than 0.
     pub velocity_rad_s: f64,
-    /// Largest |acceleration|, rad/s²; greater than 0.
+    /// Maximum |acceleration|, rad/s²; greater than 0.
     pub acceleration_rad_s2: f64,
-    /// Largest |jerk|, rad/s³; greater than 0.
+    /// Maximum |jerk|, rad/s³; greater than 0.
     pub jerk_rad_s3: f64,
 }
 
 impl RobotConfig {
-    /// The limits that the guard enforces; elements beyond the joints are 0.
+    /// Returns the limits that the guard enforces; elements beyond the joints are 0.
     #[must_use]
     pub fn limits(&self) -> JointLimits {
         let column = |of: fn(&JointConfig) -> f64| {
@@ -64,7 +64,7 @@ impl RobotConfig {
         }
     }
 
-    /// Each joint at 0, or at the end of its range that is nearest to it; rad.
+    /// Returns each joint at 0, or at the nearest end of its range, rad.
     #[must_use]
     pub fn nearest_to_zero(&self) -> Joints {
         let mut joints = [0.0; JOINTS_MAX];
@@ -74,8 +74,8 @@ impl RobotConfig {
         joints
     }
 
-    /// Positions (rad) of a setting such as `[0, "-30 deg", 0.5]`; `None` unless it has one for each joint, inside of its
-    /// range.
+    /// Parses joint positions from a setting such as `[0, "-30 deg", 0.5]`; returns them in rad, or `None` unless there
+    /// is one for each joint, inside its range.
     #[must_use]
     pub fn positions(&self, setting: &serde_json::Value) -> Option<Joints> {
         let given = setting.as_array()?;
@@ -92,7 +92,7 @@ impl RobotConfig {
     }
 }
 
-/// `-30 deg` and the like, rad.
+/// Parses an angle such as `-30 deg`, rad.
 fn angle(text: &str) -> Option<f64> {
     let (number, unit) = text.trim().split_once(' ')?;
     let (unit, factor) = Unit::parse(unit.trim())?;
@@ -100,7 +100,7 @@ fn angle(text: &str) -> Option<f64> {
     (unit == Unit::RADIAN).then_some(number * factor)
 }
 
-/// The limits of a device without joints.
+/// Limits of a device without joints.
 pub(crate) const NO_JOINTS: JointLimits = JointLimits {
     lower: [0.0; JOINTS_MAX],
     upper: [0.0; JOINTS_MAX],

@@ -1,5 +1,5 @@
-//! Where an arm may be: `workspace: {box: {x: [0.2 m, 0.8 m], z: [50 mm, 1 m]}, point: [0 m, 0 m, 0.15 m], singularity: 0.05}`.
-//! Read at start-up with the cell's file.
+//! Workspace of an arm: `workspace: {box: {x: [0.2 m, 0.8 m], z: [50 mm, 1 m]}, point: [0 m, 0 m, 0.15 m], singularity:
+//! 0.05}`. Read at start-up with the cell's file.
 
 use rcc_core::unit::Unit;
 use rcc_core::workspace::Workspace;
@@ -11,8 +11,8 @@ use crate::yaml::Entry;
 const KEYS: [&str; 3] = ["box", "point", "singularity"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Reads the key `workspace` of a device; an axis that is left out has no bounds, and without `point` it is the flange
-/// that stays inside. Without a box there is no bound but the distance to singular positions.
+/// Reads the key `workspace` of a device. An omitted axis is unbounded; without `point` the flange must stay inside;
+/// without a box only the distance to singular positions is bounded.
 pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Option<Workspace>> {
     let Some(Entry { key, value }) = device.entry("workspace") else {
         return Some(None);

@@ -1,5 +1,6 @@
-//! The one parser of nets and configurations, YAML by hand and JSON by machine, into a tree in which everything has a
-//! place. Refuses what would be read silently wrong (duplicate keys) or costs without bound. Never on the real-time thread.
+//! The common parser of nets and configurations, for hand-written YAML and generated JSON, into a tree with positions.
+//! Refuses what would silently be misread (duplicate keys) or needs unbounded resources. Never used on the real-time
+//! thread.
 
 pub mod annotated;
 pub mod layout;
@@ -13,9 +14,9 @@ use serde_saphyr::granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan
 
 use crate::diagnostic::{Diagnostic, Span};
 
-/// Longest text in bytes.
+/// Maximum length of a text, bytes.
 pub const BYTES_MAX: usize = 4 << 20;
-/// Deepest nesting of lists and mappings.
+/// Maximum nesting of lists and mappings.
 pub const DEPTH_MAX: usize = 32;
 
 /// The text is not YAML or JSON.
@@ -24,36 +25,36 @@ pub const BROKEN: &str = "RCC1001";
 pub const DUPLICATE_KEY: &str = "RCC1002";
 /// The text is too long or nested too deeply.
 pub const TOO_LARGE: &str = "RCC1003";
-/// YAML that has no meaning here: anchors, aliases, tags, several documents, keys that are no text.
+/// YAML that is not supported: anchors, aliases, tags, several documents, keys that are not text.
 pub const NOT_SUPPORTED: &str = "RCC1004";
-/// A key or a text has a character that is not printable: it would command the terminal of whoever looks at it.
+/// A key or a text contains an unprintable character, which could control the terminal of a reader.
 pub const UNPRINTABLE: &str = "RCC1005";
 
-/// A value and where it stands.
+/// A value and its position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
     /// The value.
     pub value: Value,
-    /// Its place; of a list or mapping from its first to its last character.
+    /// Position; for a list or mapping from its first to its last character.
     pub span: Span,
 }
 
-/// What a text says. Numbers follow JSON and YAML 1.2 but for octal, hexadecimal and leading zeros, which stay text.
+/// A parsed value. Numbers follow JSON and YAML 1.2, except that octal, hexadecimal and leading zeros stay text.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// `null`, `~` or nothing.
+    /// `null`, `~` or an empty value.
     Null,
-    /// `true` or `false`; `yes`, `on` and the like are text.
+    /// `true` or `false`; `yes`, `on` and similar words are text.
     Bool(bool),
-    /// A whole number that fits.
+    /// An integer that fits into 64 bits.
     Int(i64),
     /// Any other finite number.
     Real(f64),
-    /// Everything else, and all that is quoted.
+    /// Everything else, and every quoted value.
     Text(String),
     /// A list.
     List(Vec<Node>),
-    /// A mapping, in the order of the text; keys occur once.
+    /// A mapping, in the order of the text, without duplicate keys.
     Map(Vec<Entry>),
 }
 
@@ -66,17 +67,17 @@ pub struct Entry {
     pub value: Node,
 }
 
-/// A key and where it stands.
+/// A key and its position.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     /// The text.
     pub name: String,
-    /// Its place.
+    /// Position.
     pub span: Span,
 }
 
 impl Node {
-    /// What it is, for messages: `a number`, `a mapping`, …
+    /// Returns the type for messages: `a number`, `a mapping`, …
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self.value {
@@ -89,7 +90,7 @@ impl Node {
         }
     }
 
-    /// The text, if it is one.
+    /// Returns the text, if the value is text.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         match &self.value {
@@ -98,7 +99,7 @@ impl Node {
         }
     }
 
-    /// The elements, if it is a list.
+    /// Returns the elements, if the value is a list.
     #[must_use]
     pub fn list(&self) -> Option<&[Node]> {
         match &self.value {
@@ -107,7 +108,7 @@ impl Node {
         }
     }
 
-    /// The entries, if it is a mapping.
+    /// Returns the entries, if the value is a mapping.
     #[must_use]
     pub fn map(&self) -> Option<&[Entry]> {
         match &self.value {
@@ -116,14 +117,14 @@ impl Node {
         }
     }
 
-    /// The value of a key, if it is a mapping that has it.
+    /// Returns the value of a key, if the value is a mapping that has it.
     #[must_use]
     pub fn get(&self, key: &str) -> Option<&Node> {
         let entry = self.map()?.iter().find(|entry| entry.key.name == key)?;
         Some(&entry.value)
     }
 
-    /// The keys of a mapping that are none of `known`.
+    /// Returns the keys of a mapping that are not in `known`.
     pub fn unknown_keys<'a>(&'a self, known: &'a [&str]) -> impl Iterator<Item = &'a Key> {
         let entries = self.map().unwrap_or(&[]).iter();
         entries
@@ -131,7 +132,7 @@ impl Node {
             .filter(|key| !known.contains(&key.name.as_str()))
     }
 
-    /// The same without places.
+    /// Returns the value without positions.
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
         use serde_json::Value as Json;
@@ -151,10 +152,11 @@ impl Node {
     }
 }
 
-/// Reads one document of YAML or JSON.
+/// Parses one document of YAML or JSON.
 ///
 /// # Errors
-/// [`BROKEN`], [`TOO_LARGE`] or [`NOT_SUPPORTED`]: the text ends there; [`DUPLICATE_KEY`] and [`UNPRINTABLE`]: all of them.
+/// Returns [`BROKEN`], [`TOO_LARGE`] or [`NOT_SUPPORTED`] at the first place where parsing fails, and all
+/// [`DUPLICATE_KEY`] and [`UNPRINTABLE`] faults up to there.
 pub fn parse(text: &str) -> Result<Node, Vec<Diagnostic>> {
     match read(text) {
         (Some(node), faults) if faults.is_empty() => Ok(node),
@@ -162,13 +164,13 @@ pub fn parse(text: &str) -> Result<Node, Vec<Diagnostic>> {
     }
 }
 
-/// Like [`parse`], but a text whose only faults are duplicate keys (the first of each counts) or characters that are not
-/// printable is there too: who reports faults can go on to find the others.
+/// Like [`parse`], but also returns the tree of a text whose only faults are duplicate keys (the first of each counts)
+/// or unprintable characters, so that a caller can go on and report further faults.
 #[must_use]
 pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
     if text.len() > BYTES_MAX {
         let length = text.len();
-        let message = format!("the text has {length} bytes, {BYTES_MAX} are allowed");
+        let message = format!("the text has {length} bytes, the limit is {BYTES_MAX}");
         let fault = Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere();
         return (None, vec![fault]);
     }
@@ -199,13 +201,9 @@ fn broken(text: &str, at: usize, message: &str) -> Diagnostic {
         .find(|at| text.is_char_boundary(*at))
         .unwrap_or(0);
     let line = message.split('\n').next().unwrap_or_default();
-    // The character there, or nothing at the end of the text.
+    // The character at the position; empty at the end of the text.
     let length = text[at..].chars().next().map_or(0, char::len_utf8);
-    let fault = Diagnostic::error(
-        BROKEN,
-        Span::new(at, at + length),
-        "this is no YAML or JSON",
-    );
+    let fault = Diagnostic::error(BROKEN, Span::new(at, at + length), "not valid YAML or JSON");
     let fault = fault.label(line.to_string());
     let tab = text.get(..at).is_some_and(|before| {
         let line = before.rsplit('\n').next().unwrap_or_default();
@@ -214,17 +212,17 @@ fn broken(text: &str, at: usize, message: &str) -> Diagnostic {
     fault.help(if tab {
         "YAML is indented with spaces, not with tabs"
     } else {
-        "look at indentation, at brackets and quotes that are not closed, and at `: ` after keys"
+        "check the indentation, unclosed brackets and quotes, and the `: ` after keys"
     })
 }
 
-/// What is being read.
+/// A list or mapping that is being parsed.
 enum OpenNode {
     List(Vec<Node>),
     Map {
         entries: Vec<Entry>,
         keys: HashSet<String>,
-        /// The key whose value comes next, and whether it is the first of its name.
+        /// The key whose value comes next, and whether it is the first one with its name.
         key: Option<(Key, bool)>,
     },
 }
@@ -251,7 +249,7 @@ impl<'a> TreeBuilder<'a> {
     fn take(&mut self, event: Event<'_>, span: ParserSpan) -> Result<(), Box<Diagnostic>> {
         let place = self.place(span);
         let refuse = |what: &str, help: &str| {
-            let message = format!("{what} have no meaning here");
+            let message = format!("{what} are not supported");
             let fault = Diagnostic::error(NOT_SUPPORTED, place, message);
             Err(Box::new(fault.help(help)))
         };
@@ -277,7 +275,7 @@ impl<'a> TreeBuilder<'a> {
             | Event::SequenceStart(_, _, Some(_))
             | Event::MappingStart(_, _, Some(_)) => refuse(
                 "tags (`!…`)",
-                "leave the tag out; text is quoted to stay text",
+                "remove the tag; quote a value to keep it text",
             ),
             Event::Scalar(text, style, ..) => self.scalar(text, style, place),
             Event::SequenceStart(..) => self.open(OpenNode::List(Vec::new()), place),
@@ -350,7 +348,7 @@ impl<'a> TreeBuilder<'a> {
         let Some((open, start)) = self.stack.pop() else {
             return Ok(());
         };
-        // A block collection ends where the next thing begins; its text ends before that.
+        // The parser ends a block collection where the next token begins; its text ends earlier.
         let inside = match &open {
             OpenNode::List(nodes) => nodes.last().map_or(start.end, |node| node.span.end),
             OpenNode::Map { entries, .. } => entries
@@ -386,15 +384,15 @@ impl<'a> TreeBuilder<'a> {
     }
 }
 
-/// Nets and configurations name things: what they say is shown to people by every program of a cell.
+/// Reports an unprintable character: names from nets and configurations are printed by every program of a cell.
 fn unprintable(text: &str, span: Span) -> Option<Diagnostic> {
     let (_, character) = first_unprintable(text)?;
     let message = format!(
-        "the text has the character U+{:04X}, which a terminal obeys or does not show",
+        "the text contains the unprintable character U+{:04X}",
         u32::from(character)
     );
     let fault = Diagnostic::error(UNPRINTABLE, span, message);
-    Some(fault.help("leave it out; line feeds and tabs are allowed"))
+    Some(fault.help("remove it; line feeds and tabs are allowed"))
 }
 
 fn plain(text: Cow<'_, str>) -> Value {
@@ -407,7 +405,7 @@ fn plain(text: Cow<'_, str>) -> Value {
     number(&text).unwrap_or_else(|| Value::Text(text.into_owned()))
 }
 
-/// A number as JSON writes it, also with a leading `+` or with nothing on one side of the point.
+/// Parses a number as in JSON, also with a leading `+` or with digits on only one side of the point.
 fn number(text: &str) -> Option<Value> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     let (mantissa, exponent) = match digits.split_once(['e', 'E']) {
@@ -428,7 +426,7 @@ fn number(text: &str) -> Option<Value> {
         return None;
     }
     if exponent.is_none() && !mantissa.contains('.') {
-        // i64::MIN is the null of an Int.
+        // i64::MIN represents the null of an Int.
         if let Ok(value) = text.parse::<i64>()
             && value != i64::MIN
         {

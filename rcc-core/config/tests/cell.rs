@@ -1,5 +1,5 @@
-//! What a cell's file means: defaults, numbers, placeholders, models and the fingerprint.
-//! Tests of texts; no file but those beside them.
+//! Meaning of a cell's file: defaults, numbers, placeholders, models and the fingerprint. Tests of texts; the only
+//! files read are those next to them.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -46,7 +46,7 @@ fn cell(text: &str) -> CellConfig {
 }
 
 #[test]
-fn what_is_left_out_has_its_documented_value() {
+fn omitted_keys_have_their_documented_defaults() {
     let cell = cell("cell: a\nperiod: 1 ms\ndevices:\n  b: {driver: c, robot: robots/good.yaml}\n");
     assert_eq!(cell.stale_after_ns, 50_000_000);
     assert_eq!((cell.executor.priority, cell.executor.core), (80, None));
@@ -61,7 +61,7 @@ fn what_is_left_out_has_its_documented_value() {
 }
 
 #[test]
-fn the_recorder_is_on_unless_it_has_no_memory() {
+fn the_recorder_is_on_unless_its_memory_is_zero() {
     let with = |recorder: &str| {
         let rest = "devices:\n  b: {driver: c, robot: robots/good.yaml}\n";
         parse(&format!("cell: a\nperiod: 1 ms\n{recorder}{rest}"))
@@ -98,7 +98,7 @@ fn the_recorder_is_on_unless_it_has_no_memory() {
 }
 
 #[test]
-fn supervision_is_as_the_file_has_it_and_sensible_without() {
+fn supervision_follows_the_file_and_has_defaults() {
     let devices = "devices:\n  b: {driver: c}\n";
     let usual = cell(&format!("cell: a\nperiod: 1 ms\n{devices}"));
     let SupervisionConfig {
@@ -125,18 +125,18 @@ fn supervision_is_as_the_file_has_it_and_sensible_without() {
 }
 
 #[test]
-fn a_watchdog_that_kills_the_busy_is_refused() {
+fn a_watchdog_time_that_kills_busy_processes_is_refused() {
     let text = "cell: a\nperiod: 1 ms\nsupervision: {watchdog: 10 ms, restarts: -1}\ndevices:\n  b: {driver: c}\n";
     let faults = parse(text).unwrap_err().to_string();
     assert!(
-        faults.contains("watchdog is 10 ms, it must be from 500 ms to 60 s"),
+        faults.contains("watchdog is 10 ms, but must be from 500 ms to 60 s"),
         "{faults}"
     );
     assert!(faults.contains("restarts is -1"), "{faults}");
 }
 
 #[test]
-fn nobody_but_its_user_reaches_a_cell_that_does_not_say_so() {
+fn by_default_only_its_user_reaches_a_cell() {
     let text = "cell: a\nperiod: 1 ms\ndevices: {b: {driver: c}}\n";
     assert_eq!(cell(text).access, AccessConfig::default());
     let open =
@@ -158,12 +158,12 @@ fn the_clock_is_the_executors_own_or_follows_a_device() {
     assert_eq!(
         clock("clock: {device: b}").offset_ns,
         62_500,
-        "half of the period at most"
+        "at most half of the period"
     );
 }
 
 #[test]
-fn times_that_are_left_out_fit_the_period() {
+fn default_times_fit_the_period() {
     let slow = cell("cell: a\nperiod: 100 ms\ndevices: {b: {driver: c}}\n");
     assert_eq!(slow.stale_after_ns, 300_000_000);
     assert_eq!(slow.devices[0].command_timeout_ns, 300_000_000);
@@ -389,7 +389,7 @@ fn a_workspace_bounds_the_axes_that_it_names() {
 }
 
 #[test]
-fn a_base_is_where_an_arm_stands() {
+fn a_base_is_the_pose_of_an_arm() {
     let with = |base: &str| {
         let rest = format!("devices:\n  b: {{driver: c, robot: robots/good.yaml{base}}}\n");
         parse(&format!("cell: a\nperiod: 1 ms\n{rest}"))
@@ -419,7 +419,7 @@ fn a_base_is_where_an_arm_stands() {
     assert_eq!(io.expect_err("no arm").diagnostics.len(), 1);
 }
 
-/// A cell with two devices, one with a robot, and all that a channel may say.
+/// A cell with two devices, one with a robot, and all keys of channels.
 const DEVICES: &str = "\
 cell: test
 period: 2 ms
@@ -446,7 +446,7 @@ devices:
     delay: 20 ms
 ";
 
-/// The parts of the device `lwr` whose fingerprints are not the same.
+/// Returns the parts of the device `lwr` with different fingerprints.
 fn changed_parts(text: &str) -> Vec<&'static str> {
     let parts = |text: &str| {
         let devices = cell(text).device_fingerprints();
@@ -527,7 +527,7 @@ fn the_fingerprint_of_a_device_depends_on_all_that_its_driver_and_the_executor_a
 }
 
 #[test]
-fn the_fingerprint_of_a_device_does_not_depend_on_what_means_nothing_to_its_driver() {
+fn the_fingerprint_of_a_device_ignores_what_its_driver_does_not_use() {
     for (from, to) in [
         ("cell: test", "# a comment\ncell: other\nstale_after: 80 ms"),
         (
@@ -553,13 +553,13 @@ fn the_fingerprint_of_a_device_does_not_depend_on_what_means_nothing_to_its_driv
             "{to}"
         );
     }
-    // Every process computes the same, in every life and build: the numbers are those of the formula.
+    // Every process computes the same values, in every run and build: the expected numbers follow from the formula.
     let io = cell("cell: a\nperiod: 1 ms\ndevices:\n  b: {driver: c}\n");
     assert_eq!(io.device_fingerprints()[0].1[0], 0x8bf9_5d9b_108c_109c);
 }
 
 #[test]
-fn what_has_changed_is_told_by_the_words_of_the_file() {
+fn differences_are_named_by_the_keys_of_the_file() {
     let before = cell(DEVICES);
     for (from, to, told) in [
         ("cell: test", "# a comment\ncell: test", ""),
@@ -594,7 +594,7 @@ fn what_has_changed_is_told_by_the_words_of_the_file() {
 }
 
 #[test]
-fn a_change_of_the_files_is_told_once() {
+fn a_change_of_the_files_is_reported_once() {
     let folder = std::env::temp_dir().join(format!("rcc-change-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let robot = std::fs::read_to_string("tests/bad/robots/good.yaml").unwrap();
@@ -602,7 +602,7 @@ fn a_change_of_the_files_is_told_once() {
     let text = DEVICES.replace("robots/good.yaml", "good.yaml");
     let text = text.replace("{fri: 4000}", "{fri: auto udp}");
     let write = |path: &Path, text: &str| {
-        // As an editor does: another inode, so that it is noticed within one tick of the file system's clock, too.
+        // Like an editor: another inode, so that the change is noticed even within one tick of the file system's clock.
         std::fs::write(path.with_extension("new"), text).unwrap();
         std::fs::rename(path.with_extension("new"), path).unwrap();
     };
@@ -611,7 +611,7 @@ fn a_change_of_the_files_is_told_once() {
     let ports = BTreeMap::from([("fri".to_owned(), 4000)]);
     let running = CellConfig::load(&path, &ports).unwrap();
     let mut watch = FileWatch::new(running, ports);
-    // Touched, and left alone.
+    // Changed, and then unchanged for one poll.
     let mut look = || {
         let looks = [watch.poll().cloned(), watch.poll().cloned()];
         assert_eq!(looks[0], None);

@@ -1,5 +1,5 @@
-//! Every fault of a configuration, as a person sees it: `bad/CODE-words.yaml` causes it, the `.txt` beside it shows it.
-//! `RCC_BLESS=1` writes the expected texts anew; look at the difference before committing it.
+//! All faults of a configuration as displayed to people: `bad/CODE-words.yaml` causes the fault, the `.txt` next to it
+//! is the expected text. `RCC_BLESS=1` rewrites the expected texts; review the difference before committing it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -9,7 +9,7 @@ use rcc_config::codes::CODES;
 use rcc_config::diagnostic::Faults;
 use rcc_config::{CellConfig, Protocol, auto_ports};
 
-/// Tests run in the package's folder; a relative path keeps the expected texts free of it.
+/// Tests run in the package's folder; a relative path keeps the expected texts independent of it.
 const FOLDER: &str = "tests/bad";
 
 fn cases() -> Vec<PathBuf> {
@@ -46,7 +46,7 @@ fn faults(path: &Path) -> Faults {
 }
 
 #[test]
-fn every_bad_file_shows_what_is_expected() {
+fn every_bad_file_gives_the_expected_text() {
     let bless = std::env::var_os("RCC_BLESS").is_some();
     for path in cases() {
         let shown = faults(&path).render(false);
@@ -96,7 +96,7 @@ fn a_missing_file_is_a_fault_and_not_a_panic() {
 }
 
 #[test]
-fn faults_of_the_cell_and_of_its_robots_come_together() {
+fn faults_of_the_cell_and_of_its_robots_are_reported_together() {
     let text = "cell: a\nperiod: 1\ndevices:\n  lwr: {driver: a, robot: robots/six.yaml}\n";
     let faults =
         CellConfig::parse(text, "a.yaml", Path::new(FOLDER), &BTreeMap::new()).unwrap_err();

@@ -1,5 +1,5 @@
-//! Every robot file in `configs/robots`: there and back by all branches, for random and for singular joint positions.
-//! Tests of files; no thread. `cargo run --release -p rcc-config --example round_trip` does 100,000 positions a robot.
+//! Round trips for every robot file in `configs/robots`: all branches, random and singular joint positions. Tests of
+//! files; no threads. `cargo run --release -p rcc-config --example round_trip` runs 100,000 positions per robot.
 
 #[path = "../examples/round_trip/trip.rs"]
 mod trip;
@@ -13,11 +13,11 @@ use rs_opw_kinematics::kinematic_traits::{self as opw, Kinematics};
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 
-/// Fewer than the example does: this is a debug build.
+/// Fewer than in the example, since this is a debug build.
 const POSITIONS: usize = 2_000;
 
 #[test]
-fn every_robot_comes_back_to_every_pose_by_every_branch() {
+fn every_robot_returns_to_every_pose_in_every_branch() {
     let robots = trip::robots();
     let names: Vec<&str> = robots.iter().map(|(file, _)| file.as_str()).collect();
     assert_eq!(
@@ -68,7 +68,7 @@ fn the_upright_kr_is_as_high_as_its_lengths() {
             (px - x).abs() < 1e-12 && py.abs() < 1e-12 && (pz - z).abs() < 1e-12,
             "{file}"
         );
-        // The flange looks forwards.
+        // The flange points forwards.
         assert!(
             (pose.rotate([0.0, 0.0, 1.0])[0] - 1.0).abs() < 1e-12,
             "{file}"
@@ -77,7 +77,7 @@ fn the_upright_kr_is_as_high_as_its_lengths() {
     }
 }
 
-/// rs-opw-kinematics has its own closed form and its own numbers of these arms.
+/// rs-opw-kinematics has its own closed form and its own parameters for these arms.
 #[test]
 fn six_axis_arms_agree_with_an_independent_program_in_pose_and_in_every_solution() {
     let theirs = [
@@ -99,8 +99,8 @@ fn six_axis_arms_agree_with_an_independent_program_in_pose_and_in_every_solution
     }
 }
 
-/// Whether one random position was compared, which it is not if one of its solutions is nearly singular: there programs
-/// differ in how joints share a turn.
+/// Returns whether one random position was compared. Positions with a nearly singular solution are skipped: there,
+/// programs distribute a rotation differently between joints.
 fn agrees(robot: &RobotConfig, other: &OPWKinematics, seed: u64) -> bool {
     let arm = robot.arm;
     let joints = random_joints(seed);
@@ -149,7 +149,7 @@ fn agrees(robot: &RobotConfig, other: &OPWKinematics, seed: u64) -> bool {
     true
 }
 
-/// Anywhere within half a turn.
+/// Random joint positions within half a turn.
 fn random_joints(seed: u64) -> Joints {
     let mut state = seed;
     let mut random = || {

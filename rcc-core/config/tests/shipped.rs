@@ -1,5 +1,5 @@
-//! The files in `configs/` are read as they are, and the arm that the demo simulates can move where it stands.
-//! Tests of files; no thread, no socket but the one that looks for a free port.
+//! The files in `configs/` are valid, and the simulated arm of the demo can move from its start. Tests of files; no
+//! threads, no sockets except the search for a free port.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,9 +12,9 @@ use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 use rcc_core::primitive::ChannelKind;
 
-/// Nets may move this fast in the demo.
+/// Maximum speed of nets in the demo, m/s.
 const SPEED_M_S: f64 = 0.25;
-/// What stays free at each joint limit.
+/// Required distance to each joint limit.
 const MARGIN_RAD: f64 = 0.17;
 
 fn file(name: &str) -> PathBuf {
@@ -27,7 +27,7 @@ fn load(name: &str) -> CellConfig {
     CellConfig::load_offline(&file(name)).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// What the demo's simulated arm starts at, rad.
+/// Start position of the demo's simulated arm, rad.
 fn start() -> Joints {
     let cell = load("cells/demo.yaml");
     let simulator = &cell.simulators[0];
@@ -89,7 +89,7 @@ fn the_real_cell_listens_at_kukas_port_and_simulates_nothing() {
 }
 
 #[test]
-fn every_torch_goes_out_when_nobody_commands_it() {
+fn every_torch_goes_out_on_release() {
     for name in ["cells/demo.yaml", "cells/lwr.yaml"] {
         let cell = load(name);
         let torch = cell.devices[0]
@@ -100,7 +100,7 @@ fn every_torch_goes_out_when_nobody_commands_it() {
 }
 
 #[test]
-fn the_lwr_is_the_one_of_the_golden_data() {
+fn the_lwr_matches_the_golden_data() {
     let robot = load("cells/lwr.yaml").devices.remove(0).robot.unwrap();
     let expected = Arm::Srs(SrsArm {
         shoulder_height: 0.3105,
@@ -128,7 +128,7 @@ fn the_lwr_is_the_one_of_the_golden_data() {
 }
 
 #[test]
-fn the_lwr_takes_what_fri_takes_of_impedance_set_points() {
+fn the_impedance_limits_of_the_lwr_are_those_of_fri() {
     let limits = load("cells/lwr.yaml").models()[0].impedance.unwrap();
     let expected = ImpedanceLimits {
         translation: [0.01, 5000.0],

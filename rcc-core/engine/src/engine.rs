@@ -25,7 +25,7 @@ use rcc_ipc::BoardReader;
 
 use crate::net::Nets;
 use crate::queue::{EngineEvent, EngineReply, EngineRequest, RtRingEnds};
-use crate::record::Recorder;
+use crate::record::FlightRecorder;
 use handover::{Handover, rows};
 use timing::CycleTimer;
 use topics::PublishedTopics;
@@ -118,7 +118,7 @@ pub struct Engine {
     next_record: u64,
     time: CycleTimer,
     stopping: bool,
-    recorder: Option<Box<Recorder>>,
+    recorder: Option<Box<FlightRecorder>>,
 }
 
 impl Engine {
@@ -183,7 +183,7 @@ impl Engine {
 
     /// Adds a flight recorder, which records everything that replay needs.
     #[must_use]
-    pub fn recorded_by(mut self, recorder: Recorder) -> Engine {
+    pub fn recorded_by(mut self, recorder: FlightRecorder) -> Engine {
         self.recorder = Some(Box::new(recorder));
         self
     }

@@ -19,7 +19,7 @@ use rcc_motion::{MotionSet, MotionSetBuilder};
 
 use crate::input::{ArenaSlices, NetInputs, TopicSource, null};
 use crate::queue::ValueReading;
-use crate::record::entry::Snapshot;
+use crate::record::entry::NetSnapshot;
 
 /// A net that can be evaluated, with all memory that it needs.
 #[derive(Debug)]
@@ -230,7 +230,7 @@ impl Net {
     }
 
     /// Restores a recorded state. Returns `None` and changes nothing if the sizes belong to another net.
-    pub fn restore(&mut self, state: &Snapshot<'_>) -> Option<()> {
+    pub fn restore(&mut self, state: &NetSnapshot<'_>) -> Option<()> {
         let fits = state.reals.len() == self.reals.len()
             && state.ints.len() == self.ints.len()
             && state.bools.len() == self.bools.len().div_ceil(8);

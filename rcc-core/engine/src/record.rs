@@ -32,7 +32,7 @@ const SNAPSHOT_EVERY_NS: u64 = 1_000_000_000;
 
 /// Sizes of the recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RecorderConfig {
+pub struct FlightRecorderConfig {
     /// Longest recorded time, ns.
     pub span_ns: u64,
     /// Memory of both rings together, bytes.
@@ -81,7 +81,7 @@ pub struct FrozenRecording {
 
 /// The helper thread's ends: receives recordings, returns their rings.
 #[derive(Debug)]
-pub struct RecorderHelper {
+pub struct FlightRecorderHelper {
     /// Receives frozen recordings.
     pub recordings: Consumer<FrozenRecording>,
     /// Returns rings whose recording was written to disk.
@@ -105,7 +105,7 @@ struct WrittenInput {
 
 /// The flight recorder's part on the real-time thread.
 #[derive(Debug)]
-pub struct Recorder {
+pub struct FlightRecorder {
     ring: Box<RecordRing>,
     spare: Option<Box<RecordRing>>,
     recordings: Producer<FrozenRecording>,
@@ -129,16 +129,19 @@ pub struct Recorder {
     pending: Option<PendingTrigger>,
 }
 
-impl Recorder {
+impl FlightRecorder {
     /// Allocates all memory. Not for the real-time thread.
-    pub fn new(config: RecorderConfig, devices: usize) -> (Recorder, RecorderHelper) {
+    pub fn new(
+        config: FlightRecorderConfig,
+        devices: usize,
+    ) -> (FlightRecorder, FlightRecorderHelper) {
         let period_ns = config.period_ns.max(1);
         let cycles = usize::try_from(config.span_ns / period_ns).unwrap_or(usize::MAX);
         let words = config.memory / 2 / size_of::<u64>();
         let (recording_in, recordings) = rtrb::RingBuffer::new(2);
         let (spare, spares) = rtrb::RingBuffer::new(2);
         let ring = RecordRing::new(words, cycles);
-        let recorder = Recorder {
+        let recorder = FlightRecorder {
             snapshot_words_max: ring.capacity() / 8,
             spare: Some(RecordRing::new(words, cycles)),
             ring,
@@ -165,7 +168,7 @@ impl Recorder {
             ring_is_new: true,
             pending: None,
         };
-        (recorder, RecorderHelper { recordings, spare })
+        (recorder, FlightRecorderHelper { recordings, spare })
     }
 
     /// Begins a cycle; `inputs` are the device inputs that its nets see.

@@ -12,7 +12,7 @@ use rcc_core::types::Store;
 use rcc_ipc::control::Refusal;
 
 use crate::net::{Evaluation, Net, NetOrigin};
-use crate::record::entry::{RecordEntries, RecordEntry, Snapshot, UnknownRecord, input_of};
+use crate::record::entry::{NetSnapshot, RecordEntries, RecordEntry, UnknownRecord, input_of};
 use crate::record::hash::{hash, real_word};
 
 /// The recording to be replayed.
@@ -319,7 +319,7 @@ impl NetReplay {
     }
 
     /// At a snapshot: locates the first difference, if there was one, and continues from the recorded state.
-    fn compare_with_snapshot(&mut self, snapshot: &Snapshot<'_>, cycle: u64) {
+    fn compare_with_snapshot(&mut self, snapshot: &NetSnapshot<'_>, cycle: u64) {
         let Some(net) = &mut self.net else { return };
         if let Some(mismatch) = &mut self.result.mismatch
             && mismatch.slot.is_none()
@@ -333,7 +333,7 @@ impl NetReplay {
 }
 
 /// The first slot that differs, in evaluation order.
-fn first_difference(net: &Net, snapshot: &Snapshot<'_>) -> Option<SlotDifference> {
+fn first_difference(net: &Net, snapshot: &NetSnapshot<'_>) -> Option<SlotDifference> {
     let origin = net.origin();
     let plan = origin.data.plan();
     for run in plan.runs {
@@ -372,7 +372,12 @@ fn first_difference(net: &Net, snapshot: &Snapshot<'_>) -> Option<SlotDifference
         .find_map(|(store, slot)| differs(net, snapshot, store, slot))
 }
 
-fn differs(net: &Net, snapshot: &Snapshot<'_>, store: Store, slot: u32) -> Option<SlotDifference> {
+fn differs(
+    net: &Net,
+    snapshot: &NetSnapshot<'_>,
+    store: Store,
+    slot: u32,
+) -> Option<SlotDifference> {
     let (reals, bools, ints) = net.arenas();
     let index = slot as usize;
     let (recorded, replayed) = match store {

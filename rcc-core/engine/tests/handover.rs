@@ -540,7 +540,7 @@ fn any_net(fixture: &EngineFixture, random: &mut Random) -> PlanData {
 }
 
 #[test]
-fn whatever_is_handed_over_the_arms_set_points_keep_its_limits() {
+fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
     let mut all = 0;
     for seed in 1..=60 {
         let mut random = Random(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(seed));

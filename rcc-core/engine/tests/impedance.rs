@@ -74,7 +74,7 @@ fn refused(answer: Answer) -> (u32, f64, f64, ViolationKind) {
 }
 
 #[test]
-fn springs_and_wrench_leave_with_the_position() {
+fn stiffness_and_wrench_are_sent_with_the_position() {
     let mut fixture = fixture();
     let id = fixture.load(soft_net(500.0, 1000.0, -5.0));
     assert!(matches!(fixture.start(id), Answer::Done { .. }));
@@ -91,7 +91,7 @@ fn springs_and_wrench_leave_with_the_position() {
 }
 
 #[test]
-fn a_net_for_another_strategy_is_refused_and_nothing_leaves() {
+fn a_net_for_another_strategy_is_refused_and_no_set_point_is_sent() {
     let mut soft = fixture();
     let id = soft.load(drift_net(HOLD[0], 0.0));
     let (joint, value, limit, kind) = refused(soft.start(id));
@@ -125,7 +125,7 @@ fn a_controller_that_changes_its_strategy_ends_the_net() {
 }
 
 #[test]
-fn what_is_out_of_range_is_refused_with_its_axis() {
+fn an_impedance_out_of_range_is_refused_with_its_axis() {
     for (from, fz, kind, limit) in [
         (5001.0, 0.0, ViolationKind::Stiffness, 5000.0),
         (0.0, 0.0, ViolationKind::Stiffness, 0.01),
@@ -184,7 +184,7 @@ fn a_hand_over_continues_the_stiffness_too() {
 }
 
 #[test]
-fn a_null_wrench_lets_the_arm_go() {
+fn a_null_wrench_releases_the_arm() {
     let mut fixture = fixture();
     let id = fixture.load(soft_net(500.0, 0.0, f64::NAN));
     fixture.start(id);
@@ -223,7 +223,7 @@ fn foreseen(plan: PlanData) -> Option<(ViolationKind, &'static str, f64, f64)> {
 }
 
 #[test]
-fn a_rehearsal_foresees_what_the_guard_would_refuse() {
+fn a_rehearsal_predicts_the_violations_that_the_guard_would_refuse() {
     assert_eq!(foreseen(soft_net(500.0, 0.0, -5.0)), None);
     let (kind, axis, value, time_s) = foreseen(soft_net(500.0, 0.0, 60.0)).expect("a refusal");
     assert_eq!(

@@ -51,7 +51,7 @@ fn an_input_begins_with_its_initial_value_and_without_age() {
 }
 
 #[test]
-fn what_is_set_is_seen_in_the_cycle_of_the_answer_and_grows_older() {
+fn a_set_value_is_seen_in_the_cycle_of_the_answer_and_ages() {
     let (mut fixture, id) = running(input_net(0.5, 0));
     let answer = fixture.set(id, &[(0, &[0.75])]);
     assert_eq!(
@@ -146,7 +146,7 @@ fn a_range_is_kept_at_both_ends_and_null_is_in_it() {
 }
 
 #[test]
-fn what_is_set_before_start_is_seen_in_the_first_cycle() {
+fn a_value_set_before_start_is_seen_in_the_first_cycle() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(input_net(0.5, 0));
     assert!(matches!(
@@ -159,7 +159,7 @@ fn what_is_set_before_start_is_seen_in_the_first_cycle() {
 }
 
 #[test]
-fn a_refused_start_keeps_what_was_set() {
+fn a_refused_start_keeps_staged_values() {
     let mut plan = line_net();
     let mut with_input = TestPlan { data: plan.clone() };
     let input = with_input.input(&[NULL], 0);

@@ -16,7 +16,7 @@ use rcc_core::plan::{Rate, ValuePoint};
 use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::queue::{EngineRequest, ValueReading};
-use rcc_engine::record::{Recorder, RecorderConfig};
+use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
 use rcc_ipc::control::{Answer, InputValue, PlanData};
 
 /// An allocator that counts the heap operations of each thread.
@@ -131,12 +131,12 @@ fn a_whole_life_cycle_makes_no_heap_operation() {
 
 #[test]
 fn the_flight_recorder_makes_no_heap_operation() {
-    let config = RecorderConfig {
+    let config = FlightRecorderConfig {
         span_ns: 2_000_000_000,
         memory: 2 << 20,
         period_ns: 1_000_000,
     };
-    let (recorder, mut helper) = Recorder::new(config, 1);
+    let (recorder, mut helper) = FlightRecorder::new(config, 1);
     let mut fixture = EngineFixture::new().recorded_by(recorder);
     let mut incidents = 0;
     for round in 0..6 {
@@ -250,12 +250,12 @@ fn refusals_and_faults_make_no_heap_operation() {
 
 #[test]
 fn setting_and_reading_values_makes_no_heap_operation() {
-    let config = RecorderConfig {
+    let config = FlightRecorderConfig {
         span_ns: 2_000_000_000,
         memory: 2 << 20,
         period_ns: 1_000_000,
     };
-    let (recorder, _helper) = Recorder::new(config, 1);
+    let (recorder, _helper) = FlightRecorder::new(config, 1);
     let mut fixture = EngineFixture::new().recorded_by(recorder);
     let id = fixture.load(input_net(0.5, 5));
     for round in 0..20 {
@@ -392,12 +392,12 @@ fn live(fixture: &mut EngineFixture) {
 #[test]
 fn a_hundred_thousand_cycles_with_the_flight_recorder_make_no_heap_operation() {
     let mut fixture = EngineFixture::new();
-    let config = RecorderConfig {
+    let config = FlightRecorderConfig {
         span_ns: 1_000_000_000,
         memory: 4 << 20,
         period_ns: fixture.period_ns,
     };
-    let (recorder, mut helper) = Recorder::new(config, 1);
+    let (recorder, mut helper) = FlightRecorder::new(config, 1);
     fixture.engine = fixture.engine.recorded_by(recorder);
     let mut incidents = 0;
     // One cycle in a hundred loads a net; it is not counted.

@@ -93,7 +93,7 @@ fn monitors_are_due_by_evaluations() {
 }
 
 #[test]
-fn what_a_slow_net_claims_is_taken_from_start_on() {
+fn the_resources_of_a_slow_net_are_held_from_start_on() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(time_net(FIFTH));
     let other = fixture.load(time_net(Rate::EVERY_CYCLE));

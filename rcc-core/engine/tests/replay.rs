@@ -17,7 +17,7 @@ use rcc_engine::net::{Net, NetOrigin};
 use rcc_engine::queue::EngineRequest;
 use rcc_engine::record::hash::WordChecksum;
 use rcc_engine::record::{
-    FrozenRecording, Recorder, RecorderConfig, RecorderHelper, TriggerReason,
+    FlightRecorder, FlightRecorderConfig, FlightRecorderHelper, FrozenRecording, TriggerReason,
 };
 use rcc_engine::replay::{MismatchKind, NetReplayResult, ReplaySource, replay};
 use rcc_ipc::control::{Answer, PlanData};
@@ -28,7 +28,7 @@ const ROOM: usize = 64 << 20;
 /// A fixture whose engine is recorded, and the origins of its nets.
 struct Recorded {
     fixture: EngineFixture,
-    helper: RecorderHelper,
+    helper: FlightRecorderHelper,
     nets: BTreeMap<u64, NetOrigin>,
 }
 
@@ -50,12 +50,12 @@ impl Recorded {
 
     fn of(models: Vec<DeviceModel>, memory: usize) -> Recorded {
         let fixture = EngineFixture::of_cell(models, CONFIGURATION, HOLD);
-        let config = RecorderConfig {
+        let config = FlightRecorderConfig {
             span_ns: 10_000_000_000,
             memory,
             period_ns: fixture.period_ns,
         };
-        let (recorder, helper) = Recorder::new(config, fixture.models.len());
+        let (recorder, helper) = FlightRecorder::new(config, fixture.models.len());
         Recorded {
             fixture: fixture.recorded_by(recorder),
             helper,

@@ -161,7 +161,7 @@ fn every_run_of_every_active_net_is_timed_in_turn() {
 }
 
 #[test]
-fn the_turn_goes_past_nets_that_are_over() {
+fn nets_that_have_ended_are_not_timed() {
     let mut fixture = fixture();
     let (first, second) = (fixture.load(output_net(0)), fixture.load(endless_net(1)));
     start(&mut fixture, first);
@@ -193,7 +193,7 @@ fn a_timed_run_computes_the_same() {
 }
 
 #[test]
-fn histograms_have_every_cycle() {
+fn histograms_contain_every_cycle() {
     let mut fixture = fixture();
     acknowledge(&mut fixture);
     fixture.steps(49);

@@ -117,7 +117,7 @@ impl Announcement {
 pub enum AnnounceError {
     /// A live process already has this role and label in the cell.
     #[error(
-        "{role} '{label}' already runs in cell '{cell}' (process {pid}): stop it, or use another cell"
+        "{role} `{label}` is already running in cell `{cell}` (pid {pid}): stop it, or use another cell"
     )]
     AlreadyRunning {
         /// The role.

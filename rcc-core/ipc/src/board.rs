@@ -33,7 +33,7 @@ pub enum BoardError {
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// The name is empty, too long or not printable.
-    #[error("'{name}' cannot name a board: use up to 100 printable characters without spaces")]
+    #[error("invalid board name `{name}`: use up to 100 printable characters without spaces")]
     BadName {
         /// The given name.
         name: String,

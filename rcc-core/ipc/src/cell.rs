@@ -34,7 +34,7 @@ pub struct Cell {
 pub enum CellError {
     /// The name does not match `[a-z0-9][a-z0-9_-]{0,31}`.
     #[error(
-        "'{name}' cannot name a cell: use 1 to 32 of a-z 0-9 _ -, beginning with a letter or digit"
+        "invalid cell name `{name}`: use 1 to 32 of a-z 0-9 _ -, beginning with a letter or digit"
     )]
     BadName {
         /// The given name.
@@ -59,7 +59,7 @@ pub enum CellError {
         source: io::Error,
     },
     /// The cell was removed and created again with another prefix after it was looked up.
-    #[error("cell '{cell}' was recreated meanwhile: try again")]
+    #[error("cell `{cell}` was recreated meanwhile: try again")]
     MadeAnew {
         /// The cell.
         cell: String,

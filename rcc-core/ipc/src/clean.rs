@@ -46,7 +46,9 @@ pub struct CleanReport {
 #[derive(Debug, thiserror::Error)]
 pub enum CleanError {
     /// The system refuses a thread.
-    #[error("the janitor gets no thread: {0}; raise TasksMax= or pids.max of its group")]
+    #[error(
+        "cannot create a thread for the janitor ({0}): raise TasksMax= or pids.max of its control group"
+    )]
     Thread(io::Error),
     /// The janitor program is missing.
     #[error(
@@ -66,7 +68,7 @@ pub enum CleanError {
     },
     /// The janitor did not end in time and was killed.
     #[error(
-        "{JANITOR} for cell '{cell}' did not end within {timeout:?} and was killed: run it again"
+        "{JANITOR} for cell `{cell}` did not end within {timeout:?} and was killed: run it again"
     )]
     TimedOut {
         /// The cell.
@@ -75,7 +77,7 @@ pub enum CleanError {
         timeout: Duration,
     },
     /// The janitor ended with an error.
-    #[error("{JANITOR} for cell '{cell}': {words}")]
+    #[error("{JANITOR} for cell `{cell}`: {words}")]
     Failed {
         /// The cell.
         cell: String,
@@ -121,7 +123,7 @@ pub struct WipeReport {
 pub enum WipeError {
     /// A process of the cell is alive.
     #[error(
-        "cell '{cell}' is alive: {role} '{label}' runs (process {pid}); stop it, or use another cell"
+        "cell `{cell}` is alive: {role} `{label}` is running (pid {pid}); stop it, or use another cell"
     )]
     Living {
         /// The cell.
@@ -135,7 +137,7 @@ pub enum WipeError {
     },
     /// A process is in the cell but has not announced itself.
     #[error(
-        "cell '{cell}' is in use by a process that has not announced itself: end it (`fuser {lock}` shows which)"
+        "cell `{cell}` is in use by a process that has not announced itself: end it (`fuser {lock}` shows which)"
     )]
     InUse {
         /// The cell.

@@ -13,7 +13,7 @@ pub struct Pattern {
 /// The text is not a valid pattern.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "invalid pattern '{given}': write net/primitive.port or net/primitive.port[index], with * for any characters and ? for one"
+    "invalid pattern `{given}`: write net/primitive.port or net/primitive.port[index], with * for any characters and ? for one"
 )]
 pub struct PatternError {
     given: String,

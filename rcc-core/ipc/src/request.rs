@@ -53,7 +53,7 @@ pub enum RequestError {
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// The name is empty, too long or not printable.
-    #[error("'{name}' cannot name a server: use up to 100 printable characters without spaces")]
+    #[error("invalid server name `{name}`: use up to 100 printable characters without spaces")]
     BadName {
         /// The given name.
         name: String,
@@ -82,7 +82,7 @@ pub enum PollError {
     Refused {
         /// Full service name.
         service: String,
-        /// What is wrong with the message.
+        /// Fault of the message.
         fault: SpillError,
     },
     /// Any other error from iceoryx2.

@@ -91,7 +91,7 @@ pub enum SessionError {
     OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// The label does not match `[A-Za-z0-9][A-Za-z0-9_.-]{0,63}`.
     #[error(
-        "'{label}' cannot be a label: use 1 to 64 of A-Z a-z 0-9 _ . -, beginning with a letter or digit"
+        "invalid label `{label}`: use 1 to 64 of A-Z a-z 0-9 _ . -, beginning with a letter or digit"
     )]
     BadLabel {
         /// The given label.
@@ -106,7 +106,7 @@ pub enum SessionError {
     )]
     ProcessInstance(std::io::Error),
     /// The cell is being wiped, and that takes too long.
-    #[error("cell '{cell}': {source}")]
+    #[error("cell `{cell}`: {source}")]
     Lock {
         /// The cell.
         cell: String,
@@ -115,14 +115,14 @@ pub enum SessionError {
     },
     /// The path of the folder is too long, or has bytes that iceoryx2 does not accept.
     #[error(
-        "iceoryx2 cannot use the path '{path}': use a shorter path of plain characters (RCC_RUNTIME_DIR)"
+        "iceoryx2 cannot use the path `{path}`: use a shorter path of plain characters (RCC_RUNTIME_DIR)"
     )]
     BadPath {
         /// The path.
         path: String,
     },
     /// iceoryx2 could not create the node.
-    #[error("cannot join cell '{cell}': {cause}; stop its processes and run rcc-janitor --wipe")]
+    #[error("cannot join cell `{cell}`: {cause}; stop its processes and run rcc-janitor --wipe")]
     Node {
         /// The cell.
         cell: String,

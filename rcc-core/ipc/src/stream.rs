@@ -47,7 +47,7 @@ pub enum StreamError {
     #[error(transparent)]
     OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// The name is empty, too long or not printable.
-    #[error("'{name}' cannot name a stream: use up to 100 printable characters without spaces")]
+    #[error("invalid stream name `{name}`: use up to 100 printable characters without spaces")]
     BadName {
         /// The given name.
         name: String,

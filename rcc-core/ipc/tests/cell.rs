@@ -194,7 +194,7 @@ fn a_living_cell_is_not_wiped_and_its_process_is_named() {
         matches!(error, WipeError::Living { pid, .. } if pid == announcement.pid),
         "{words}"
     );
-    assert!(words.contains("driver 'lwr'"), "{words}");
+    assert!(words.contains("driver `lwr`"), "{words}");
     assert_eq!(cell.files(), before);
     peer.kill();
     let report = clean::wipe(&cell).unwrap();
@@ -409,7 +409,7 @@ fn the_janitor_program_reports_by_its_exit_code() {
     let refused = janitor(&["--cell", "test", "--wipe"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(
-        words(&refused.stderr).contains("driver 'lwr' runs"),
+        words(&refused.stderr).contains("driver `lwr` is running"),
         "{}",
         words(&refused.stderr)
     );
@@ -480,7 +480,7 @@ fn a_file_of_another_user_under_the_prefix_does_not_block_the_cell() {
     assert!(again.leftovers().unwrap().is_empty());
 }
 
-/// What whoever has a cell keeps there: a file of its life and one in shared memory.
+/// Files of the owner of a cell: one that belongs to its run and one in shared memory.
 fn keep(cell: &Cell, who: usize) -> [PathBuf; 2] {
     let shared = Path::new("/dev/shm").join(format!("{}kept", cell.prefix()));
     let kept = [cell.running_file(), shared];

@@ -261,9 +261,9 @@ impl<'a> Expander<'a, '_> {
         let (mut inputs, mut declarations) =
             (Vec::with_capacity(primitive.inputs.len()), Vec::new());
         for (key, source) in &primitive.inputs {
-            let (source, said) = self.source(source, body, scope);
+            let (source, declared) = self.source(source, body, scope);
             inputs.push((scope.shift.key(key), source));
-            declarations.extend(said.into_iter().map(|said| (key, said)));
+            declarations.extend(declared.into_iter().map(|declared| (key, declared)));
         }
         let number = self.flat.net.primitives.len();
         let declarations = declarations

@@ -98,9 +98,9 @@ impl Inferred {
         graph: &NetGraph<'_>,
         number: usize,
         port: &Port,
-        place: ListPosition,
+        position: ListPosition,
     ) -> Option<Unit> {
-        match self.sink_unit(number, port, place) {
+        match self.sink_unit(number, port, position) {
             PartUnit::Port => self.port_unit(graph, number, port.unit),
             PartUnit::Is(unit) => Some(unit),
             PartUnit::None => None,
@@ -116,11 +116,11 @@ impl Inferred {
         })
     }
 
-    fn sink_unit(&self, number: usize, port: &Port, place: ListPosition) -> PartUnit {
+    fn sink_unit(&self, number: usize, port: &Port, position: ListPosition) -> PartUnit {
         let joints = self.joints.get(number).copied().flatten();
         let open = self.open.get(number);
         let whole = open.and_then(|open| open.port(joints, port.ty));
-        let part = whole.and_then(|whole| Some((whole, place.of(whole)?)));
+        let part = whole.and_then(|whole| Some((whole, position.of(whole)?)));
         match part {
             _ if matches!(port.ty, PortType::Many(_)) => PartUnit::Port,
             Some((whole, (offset, part))) => unit_of(whole, offset, part),
@@ -135,12 +135,12 @@ impl Inferred {
         graph: &NetGraph<'_>,
         number: usize,
         port: &Port,
-        place: ListPosition,
+        position: ListPosition,
     ) -> Option<Type> {
         let whole = self.port_type(graph, number, port.ty)?;
         match port.ty {
             PortType::Many(_) => Some(whole),
-            _ => place.of(whole).map(|(_, ty)| ty),
+            _ => position.of(whole).map(|(_, ty)| ty),
         }
     }
 
@@ -218,7 +218,7 @@ pub fn literals<'g>(
     item: &'g ResolvedPrimitive<'_>,
 ) -> impl Iterator<Item = (&'g Literal, PortType, UnitRule)> {
     let inputs = item.inputs.iter().zip(item.spec().inputs);
-    let inputs = inputs.filter_map(|(feed, port)| match feed {
+    let inputs = inputs.filter_map(|(input_source, port)| match input_source {
         InputSource::Literal(literal) => Some((*literal, port.ty, port.unit)),
         _ => None,
     });
@@ -278,8 +278,8 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
                 PartUnit::Is(unit) => UnitTerm::Fixed(unit),
                 PartUnit::None => UnitTerm::None,
             };
-            let place = inferred.sink_unit(number, port, link.place);
-            let sink = of(place, term(number, port.unit));
+            let sink_unit = inferred.sink_unit(number, port, link.position);
+            let sink = of(sink_unit, term(number, port.unit));
             let source = inferred.source_unit(graph, link);
             let source = of(source, term(link.from.item, from.unit));
             solver.add(UnitConstraint::Equal(source, sink));
@@ -289,11 +289,11 @@ fn infer_units(graph: &NetGraph<'_>, inferred: &mut Inferred) {
         }
         for (port, list) in item.lists() {
             let port = item.spec().inputs.get(port);
-            for (leaf, port) in list.leaves.iter().zip(std::iter::repeat(port)) {
-                let (ListElement::Literal(literal, place), Some(port)) = (leaf, port) else {
+            for (element, port) in list.elements.iter().zip(std::iter::repeat(port)) {
+                let (ListElement::Literal(literal, position), Some(port)) = (element, port) else {
                     continue;
                 };
-                if inferred.sink_unit(number, port, *place) == PartUnit::Port {
+                if inferred.sink_unit(number, port, *position) == PartUnit::Port {
                     for (unit, _) in literal.units() {
                         let sink = term(number, port.unit);
                         solver.add(UnitConstraint::Equal(UnitTerm::Fixed(unit), sink));

@@ -135,7 +135,7 @@ fn within(input: &InputNames, literal: &Literal, faults: &mut Vec<Diagnostic>) {
         if let Some((value, bound)) = outside.next() {
             let wanted = if least { "at least" } else { "at most" };
             let name = &input.primitive;
-            let message = format!("`{name}` must be {wanted} {bound}{unit}, this is {value}{unit}");
+            let message = format!("`{name}` must be {wanted} {bound}{unit}, found {value}{unit}");
             faults.push(Diagnostic::error(
                 fault::OUT_OF_RANGE,
                 literal.span,
@@ -270,19 +270,19 @@ mod tests {
     #[test]
     fn all_errors_are_reported_with_the_names_of_the_inputs() {
         let text = "{sped: 0.2, speed: 0.3 m/s, on: 1, count: 2 N, joints: [1, 2, 3], goal: {xyz: [1, 2]}}";
-        let told = faults(text);
+        let rendered = faults(text);
         for words in [
             "no Input `sped`",
             "did you mean `speed`?",
-            "`speed` must be at most 0.25 m/s, this is 0.3 m/s",
-            "`on` is a Bool, this is 1",
-            "`count` is a Int, this is 2 N",
-            "`joints` is a Real[2]",
+            "`speed` must be at most 0.25 m/s, found 0.3 m/s",
+            "`on` expects Bool, found 1",
+            "`count` expects Int, found 2 N",
+            "`joints` expects Real[2]",
             "xyz",
         ] {
-            assert!(told.contains(words), "{words} is not in\n{told}");
+            assert!(rendered.contains(words), "{words} is not in\n{rendered}");
         }
-        assert!(faults("{speed: 0.2 N}").contains("`speed` is in m/s, this is in N"));
+        assert!(faults("{speed: 0.2 N}").contains("`speed` expects m/s, found N"));
     }
 
     #[test]

@@ -162,7 +162,7 @@ pub(crate) fn literal(value: Default) -> Literal {
 }
 
 /// Returns the value of a constant, or the initial value of an input.
-fn first_value<'a>(item: &ResolvedPrimitive<'a>) -> Option<&'a Literal> {
+fn initial_value<'a>(item: &ResolvedPrimitive<'a>) -> Option<&'a Literal> {
     let mut rows = item.spec().parameters.iter().zip(&item.parameters);
     let is_open = |kind| matches!(kind, ParameterKind::Value(PortType::Any, _));
     let (_, literal) = rows.find(|(parameter, _)| is_open(parameter.kind))?;
@@ -228,7 +228,7 @@ impl<'a> Lowering<'a> {
         let items = self.net.graph.items.iter().enumerate();
         let keys = items.flat_map(|(number, item)| {
             item.links()
-                .filter(|(_, link)| link.delayed && link.place == ListPosition::default())
+                .filter(|(_, link)| link.delayed && link.position == ListPosition::default())
                 .filter_map(move |(port, link)| Some((number, item.spec().inputs.get(port)?, link)))
         });
         let conditions = self.net.graph.regions.iter();
@@ -299,7 +299,7 @@ impl<'a> Lowering<'a> {
             let ty = self.port_type(number, port);
             // A constant starts with its value, an input with its initial value in its first output; everything else
             // starts as null.
-            let value = first_value(item).filter(|_| index == 0);
+            let value = initial_value(item).filter(|_| index == 0);
             let value = value.and_then(|literal| literal.stored(ty));
             let value = value.unwrap_or(StoredValue::null(ty));
             let value = match item.spec().role {
@@ -319,9 +319,10 @@ impl<'a> Lowering<'a> {
 
     fn place_inputs(&mut self, number: usize) {
         let item = self.item(number);
-        for (index, (feed, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate() {
+        for (index, (input_source, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate()
+        {
             let ty = self.port_type(number, port);
-            let slot = match feed {
+            let slot = match input_source {
                 InputSource::List(list) => match self.place_list(number, index, list) {
                     Some(slot) => slot,
                     None => self.constant(None, ty),

@@ -156,8 +156,8 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
                 id: item.id().to_string(),
                 type_name: item.spec().name.to_string(),
                 inputs: inputs
-                    .map(|((feed, port), slot)| PortNames {
-                        source: source(net, feed),
+                    .map(|((input_source, port), slot)| PortNames {
+                        source: source(net, input_source),
                         ..port_names(net, number, port, *slot)
                     })
                     .collect(),
@@ -254,7 +254,10 @@ fn monitor_names(
     slot: SlotRange,
 ) -> MonitorNames {
     let names = port_names(net, number, port, slot);
-    let source = item.inputs.first().and_then(|feed| source(net, feed));
+    let source = item
+        .inputs
+        .first()
+        .and_then(|input_source| source(net, input_source));
     let every = every(item, net.graph).unwrap_or(1);
     MonitorNames {
         primitive: item.id().to_string(),
@@ -269,20 +272,20 @@ fn monitor_names(
     }
 }
 
-fn source(net: Typed<'_>, feed: &InputSource<'_>) -> Option<String> {
+fn source(net: Typed<'_>, input_source: &InputSource<'_>) -> Option<String> {
     let link_name = |link: &ResolvedLink<'_>| {
         let output = net.graph.output_name(link.from);
         link.part
             .map_or(output.clone(), |part| format!("{output}{part}"))
     };
-    match feed {
+    match input_source {
         InputSource::Link(link) => Some(link_name(link)),
         InputSource::List(list) => {
-            let leaves = list.leaves.iter().map(|leaf| match leaf {
+            let elements = list.elements.iter().map(|element| match element {
                 ListElement::Link(link) => link_name(link),
                 ListElement::Literal(literal, _) => literal.to_string(),
             });
-            Some(format!("[{}]", leaves.collect::<Vec<_>>().join(", ")))
+            Some(format!("[{}]", elements.collect::<Vec<_>>().join(", ")))
         }
         _ => None,
     }

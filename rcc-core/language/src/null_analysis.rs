@@ -133,17 +133,17 @@ impl NullAnalysis {
     /// null.
     #[must_use]
     pub fn input(&self, item: &ResolvedPrimitive<'_>, input: usize) -> Option<NullInputCause> {
-        self.feed(item.inputs.get(input)?)
+        self.input_source(item.inputs.get(input)?)
     }
 
-    fn feed(&self, feed: &InputSource<'_>) -> Option<NullInputCause> {
-        match feed {
+    fn input_source(&self, input_source: &InputSource<'_>) -> Option<NullInputCause> {
+        match input_source {
             InputSource::Literal(literal) if literal.shape == LiteralShape::Null => {
                 Some(NullInputCause::Constant)
             }
             InputSource::Default(Default::Null) => Some(NullInputCause::Constant),
             InputSource::Link(link) => self.link(link),
-            InputSource::List(list) => list.leaves.iter().find_map(|leaf| match leaf {
+            InputSource::List(list) => list.elements.iter().find_map(|element| match element {
                 ListElement::Link(link) => self.link(link),
                 ListElement::Literal(literal, _) => {
                     (literal.shape == LiteralShape::Null).then_some(NullInputCause::Constant)
@@ -167,8 +167,10 @@ impl NullAnalysis {
         item: &ResolvedPrimitive<'_>,
         counts: impl Fn(NullInputCause) -> bool,
     ) -> Option<NullCause> {
-        let mut inputs = item.inputs.iter().enumerate().map(|(place, feed)| {
-            let cause = self.feed(feed).filter(|cause| counts(*cause));
+        let mut inputs = item.inputs.iter().enumerate().map(|(place, input_source)| {
+            let cause = self
+                .input_source(input_source)
+                .filter(|cause| counts(*cause));
             cause.map(|cause| NullCause::Input(place, cause))
         });
         match item.spec().null_rule {
@@ -204,7 +206,7 @@ impl NullAnalysis {
     pub fn why(&self, graph: &NetGraph<'_>, number: usize) -> Option<String> {
         let path = self.path(number);
         let (_, before) = path.split_last()?;
-        let words = self.words(graph, *path.first()?, self.origin_output(&path, None))?;
+        let words = self.describe_origin(graph, *path.first()?, self.origin_output(&path, None))?;
         Some(phrase(graph, words, before))
     }
 
@@ -219,7 +221,7 @@ impl NullAnalysis {
                 let output = self.origin_output(&path, Some(from.port));
                 Some(phrase(
                     graph,
-                    self.words(graph, *path.first()?, output)?,
+                    self.describe_origin(graph, *path.first()?, output)?,
                     &path,
                 ))
             }
@@ -239,11 +241,16 @@ impl NullAnalysis {
     }
 
     /// Describes the origin of null at an item and one of its outputs.
-    fn words(&self, graph: &NetGraph<'_>, number: usize, output: Option<usize>) -> Option<String> {
+    fn describe_origin(
+        &self,
+        graph: &NetGraph<'_>,
+        number: usize,
+        output: Option<usize>,
+    ) -> Option<String> {
         let item = graph.items.get(number)?;
         let words = match self.item(number)? {
             NullCause::NotSet if is_age(item, output) => "it has never been set".to_owned(),
-            NullCause::NotSet if has_first_value(item) => "it was set to null".to_owned(),
+            NullCause::NotSet if has_initial_value(item) => "it was set to null".to_owned(),
             NullCause::NotSet => "it is not set".to_owned(),
             NullCause::NotPublished => {
                 let topic = item.topic().unwrap_or_default();
@@ -251,7 +258,7 @@ impl NullAnalysis {
             }
             NullCause::Constant => "its value is null".to_owned(),
             NullCause::NotActive => {
-                let region = graph.conditions(item).next();
+                let region = graph.regions_of(item).next();
                 let id = region.map_or("", |region| &region.id.name);
                 format!("`{id}` is not active")
             }
@@ -284,7 +291,7 @@ fn is_age(item: &ResolvedPrimitive<'_>, output: Option<usize>) -> bool {
     port.is_some_and(|port| port.name == "age")
 }
 
-fn has_first_value(item: &ResolvedPrimitive<'_>) -> bool {
+fn has_initial_value(item: &ResolvedPrimitive<'_>) -> bool {
     let mut given = item.parameters.iter().zip(item.spec().parameters);
     given.any(|(value, parameter)| {
         parameter.name == "initial" && value.is_some_and(|value| value.shape != LiteralShape::Null)

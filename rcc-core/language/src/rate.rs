@@ -44,11 +44,11 @@ fn read(timing: &Timing, cell: &DeviceTable) -> Result<Rate, RateError> {
             ));
         }
         (Some(period), None) => {
-            let cycles = number(period, "period", Unit::SECOND, "5 ms")? / base_s;
+            let cycles = positive_number_in_unit(period, "period", Unit::SECOND, "5 ms")? / base_s;
             every(cycles, period.span, base_s, &|cycles| time(cycles * base_s))?
         }
         (None, Some(rate)) => {
-            let hz = number(rate, "rate", Unit::HERTZ, "200 Hz")?;
+            let hz = positive_number_in_unit(rate, "rate", Unit::HERTZ, "200 Hz")?;
             let shown = |cycles: f64| format!("{} Hz", short(1.0 / (cycles * base_s)));
             every(1.0 / (hz * base_s), rate.span, base_s, &shown)?
         }
@@ -99,7 +99,7 @@ fn every(
 }
 
 fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, RateError> {
-    let cycles = number_or_zero(literal, "phase", Unit::SECOND, "2 ms")? / base_s;
+    let cycles = number_in_unit(literal, "phase", Unit::SECOND, "2 ms")? / base_s;
     let last = f64::from(every - 1);
     let in_range = (-TOLERANCE..=last + TOLERANCE).contains(&cycles);
     if !in_range {
@@ -131,8 +131,13 @@ fn whole(cycles: f64) -> Option<u32> {
     ((cycles - nearest).abs() <= TOLERANCE * nearest.max(1.0)).then_some(nearest as u32)
 }
 
-fn number(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64, RateError> {
-    let value = number_or_zero(literal, key, unit, example)?;
+fn positive_number_in_unit(
+    literal: &Literal,
+    key: &str,
+    unit: Unit,
+    example: &str,
+) -> Result<f64, RateError> {
+    let value = number_in_unit(literal, key, unit, example)?;
     if value > 0.0 {
         return Ok(value);
     }
@@ -145,7 +150,7 @@ fn number(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64
     ))
 }
 
-fn number_or_zero(
+fn number_in_unit(
     literal: &Literal,
     key: &str,
     unit: Unit,
@@ -156,11 +161,12 @@ fn number_or_zero(
     }
     let help = format!("write `{key}: {example}`");
     let Some(value) = literal.number() else {
-        let message = format!("type mismatch: `{key}` is a number with a unit, this is {literal}");
+        let message =
+            format!("type mismatch: `{key}` expects a number with a unit, found {literal}");
         return Err(refuse(fault::TYPE_MISMATCH, literal.span, message, help));
     };
     if let Some((have, _)) = literal.units().into_iter().find(|(have, _)| *have != unit) {
-        let message = format!("unit mismatch: `{key}` is in {unit}, this is in {have}");
+        let message = format!("unit mismatch: `{key}` expects {unit}, found {have}");
         return Err(refuse(fault::UNIT_MISMATCH, literal.span, message, help));
     }
     Ok(value)

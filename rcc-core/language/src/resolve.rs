@@ -111,7 +111,7 @@ pub enum InputSource<'a> {
 #[derive(Clone, Debug)]
 pub struct ResolvedList<'a> {
     /// Its elements; refused ones are left out.
-    pub leaves: Vec<ListElement<'a>>,
+    pub elements: Vec<ListElement<'a>>,
     /// Number of elements.
     pub count: u32,
     /// Span of the list.
@@ -134,15 +134,15 @@ impl<'a> InputSource<'a> {
             InputSource::Link(link) => Some(link),
             _ => None,
         };
-        let leaves = match self {
-            InputSource::List(list) => list.leaves.as_slice(),
+        let elements = match self {
+            InputSource::List(list) => list.elements.as_slice(),
             _ => &[],
         };
-        let leaves = leaves.iter().filter_map(|leaf| match leaf {
+        let elements = elements.iter().filter_map(|element| match element {
             ListElement::Link(link) => Some(link),
             ListElement::Literal(..) => None,
         });
-        whole.into_iter().chain(leaves)
+        whole.into_iter().chain(elements)
     }
 }
 
@@ -154,7 +154,7 @@ pub struct ResolvedLink<'a> {
     /// The selected part of the value; `None` for all of it.
     pub part: Option<ValuePart>,
     /// The position in the list at the target input.
-    pub place: ListPosition,
+    pub position: ListPosition,
     /// True if it carries the value of the previous cycle.
     pub delayed: bool,
     /// The initial value of a delayed link.
@@ -190,7 +190,7 @@ impl ResolvedPrimitive<'_> {
     /// Returns the links to the item, each with the index of its input in the spec.
     pub fn links(&self) -> impl Iterator<Item = (usize, &ResolvedLink<'_>)> {
         let inputs = self.inputs.iter().enumerate();
-        inputs.flat_map(|(port, feed)| feed.links().map(move |link| (port, link)))
+        inputs.flat_map(|(port, input_source)| input_source.links().map(move |link| (port, link)))
     }
 
     /// Returns true if the stored past values start with a value other than null.
@@ -229,7 +229,7 @@ impl ResolvedPrimitive<'_> {
     /// Returns the lists at the inputs, each with the index of its input in the spec.
     pub fn lists(&self) -> impl Iterator<Item = (usize, &ResolvedList<'_>)> {
         let inputs = self.inputs.iter().enumerate();
-        inputs.filter_map(|(port, feed)| match feed {
+        inputs.filter_map(|(port, input_source)| match input_source {
             InputSource::List(list) => Some((port, list)),
             _ => None,
         })
@@ -238,7 +238,7 @@ impl ResolvedPrimitive<'_> {
 
 impl<'a> NetGraph<'a> {
     /// Returns the regions that contain an item, from the innermost to the outermost.
-    pub fn conditions(
+    pub fn regions_of(
         &self,
         item: &ResolvedPrimitive<'_>,
     ) -> impl Iterator<Item = &ResolvedRegion<'a>> {
@@ -257,7 +257,7 @@ impl<'a> NetGraph<'a> {
             (input.map_or("", |input| input.name), link)
         });
         let conditions = self
-            .conditions(item)
+            .regions_of(item)
             .filter_map(|region| match &region.condition {
                 InputSource::Link(link) => Some(("active", link)),
                 _ => None,
@@ -324,7 +324,7 @@ pub fn resolve<'a>(
     }
     let regions = flat.regions.iter().map(|region| ResolvedRegion {
         id: &region.id,
-        condition: resolver.feed(&region.condition, &CONDITION),
+        condition: resolver.resolve_source(&region.condition, &CONDITION),
         parent: region.parent,
     });
     let regions = regions.collect();
@@ -495,14 +495,14 @@ impl<'a> Resolver<'a, '_> {
                 self.unknown(fault::UNKNOWN_INPUT, key, spec, "input", help);
             }
         }
-        let mut feeds = Vec::new();
+        let mut input_sources = Vec::new();
         for port in spec.inputs {
             let given = primitive
                 .inputs
                 .iter()
                 .find(|(key, _)| key.name == port.name);
-            feeds.push(match given {
-                Some((_, source)) => self.feed(source, port),
+            input_sources.push(match given {
+                Some((_, source)) => self.resolve_source(source, port),
                 None => port
                     .default
                     .map_or(InputSource::Missing, InputSource::Default),
@@ -510,7 +510,7 @@ impl<'a> Resolver<'a, '_> {
         }
         let inputs = primitive.inputs.iter();
         self.count_inputs_as_read(inputs.filter(|(key, _)| spec.input(&key.name).is_none()));
-        feeds
+        input_sources
     }
 
     /// Counts the outputs that unknown inputs read as read, and reports unresolved references in them.
@@ -533,7 +533,7 @@ impl<'a> Resolver<'a, '_> {
         }
     }
 
-    fn feed(&mut self, source: &'a Source, port: &Port) -> InputSource<'a> {
+    fn resolve_source(&mut self, source: &'a Source, port: &Port) -> InputSource<'a> {
         match source {
             Source::Refused => InputSource::Refused,
             Source::Literal(literal) => match &literal.shape {
@@ -550,16 +550,16 @@ impl<'a> Resolver<'a, '_> {
                 link.map_or(InputSource::Refused, InputSource::Link)
             }
             Source::List(list) => {
-                let mut leaves = Vec::new();
-                if self.leaves(list, ListPosition::default(), &mut leaves) {
+                let mut elements = Vec::new();
+                if self.flatten_list(list, ListPosition::default(), &mut elements) {
                     InputSource::List(ResolvedList {
-                        leaves,
+                        elements,
                         count: list.elements.len() as u32,
                         span: list.span,
                     })
                 } else {
                     // The resolved links of a refused list count as read.
-                    let links = leaves.iter().filter_map(|leaf| match leaf {
+                    let links = elements.iter().filter_map(|element| match element {
                         ListElement::Link(link) => Some(link.from),
                         ListElement::Literal(..) => None,
                     });
@@ -570,11 +570,11 @@ impl<'a> Resolver<'a, '_> {
         }
     }
 
-    fn resolve_link(&mut self, link: &'a Link, place: ListPosition) -> Option<ResolvedLink<'a>> {
+    fn resolve_link(&mut self, link: &'a Link, position: ListPosition) -> Option<ResolvedLink<'a>> {
         Some(ResolvedLink {
             from: self.output(&link.from)?,
             part: link.from.part,
-            place,
+            position,
             delayed: link.delayed,
             initial: link
                 .initial
@@ -586,28 +586,28 @@ impl<'a> Resolver<'a, '_> {
     }
 
     /// Flattens the elements of a list; returns false if one of them is refused.
-    fn leaves(
+    fn flatten_list(
         &mut self,
         list: &'a crate::syntax::List,
-        place: ListPosition,
-        leaves: &mut Vec<ListElement<'a>>,
+        position: ListPosition,
+        elements: &mut Vec<ListElement<'a>>,
     ) -> bool {
         // Longer and deeper lists are refused when they are read.
         let count = list.elements.len() as u32;
         let mut good = true;
         for (element, index) in list.elements.iter().zip(0u32..) {
-            let Some(place) = place.inside(index, count) else {
+            let Some(position) = position.inside(index, count) else {
                 let message = "lists are nested at most twice: a matrix is a list of rows";
                 self.error(fault::WRONG_SHAPE, list.span, message.to_string(), None);
                 return false;
             };
             match element {
-                Source::Link(link) => match self.resolve_link(link, place) {
-                    Some(link) => leaves.push(ListElement::Link(link)),
+                Source::Link(link) => match self.resolve_link(link, position) {
+                    Some(link) => elements.push(ListElement::Link(link)),
                     None => good = false,
                 },
-                Source::Literal(literal) => leaves.push(ListElement::Literal(literal, place)),
-                Source::List(list) => good &= self.leaves(list, place, leaves),
+                Source::Literal(literal) => elements.push(ListElement::Literal(literal, position)),
+                Source::List(list) => good &= self.flatten_list(list, position, elements),
                 Source::Refused => good = false,
             }
         }

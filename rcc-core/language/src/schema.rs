@@ -326,12 +326,13 @@ fn input(port: &Port) -> Value {
         PortType::Is(Type::Pose | Type::Rotation) => "poseSource",
         _ => "source",
     };
-    let mut schema = json!({"description": port_words(port), "$ref": format!("#/$defs/{kind}")});
+    let mut schema =
+        json!({"description": port_description(port), "$ref": format!("#/$defs/{kind}")});
     with_default(&mut schema, port.default);
     schema
 }
 
-fn port_words(port: &Port) -> String {
+fn port_description(port: &Port) -> String {
     match port.ty {
         PortType::Is(ty) => format!("{} ({ty})", port.doc),
         _ => port.doc.to_string(),

@@ -108,7 +108,7 @@ impl SourceMap {
     /// Returns the number of the file and the span in it where something is written, whichever instance the span
     /// belongs to.
     #[must_use]
-    pub fn written(&self, span: Span) -> (u32, Span) {
+    pub fn location(&self, span: Span) -> (u32, Span) {
         self.file(
             self.copy_of(span)
                 .map_or(span, |copy| to_original(copy, span)),
@@ -135,7 +135,7 @@ impl SourceMap {
         for mut fault in faults {
             let copy = fault.place.and_then(|span| self.copy_of(span));
             if let Some(span) = fault.place {
-                let (file, place) = self.written(span);
+                let (file, place) = self.location(span);
                 (fault.file, fault.place) = (file, Some(place));
             }
             if copy.is_some() {
@@ -265,10 +265,10 @@ impl SpanShift {
             shape => shape.clone(),
         };
         Literal {
-            written: match &literal.written {
+            notation: match &literal.notation {
                 // The parts have spans of their own; the notation is not needed, because a copy is not written out.
                 Notation::Mapping(_) => Notation::Canonical,
-                written => written.clone(),
+                notation => notation.clone(),
             },
             ..Literal::new(shape, self.span(literal.span))
         }

@@ -185,8 +185,8 @@ fn part(
     let no_slots = ItemSlots::default();
     let slots = lowered.slots.get(number).unwrap_or(&no_slots);
     let inputs = spec.inputs.iter().zip(&item.inputs).enumerate();
-    let inputs = inputs.map(|(place, (port, feed))| PortInfo {
-        sources: sources(feed),
+    let inputs = inputs.map(|(place, (port, input_source))| PortInfo {
+        sources: sources(input_source),
         null: nulls.why_input(net.graph, number, place),
         ..pin(net, number, port, slots.inputs.get(place))
     });
@@ -229,8 +229,8 @@ fn activity(net: Typed<'_>, item: &ResolvedPrimitive<'_>) -> Vec<ActiveCondition
     chain
 }
 
-fn condition(net: Typed<'_>, feed: &InputSource<'_>) -> String {
-    match sources(feed).first() {
+fn condition(net: Typed<'_>, input_source: &InputSource<'_>) -> String {
+    match sources(input_source).first() {
         Some(SourceInfo::Link(link)) => {
             let item = net.graph.items.get(link.primitive);
             let output = item.and_then(|item| item.spec().outputs.get(link.output));
@@ -305,15 +305,15 @@ fn link_info(link: &ResolvedLink<'_>) -> SourceInfo {
     })
 }
 
-fn sources(feed: &InputSource<'_>) -> Vec<SourceInfo> {
-    match feed {
+fn sources(input_source: &InputSource<'_>) -> Vec<SourceInfo> {
+    match input_source {
         InputSource::Link(link) => vec![link_info(link)],
         InputSource::List(list) => {
-            let leaves = list.leaves.iter().map(|leaf| match leaf {
+            let elements = list.elements.iter().map(|element| match element {
                 ListElement::Link(link) => link_info(link),
                 ListElement::Literal(literal, _) => SourceInfo::Constant(literal_label(literal)),
             });
-            leaves.collect()
+            elements.collect()
         }
         InputSource::Literal(literal) => vec![SourceInfo::Constant(literal_label(literal))],
         InputSource::Default(value) => {

@@ -157,7 +157,7 @@ const LINK_KEYS: &[&str] = &["from", "delayed", "initial"];
 pub fn read(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Net> {
     if root.map().is_none() {
         let message = format!(
-            "a net is a mapping with the keys `net` and `primitives`, this is {}",
+            "expected a net, a mapping with the keys `net` and `primitives`, found {}",
             root.kind()
         );
         faults.push(Diagnostic::error(fault::WRONG_SHAPE, root.span, message));
@@ -229,18 +229,18 @@ fn report_unknown_keys(node: &Node, known: &[&str], what: &str, faults: &mut Vec
 }
 
 fn read_name(root: &Node, faults: &mut Vec<Diagnostic>) -> Key {
-    let nowhere = Key {
+    let unnamed = Key {
         name: String::new(),
         span: Span::default(),
     };
     let Some(node) = root.get("net") else {
         let fault = Diagnostic::error(fault::MISSING_KEY, Span::default(), "the net has no name");
         faults.push(fault.anywhere().help("begin with `net: NAME`"));
-        return nowhere;
+        return unnamed;
     };
     let Some(name) = node.text() else {
         faults.push(shape(node, "the name of a net", "text"));
-        return nowhere;
+        return unnamed;
     };
     let name = Key {
         name: name.to_string(),

@@ -262,8 +262,8 @@ fn link_tree(link: &Link) -> Tree {
 /// Returns a constant as a tree.
 #[must_use]
 pub fn literal_tree(literal: &Literal) -> Tree {
-    match &literal.written {
-        Notation::Text(written) => return text(written),
+    match &literal.notation {
+        Notation::Text(notation) => return text(notation),
         Notation::Mapping(parts) => {
             let parts = parts.iter();
             return Tree::map(parts.map(|(key, part)| (key.clone(), literal_tree(part))));

@@ -40,7 +40,7 @@ fn bad(text: &str, libraries: &[(&str, &str)]) -> Vec<String> {
     .collect()
 }
 
-/// Asserts that the two texts give the same plan, and that the primitives of the second have these names.
+/// Asserts that the two texts give the same plan.
 fn same(fragments: &str, flat: &str) {
     let (fragments, flat) = (good(fragments), good(flat));
     assert_eq!(format!("{:?}", fragments.plan), format!("{:?}", flat.plan));

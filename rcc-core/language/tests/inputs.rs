@@ -5,7 +5,7 @@ mod harness;
 
 use harness::cell;
 use rcc_core::types::{NULL_INT, Store};
-use rcc_language::{Compiled, compile, setting};
+use rcc_language::{Compiled, compile, input_values};
 
 fn net(input: &str, rest: &str) -> Compiled {
     let text = format!(
@@ -42,7 +42,7 @@ fn its_initial_value_determines_type_and_unit() {
         let compiled = net(&parameters, sink);
         assert_eq!(compiled.names.inputs[0].type_name, ty);
         let point = compiled.plan.inputs[0];
-        let value = setting::read(&format!("x: {initial}"), "v", &compiled.names);
+        let value = input_values::read(&format!("x: {initial}"), "v", &compiled.names);
         let words = value.map(|values| values[0].words.clone());
         let first = point.slot as usize..(point.slot + point.width) as usize;
         let initial: Vec<u64> = match point.store {

@@ -9,7 +9,7 @@ use motions::{MotionKind, compared, robots};
 fn main() {
     let count = std::env::args().nth(1).and_then(|count| count.parse().ok());
     println!(
-        "kind       robot        motions  time-optimal/even time: median     p10     p90   build time, ms: even fastest"
+        "kind       robot        motions  time-optimal/uniform: median     p10     p90   build time, ms: uniform fastest"
     );
     for kind in [
         MotionKind::Line,
@@ -31,10 +31,10 @@ fn main() {
             ratios.sort_by(f64::total_cmp);
             let at = |part: f64| ratios.get((part * ratios.len() as f64) as usize).copied();
             let [median, low, high] = [0.5, 0.1, 0.9].map(|part| at(part).unwrap_or(f64::NAN));
-            let [even_ms, fastest_ms] = built_s.map(|sum| 1e3 * sum / ratios.len() as f64);
+            let [uniform_ms, fastest_ms] = built_s.map(|sum| 1e3 * sum / ratios.len() as f64);
             let kind = format!("{kind:?}");
             println!(
-                "{kind:10} {:12} {:7} {median:29.3} {low:7.3} {high:7.3} {even_ms:19.2} {fastest_ms:7.2}",
+                "{kind:10} {:12} {:7} {median:29.3} {low:7.3} {high:7.3} {uniform_ms:19.2} {fastest_ms:7.2}",
                 robot.name,
                 ratios.len()
             );

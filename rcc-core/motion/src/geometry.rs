@@ -20,7 +20,7 @@ use rcc_core::rotation::Quaternion;
 use rcc_core::vector::Vector;
 use thiserror::Error;
 
-use jet::{Jet, Scalar};
+use jet::{Jet, JetScalar};
 
 /// Points closer than this count as one point, m.
 pub const COINCIDENT_M: f64 = 1e-6;
@@ -98,13 +98,13 @@ pub struct Placement<T> {
     pub orientation: [T; 4],
 }
 
-impl<T: Scalar> Placement<T> {
+impl<T: JetScalar> Placement<T> {
     /// The pose without derivatives.
     #[must_use]
     pub fn pose(&self) -> Pose {
         Pose {
-            position: self.position.map(Scalar::value),
-            orientation: self.orientation.map(Scalar::value),
+            position: self.position.map(JetScalar::value),
+            orientation: self.orientation.map(JetScalar::value),
         }
     }
 }

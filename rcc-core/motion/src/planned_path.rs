@@ -12,7 +12,7 @@ use rcc_core::types::NULL_REAL;
 use rcc_core::vector;
 
 use crate::geometry::chain::{Chain, ChainPiece, ShapePoint};
-use crate::geometry::jet::{Jet, Scalar};
+use crate::geometry::jet::{Jet, JetScalar};
 use crate::jerk_profile::KinematicState;
 use crate::path_clock::PathBounds;
 use elbow::ElbowProfile;
@@ -39,7 +39,7 @@ const STEPS: usize = 128;
 struct InverseHints {
     /// Branch and arm angle.
     elbow: ElbowProfile,
-    /// Joints at even steps: they select the turn of each joint, and its value in a singular position.
+    /// Joints at equidistant steps: they select the turn of each joint, and its value in a singular position.
     joints: Box<[Joints]>,
 }
 
@@ -266,7 +266,7 @@ impl PlannedPath {
         match piece.at(Jet::variable(s)) {
             ShapePoint::Flange(point) => vector::norm(point.position.map(|x: Jet| x.derivative(1))),
             ShapePoint::Joints(jets) => {
-                let rows = self.arm.jacobian(&jets.map(Scalar::value));
+                let rows = self.arm.jacobian(&jets.map(JetScalar::value));
                 let [x, y, z, ..] = rows.map(|row| {
                     let products = row.iter().zip(jets);
                     products.map(|(slope, jet)| slope * jet.derivative(1)).sum()

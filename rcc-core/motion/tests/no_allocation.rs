@@ -71,7 +71,7 @@ fn lines() -> MotionSet {
                 )),
             })
         }],
-        pace: SpeedProfile::Even,
+        pace: SpeedProfile::Uniform,
     };
     let (models, holds) = ([model], [Some(hold)]);
     let mut builder = MotionSetBuilder::new(&models, &holds, DT, 3);

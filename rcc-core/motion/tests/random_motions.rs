@@ -71,16 +71,16 @@ fn time_optimal_motions_never_take_longer_and_most_are_faster() {
         let (mut sooner, mut ran) = (0, 0);
         for robot in robots() {
             for seed in 0..20 {
-                let Some(([even_s, fastest_s], _)) = compared(kind, &robot, seed) else {
+                let Some(([uniform_s, fastest_s], _)) = compared(kind, &robot, seed) else {
                     continue;
                 };
                 assert!(
-                    fastest_s <= even_s + 2e-3,
-                    "{kind:?} of {}, seed {seed}: {fastest_s} s, evenly {even_s} s",
+                    fastest_s <= uniform_s + 2e-3,
+                    "{kind:?} of {}, seed {seed}: {fastest_s} s, uniform {uniform_s} s",
                     robot.name
                 );
                 ran += 1;
-                sooner += usize::from(fastest_s < 0.98 * even_s);
+                sooner += usize::from(fastest_s < 0.98 * uniform_s);
             }
         }
         assert!(2 * sooner > ran && ran > 20, "{kind:?}: {sooner} of {ran}");

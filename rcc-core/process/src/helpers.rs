@@ -14,7 +14,7 @@ use crate::exit::{ExitError, FAILED};
 use crate::notify::HealthReport;
 use crate::signals::request_stop;
 
-/// What the helpers are to do.
+/// Phase of the program, which all helpers follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Wait until all helpers are created.

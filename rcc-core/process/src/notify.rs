@@ -255,7 +255,7 @@ mod tests {
 
     #[test]
     fn a_recreated_supervisor_socket_is_reached_over_the_same_descriptor() {
-        let name = format!("rcc-notify-anew-{}", std::process::id());
+        let name = format!("rcc-notify-recreated-{}", std::process::id());
         let path = std::env::temp_dir().join(name);
         let address = SocketAddr::from_pathname(&path).unwrap();
         let mut line = SupervisorSocket {

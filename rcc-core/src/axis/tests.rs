@@ -44,17 +44,17 @@ fn check(
 }
 
 #[test]
-fn a_long_way_uses_every_limit() {
+fn a_long_motion_uses_every_limit() {
     // 1 m at 0.5 m/s, 2 m/s², 20 m/s³: distance/v + v/a + a/j.
-    let way = rest_to_rest(1.0, &limits(0.5, 2.0, 20.0));
-    let duration_s: f64 = way.iter().map(|(t, _)| t).sum();
+    let phases = rest_to_rest(1.0, &limits(0.5, 2.0, 20.0));
+    let duration_s: f64 = phases.iter().map(|(t, _)| t).sum();
     assert!((duration_s - (2.0 + 0.25 + 0.1)).abs() < 1e-12);
 }
 
 #[test]
-fn a_short_way_knows_only_jerk() {
-    let way = rest_to_rest(-1e-6, &limits(0.5, 2.0, 20.0));
-    let duration_s: f64 = way.iter().map(|(t, _)| t).sum();
+fn a_short_motion_is_limited_by_jerk_only() {
+    let phases = rest_to_rest(-1e-6, &limits(0.5, 2.0, 20.0));
+    let duration_s: f64 = phases.iter().map(|(t, _)| t).sum();
     assert!((duration_s - 4.0 * (1e-6_f64 / 40.0).cbrt()).abs() < 1e-12);
 }
 
@@ -73,16 +73,16 @@ proptest! {
     }
 
     #[test]
-    fn a_way_of_any_length_arrives_within_the_limits(
+    fn a_motion_of_any_length_arrives_within_the_limits(
         decade in -12.0..4.0f64, vm in 0.01..3.0f64, am in 0.1..20.0f64, jm in 1.0..1000.0f64,
     ) {
-        let (way, limits) = (10f64.powf(decade), limits(vm, am, jm));
-        let phases = Phases::of(&[&rest_to_rest(way, &limits)]);
-        check(AxisState::at_rest(0.0), &phases, way, &limits)?;
+        let (distance, limits) = (10f64.powf(decade), limits(vm, am, jm));
+        let phases = Phases::of(&[&rest_to_rest(distance, &limits)]);
+        check(AxisState::at_rest(0.0), &phases, distance, &limits)?;
     }
 
     #[test]
-    fn words_are_the_whole_follower(goals in prop::collection::vec(-1.0..1.0f64, 1..20)) {
+    fn words_hold_the_whole_state_of_a_follower(goals in prop::collection::vec(-1.0..1.0f64, 1..20)) {
         let limits = limits(0.5, 2.0, 20.0);
         let mut follower = AxisFollower::at_rest(0.3);
         for goal in goals {

@@ -127,7 +127,7 @@ fn a_derivative_has_the_response_of_its_difference_equation() {
 }
 
 #[test]
-fn a_filter_by_coefficients_is_the_filter_that_they_describe() {
+fn a_biquad_has_the_response_of_its_coefficients() {
     let notch = Biquad::notch(60.0, 3.0, DT_S);
     let names = ["b0", "b1", "b2", "a1", "a2"];
     let values = notch.b.into_iter().chain(notch.a);
@@ -144,7 +144,7 @@ fn a_filter_by_coefficients_is_the_filter_that_they_describe() {
 }
 
 #[test]
-fn a_filter_is_over_an_overflow_when_its_input_is() {
+fn a_filter_recovers_from_an_overflow() {
     let far = 1e300;
     for bad in [
         f64::INFINITY,

@@ -14,21 +14,21 @@ impl Guard {
     /// Returns the first axis or joint that violates a rule; the history then stays at the last accepted set-point.
     pub fn check_impedance(
         &mut self,
-        asked: &Impedance,
+        requested: &Impedance,
         strategy: u64,
         dt_s: f64,
     ) -> Result<(), Violation> {
-        let known = ControlMode::from_number(asked.strategy);
+        let known = ControlMode::from_number(requested.strategy);
         let limits = match (known, self.impedance) {
-            (Some(ControlMode::Position), _) if strategy == asked.strategy => return Ok(()),
-            (Some(known), Some(limits)) if strategy == asked.strategy => Some((known, limits)),
+            (Some(ControlMode::Position), _) if strategy == requested.strategy => return Ok(()),
+            (Some(known), Some(limits)) if strategy == requested.strategy => Some((known, limits)),
             _ => None,
         };
         let Some((known, limits)) = limits else {
             return Err(Violation {
                 kind: ViolationKind::Strategy,
                 joint: 0,
-                value: asked.strategy as f64,
+                value: requested.strategy as f64,
                 limit: strategy as f64,
             });
         };
@@ -46,24 +46,24 @@ impl Guard {
             };
             row.check_range(
                 ViolationKind::Stiffness,
-                of(&asked.stiffness),
+                of(&requested.stiffness),
                 row.limits.stiffness,
             )?;
             row.check_range(
                 ViolationKind::Damping,
-                of(&asked.damping),
+                of(&requested.damping),
                 row.limits.damping,
             )?;
             let most = row.limits.added;
-            row.check_range(ViolationKind::Added, of(&asked.added), [-most, most])?;
+            row.check_range(ViolationKind::Added, of(&requested.added), [-most, most])?;
             if let Some(last) = &last {
-                let rate = (of(&asked.stiffness) - of(&last.stiffness)) / dt_s;
+                let rate = (of(&requested.stiffness) - of(&last.stiffness)) / dt_s;
                 // The difference contains the rounding errors of both.
                 let most = row.limits.rate * (1.0 + 1e-6);
                 row.check_range(ViolationKind::StiffnessRate, rate, [-most, most])?;
             }
         }
-        self.last_impedance = Some(*asked);
+        self.last_impedance = Some(*requested);
         Ok(())
     }
 }
@@ -119,15 +119,15 @@ mod tests {
     }
 
     fn refused(change: impl Fn(&mut Impedance)) -> Violation {
-        let mut asked = soft();
-        change(&mut asked);
+        let mut requested = soft();
+        change(&mut requested);
         guard()
-            .check_impedance(&asked, CARTESIAN, 1e-3)
+            .check_impedance(&requested, CARTESIAN, 1e-3)
             .expect_err("out of range")
     }
 
     #[test]
-    fn what_is_allowed_is_accepted() {
+    fn allowed_set_points_are_accepted() {
         let mut guard = guard();
         assert_eq!(guard.check_impedance(&soft(), CARTESIAN, 1e-3), Ok(()));
         let stiff = IMPEDANCE.default_hold(ControlMode::JointImpedance, 7);
@@ -140,7 +140,7 @@ mod tests {
         for (element, axis) in crate::impedance::AXES.into_iter().enumerate() {
             let most = if element < 3 { 5000.0 } else { 300.0 };
             let unit = if element < 3 { "N/m" } else { "N·m/rad" };
-            let violation = refused(|asked| asked.stiffness[element] = most + 1.0);
+            let violation = refused(|requested| requested.stiffness[element] = most + 1.0);
             assert_eq!(
                 (violation.kind, violation.limit, violation.unit()),
                 (ViolationKind::Stiffness, most, unit)
@@ -148,21 +148,21 @@ mod tests {
             let words = violation.to_string();
             assert!(words.starts_with(&std::format!("axis {axis}: ")), "{words}");
             for wrong in [f64::NAN, 0.0, -1.0] {
-                let violation = refused(|asked| asked.stiffness[element] = wrong);
+                let violation = refused(|requested| requested.stiffness[element] = wrong);
                 assert_eq!(violation.kind, ViolationKind::Stiffness);
             }
             for wrong in [0.05, 1.01, f64::INFINITY] {
-                let violation = refused(|asked| asked.damping[element] = wrong);
+                let violation = refused(|requested| requested.damping[element] = wrong);
                 assert_eq!(violation.kind, ViolationKind::Damping);
             }
             for wrong in [-30.1, 30.1, f64::NAN] {
-                let violation = refused(|asked| asked.added[element] = wrong);
+                let violation = refused(|requested| requested.added[element] = wrong);
                 assert_eq!(violation.kind, ViolationKind::Added);
             }
         }
-        let mut asked = IMPEDANCE.default_hold(ControlMode::JointImpedance, 7);
-        asked.stiffness[6] = 2001.0;
-        let violation = guard().check_impedance(&asked, JOINT, 1e-3);
+        let mut requested = IMPEDANCE.default_hold(ControlMode::JointImpedance, 7);
+        requested.stiffness[6] = 2001.0;
+        let violation = guard().check_impedance(&requested, JOINT, 1e-3);
         let words = violation.expect_err("too stiff").to_string();
         assert_eq!(
             words,
@@ -171,35 +171,41 @@ mod tests {
     }
 
     #[test]
-    fn a_stiffness_changes_no_faster_than_its_rate_but_begins_anywhere() {
+    fn a_stiffness_may_start_anywhere_but_changes_no_faster_than_its_rate() {
         let mut guard = guard();
-        let mut asked = soft();
-        asked.stiffness[2] = 50.0;
-        assert_eq!(guard.check_impedance(&asked, CARTESIAN, 1e-3), Ok(()));
+        let mut requested = soft();
+        requested.stiffness[2] = 50.0;
+        assert_eq!(guard.check_impedance(&requested, CARTESIAN, 1e-3), Ok(()));
         // At most twice 5000 N/m per second: 10 N/m per millisecond.
-        asked.stiffness[2] = 60.0;
-        assert_eq!(guard.check_impedance(&asked, CARTESIAN, 1e-3), Ok(()));
-        asked.stiffness[2] = 70.1;
-        let violation = guard.check_impedance(&asked, CARTESIAN, 1e-3).unwrap_err();
+        requested.stiffness[2] = 60.0;
+        assert_eq!(guard.check_impedance(&requested, CARTESIAN, 1e-3), Ok(()));
+        requested.stiffness[2] = 70.1;
+        let violation = guard
+            .check_impedance(&requested, CARTESIAN, 1e-3)
+            .unwrap_err();
         assert_eq!(
             (violation.kind, violation.joint),
             (ViolationKind::StiffnessRate, 10)
         );
         // A refused set-point does not become the reference for the next one.
-        asked.stiffness[2] = 50.0;
-        assert_eq!(guard.check_impedance(&asked, CARTESIAN, 1e-3), Ok(()));
+        requested.stiffness[2] = 50.0;
+        assert_eq!(guard.check_impedance(&requested, CARTESIAN, 1e-3), Ok(()));
         guard.first(&[0.0; 7], &[0.0; 7]).unwrap();
-        asked.stiffness[2] = 3000.0;
-        assert_eq!(guard.check_impedance(&asked, CARTESIAN, 1e-3), Ok(()));
+        requested.stiffness[2] = 3000.0;
+        assert_eq!(guard.check_impedance(&requested, CARTESIAN, 1e-3), Ok(()));
     }
 
     #[test]
-    fn another_strategy_than_the_controllers_is_refused_whatever_it_is() {
+    fn any_strategy_other_than_the_controllers_is_refused() {
         let held = |strategy| IMPEDANCE.default_hold(strategy, 7);
-        for (asked, _) in ControlMode::ALL {
+        for (requested, _) in ControlMode::ALL {
             for runs in 0..5 {
-                let checked = guard().check_impedance(&held(asked), runs, 1e-3);
-                assert_eq!(checked.is_ok(), runs == asked as u64, "{asked:?} {runs}");
+                let checked = guard().check_impedance(&held(requested), runs, 1e-3);
+                assert_eq!(
+                    checked.is_ok(),
+                    runs == requested as u64,
+                    "{requested:?} {runs}"
+                );
             }
         }
         let unknown = Impedance {

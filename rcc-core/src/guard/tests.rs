@@ -51,7 +51,7 @@ fn the_first_set_point_must_match_the_hold_position() {
 }
 
 #[test]
-fn without_a_first_set_point_every_other_is_a_jump() {
+fn without_a_first_set_point_any_set_point_is_a_jump() {
     assert_eq!(
         guard().check(&[0.0, 0.0], DT).unwrap_err().kind,
         ViolationKind::Jump
@@ -59,7 +59,7 @@ fn without_a_first_set_point_every_other_is_a_jump() {
 }
 
 #[test]
-fn what_is_not_a_number_or_missing_is_refused() {
+fn non_finite_or_missing_positions_are_refused() {
     for bad in [[0.0, f64::NAN], [0.0, f64::INFINITY]] {
         let refusal = started(0.0).check(&bad, DT).unwrap_err();
         assert_eq!((refusal.kind, refusal.joint), (ViolationKind::NotFinite, 1));
@@ -134,7 +134,7 @@ fn stopping_dead_is_an_acceleration_beyond_the_limit() {
 }
 
 #[test]
-fn a_step_that_no_motion_makes_is_a_jump() {
+fn a_step_too_large_for_a_motion_is_a_jump() {
     let refusal = started(0.0).check(&[0.0, 0.5], DT).unwrap_err();
     assert_eq!(
         (refusal.kind, refusal.value, refusal.limit),
@@ -151,14 +151,14 @@ fn logical_time_that_does_not_pass_is_refused() {
 }
 
 #[test]
-fn a_late_set_point_is_judged_over_the_time_that_really_passed() {
+fn a_late_set_point_is_checked_over_the_time_that_passed() {
     let mut guard = started(0.0);
     assert_eq!(guard.check(&[0.0, 4e-6], DT), Ok(()));
     assert_eq!(guard.check(&[0.0, 36e-6], 2.0 * DT), Ok(()));
 }
 
 #[test]
-fn a_refused_set_point_leaves_the_history_alone() {
+fn a_refused_set_point_leaves_the_history_unchanged() {
     let mut guard = started(0.0);
     assert!(guard.check(&[1e-6, 1.0], DT).is_err());
     assert_eq!(guard.check(&[0.0, 0.0], DT), Ok(()));
@@ -195,7 +195,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_accepted_is_within_range(positions in prop::collection::vec(any::<f64>(), 0..4), dt in any::<f64>()) {
+    fn accepted_set_points_are_within_range(positions in prop::collection::vec(any::<f64>(), 0..4), dt in any::<f64>()) {
         let mut guard = started(0.0);
         if guard.check(&positions, dt).is_ok() {
             prop_assert!(positions.len() >= 2);

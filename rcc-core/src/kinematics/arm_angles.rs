@@ -221,11 +221,11 @@ fn between(roots: &[f64], allowed: impl Fn(f64) -> bool) -> ArmAngles {
         return found;
     }
     let from = open.map_or(last, |[from, _]| from);
-    let goes_on = found
+    let continues = found
         .intervals
         .first_mut()
         .filter(|interval| found.count > 0 && interval[0] <= first + SAME);
-    match goes_on {
+    match continues {
         _ if open.is_some_and(|[from, _]| from <= first + SAME) => found.push([-PI, PI]),
         Some(interval) => {
             // It now starts before π and is therefore the last one in order.

@@ -173,7 +173,7 @@ pub struct PathRequest<'a> {
 pub enum SpeedProfile {
     /// Velocity limits for its parts, one acceleration and one jerk limit for the whole path.
     #[default]
-    Even,
+    Uniform,
     /// Time-optimal parameterization. Limits of the flange apply, too, but a given speed is then only a limit.
-    Fastest,
+    TimeOptimal,
 }

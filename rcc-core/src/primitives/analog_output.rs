@@ -49,7 +49,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn commands_its_channel_and_nothing_on_null() {
+    fn commands_its_channel_and_sends_no_command_on_null() {
         let mut bench = PrimitiveHarness::new("AnalogOutput");
         bench.set_index("channel", 1).set_real("in", 3.5).step();
         assert_eq!(bench.output.analog[1], 3.5);

@@ -37,7 +37,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn gives_what_the_driver_tells_the_channel() {
+    fn gives_the_value_that_the_driver_sends_to_the_channel() {
         let mut bench = PrimitiveHarness::new("AnalogOutputState");
         bench.set_index("channel", 1);
         bench.device.measurement.analog_out[1] = 0.25;

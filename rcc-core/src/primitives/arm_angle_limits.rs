@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn six_joints_have_none() {
+    fn six_joints_have_no_arm_angle() {
         let mut bench = PrimitiveHarness::wide("ArmAngleLimits", None, 6);
         bench.model = kr6();
         bench.set_reals("pose", &kr6().arm.unwrap().forward(&[0.1; 8]).to_slots());

@@ -34,7 +34,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn says_what_was_requested() {
+    fn reports_the_request() {
         let mut bench = PrimitiveHarness::new("Cancel");
         assert_eq!(bench.step().bool("requested"), Some(false));
         bench.cancel_requested = true;

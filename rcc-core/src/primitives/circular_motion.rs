@@ -13,18 +13,18 @@ use crate::primitive::{
 use crate::types::Type;
 use crate::unit::Unit;
 
-use super::along::{self, PORTS};
+use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CircularMotion",
         summary: "A jerk-limited circular arc of the flange through a point, with a soft stop on the path.",
-        null: along::NULL,
+        null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "circle through start, `via` and `to`; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
-        inputs: along::INPUTS,
-        outputs: along::OUTPUTS,
+        inputs: path_motion::INPUTS,
+        outputs: path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(
@@ -49,16 +49,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "even: rotates evenly from the orientation of the start to that of `to`; constant: stays constant; path: rotates with the circle",
             )
             .default(DefaultValue::Word("even")),
-            along::FLANGE[0],
-            along::FLANGE[1],
-            along::FLANGE[2],
-            along::FLANGE[3],
-            along::FLANGE[4],
-            along::FLANGE[5],
-            along::SCALE,
-            along::TIME_OPTIMAL,
-            along::ARM_ANGLE,
-            along::ELBOW,
+            path_motion::FLANGE[0],
+            path_motion::FLANGE[1],
+            path_motion::FLANGE[2],
+            path_motion::FLANGE[3],
+            path_motion::FLANGE[4],
+            path_motion::FLANGE[5],
+            path_motion::SCALE,
+            path_motion::TIME_OPTIMAL,
+            path_motion::ARM_ANGLE,
+            path_motion::ELBOW,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -107,7 +107,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let leg = Leg {
         line: MotionLimits::of([v, a, j].map(number)),
         turn: MotionLimits::of([w, wa, wj].map(number)),
-        elbow: along::elbow(preparation, [arm_angle, elbow]),
+        elbow: path_motion::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
         ..Leg::new(segment)
     };
@@ -115,7 +115,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        pace: along::pace(preparation, fastest),
+        pace: path_motion::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
@@ -123,6 +123,6 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
 fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 17]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
     if let (Some(ports), Some([motion, width])) = (ports, rest) {
-        along::step(frame, *ports, *motion, *width);
+        path_motion::step(frame, *ports, *motion, *width);
     }
 }

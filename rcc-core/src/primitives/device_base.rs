@@ -38,7 +38,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn gives_what_the_configuration_says() {
+    fn gives_the_configured_base() {
         let mut bench = PrimitiveHarness::new("DeviceBase");
         bench.model.base = Pose::from_xyz_rpy([0.5, -1.0, 0.0], [0.0, 0.0, 2.0]);
         let want = bench.model.base.to_slots();

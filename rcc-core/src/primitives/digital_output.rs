@@ -48,7 +48,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn commands_its_bit_and_nothing_on_null() {
+    fn commands_its_bit_and_sends_no_command_on_null() {
         let mut bench = PrimitiveHarness::new("DigitalOutput");
         bench.set_index("channel", 2);
         for (input, commanded, value) in [

@@ -32,7 +32,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn gives_what_the_driver_tells_the_channel() {
+    fn gives_the_value_that_the_driver_sends_to_the_channel() {
         let mut bench = PrimitiveHarness::new("DigitalOutputState");
         bench.set_index("channel", 2);
         assert_eq!(bench.step().bool("out"), None, "not told yet");

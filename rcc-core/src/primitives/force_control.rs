@@ -61,8 +61,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[
             Port::typed("pose_out", Type::Pose, "the path's pose, offset along the axis by `offset`"),
             Port::real("offset", METRE, "offset along the axis").diagnostic(),
-            Port::real("velocity", VELOCITY, "of the offset along the axis").diagnostic(),
-            Port::real("acceleration", ACCELERATION, "of the offset along the axis").diagnostic(),
+            Port::real("velocity", VELOCITY, "velocity of the offset").diagnostic(),
+            Port::real("acceleration", ACCELERATION, "acceleration of the offset").diagnostic(),
             Port::real("missing", FORCE, "force error: `force` minus the applied force").diagnostic(),
             Port::bool("limited", "held at `travel`, or stopping there, until the force leads back").diagnostic(),
             Port::bool("resting", "the offset is at rest").diagnostic(),
@@ -147,14 +147,14 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
             held: 0.0,
         },
     };
-    let way = follow(
+    let next = follow(
         before,
         within(goal, -limits.velocity, limits.velocity),
         &limits,
         frame.dt_s,
     );
-    frame.set_reals(state, [way.s, way.v, way.a, way.held]);
-    for (slot, value) in [(offset, way.s), (velocity, way.v), (acceleration, way.a)] {
+    frame.set_reals(state, [next.s, next.v, next.a, next.held]);
+    for (slot, value) in [(offset, next.s), (velocity, next.v), (acceleration, next.a)] {
         frame.set_real(slot, value);
     }
     frame.set_real(
@@ -165,14 +165,14 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
             NULL_REAL
         },
     );
-    frame.set_bool(limited, u8::from(way.held != 0.0));
-    frame.set_bool(resting, u8::from((way.v == 0.0) & (way.a == 0.0)));
+    frame.set_bool(limited, u8::from(next.held != 0.0));
+    frame.set_bool(resting, u8::from((next.v == 0.0) & (next.a == 0.0)));
     let moved = frame.known_pose(pose).zip(axis).map(|(mut pose, axis)| {
         let axis = match frame.bool(in_tool) {
             1 => rotation::rotate(pose.orientation, axis),
             _ => axis,
         };
-        pose.position = vector::add(pose.position, vector::scale(axis, way.s));
+        pose.position = vector::add(pose.position, vector::scale(axis, next.s));
         pose
     });
     frame.set_known_pose(pose_out, moved);
@@ -186,9 +186,9 @@ fn follow(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> O
     } else {
         0.0
     };
-    let next = towards(before, if held == 0.0 { goal } else { 0.0 }, limits, dt_s);
+    let next = step_velocity(before, if held == 0.0 { goal } else { 0.0 }, limits, dt_s);
     let margin = MARGIN_CYCLES * dt_s;
-    let [low, high] = reach(&next, limits, margin);
+    let [low, high] = stop_range(&next, limits, margin);
     let beyond = if high > limits.travel {
         1.0
     } else if low < -limits.travel {
@@ -201,7 +201,7 @@ fn follow(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> O
     }
     OffsetState {
         held: beyond,
-        ..towards(before, 0.0, limits, dt_s)
+        ..step_velocity(before, 0.0, limits, dt_s)
     }
 }
 
@@ -210,7 +210,7 @@ fn follow(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> O
 const MARGIN_CYCLES: f64 = 3.0;
 
 /// Advances one period with the velocity approaching `goal` as fast as acceleration and jerk allow, without overshoot.
-fn towards(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> OffsetState {
+fn step_velocity(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> OffsetState {
     let OffsetState { s, v, a, .. } = before;
     let change = limits.jerk * dt_s;
     let wanted = braking_rate(goal - v, a, limits.jerk, dt_s);
@@ -238,16 +238,16 @@ fn braking_rate(left: f64, rate: f64, most: f64, dt_s: f64) -> f64 {
 }
 
 /// Returns the lowest and highest position on the fastest stop from here, with `margin_s` times the speed added.
-fn reach(way: &OffsetState, limits: &OffsetLimits, margin_s: f64) -> [f64; 2] {
-    let OffsetState { s, v, a, .. } = *way;
+fn stop_range(from: &OffsetState, limits: &OffsetLimits, margin_s: f64) -> [f64; 2] {
+    let OffsetState { s, v, a, .. } = *from;
     let (jerk, most) = (limits.jerk, limits.acceleration);
     // The velocity after the acceleration is reduced at once: if it still has the same direction, it must be braked.
     let after = v + a * a.abs() / (2.0 * jerk);
     let sign = if after < 0.0 { -1.0 } else { 1.0 };
-    let end = s + sign * stop_way(sign * v, sign * a, jerk, most);
+    let end = s + sign * stop_distance(sign * v, sign * a, jerk, most);
     // An acceleration against the velocity may reverse it: until then the distance is shorter than without the
     // acceleration.
-    let turn = s + stop_way(v.abs(), 0.0, jerk, most) * if v < 0.0 { -1.0 } else { 1.0 };
+    let turn = s + stop_distance(v.abs(), 0.0, jerk, most) * if v < 0.0 { -1.0 } else { 1.0 };
     let turns = v * after < 0.0;
     let turn = if turns { turn } else { end };
     let margin = margin_s * (v.abs() + a.abs() * margin_s);
@@ -256,7 +256,7 @@ fn reach(way: &OffsetState, limits: &OffsetLimits, margin_s: f64) -> [f64; 2] {
 
 /// Returns the stopping distance with jerk and acceleration at their limits, for a velocity and acceleration that do
 /// not reverse: v + a |a| / 2 jerk is not negative.
-fn stop_way(v: f64, a: f64, jerk: f64, most: f64) -> f64 {
+fn stop_distance(v: f64, a: f64, jerk: f64, most: f64) -> f64 {
     let peak = libm::sqrt((jerk * v + a * a / 2.0).max(0.0)).min(most);
     let first = (a + peak) / jerk;
     let held = ((v + (a * a / 2.0 - peak * peak) / jerk) / peak).max(0.0);

@@ -17,7 +17,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         formula: "p + t (p_to - p) and exp(t log(R_to Rᵀ)) R (Slerp: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985)",
         examples: &[
             Example::new(
-                "a quarter of the way between rotations (scipy 1.17)",
+                "interpolated by a quarter between rotations (scipy 1.17)",
                 "",
                 "from | to | t | out\n\
                  {quat: [0.18485641079320972, -0.323498718888117, 0.5083551296813268, 0.7763708832723447]} | {rpy: [0.3, -0.5, 1.2]} | 0.25 | {quat: [0.2040813503540178, -0.2738042666146767, 0.5266950958135888, 0.7784435124446696]}\n\
@@ -69,9 +69,9 @@ fn step(frame: &mut Frame<'_>, [from, to, t, out, width]: [u32; 5]) -> Option<()
         POSE => {
             let ends = frame.known_pose(from).zip(frame.known_pose(to));
             let between = ends.and_then(|(from, to)| {
-                let way = vector::subtract(to.position, from.position);
+                let translation = vector::subtract(to.position, from.position);
                 Some(Pose {
-                    position: vector::add(from.position, vector::scale(way, t)),
+                    position: vector::add(from.position, vector::scale(translation, t)),
                     orientation: rotation::slerp(from.orientation, to.orientation, t)?,
                 })
             });

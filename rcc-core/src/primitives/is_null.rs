@@ -99,7 +99,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn tells_null_for_every_arena() {
+    fn detects_null_in_every_arena() {
         let mut bench = PrimitiveHarness::wide("IsNull", Some(Store::Real), 7);
         assert_eq!(bench.step().bool("out"), Some(true));
         assert_eq!(

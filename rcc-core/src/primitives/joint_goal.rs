@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_set_point_is_where_the_arm_is_held_so_that_the_next_ones_keep_the_jerk() {
+    fn the_first_set_point_is_the_hold_position_so_that_the_next_ones_keep_the_jerk_limit() {
         let mut bench = bench();
         let jerk_max = bench.model.limits.jerk_max;
         let mut rows = [HOLD; 4];
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_that_is_given_holds_where_the_robot_allows_more() {
+    fn a_given_limit_applies_where_it_is_lower_than_the_robot_s() {
         let mut bench = bench();
         bench
             .set_real("max_velocity", 0.1)
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_beyond_a_joint_s_range_is_none() {
+    fn a_goal_beyond_a_joint_s_range_is_ignored() {
         let mut bench = bench();
         (0..50).for_each(|_| _ = bench.step());
         let mut far = GOAL;
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_knows_the_way_from_an_unknown_hold_set_point() {
+    fn an_unknown_hold_set_point_refuses_the_motion() {
         let mut bench = PrimitiveHarness::new("JointGoal");
         bench.hold = None;
         let fault = PrepareFault::HoldUnknown { device: 0 };

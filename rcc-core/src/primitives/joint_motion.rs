@@ -14,18 +14,18 @@ use crate::primitive::{
 use crate::types::Type;
 use crate::unit::Unit;
 
-use super::along::{self, PORTS};
+use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointMotion",
         summary: "Point-to-point motion: all joints together, jerk-limited, to joint positions or to a flange pose.",
-        null: along::NULL,
+        null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "q(s) = q₀ + (q₁ − q₀)·s/l; s jerk-limited such that every joint keeps its velocity, acceleration and jerk",
-        inputs: along::INPUTS,
-        outputs: along::OUTPUTS,
+        inputs: path_motion::INPUTS,
+        outputs: path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(
@@ -61,7 +61,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .default(DefaultValue::Null)
             .at_least(0.0)
             .at_most(255.0),
-            along::SCALE,
+            path_motion::SCALE,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -117,7 +117,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        pace: SpeedProfile::Even,
+        pace: SpeedProfile::Uniform,
     };
     preparation.motions.path(motion, &request)
 }
@@ -125,6 +125,6 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
 fn step(frame: &mut crate::frame::Frame<'_>, operands: [u32; PORTS + 9]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
     if let (Some(ports), Some([motion, width])) = (ports, rest) {
-        along::step(frame, *ports, *motion, *width);
+        path_motion::step(frame, *ports, *motion, *width);
     }
 }

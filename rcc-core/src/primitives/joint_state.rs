@@ -65,7 +65,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn gives_what_was_latched_and_null_when_the_device_is_lost() {
+    fn gives_the_latched_values_and_null_when_the_device_is_lost() {
         let mut bench = PrimitiveHarness::new("JointState");
         bench.device.measurement.position[6] = 0.7;
         bench.device.measurement.hold[0] = 0.1;

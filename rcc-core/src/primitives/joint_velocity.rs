@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn begins_anew_when_the_device_or_its_driver_does() {
+    fn restarts_with_the_device_or_its_driver() {
         let mut bench = PrimitiveHarness::new("JointVelocity");
         bench.device.measurement.period_ns = 1_000_000;
         for periods in [5, 6] {

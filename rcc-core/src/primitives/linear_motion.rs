@@ -12,7 +12,7 @@ use crate::primitive::{
 };
 use crate::types::Type;
 
-use super::along::{self, PORTS};
+use super::path_motion::{self, PORTS};
 
 const POSE: ParameterKind = ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed);
 
@@ -20,15 +20,15 @@ const POSE: ParameterKind = ParameterKind::Value(PortType::Is(Type::Pose), UnitR
 const TURN: [Parameter; 3] = [
     Parameter {
         doc: "largest angular speed; governs instead of `velocity` on a line with a large rotation over a short distance",
-        ..along::FLANGE[3].default(DefaultValue::Real(1.0))
+        ..path_motion::FLANGE[3].default(DefaultValue::Real(1.0))
     },
     Parameter {
         doc: "largest angular acceleration",
-        ..along::FLANGE[4].default(DefaultValue::Real(4.0))
+        ..path_motion::FLANGE[4].default(DefaultValue::Real(4.0))
     },
     Parameter {
         doc: "largest angular jerk",
-        ..along::FLANGE[5].default(DefaultValue::Real(40.0))
+        ..path_motion::FLANGE[5].default(DefaultValue::Real(40.0))
     },
 ];
 
@@ -37,11 +37,11 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "LinearMotion",
         summary: "A straight, jerk-limited line to a flange pose, with a soft stop on the path.",
-        null: along::NULL,
+        null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "line of the flange and rotation about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
-        inputs: along::INPUTS,
-        outputs: along::OUTPUTS,
+        inputs: path_motion::INPUTS,
+        outputs: path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new("to", POSE, "flange at the end, in the arm's base"),
@@ -51,16 +51,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "flange at the start, with joints near the hold set-point; START is refused if the arm is elsewhere; if omitted, the arm's hold set-point",
             )
             .default(DefaultValue::Null),
-            along::FLANGE[0],
-            along::FLANGE[1],
-            along::FLANGE[2],
+            path_motion::FLANGE[0],
+            path_motion::FLANGE[1],
+            path_motion::FLANGE[2],
             TURN[0],
             TURN[1],
             TURN[2],
-            along::SCALE,
-            along::TIME_OPTIMAL,
-            along::ARM_ANGLE,
-            along::ELBOW,
+            path_motion::SCALE,
+            path_motion::TIME_OPTIMAL,
+            path_motion::ARM_ANGLE,
+            path_motion::ELBOW,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -100,7 +100,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let leg = Leg {
         line: MotionLimits::of([v, a, j].map(number)),
         turn: MotionLimits::of([w, wa, wj].map(number)),
-        elbow: along::elbow(preparation, [arm_angle, elbow]),
+        elbow: path_motion::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
         ..Leg::new(PathSegment::Line { to })
     };
@@ -108,7 +108,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: from.is_finite().then_some(from),
         legs: &[leg],
-        pace: along::pace(preparation, fastest),
+        pace: path_motion::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
@@ -116,7 +116,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
 fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
     if let (Some(ports), Some([motion, width])) = (ports, rest) {
-        along::step(frame, *ports, *motion, *width);
+        path_motion::step(frame, *ports, *motion, *width);
     }
 }
 

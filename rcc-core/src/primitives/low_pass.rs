@@ -70,7 +70,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn takes_over_a_part_of_the_difference_each_cycle() {
+    fn adds_a_part_of_the_difference_in_each_cycle() {
         let mut bench = PrimitiveHarness::new("LowPass");
         bench
             .start_real(0.0)
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn infinity_does_not_stay() {
+    fn an_infinite_input_has_no_lasting_effect() {
         let mut bench = PrimitiveHarness::new("LowPass");
         bench.start_real(0.0).set_real("gain", 0.5);
         assert_eq!(

@@ -13,18 +13,18 @@ use crate::primitive::{
     CatalogueEntry, Dim, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each,
 };
 
-use super::along::{self, PORTS};
+use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MotionSequence",
         summary: "Motions in sequence (ptp, lin, circ, spline) with optional blending and a soft stop on the path.",
-        null: along::NULL,
+        null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "blends: polynomials of degree 5 in the path parameter, C2 at both ends",
-        inputs: along::INPUTS,
-        outputs: along::OUTPUTS,
+        inputs: path_motion::INPUTS,
+        outputs: path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(
@@ -32,8 +32,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 ParameterKind::Path(Dim::Var(0)),
                 "legs in order, up to 128 including all points of splines: `- {ptp: {joints: [...]}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`",
             ),
-            along::SCALE,
-            along::TIME_OPTIMAL,
+            path_motion::SCALE,
+            path_motion::TIME_OPTIMAL,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -85,7 +85,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: legs.get(..used).unwrap_or(&[]),
-        pace: along::pace(preparation, fastest),
+        pace: path_motion::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
@@ -93,6 +93,6 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
 fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 7]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
     if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
-        along::step(frame, *ports, *motion, *width);
+        path_motion::step(frame, *ports, *motion, *width);
     }
 }

@@ -106,7 +106,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn only_a_condition_that_is_false_lets_the_value_through() {
+    fn only_a_false_condition_passes_the_value() {
         for width in [1, 2] {
             let mut bench = PrimitiveHarness::wide("NullIf", Some(Store::Real), width);
             bench.set_real("in", 2.0);

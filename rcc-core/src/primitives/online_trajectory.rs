@@ -230,7 +230,7 @@ mod tests {
     fn it_arrives_as_early_as_the_limits_allow_and_not_beyond() {
         // Duration of the fastest motion (Biagiotti and Melchiorri 2008, 3.2): with and without a phase at constant
         // velocity.
-        for (way, velocity, acceleration) in [
+        for (distance, velocity, acceleration) in [
             (0.3, 0.5, 4.0),
             (-0.02, 0.5, 4.0),
             (1e-5, 0.5, 4.0),
@@ -238,8 +238,8 @@ mod tests {
         ] {
             let mut bench = bench(velocity, acceleration);
             bench.set_real("goal", 0.0).step();
-            bench.set_real("goal", way);
-            let size = f64::abs(way);
+            bench.set_real("goal", distance);
+            let size = f64::abs(distance);
             let fastest_s = if size >= velocity * velocity / acceleration {
                 size / velocity + velocity / acceleration
             } else {
@@ -247,24 +247,24 @@ mod tests {
             };
             let mut last = [0.0; 2];
             let mut cycles = 0;
-            while (last[0] - way).abs() > 1e-12 || last[1].abs() > 1e-9 {
+            while (last[0] - distance).abs() > 1e-12 || last[1].abs() > 1e-9 {
                 checked_step(&mut bench, &mut last, velocity, acceleration);
                 assert!(last[0].abs() <= size + 1e-12, "beyond: {}", last[0]);
                 cycles += 1;
                 assert!(
                     f64::from(cycles) * DT_S <= fastest_s + 2.0 * DT_S,
-                    "{way}: late"
+                    "{distance}: late"
                 );
             }
             assert!(
                 f64::from(cycles) * DT_S >= fastest_s - 1e-9,
-                "{way}: {cycles}"
+                "{distance}: {cycles}"
             );
         }
     }
 
     #[test]
-    fn a_moving_goal_is_caught_up_with_and_followed() {
+    fn a_moving_goal_is_reached_and_followed() {
         let (mut bench, mut last) = (bench(0.5, 2.0), [0.0; 2]);
         bench.set_real("goal_velocity", 0.2);
         bench.set_real("goal", 0.0).step();
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_speed_above_a_new_limit_comes_down_as_the_acceleration_allows() {
+    fn a_velocity_above_a_new_limit_decreases_as_the_acceleration_allows() {
         let (mut bench, mut last) = (bench(1.0, 2.0), [0.0; 2]);
         bench.set_real("goal", 0.0).step();
         bench.set_real("goal", 10.0);
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn it_begins_and_is_reset_where_it_is_told_to_be() {
+    fn starts_and_is_reset_at_the_given_position() {
         let mut bench = bench(0.5, 2.0);
         bench.set_real("reset_to", 0.7).set_real("goal", 1.0);
         assert_eq!(bench.step().real("position"), 0.7);

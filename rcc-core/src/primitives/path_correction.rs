@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_wished_the_offset_keeps_its_bound_and_its_velocity() {
+    fn the_offset_keeps_its_bound_and_its_velocity_for_any_request() {
         let (mut bench, mut seed, mut last) = (bench(0.02), 3_u64, [0.0; 3]);
         for cycle in 0..20_000 {
             if cycle % 37 == 0 {
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_is_lost_leaves_the_offset_where_it_comes_to_rest() {
+    fn after_loss_of_the_sensor_the_offset_comes_to_rest_and_stays() {
         let mut bench = bench(0.02);
         bench.set_reals("correction", &[0.01, 0.0, 0.0]);
         (0..100).for_each(|_| _ = bench.step());
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_is_added_in_the_axes_of_the_path() {
+    fn a_rotation_is_added_in_the_axes_of_the_path() {
         let mut bench = bench(0.02);
         bench.set_reals("rotation", &[0.0, 0.0, 0.05]);
         (0..3000).for_each(|_| _ = bench.step());

@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overflow_is_over_when_the_numbers_are_small_again() {
+    fn the_output_recovers_from_an_overflow() {
         let mut bench = bench(&PARAMETERS);
         bench
             .set_real("setpoint", 1.0)

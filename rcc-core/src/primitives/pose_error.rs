@@ -46,8 +46,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 
 fn step(frame: &mut Frame<'_>, [from, to, translation, turn]: [u32; 4]) {
     let poses = frame.known_pose(from).zip(frame.known_pose(to));
-    let way = poses.map(|(from, to)| vector::subtract(to.position, from.position));
+    let difference = poses.map(|(from, to)| vector::subtract(to.position, from.position));
     let angle = poses.map(|(from, to)| rotation::error(from.orientation, to.orientation));
-    frame.set_composite(translation, way);
+    frame.set_composite(translation, difference);
     frame.set_composite(turn, angle);
 }

@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_turn_goes_on_through_half_a_turn() {
+    fn the_nearest_turn_continues_beyond_180_degrees() {
         let beyond = nearest_turn([-3.0, 0.0, 0.0], [3.1, 0.0, 0.0]);
         assert!((beyond[0] - (TAU - 3.0)).abs() < 1e-12);
         assert_eq!(

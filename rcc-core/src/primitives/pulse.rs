@@ -64,9 +64,9 @@ fn step(frame: &mut Frame<'_>, [input, time, out, passed, last, age]: [u32; 6]) 
     let unknown = value & NULL_BOOL != 0;
     let (edge, dt_s) = ((value == 1) & (before == 0), frame.dt_s);
     let older = age_before.saturating_add(1);
-    let goes_on = (age_before > 0) & !reached(age_before, dt_s, time_s);
+    let continues = (age_before > 0) & !reached(age_before, dt_s, time_s);
     let begins = edge & !reached(0, dt_s, time_s) & !time_s.is_nan();
-    let count = choose(goes_on, older, i64::from(begins));
+    let count = choose(continues, older, i64::from(begins));
     let null = unknown | time_s.is_nan();
     let now = elapsed(count.saturating_sub(1).max(0), dt_s, time_s);
     frame.put_bool(last, choose(unknown, before, value))?;

@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn null_is_passed_on_and_remembered_over() {
+    fn null_gives_null_and_keeps_the_last_known_value() {
         let mut bench = PrimitiveHarness::new("RateLimit");
         bench.set_real("rate", 1.0).set_real("in", 1.0).step();
         assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());

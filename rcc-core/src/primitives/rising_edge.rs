@@ -87,7 +87,7 @@ mod tests {
         }
     }
     #[test]
-    fn an_initial_value_is_what_was_before_the_first_cycle() {
+    fn the_initial_value_counts_as_the_value_before_the_first_cycle() {
         let mut bench = PrimitiveHarness::new("RisingEdge");
         bench.start_bool(false).set_bool("in", Some(true));
         assert_eq!(bench.step().bool("out"), Some(true));

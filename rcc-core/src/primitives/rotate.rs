@@ -71,7 +71,7 @@ mod tests {
     const TURNED: [f64; 3] = [-1.2370849177621284, -0.35572341465086643, 3.513272229491274];
 
     #[test]
-    fn one_vector_or_both_are_turned() {
+    fn one_vector_or_both_are_rotated() {
         let mut bench = PrimitiveHarness::wide("Rotate", Some(Store::Real), 3);
         bench
             .set_reals("rotation", &TURN)

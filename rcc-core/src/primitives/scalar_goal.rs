@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn begins_at_its_initial_or_at_the_first_goal() {
+    fn starts_at_its_initial_position_or_at_the_first_goal() {
         let mut first = bench();
         assert!(first.step().real("position").is_nan());
         assert_eq!(first.bool("done"), None);
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn null_goal_speed_or_stop_brake_and_what_is_known_again_goes_on() {
+    fn a_null_goal_speed_or_stop_brakes_and_a_known_one_continues() {
         for (port, known) in [("goal", 1.0), ("speed", 1.0), ("stop", 0.0)] {
             let mut bench = bench();
             bench.set_real("initial", 0.0).set_real("goal", 1.0);

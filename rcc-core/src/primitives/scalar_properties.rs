@@ -171,7 +171,7 @@ fn number(bench: &PrimitiveHarness, port: &Port, store: Store) -> f64 {
 }
 
 #[test]
-fn what_comes_out_is_finite_or_null_and_in_its_range() {
+fn every_output_is_finite_or_null_and_in_its_range() {
     assert!(scalars().len() > 70);
     for (entry, open) in scalars() {
         let (mut bench, mut random) = (bench((entry, open)), Random(7));
@@ -205,7 +205,7 @@ fn what_comes_out_is_finite_or_null_and_in_its_range() {
 }
 
 #[test]
-fn nothing_that_went_in_stays_for_ever() {
+fn no_input_has_a_permanent_effect() {
     for (entry, open) in scalars() {
         let (mut bench, mut fresh, mut random) =
             (bench((entry, open)), bench((entry, open)), Random(11));

@@ -158,7 +158,7 @@ mod tests {
     use crate::testing::PrimitiveHarness;
 
     #[test]
-    fn only_the_chosen_value_matters() {
+    fn only_the_selected_value_matters() {
         let mut bench = PrimitiveHarness::wide("Select", Some(Store::Real), 3);
         bench.set_reals("yes", &[1.0, 2.0, 3.0]);
         assert_eq!(
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_are_chosen_whole() {
+    fn arrays_are_selected_as_a_whole() {
         let mut bench = PrimitiveHarness::wide("Select", Some(Store::Bool), 2);
         bench
             .set_bool("condition", Some(false))

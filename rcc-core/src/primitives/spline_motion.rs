@@ -10,18 +10,18 @@ use crate::primitive::{
     CatalogueEntry, Dim, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each,
 };
 
-use super::along::{self, PORTS};
+use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SplineMotion",
         summary: "A jerk-limited smooth curve of the flange through poses, with a soft stop on the path.",
-        null: along::NULL,
+        null: path_motion::NULL,
         null_rule: NullRule::Known,
         formula: "natural spline of degree 5 (de Boor, A Practical Guide to Splines, XIII) over chord length, followed by arc length; orientation in modified Rodrigues parameters",
-        inputs: along::INPUTS,
-        outputs: along::OUTPUTS,
+        inputs: path_motion::INPUTS,
+        outputs: path_motion::OUTPUTS,
         parameters: &[
             Parameter::arm(),
             Parameter::new(
@@ -29,16 +29,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 ParameterKind::Poses(Dim::Var(0)),
                 "poses of the flange in the arm's base through which the curve passes, up to 128; the last one is the end",
             ),
-            along::FLANGE[0],
-            along::FLANGE[1],
-            along::FLANGE[2],
-            along::FLANGE[3],
-            along::FLANGE[4],
-            along::FLANGE[5],
-            along::SCALE,
-            along::TIME_OPTIMAL,
-            along::ARM_ANGLE,
-            along::ELBOW,
+            path_motion::FLANGE[0],
+            path_motion::FLANGE[1],
+            path_motion::FLANGE[2],
+            path_motion::FLANGE[3],
+            path_motion::FLANGE[4],
+            path_motion::FLANGE[5],
+            path_motion::SCALE,
+            path_motion::TIME_OPTIMAL,
+            path_motion::ARM_ANGLE,
+            path_motion::ELBOW,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -85,7 +85,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let leg = Leg {
         line: MotionLimits::of([v, a, j].map(number)),
         turn: MotionLimits::of([w, wa, wj].map(number)),
-        elbow: along::elbow(preparation, [arm_angle, elbow]),
+        elbow: path_motion::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
         ..Leg::new(PathSegment::Spline { through })
     };
@@ -93,7 +93,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        pace: along::pace(preparation, fastest),
+        pace: path_motion::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
@@ -101,6 +101,6 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
 fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
     if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
-        along::step(frame, *ports, *motion, *width);
+        path_motion::step(frame, *ports, *motion, *width);
     }
 }

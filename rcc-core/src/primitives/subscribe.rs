@@ -17,7 +17,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         summary: "A value that another net publishes, as of the previous cycle.",
         null: "null while no running net publishes it, unless an initial value is given and nothing has been published yet; a published null is null, and an old value expires to null",
         null_rule: NullRule::Known,
-        undefined: "no running net publishes it, null is published, or what was published has expired",
+        undefined: "no running net publishes it, null is published, or the value has expired",
         outputs: &[
             Port::new(
                 "value",

@@ -69,18 +69,18 @@ fn step(frame: &mut Frame<'_>, [input, out, constant]: [u32; 3]) -> Option<()> {
     let value = frame.get_real(input)?;
     let ramp = (1.0 - frame.get_real(constant)?) / 2.0;
     // The second half mirrors the first one.
-    let (turned, t) = if value > 0.5 {
+    let (mirrored, t) = if value > 0.5 {
         (true, 1.0 - value)
     } else {
         (false, value)
     };
     let t = if t > 0.0 { t } else { 0.0 };
     let speed = 1.0 / (1.0 - ramp);
-    let way = if t < ramp {
+    let eased = if t < ramp {
         speed * t * t / (2.0 * ramp)
     } else {
         speed * (t - ramp / 2.0)
     };
-    let progress = if turned { 1.0 - way } else { way };
+    let progress = if mirrored { 1.0 - eased } else { eased };
     frame.put_real(out, real_unless(value.is_nan(), progress))
 }

@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Wrap",
         summary: "An angle wrapped into one turn, above -180° up to 180°.",
         undefined: "overflow: an infinite angle",
-        formula: "out = in - 2π · n with the whole number n that brings it into (-π, π]; exact up to the rounding of 2π \
+        formula: "out = in - 2π · n with the integer n that brings it into (-π, π]; exact up to the rounding of 2π \
                   (error below |in| · 2^-53)",
         examples: &[Example::new(
             "the direction stays",

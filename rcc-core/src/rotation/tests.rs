@@ -128,7 +128,7 @@ fn opposite_directions_have_no_shortest_turn_and_nearly_opposite_ones_have() {
 }
 
 #[test]
-fn what_is_no_rotation_matrix_has_no_rotation() {
+fn an_invalid_rotation_matrix_has_no_rotation() {
     let mirror = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]];
     let stretched = [[1.01, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for matrix in [
@@ -146,7 +146,7 @@ fn what_is_no_rotation_matrix_has_no_rotation() {
 }
 
 #[test]
-fn half_a_turn_has_one_rotation_vector_whatever_the_sign() {
+fn a_rotation_by_180_degrees_has_one_rotation_vector_whatever_the_sign() {
     for [x, y, z] in [
         [1.0, 0.0, 0.0],
         [0.0, 1.0, 0.0],
@@ -189,7 +189,7 @@ fn the_curve_leaves_and_arrives_with_the_velocities_of_its_control_rotations() {
 }
 
 #[test]
-fn a_quaternion_without_direction_is_none() {
+fn a_quaternion_that_cannot_be_normalized_is_none() {
     for q in [
         [0.0; 4],
         [f64::NAN, 0.0, 0.0, 1.0],
@@ -227,7 +227,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_taken_apart_can_be_put_together(q in any_rotation()) {
+    fn split_and_make_are_inverse(q in any_rotation()) {
         prop_assert!(apart(exp(log(q)), q) < 1e-14);
         prop_assert!(apart(from_rpy(to_rpy(q)), q) < 1e-14);
         prop_assert!(apart(from_matrix(&to_matrix(q)).unwrap(), q) < 1e-14);
@@ -258,7 +258,7 @@ proptest! {
     }
 
     #[test]
-    fn the_way_between_is_even(a in any_rotation(), b in any_rotation(), s in -1.0..2.0f64) {
+    fn interpolation_is_uniform(a in any_rotation(), b in any_rotation(), s in -1.0..2.0f64) {
         prop_assume!(apart(a, b) < 3.1);
         let way = slerp(a, b, s).unwrap();
         prop_assert!(far(error(a, way), vector::scale(error(a, b), s)) < 1e-13 || (s * apart(a, b)).abs() > 3.1);

@@ -13,7 +13,7 @@ use rcc_config::{CellConfig, DeviceConfig};
 use rcc_drivers::driver::DriverError;
 use rcc_drivers::drivers;
 use rcc_drivers::host::Host;
-use rcc_drivers::priority::rise;
+use rcc_drivers::priority::set_realtime_priority;
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventKind;
 use rcc_process::{CellArguments, ExitError, Notifier, Stop, exit, helpers};
@@ -56,7 +56,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
     })?;
     let cell = Cell::new(&options.cell.cell)?;
     let mut host = Host::join(&cell, (&config, device), (driver, row.reasons))?;
-    let pulse = host.health();
+    let health = host.health();
     let helpers = host.helpers().clone();
     let recorder = host.recorder().clone();
     let mut hangs = helpers.watch(move |hang| {
@@ -68,7 +68,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
         });
     });
     // READY is sent once the host runs, when all threads exist.
-    let supervisor = Notifier::start(&helpers, move || hangs.check(pulse.look()))?;
+    let supervisor = Notifier::start(&helpers, move || hangs.check(health.report()))?;
     let failed = helpers.clone();
     helpers::thread("signals", move || {
         signals.wait();
@@ -80,7 +80,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
     })?;
     // After the helper threads have been started, since they would inherit the priority.
     if let Some(priority) = options.priority {
-        rise(priority);
+        set_realtime_priority(priority);
     }
     host.run(&STOP);
     helpers.conclude()

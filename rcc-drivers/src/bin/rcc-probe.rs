@@ -40,7 +40,10 @@ fn main() -> ExitCode {
 fn run(options: &Options) -> Result<(), ExitError> {
     let config = options.cell.load()?;
     let (_, device) = config.device(&options.device).ok_or_else(|| {
-        ExitError::configuration(&format!("there is no device '{}'", options.device))
+        ExitError::configuration(&format!(
+            "device `{}` not found in the configuration",
+            options.device
+        ))
     })?;
     let told = match drivers::find(device)
         .and_then(|row| (row.open)(device).map(|driver| (row, driver)))

@@ -128,11 +128,11 @@ fn record<S: Subject>() -> Option<Recording> {
     let mut packets = Vec::new();
     let mut seen = Vec::new();
     for _ in 0..PATIENCE {
-        subject.before();
+        subject.before_receive();
         path.step();
         let inputs = exchange(&mut driver);
         packets.extend(path.take_recording());
-        subject.after();
+        subject.after_exchange();
         match inputs {
             Some(inputs) => seen.push(inputs),
             None if packets.is_empty() => {}

@@ -115,7 +115,7 @@ impl<S: Subject> DriverBench<S> {
     pub fn step(&mut self, executor: ExecutorAction) {
         let pumped = S::TRANSPORT == Transport::UdpFromDevice;
         self.now_ns += MS;
-        self.subject.before();
+        self.subject.before_receive();
         self.path.step();
         let timeout = if pumped {
             Duration::from_millis(1)
@@ -134,14 +134,14 @@ impl<S: Subject> DriverBench<S> {
                 self.check(&exchange);
                 let outputs = self.session.exchange(self.now_ns, &self.inputs, &exchange);
                 if let Err(error) = self.driver.send(&outputs) {
-                    self.silence(error);
+                    self.report_link_error(error);
                     self.last = Err(error);
                 }
             }
-            Err(error) => self.silence(error),
+            Err(error) => self.report_link_error(error),
         }
-        self.hear();
-        self.subject.after();
+        self.check_answers();
+        self.subject.after_exchange();
     }
 
     /// Steps until `done` returns true, at most [`PATIENCE`] times.
@@ -190,12 +190,12 @@ impl<S: Subject> DriverBench<S> {
 
     /// Returns true if the device has received the outputs of [`DriverBench::all_on`] or, if not `on`, those of their
     /// release.
-    pub fn told_as(&mut self, on: bool) -> bool {
-        let told = self.subject.told();
-        outputs_are(&self.device, &told, on)
+    pub fn outputs_are_as(&mut self, on: bool) -> bool {
+        let outputs = self.subject.outputs();
+        outputs_are(&self.device, &outputs, on)
     }
 
-    fn silence(&mut self, error: LinkError) {
+    fn report_link_error(&mut self, error: LinkError) {
         let lost = match error {
             LinkError::Silent => None,
             LinkError::Lost { reason } => {
@@ -203,7 +203,7 @@ impl<S: Subject> DriverBench<S> {
                 Some(reason)
             }
         };
-        self.session.silence(self.now_ns, lost);
+        self.session.handle_link_error(self.now_ns, lost);
     }
 
     fn is_known(&self, reason: u32) -> bool {
@@ -245,7 +245,7 @@ impl<S: Subject> DriverBench<S> {
     }
 
     /// Checks the set-points that the driver has sent.
-    fn hear(&mut self) {
+    fn check_answers(&mut self) {
         for packet in self.path.answers() {
             match self.subject.followed(&packet) {
                 Some(position) => {
@@ -288,7 +288,7 @@ fn analog_on(range: Option<[f64; 2]>) -> f64 {
 }
 
 /// Returns true if the outputs are those of [`all_on`] or, if not `on`, those of their release afterwards.
-pub fn outputs_are(device: &DeviceConfig, told: &ObservedOutputs, on: bool) -> bool {
+pub fn outputs_are(device: &DeviceConfig, outputs: &ObservedOutputs, on: bool) -> bool {
     let entry = all_on(device, 1);
     let digital = device.channels_of(ChannelKind::DigitalOutput).zip(0..);
     let digital = digital.into_iter().all(|(channel, bit)| {
@@ -296,7 +296,7 @@ pub fn outputs_are(device: &DeviceConfig, told: &ObservedOutputs, on: bool) -> b
             Some(OnRelease::Safe(value)) if !on => value != 0.0,
             _ => entry.digital >> bit & 1 == 1,
         };
-        (told.digital >> bit & 1 == 1) == wanted
+        (outputs.digital >> bit & 1 == 1) == wanted
     });
     let mut analog = device
         .channels_of(ChannelKind::AnalogOutput)
@@ -307,6 +307,6 @@ pub fn outputs_are(device: &DeviceConfig, told: &ObservedOutputs, on: bool) -> b
                 Some(OnRelease::Safe(value)) if !on => value,
                 _ => entry.analog[index],
             };
-            (told.analog[index] - wanted).abs() <= 0.5 * channel.scale.abs().min(1e-3)
+            (outputs.analog[index] - wanted).abs() <= 0.5 * channel.scale.abs().min(1e-3)
         })
 }

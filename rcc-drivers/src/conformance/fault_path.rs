@@ -25,7 +25,7 @@ impl FaultPath {
                 let driver = free_udp();
                 let proxy = UdpProxy::new(driver, FaultRates::NONE, seed).expect("loopback");
                 proxy.take_recording();
-                subject.aim(proxy.address());
+                subject.set_driver_address(proxy.address());
                 (Self::Pumped(proxy), driver)
             }
             Transport::UdpFromDriver => {

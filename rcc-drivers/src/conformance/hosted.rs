@@ -193,7 +193,7 @@ pub struct HostedDriver<S: Subject> {
     path: FaultPath,
     steps: u64,
     /// Time at which the device's last packet was sent.
-    spoke: Instant,
+    last_sent: Instant,
 }
 
 impl<S: Subject> HostedDriver<S> {
@@ -212,7 +212,7 @@ impl<S: Subject> HostedDriver<S> {
             followed: Vec::new(),
             path,
             steps: 0,
-            spoke: Instant::now(),
+            last_sent: Instant::now(),
         };
         hosted.until_ready();
         hosted.followed.clear();
@@ -247,11 +247,11 @@ impl<S: Subject> HostedDriver<S> {
         if let Some(entry) = entry {
             self.cell.write(entry);
         }
-        self.subject.before();
+        self.subject.before_receive();
         self.path.step();
         // If the test itself was delayed, the device has been silent meanwhile: the arm is no longer followed and has
         // come to rest by itself.
-        let silent = std::mem::replace(&mut self.spoke, Instant::now()).elapsed();
+        let silent = std::mem::replace(&mut self.last_sent, Instant::now()).elapsed();
         if silent > Duration::from_nanos(self.cell.device.command_timeout_ns) / 2 {
             self.checker.forget();
         }
@@ -274,7 +274,7 @@ impl<S: Subject> HostedDriver<S> {
                 None => self.checker.forget(),
             }
         }
-        self.subject.after();
+        self.subject.after_exchange();
         thread::sleep(CYCLE.saturating_sub(begin.elapsed()));
     }
 

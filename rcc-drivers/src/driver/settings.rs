@@ -52,9 +52,7 @@ impl<'a> Settings<'a> {
             expected,
         };
         match (found, default) {
-            (Some(value), _) => {
-                read(value).ok_or_else(|| fault(format!("{value} is of another form")))
-            }
+            (Some(value), _) => read(value).ok_or_else(|| fault(format!("invalid value {value}"))),
             (None, Some(default)) => Ok(default),
             (None, None) => Err(fault("is missing".to_owned())),
         }

@@ -44,7 +44,7 @@ pub const POSE: u32 = 106;
 pub const REASONS: &[Reason] = &[
     (
         MONITORING,
-        "the controller monitors: its KRL program has not begun command mode (friStart)",
+        "the controller is in monitor state: its KRL program has not started command mode (friStart)",
     ),
     (
         DRIVES_OFF,
@@ -56,14 +56,14 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         STRATEGY,
-        "the controller runs a control strategy that this device has not: set $STIFFNESS.STRATEGY to 10 (position), or to 20 \
+        "the controller runs a control strategy that this device does not support: set $STIFFNESS.STRATEGY to 10 (position), or to 20 \
          or 30 (Cartesian or joint impedance), which need `impedance:` in the robot's file",
     ),
     (ENTERING, "command mode has just begun"),
     (SOCKET, "the network socket failed; see the driver's log"),
     (
         POSE,
-        "the controller's commanded Cartesian pose is no pose: check $TOOL and $BASE in its KRL program",
+        "the controller's commanded Cartesian pose is not a valid pose: check $TOOL and $BASE in its KRL program",
     ),
 ];
 

@@ -24,7 +24,7 @@ pub const RELEASED: u32 = 100;
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[(
     RELEASED,
-    "the driver has let the arm go: it ends; start it again",
+    "the driver has released the arm and is ending: start it again",
 )];
 
 /// The driver and the state of its arm.
@@ -54,7 +54,7 @@ impl Driver for IdealArm {
         let Some(robot) = &device.robot else {
             return Err(DriverError::Robot {
                 device: device.name.clone(),
-                cause: "ideal-arm needs one: `robot: ../robots/lwr4plus.yaml`",
+                cause: "ideal-arm needs a robot: write for example `robot: ../robots/lwr4plus.yaml`",
             });
         };
         let mut settings = Settings::of(device);
@@ -181,7 +181,10 @@ fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<IdealChannel>,
         })?;
         let other = found.iter().find(|other| other.address == address);
         if let Some(other) = other.filter(|_| is_output) {
-            let cause = format!("'{}' has number {address}, too", other.config.name);
+            let cause = format!(
+                "number {address} is already used by '{}'",
+                other.config.name
+            );
             return Err(channel_error(device, channel, cause, expected));
         }
         found.push(IdealChannel {

@@ -75,7 +75,7 @@ impl Driver for Modbus {
         if device.robot.is_some() {
             return Err(DriverError::Robot {
                 device: device.name.clone(),
-                cause: "Modbus moves no robot: leave it out, or name another driver",
+                cause: "Modbus does not support robots: remove `robot`, or choose another driver",
             });
         }
         let points = Points::new(device, &settings.servers)?;

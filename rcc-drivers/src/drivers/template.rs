@@ -32,7 +32,7 @@ pub const SOCKET: u32 = 100;
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[(
     SOCKET,
-    "the I/O box is not reached at settings.box: is it on?",
+    "the I/O box cannot be reached at settings.box: check its power and the cable",
 )];
 
 /// Longest line, bytes.
@@ -60,7 +60,7 @@ pub struct LineIo {
     /// Values of the outputs without a command.
     released: Outputs,
     /// Time of the last answer; after `silence_max` without one, the driver sends the released outputs itself.
-    heard: Instant,
+    last_answer: Instant,
     silence_max: Duration,
     /// Number of the next `get`.
     number: u64,
@@ -79,7 +79,7 @@ impl Driver for LineIo {
         if device.robot.is_some() {
             return Err(DriverError::Robot {
                 device: device.name.clone(),
-                cause: "the I/O box moves no robot: leave it out, or name another driver",
+                cause: "the I/O box does not support robots: remove `robot`, or choose another driver",
             });
         }
         let system = |source| DriverError::System {
@@ -102,7 +102,7 @@ impl Driver for LineIo {
             ],
             next: Instant::now(),
             released: *OutputRelease::new(device).values(),
-            heard: Instant::now(),
+            last_answer: Instant::now(),
             silence_max: Duration::from_nanos(device.command_timeout_ns).max(5 * period),
             number: 0,
             late: 0,
@@ -119,20 +119,20 @@ impl Driver for LineIo {
             return Err(LinkError::Silent);
         }
         let ticks = self.schedule();
-        self.say(&format!("get {}", self.number))?;
+        self.send_line(&format!("get {}", self.number))?;
         self.number += 1;
-        let read = self.hear()?;
+        let read = self.receive_answer()?;
         let Some(read) = read.and_then(|values| self.inputs(&values)) else {
             self.late += 1;
             // The box may receive our lines although its answers are lost: the host does not answer a silent device, so
             // the safe values are sent here.
-            if self.heard.elapsed() > self.silence_max {
+            if self.last_answer.elapsed() > self.silence_max {
                 let released = self.released;
                 self.send(&released)?;
             }
             return Err(LinkError::Silent);
         };
-        self.heard = Instant::now();
+        self.last_answer = Instant::now();
         *inputs = read;
         Ok(Exchange {
             strategy: ControlMode::Position,
@@ -162,7 +162,7 @@ impl Driver for LineIo {
                 push(&mut line, 'a', point.number, to_raw(&point.config, value));
             }
         }
-        self.say(&line)
+        self.send_line(&line)
     }
 
     // 6. Plain I/O has no command mode to leave.
@@ -179,7 +179,7 @@ impl LineIo {
         u64::from(skipped) + 1
     }
 
-    fn say(&self, line: &str) -> Result<(), LinkError> {
+    fn send_line(&self, line: &str) -> Result<(), LinkError> {
         match self.socket.send(seal(line).as_bytes()) {
             Ok(_) => Ok(()),
             Err(error) => Err(lost(&error)),
@@ -188,7 +188,7 @@ impl LineIo {
 
     /// Returns the values of the answer to the last request, or `None` if it did not arrive. All other lines are
     /// refused.
-    fn hear(&mut self) -> Result<Option<BTreeMap<String, f64>>, LinkError> {
+    fn receive_answer(&mut self) -> Result<Option<BTreeMap<String, f64>>, LinkError> {
         let deadline = Instant::now() + self.timeout;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -196,11 +196,11 @@ impl LineIo {
                 return Ok(None);
             }
             let mut bytes = [0; LINE_MAX];
-            let heard = self
+            let received = self
                 .socket
                 .set_read_timeout(Some(left))
                 .and_then(|()| self.socket.recv(&mut bytes));
-            match heard {
+            match received {
                 Ok(size) => match self.answer(bytes.get(..size).unwrap_or_default()) {
                     Some(values) => return Ok(Some(values)),
                     None => self.refused += 1,
@@ -247,7 +247,7 @@ fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<LineChannel>, 
             channel_error(device, channel, cause, expected)
         })?;
         if let Some(other) = found.iter().find(|other| other.number == number) {
-            let cause = format!("'{}' has number {number}, too", other.config.name);
+            let cause = format!("number {number} is already used by '{}'", other.config.name);
             return Err(channel_error(device, channel, cause, expected));
         }
         found.push(LineChannel {

@@ -46,7 +46,7 @@ pub mod flags {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum WireError {
     /// The number of bytes is wrong.
-    #[error("{datagram}: {have} bytes came, {want} are expected; is the peer another FRI version?")]
+    #[error("{datagram}: received {have} bytes, expected {want}; check the peer's FRI version")]
     Size {
         /// Name of the expected datagram.
         datagram: &'static str,
@@ -57,7 +57,7 @@ pub enum WireError {
     },
     /// `datagramId` belongs to another datagram or another version of the layout.
     #[error(
-        "{datagram}: identity {have:#06x} came, {want:#06x} is expected; is the peer another FRI version?"
+        "{datagram}: received identity {have:#06x}, expected {want:#06x}; check the peer's FRI version"
     )]
     Identity {
         /// Name of the expected datagram.
@@ -68,7 +68,7 @@ pub enum WireError {
         have: u16,
     },
     /// The field `packetSize` contradicts the datagram's size.
-    #[error("{datagram}: the field packetSize says {have}, {want} is expected")]
+    #[error("{datagram}: the field packetSize is {have}, expected {want}")]
     PacketSize {
         /// Name of the expected datagram.
         datagram: &'static str,
@@ -78,7 +78,7 @@ pub enum WireError {
         have: u16,
     },
     /// An enumeration field has an undefined value.
-    #[error("field {field}: the value {value} has no meaning in FRI 1.0")]
+    #[error("field {field}: the value {value} is not defined in FRI 1.0")]
     UnknownValue {
         /// Name of the field in the layout.
         field: &'static str,

@@ -132,13 +132,13 @@ impl DeviceSession {
 
     /// Processes a failed exchange: the device goes offline at once if `lost` holds a reason, otherwise after a while.
     /// Returns true if the measurement has changed.
-    pub fn silence(&mut self, now_ns: u64, lost: Option<u32>) -> bool {
+    pub fn handle_link_error(&mut self, now_ns: u64, lost: Option<u32>) -> bool {
         let silent = now_ns.saturating_sub(self.last_exchange_ns) > self.offline_after_ns;
         if lost.is_none() && !silent {
             return false;
         }
         self.commandable = false;
-        self.player.lose();
+        self.player.handle_loss();
         self.measurement.state = DeviceState::Offline as u32;
         self.measurement.reason = lost.unwrap_or(reason::SILENT);
         self.measurement.quality_permille = 0;

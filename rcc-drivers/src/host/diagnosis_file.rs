@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn the_history_has_an_end_and_going_offline_is_counted_once() {
+    fn the_history_is_bounded_and_going_offline_is_counted_once() {
         let mut writer = writer();
         turn(&writer, DeviceState::Ready, 1000, 0);
         for _ in 0..2 * SECONDS_MAX {

@@ -118,7 +118,7 @@ impl WatchState {
             match liveness {
                 Liveness::Alive => {}
                 Liveness::Dead => {
-                    tracing::info!("the executor has gone");
+                    tracing::info!("the executor is gone");
                     (self.followed, self.incompatible) = (None, None);
                     self.event_sender
                         .send(ExecutorEvent::Gone)
@@ -138,7 +138,7 @@ impl WatchState {
         // One check per executor process is enough: neither process reads its configuration again or changes its build.
         if let Some(why) = ProcessMismatch::about_device(&self.own, &executor, &self.own.label) {
             let (pid, remedy) = (executor.pid, why.remedy());
-            tracing::warn!("takes no set-point from the executor (pid {pid}): {why}; {remedy}");
+            tracing::warn!("ignores the set-points of the executor (pid {pid}): {why}; {remedy}");
             self.recorder.tell(why.event(&executor));
             (self.followed, self.incompatible) = (None, Some(executor));
             return self
@@ -197,7 +197,7 @@ impl WatchState {
             return;
         };
         tracing::warn!(
-            "whether the executor lives is not known ({why}); looked at again; {others} more such looks"
+            "cannot determine whether the executor is alive ({why}); checking again; {others} similar messages suppressed"
         );
         self.recorder.tell(EventKind::LifeUnknown {
             process: "executor".to_owned(),

@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_net_begins_and_ends_within_the_rate_and_is_told_exactly_in_between() {
+    fn a_net_starts_and_ends_within_the_rate_and_is_sent_exactly_in_between() {
         let (mut impedance_ramp, soft) = (holding(), soft());
         let mut last = LIMITS.default_hold(CARTESIAN, 7);
         let mut step = |asked: Option<(u64, &Impedance)>| {
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn the_net_of_another_owner_begins_anew() {
+    fn a_net_of_another_owner_starts_a_new_ramp() {
         let (mut impedance_ramp, soft) = (holding(), soft());
         (0..300).for_each(|_| {
             impedance_ramp.next(CARTESIAN, Some((1, &soft)), DT_S);
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_left_command_mode_is_held_as_before() {
+    fn a_device_that_left_command_mode_has_the_default_impedance() {
         let (mut impedance_ramp, soft) = (holding(), soft());
         (0..300).for_each(|_| {
             impedance_ramp.next(CARTESIAN, Some((1, &soft)), DT_S);

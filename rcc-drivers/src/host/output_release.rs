@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn before_anybody_commands_outputs_are_safe_or_left_alone() {
+    fn before_the_first_command_outputs_are_safe_or_unset() {
         let release = release();
         let values = release.values();
         assert_eq!((values.digital, values.digital_set), (0, 0b01));
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_released_channel_goes_to_its_safe_value_or_keeps_what_it_has() {
+    fn a_released_channel_takes_its_safe_value_or_keeps_its_value() {
         let mut release = release();
         let values = *release.apply(&commanded());
         assert_eq!((values.digital, values.digital_set), (0b11, 0b11));

@@ -16,17 +16,17 @@ reasons! {
     NO_EXECUTOR = 1, "no executor commands this device, or its board is stale";
     SILENT = 2, "the device sends nothing";
     DEVICE_STOPPED = 3, "the device left command mode while a net commanded it";
-    NOT_STARTABLE = 4, "a net began to command the device when it could not be commanded";
-    FIRST_SET_POINT = 5, "the first set-point of the net is not where the device is held";
-    LIMIT = 6, "a set-point breaks a limit of the robot";
-    STARVED = 7, "set-points stopped coming while the device moved";
+    NOT_STARTABLE = 4, "a net started commanding the device while it was not startable";
+    FIRST_SET_POINT = 5, "the first set-point of the net is not at the hold position of the device";
+    LIMIT = 6, "a set-point violates a limit of the robot";
+    STARVED = 7, "no more set-points arrived while the device moved";
     RELEASED_MOVING = 8, "the net stopped commanding the device while it moved";
     STALE = 9, "the executor stopped writing while the device was commanded";
     EXECUTOR_CHANGED = 10, "another executor took over while the device was commanded";
     SET_POINTS_LOST = 11, "the device fell behind the set-points by more than command_timeout";
     TERMINATING = 12, "the driver has been asked to stop";
-    ALREADY_COMMANDED = 13, "a net commanded the device already when the driver came";
-    ANALOG_RANGE = 14, "an analog output was commanded outside of its range and is released";
+    ALREADY_COMMANDED = 13, "a net was already commanding the device when the driver started";
+    ANALOG_RANGE = 14, "an analog output was commanded outside its range and has been released";
     STRATEGY = 15, "the net commands another control strategy than the device runs";
     OTHER_CONFIGURATION = 16, "the executor is of another build, or was started with another configuration of this device: restart the cell";
 }

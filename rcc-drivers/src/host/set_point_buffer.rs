@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn keeps_as_many_as_a_driver_may_sleep_through() {
+    fn buffers_as_many_as_a_driver_may_fall_behind() {
         let mut buffer = SetPointBuffer::default();
         for sequence in [5, 14, 240, 250, 400] {
             buffer.update(&image(1, sequence));
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_without_gap_before_the_newest_is_forgotten() {
+    fn set_points_before_a_gap_are_dropped() {
         let mut buffer = SetPointBuffer::default();
         buffer.update(&image(1, 16));
         assert_eq!(buffer.update(&image(1, 273)), BufferUpdate::Continued);
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_point_that_is_not_there_is_a_gap() {
+    fn a_missing_set_point_is_a_gap() {
         let mut buffer = SetPointBuffer::default();
         let mut image = image(1, 20);
         image.set_points[12].logical_ns = 0;
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn another_executor_begins_anew() {
+    fn another_executor_clears_the_buffer() {
         let mut buffer = SetPointBuffer::default();
         assert_eq!(buffer.update(&image(1, 40)), BufferUpdate::NewExecutor);
         assert_eq!(buffer.update(&image(1, 40)), BufferUpdate::None);
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_no_executor_writes_are_not_counted_with() {
+    fn an_image_with_impossible_numbers_is_ignored() {
         let mut buffer = SetPointBuffer::default();
         buffer.update(&image(1, 20));
         let before = buffered(&buffer);
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_that_nobody_has_written_says_nothing() {
+    fn an_unwritten_board_is_ignored() {
         let mut buffer = SetPointBuffer::default();
         let mut unwritten = image(1, 3);
         unwritten.head.magic = 0;

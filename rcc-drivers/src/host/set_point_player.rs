@@ -280,7 +280,7 @@ impl SetPointPlayer {
     }
 
     /// Handles the loss of the device: its position is no longer known.
-    pub fn lose(&mut self) {
+    pub fn handle_loss(&mut self) {
         self.position_known = false;
         self.commandable = false;
         self.startable = false;

@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_set_point_that_was_computed_from_this_exchange_is_here() {
+    fn only_a_set_point_computed_from_this_exchange_is_current() {
         let look = |seen| SetPointStatus::of(&head(seen), 7, 10 * MS + 100, MS);
         assert_eq!(
             [6, 7, 8].map(look),
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_an_executor_that_stopped_or_is_slower_than_the_device() {
+    fn does_not_wait_for_an_executor_that_stopped_or_is_slower_than_the_device() {
         assert_eq!(
             SetPointStatus::of(&head(6), 7, 14 * MS, MS),
             SetPointStatus::Unavailable
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn waits_until_it_is_here_and_no_longer_than_a_part_of_the_period() {
+    fn waits_until_it_is_current_and_no_longer_than_a_part_of_the_period() {
         let mut answer = SetPointWait::after(200_000);
         let mut looks = 0;
         let found = answer.wait(monotonic_ns(), 1_000 * MS, |_| {

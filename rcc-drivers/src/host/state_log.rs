@@ -173,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quality_is_told_when_it_is_clearly_another_grade() {
+    fn quality_is_logged_when_its_grade_has_clearly_changed() {
         for (was, now, told) in [
             (1000, 960, false),
             (1000, 940, true),
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_set_point_is_told_with_joint_value_limit_and_unit() {
+    fn a_refused_set_point_is_logged_with_joint_value_limit_and_unit() {
         let violation = Violation {
             kind: rcc_core::guard::ViolationKind::Velocity,
             joint: 3,

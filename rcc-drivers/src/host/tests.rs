@@ -17,7 +17,7 @@ use crate::driver::{DriverError, Exchange, Outputs};
 
 /// A device with one output and a period of 1 ms; it is absent while `absent` is set.
 struct FakeDevice {
-    told: Arc<Mutex<Outputs>>,
+    outputs: Arc<Mutex<Outputs>>,
     absent: Arc<AtomicBool>,
 }
 
@@ -46,7 +46,7 @@ impl Driver for FakeDevice {
     }
 
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
-        *self.told.lock().expect("no panic") = *outputs;
+        *self.outputs.lock().expect("no panic") = *outputs;
         Ok(())
     }
 
@@ -56,7 +56,7 @@ impl Driver for FakeDevice {
 /// A host with that device in a cell of its own.
 struct HostFixture {
     cell: TestCell,
-    told: Arc<Mutex<Outputs>>,
+    outputs: Arc<Mutex<Outputs>>,
     absent: Arc<AtomicBool>,
 }
 
@@ -67,7 +67,7 @@ impl HostFixture {
         let device = conformance::device("none", serde_json::json!({}), &[output]);
         let mut fixture = Self {
             cell: TestCell::new(&device),
-            told: Arc::new(Mutex::new(Outputs::NONE)),
+            outputs: Arc::new(Mutex::new(Outputs::NONE)),
             absent: Arc::default(),
         };
         let driver = fixture.driver();
@@ -77,7 +77,7 @@ impl HostFixture {
 
     fn driver(&self) -> Box<FakeDevice> {
         Box::new(FakeDevice {
-            told: Arc::clone(&self.told),
+            outputs: Arc::clone(&self.outputs),
             absent: Arc::clone(&self.absent),
         })
     }
@@ -96,9 +96,9 @@ impl HostFixture {
         let begin = Instant::now();
         loop {
             each(self);
-            let told = *self.told.lock().expect("no panic");
+            let outputs = *self.outputs.lock().expect("no panic");
             let measured = self.cell.measured();
-            if done(&told, &measured) {
+            if done(&outputs, &measured) {
                 return;
             }
             let state = DeviceState::from_number(measured.state).name();
@@ -126,21 +126,23 @@ fn a_device_is_online_without_and_ready_with_an_executor() {
 }
 
 #[test]
-fn outputs_are_passed_on_told_of_and_released_when_the_executor_stops_writing() {
+fn outputs_are_sent_published_and_released_when_the_executor_stops_writing() {
     let mut fixture = HostFixture::new();
     fixture.cell.start_executor();
     fixture.until(
         |fixture| fixture.command(Some(true)),
-        |told, measured| {
+        |outputs, measured| {
             let tells = (measured.digital_out, measured.digital_out_known);
-            (told.digital, told.digital_set) == (1, 1) && tells == (1, 1)
+            (outputs.digital, outputs.digital_set) == (1, 1) && tells == (1, 1)
         },
     );
     fixture.until(
         |_| {},
-        |told, measured| {
+        |outputs, measured| {
             let tells = (measured.digital_out, measured.digital_out_known);
-            (told.digital, told.digital_set) == (0, 1) && tells == (0, 1) && measured.executor == 0
+            (outputs.digital, outputs.digital_set) == (0, 1)
+                && tells == (0, 1)
+                && measured.executor == 0
         },
     );
 }
@@ -165,23 +167,23 @@ fn assert_not_followed(executors: Option<CellConfig>) {
     fixture.cell.start_executor();
     fixture.until(
         |fixture| fixture.command(Some(true)),
-        |told, measured| {
-            assert_eq!(told.digital, 0, "the lamp is on");
+        |outputs, measured| {
+            assert_eq!(outputs.digital, 0, "the lamp is on");
             measured.reason == reason::OTHER_CONFIGURATION
         },
     );
     let known = fixture.cell.measured().sequence;
     fixture.until(
         |fixture| fixture.command(Some(true)),
-        |told, measured| {
-            assert_eq!(told.digital, 0, "the lamp is on");
+        |outputs, measured| {
+            assert_eq!(outputs.digital, 0, "the lamp is on");
             is(measured, DeviceState::Online) && measured.sequence > known + 200
         },
     );
 }
 
 #[test]
-fn an_executor_that_means_another_wire_by_a_channel_is_not_followed() {
+fn an_executor_with_another_address_of_a_channel_is_not_followed() {
     let mut other = HostFixture::new()
         .cell
         .executors
@@ -206,15 +208,15 @@ fn a_second_driver_for_the_device_is_refused() {
 }
 
 #[test]
-fn at_its_end_it_releases_outputs_and_takes_its_announcement_back() {
+fn at_its_end_it_releases_outputs_and_withdraws_its_announcement() {
     let mut fixture = HostFixture::new();
     fixture.cell.start_executor();
     fixture.until(
         |fixture| fixture.command(Some(true)),
-        |told, _| told.digital == 1,
+        |outputs, _| outputs.digital == 1,
     );
     fixture.cell.end();
-    assert_eq!(fixture.told.lock().expect("no panic").digital, 0);
+    assert_eq!(fixture.outputs.lock().expect("no panic").digital, 0);
     let announced = fixture
         .cell
         .cell

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn goes_away_within_its_room_also_when_it_begins_again() {
+    fn decays_within_its_acceleration_also_when_it_is_added_to() {
         let mut tracking_offset = TrackingOffset::NONE;
         let mut rate = 0.0;
         for step in 0..2_000 {

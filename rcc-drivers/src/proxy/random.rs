@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gives_the_published_numbers() {
+    fn generates_the_published_numbers() {
         let mut chance = SplitMix64::new(1_234_567);
         let drawn = [chance.draw(), chance.draw(), chance.draw()];
         assert_eq!(

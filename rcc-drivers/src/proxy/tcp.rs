@@ -128,7 +128,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
                 copying.retain(|thread| !thread.is_finished());
                 match connect(stream, shared) {
                     Ok(both) => copying.extend(both),
-                    Err(error) => tracing::debug!(%error, "the proxy does not reach its target"),
+                    Err(error) => tracing::debug!(%error, "the proxy cannot reach its target"),
                 }
             }
             Err(_) => thread::sleep(STEP),

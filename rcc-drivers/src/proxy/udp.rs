@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn passes_there_and_back_and_tells_what_it_heard() {
+    fn forwards_in_both_directions_and_records() {
         let socket = || UdpSocket::bind("127.0.0.1:0").expect("loopback");
         let (first, target) = (socket(), socket());
         let at = target.local_addr().expect("an address");

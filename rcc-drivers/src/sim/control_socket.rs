@@ -50,7 +50,7 @@ pub struct ControlFolder(PathBuf);
 pub enum PathError {
     /// The file is not in the folder.
     #[error(
-        "{path} is not below {folder}: requests name files there only; a relative path begins there"
+        "{path} is not below {folder}: requests can only name files there; relative paths start there"
     )]
     Outside {
         /// Path in the request.
@@ -59,10 +59,12 @@ pub enum PathError {
         folder: PathBuf,
     },
     /// The file is a symbolic link.
-    #[error("{0} is a symbolic link, and none is followed: name the file itself, or a new one")]
+    #[error(
+        "{0} is a symbolic link, and links are not followed: name the file itself, or a new one"
+    )]
     Link(PathBuf),
     /// The parent folder of the file is not accessible.
-    #[error("the folder of {path}: {source}; name a file in one that is there")]
+    #[error("the folder of {path}: {source}; name a file in an existing folder")]
     Folder {
         /// Path in the request.
         path: PathBuf,
@@ -122,7 +124,7 @@ impl ControlSocket {
     pub fn bind(path: &Path) -> io::Result<(UnixListener, ControlSocket)> {
         let path = std::path::absolute(path)?;
         let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
-            return Err(io::Error::other("this names no file"));
+            return Err(io::Error::other("the path has no file name"));
         };
         let made = !folder.exists();
         let mut builder = DirBuilder::new();
@@ -238,7 +240,7 @@ fn remove_dead(path: &Path) -> io::Result<()> {
     let is_socket = fs::symlink_metadata(path)?.file_type().is_socket();
     if !is_socket {
         return Err(io::Error::other(
-            "there is a file, and it is no socket: choose another path, or remove it",
+            "the file is not a socket: choose another path, or remove the file",
         ));
     }
     match UnixStream::connect(path) {

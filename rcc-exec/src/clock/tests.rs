@@ -204,7 +204,7 @@ fn jitter_of_200_us_does_not_reach_the_cycle() {
 }
 
 #[test]
-fn lost_packets_are_no_error() {
+fn lost_packets_cause_no_phase_error() {
     let mut test = ClockTest::new(MS, MS, 400_000);
     test.drift_ppm = 80.0;
     test.arrives = |packet| packet % 3 != 0 && packet % 7 > 2;
@@ -276,7 +276,7 @@ fn jitter_beyond_the_period_does_not_confuse_a_slow_device() {
 }
 
 #[test]
-fn without_its_device_it_goes_on_with_its_own_period_and_finds_it_again() {
+fn without_its_device_the_clock_keeps_its_own_period_and_locks_again_later() {
     let mut test = ClockTest::new(MS, MS, 100_000);
     test.drift_ppm = 90.0;
     test.arrives = |packet| !(2_000..4_000).contains(&packet);
@@ -298,7 +298,7 @@ fn without_its_device_it_goes_on_with_its_own_period_and_finds_it_again() {
 }
 
 #[test]
-fn a_device_that_begins_anew_elsewhere_is_found_again() {
+fn a_device_that_restarts_with_another_phase_is_locked_again() {
     let mut test = ClockTest::new(MS, MS, 0);
     test.steps(1_000);
     test.phase_ns += 400_000.0;
@@ -311,7 +311,7 @@ fn a_device_that_begins_anew_elsewhere_is_found_again() {
 }
 
 #[test]
-fn a_device_whose_period_is_no_multiple_is_not_followed() {
+fn a_device_whose_period_is_not_a_multiple_is_not_followed() {
     for device_ns in [1_500_000, 500_000, 1_100_000] {
         let mut test = ClockTest::new(MS, device_ns, 0);
         test.steps(500);

@@ -174,7 +174,8 @@ pub struct ValueView {
 
 /// Answer to a request for an incident file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct Frozen {
+#[schema(as = Frozen)]
+pub struct WrittenIncident {
     /// Executor cycle in which the recording was frozen; the file contains the seconds before it and a short time after
     /// it.
     pub cycle: u64,
@@ -600,7 +601,7 @@ pub struct ProcessView {
 pub struct PrimitiveView {
     /// Name of the type in nets.
     pub name: String,
-    /// What it does.
+    /// Description in one sentence.
     pub summary: String,
     /// Chapter of the manual.
     #[serde(default)]

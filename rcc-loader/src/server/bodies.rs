@@ -31,7 +31,7 @@ pub const ANSWERS_MAX: usize = 64 << 20;
 /// Bodies up to this size are not counted, bytes.
 const SHORT: usize = 64 << 10;
 /// Time allowed for a body to arrive.
-pub const BODY_TIME: Duration = Duration::from_secs(5);
+pub const BODY_TIME_MAX: Duration = Duration::from_secs(5);
 
 /// Returns the maximum body size of a request, by its route; `None` for CANCEL and ABORT, which are carried out
 /// whatever their body is.
@@ -64,11 +64,11 @@ pub async fn read(
     if body.size_hint().lower() > bytes_max as u64 {
         return Err(too_large(bytes_max));
     }
-    match tokio::time::timeout(BODY_TIME, collect(body, bytes_max, texts)).await {
+    match tokio::time::timeout(BODY_TIME_MAX, collect(body, bytes_max, texts)).await {
         Ok(taken) => taken,
         Err(_) => Err(ApiError::new(
             codes::TOO_SLOW,
-            format!("the body took longer than {BODY_TIME:?}"),
+            format!("the body took longer than {BODY_TIME_MAX:?}"),
             "send the whole request at once",
         )),
     }

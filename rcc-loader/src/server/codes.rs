@@ -60,7 +60,7 @@ pub fn outcome(asked: RequestedEnd, reason: Option<&str>) -> u8 {
 
 /// One row of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Code {
+pub struct ErrorCode {
     /// The code as shown to users.
     pub code: &'static str,
     /// HTTP status.
@@ -73,9 +73,9 @@ pub struct Code {
 
 macro_rules! codes {
     ($($name:ident = $code:literal, $status:literal, $exit:ident, $title:literal;)*) => {
-        $(#[doc = $title] pub const $name: Code = Code { code: $code, status: $status, exit: exit::$exit, title: $title };)*
+        $(#[doc = $title] pub const $name: ErrorCode = ErrorCode { code: $code, status: $status, exit: exit::$exit, title: $title };)*
         /// Every row, sorted by code.
-        pub const TABLE: &[Code] = &[$($name),*];
+        pub const TABLE: &[ErrorCode] = &[$($name),*];
     };
 }
 

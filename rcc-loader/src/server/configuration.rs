@@ -92,7 +92,7 @@ impl Service {
     }
 
     /// Returns the configuration by which the executor's devices and channels are named.
-    pub(super) fn naming(&self) -> Arc<CellConfig> {
+    pub(super) fn naming_config(&self) -> Arc<CellConfig> {
         let naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(&naming.1)
     }
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn an_executor_with_another_configuration_is_named_as_far_as_both_mean_the_same() {
+    fn only_devices_and_channels_with_the_same_meaning_in_both_configurations_are_named() {
         let torch = "{kind: digital output, address: 1, on_release: hold}";
         let ours = format!(
             "  one: {{driver: a, channels: {{torch: {torch}}}}}\n  two: {{driver: b, channels: {{torch: {torch}}}}}\n"

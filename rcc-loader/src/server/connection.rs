@@ -20,8 +20,8 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, UnixListener};
 use tokio::time::timeout;
 
+use quotas::{ClientPeer, HeadPermit, Quotas, RequestClass};
 pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, TCP, UNAUTHENTICATED, UNIX};
-use quotas::{HeadPermit, Peer, Quotas, RequestClass};
 
 use super::codes;
 use super::error::ApiError;
@@ -35,7 +35,7 @@ pub const HEADERS_MAX: usize = 64;
 /// Time allowed for the head of a request, from the connection on.
 pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
 /// Time allowed for a whole connection: request, work, and delivery of the answer.
-pub const CONNECTION_TIME: Duration = Duration::from_secs(20);
+pub const CONNECTION_TIME_MAX: Duration = Duration::from_secs(20);
 /// How long, and for how many bytes, the input of a client that was answered early is still read; closing at once would
 /// lose the answer.
 const LINGER_LIMITS: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
@@ -69,7 +69,7 @@ struct ListenerContext {
 }
 
 impl ListenerContext {
-    fn log_refusal(&self, peer: Peer, error: &ApiError) {
+    fn log_refusal(&self, peer: ClientPeer, error: &ApiError) {
         let said = self.quotas.log_refusal(Instant::now());
         if let Some(others) = said {
             let (code, message) = (error.code.code, &error.message);
@@ -107,10 +107,15 @@ pub async fn serve(
         let accepted = match &listener {
             Listener::Unix(listener) => listener.accept().await.map(|(stream, _)| {
                 let pid = stream.peer_cred().ok().and_then(|peer| peer.pid());
-                spawn_connection(&context, Peer::Process(pid.unwrap_or(0)), stream, &router);
+                spawn_connection(
+                    &context,
+                    ClientPeer::Process(pid.unwrap_or(0)),
+                    stream,
+                    &router,
+                );
             }),
             Listener::Tcp(listener) => listener.accept().await.map(|(stream, address)| {
-                spawn_connection(&context, Peer::Address(address.ip()), stream, &router);
+                spawn_connection(&context, ClientPeer::Address(address.ip()), stream, &router);
             }),
         };
         if let Err(error) = accepted {
@@ -121,7 +126,7 @@ pub async fn serve(
 }
 
 /// Serves a connection in a task of its own.
-fn spawn_connection<I>(context: &Arc<ListenerContext>, peer: Peer, io: I, router: &Router)
+fn spawn_connection<I>(context: &Arc<ListenerContext>, peer: ClientPeer, io: I, router: &Router)
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
@@ -129,8 +134,8 @@ where
     let permit = context.quotas.await_head(peer);
     tokio::spawn(async move {
         let talk = serve_request(&context, peer, permit, io, router);
-        if timeout(CONNECTION_TIME, talk).await.is_err() {
-            let what = format!("the connection took longer than {CONNECTION_TIME:?}");
+        if timeout(CONNECTION_TIME_MAX, talk).await.is_err() {
+            let what = format!("the connection took longer than {CONNECTION_TIME_MAX:?}");
             context.log_refusal(peer, &too_slow(what));
         }
     });
@@ -139,7 +144,7 @@ where
 /// Reads one request and answers it.
 async fn serve_request<I>(
     context: &ListenerContext,
-    peer: Peer,
+    peer: ClientPeer,
     permit: HeadPermit,
     mut io: I,
     router: Router,
@@ -234,7 +239,7 @@ fn no_token() -> ApiError {
     )
 }
 
-async fn refuse<I>(context: &ListenerContext, peer: Peer, mut io: I, error: &ApiError)
+async fn refuse<I>(context: &ListenerContext, peer: ClientPeer, mut io: I, error: &ApiError)
 where
     I: AsyncRead + AsyncWrite + Unpin,
 {

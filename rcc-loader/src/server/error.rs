@@ -7,13 +7,13 @@ use axum::response::{IntoResponse, Response};
 use rcc_ipc::CallError;
 
 use super::api::{ErrorBody, Finding};
-use super::codes::{self, Code};
+use super::codes::{self, ErrorCode};
 
 /// The reason why a request was refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ApiError {
     /// Code, HTTP status and exit code.
-    pub code: Code,
+    pub code: ErrorCode,
     /// What is wrong, and where.
     pub message: String,
     /// The remedy.
@@ -24,7 +24,7 @@ pub struct ApiError {
 
 impl ApiError {
     /// Creates an error without diagnostics.
-    pub fn new(code: Code, message: impl Into<String>, help: impl Into<String>) -> ApiError {
+    pub fn new(code: ErrorCode, message: impl Into<String>, help: impl Into<String>) -> ApiError {
         ApiError {
             code,
             message: message.into(),

@@ -16,7 +16,7 @@ use rcc_ipc::control::{InputFault, Refusal};
 use rcc_language::names::Names;
 
 use super::api::FaultView;
-use super::codes::{self, Code};
+use super::codes::{self, ErrorCode};
 use super::error::ApiError;
 use super::{impedance, topics};
 
@@ -35,7 +35,7 @@ pub struct NameResolver<'a> {
 }
 
 /// The loader has already checked the value, so the names beside the net do not explain this refusal.
-fn input_refused(net: &str, input: u32, fault: InputFault) -> (Code, String, String) {
+fn input_refused(net: &str, input: u32, fault: InputFault) -> (ErrorCode, String, String) {
     let why = match fault {
         InputFault::Unknown => "does not exist",
         InputFault::Elements => "has another number of elements",
@@ -128,7 +128,7 @@ impl NameResolver<'_> {
     #[must_use]
     pub fn refusal(&self, id: u64, refusal: Refusal) -> ApiError {
         let net = (self.net)(id);
-        let (code, message, help): (Code, String, String) = match refusal {
+        let (code, message, help): (ErrorCode, String, String) = match refusal {
             Refusal::NotUnderstood => (
                 codes::OTHER_BUILD,
                 "the executor could not decode the loader's request".into(),
@@ -257,7 +257,7 @@ impl NameResolver<'_> {
         ApiError::new(code, message, help)
     }
 
-    fn busy(&self, net: &str, holder: u64, resource: Resource) -> (Code, String, String) {
+    fn busy(&self, net: &str, holder: u64, resource: Resource) -> (ErrorCode, String, String) {
         if matches!(resource, Resource::Topic { .. }) {
             return self.published_twice(net, holder, resource);
         }
@@ -269,7 +269,12 @@ impl NameResolver<'_> {
         )
     }
 
-    fn published_twice(&self, net: &str, holder: u64, topic: Resource) -> (Code, String, String) {
+    fn published_twice(
+        &self,
+        net: &str,
+        holder: u64,
+        topic: Resource,
+    ) -> (ErrorCode, String, String) {
         let (holder, topic) = ((self.net)(holder), self.resource(holder, topic));
         (
             codes::BUSY,
@@ -281,7 +286,7 @@ impl NameResolver<'_> {
     }
 
     /// One net publishes what the other one subscribes to, with different types or units.
-    fn other_topic(&self, id: u64, other: u64, key: u64) -> (Code, String, String) {
+    fn other_topic(&self, id: u64, other: u64, key: u64) -> (ErrorCode, String, String) {
         let says = |id: u64| {
             let names = (self.names)(id);
             let net = (self.net)(id);
@@ -309,7 +314,7 @@ impl NameResolver<'_> {
         device: u32,
         state: DeviceState,
         reason: u32,
-    ) -> (Code, String, String) {
+    ) -> (ErrorCode, String, String) {
         let name = self.device_name(device);
         if let Some(why) = (self.disagreement)(&name) {
             return (
@@ -354,7 +359,7 @@ impl NameResolver<'_> {
         value: f64,
         limit: f64,
         violation: u32,
-    ) -> (Code, String, String) {
+    ) -> (ErrorCode, String, String) {
         let broken = match ViolationKind::from_number(violation) {
             Some(ViolationKind::Jump) => format!(
                 "{} joint {}: the first set-point is {} away from the last one (allowed {})",
@@ -373,7 +378,7 @@ impl NameResolver<'_> {
         )
     }
 
-    fn plan(&self, (id, net): (u64, &str), error: PlanError) -> (Code, String, String) {
+    fn plan(&self, (id, net): (u64, &str), error: PlanError) -> (ErrorCode, String, String) {
         let restart = "install loader and executor from the same build, start both with the same configuration file, and load the \
                        net again";
         let (message, help) = match error {
@@ -405,7 +410,7 @@ impl NameResolver<'_> {
         )
     }
 
-    fn prepare(&self, (id, net): (u64, &str), fault: PrepareFault) -> (Code, String, String) {
+    fn prepare(&self, (id, net): (u64, &str), fault: PrepareFault) -> (ErrorCode, String, String) {
         let (message, help) = match fault {
             PrepareFault::HoldUnknown { device } => {
                 let name = self.device_name(device);
@@ -556,7 +561,7 @@ fn first_set_point(
     violation: &str,
     kind: Option<ViolationKind>,
     value: f64,
-) -> (Code, String, String) {
+) -> (ErrorCode, String, String) {
     let help = match kind {
         Some(ViolationKind::Strategy) => impedance::switch(ControlMode::from_number(value as u64)),
         Some(
@@ -713,7 +718,7 @@ joints first) or, with seven joints, let the elbow turn (`elbow: middle`, or `ar
     }
 }
 
-fn over_budget(net: &str, times_ns: [u64; 3]) -> (Code, String, String) {
+fn over_budget(net: &str, times_ns: [u64; 3]) -> (ErrorCode, String, String) {
     let [needed, in_use, budget] = times_ns.map(|ns| format!("{:.1} µs", ns as f64 * 1e-3));
     let help = if times_ns[1] == 0 {
         format!(
@@ -736,7 +741,7 @@ fn over_budget(net: &str, times_ns: [u64; 3]) -> (Code, String, String) {
     )
 }
 
-fn wrong_state(net: &str, state: CommandState) -> (Code, String, String) {
+fn wrong_state(net: &str, state: CommandState) -> (ErrorCode, String, String) {
     let help = match state {
         CommandState::Loading => "wait until it is ready: `rcc-cli state`".to_owned(),
         CommandState::Rejected => {

@@ -8,7 +8,7 @@ use rcc_ipc::rehearsal::{
 };
 
 use super::api::{PeakView, RehearsalView};
-use super::codes::{self, Code};
+use super::codes::{self, ErrorCode};
 use super::impedance;
 use super::messages::NameResolver;
 
@@ -53,7 +53,7 @@ impl NameResolver<'_> {
         &self,
         id: u64,
         foreseen: &PredictedViolation,
-    ) -> (Code, String, String) {
+    ) -> (ErrorCode, String, String) {
         let net = (self.net)(id);
         let what = self.broken(foreseen);
         let place = self.place(id, foreseen.place);

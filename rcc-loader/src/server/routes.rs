@@ -19,8 +19,8 @@ use utoipa::OpenApi;
 
 use super::api;
 use super::api::{
-    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, InputsSet,
-    Loaded, PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView,
+    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, InputsSet, Loaded,
+    PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView, WrittenIncident,
 };
 use super::bodies::{self, ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
 use super::caller::{Caller, TIMEOUT_HEADER};
@@ -37,7 +37,7 @@ pub const REQUESTS_MAX: usize = 64;
 /// Maximum number of concurrent requests that read command files; further ones wait.
 pub const READING_MAX: usize = 2;
 /// Time allowed for a request after its body has arrived.
-pub const REQUEST_TIME: Duration = Duration::from_secs(10);
+pub const REQUEST_TIME_MAX: Duration = Duration::from_secs(10);
 
 /// State shared by all requests.
 #[derive(Clone)]
@@ -81,14 +81,14 @@ struct ServerState {
     ),
     components(schemas(ErrorBody, api::Finding, api::TextLocation))
 )]
-struct Document;
+struct ApiDocument;
 
 /// Returns the OpenAPI document of this interface.
 ///
 /// # Errors
 /// Returns an error if it cannot be serialized; a test shows that it can.
 pub fn document() -> Result<String, serde_json::Error> {
-    Document::openapi().to_pretty_json()
+    ApiDocument::openapi().to_pretty_json()
 }
 
 /// Creates the router with all routes, and starts the threads of CANCEL and ABORT.
@@ -164,7 +164,7 @@ async fn limited(State(state): State<ServerState>, mut request: Request, next: N
 }
 
 async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
-    match tokio::time::timeout(REQUEST_TIME, answer).await {
+    match tokio::time::timeout(REQUEST_TIME_MAX, answer).await {
         Ok(response) if response.status().is_client_error() && !is_json(&response) => {
             let message = "invalid address or query";
             ApiError::new(
@@ -182,7 +182,7 @@ async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
         Ok(response) => response,
         Err(_) => ApiError::new(
             codes::LOADER_SILENT,
-            format!("the request took longer than {REQUEST_TIME:?}"),
+            format!("the request took longer than {REQUEST_TIME_MAX:?}"),
             "try again; it may or may not have been carried out",
         )
         .into_response(),
@@ -525,7 +525,7 @@ async fn unload(
 
 /// Writes the last seconds of the flight recorder to a file.
 #[utoipa::path(post, path = "/incidents",
-    responses((status = 200, body = Frozen), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+    responses((status = 200, body = WrittenIncident), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
 async fn incident(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,

@@ -16,7 +16,7 @@ use rcc_process::Helpers;
 use serde::Serialize;
 
 use super::address::{self, CommandAddress};
-use super::api::{CommandView, Done, Finding, Frozen};
+use super::api::{CommandView, Done, Finding, WrittenIncident};
 use super::caller::Caller;
 use super::codes;
 use super::command_summary::CommandSummary;
@@ -464,7 +464,7 @@ impl Service {
     ///
     /// # Errors
     /// Returns an error if there is no executor, its recorder is off, or the file is not written in time.
-    pub fn freeze(&self, caller: &Caller) -> Result<Frozen, ApiError> {
+    pub fn freeze(&self, caller: &Caller) -> Result<WrittenIncident, ApiError> {
         let (attached, _) = self.attach()?;
         let incarnation = attached.announcement.incarnation;
         let cycle = match self.executor.call_for(caller, &Call::Record)? {
@@ -485,7 +485,7 @@ impl Service {
             }
             match self.executor.call(&Call::Recorded { cycle })? {
                 Answer::Recorded(RecordingState::Written { file }) => {
-                    return Ok(Frozen {
+                    return Ok(WrittenIncident {
                         cycle,
                         executor: events::hex_digits(incarnation),
                         file,
@@ -619,7 +619,7 @@ impl Service {
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
         let disagreement = |device: &str| self.disagreement(device);
         what(&NameResolver {
-            config: &self.naming(),
+            config: &self.naming_config(),
             disagreement: &disagreement,
             net: &net,
             names: &names,

@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn a_living_loader_keeps_its_socket() -> Result<(), SocketError> {
+    fn the_socket_of_a_living_loader_is_not_replaced() -> Result<(), SocketError> {
         let path = path("living");
         let _first = listen(&path.0, None)?;
         assert!(matches!(

@@ -69,7 +69,13 @@ impl Service {
             }
         };
         let rows = (0..DEVICES_MAX).map(|index| rows.get(index));
-        Ok(self.naming().devices.iter().zip(rows).map(view).collect())
+        Ok(self
+            .naming_config()
+            .devices
+            .iter()
+            .zip(rows)
+            .map(view)
+            .collect())
     }
 
     /// Returns the executor's health and all processes.
@@ -133,7 +139,7 @@ impl Service {
     }
 
     fn clock(&self, status: &ClockStatus) -> ClockView {
-        let naming = self.naming();
+        let naming = self.naming_config();
         let device = naming.devices.get(status.device as usize);
         ClockView {
             state: ClockState::from_number(status.state).name().to_owned(),

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_token_that_could_be_guessed_is_refused_with_the_remedy() -> io::Result<()> {
+    fn a_weak_token_is_refused_with_a_remedy() -> io::Result<()> {
         for text in [
             "",
             "\n",

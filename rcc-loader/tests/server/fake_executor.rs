@@ -149,7 +149,7 @@ impl FakeExecutor {
     }
 
     /// Waits until `count` of the received calls match.
-    pub fn saw(&self, count: usize, such: impl Fn(&Call) -> bool) {
+    pub fn wait_for_calls(&self, count: usize, such: impl Fn(&Call) -> bool) {
         let begun = std::time::Instant::now();
         while self.count(&such) < count {
             assert!(

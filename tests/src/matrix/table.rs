@@ -105,52 +105,52 @@ fn line(columns: usize) -> String {
 
 const HEAD: &str = "# What happens when a process dies
 
-Each process of a cell, in each phase, is made to die or to hang in four ways; every two processes are killed at the same
-moment; and each helper thread of the executor hangs alone. The demo's cell, with its simulated robot, which outlives it.
-The tables are written by a program:
+A program makes each process of a cell die or hang, in each phase and in four ways, kills every two processes at the same
+moment, and makes each helper thread of the executor hang alone, in the demo cell with its simulated robot, which outlives the
+process. The program writes the tables of this page:
 
 ```console
 $ cargo run -p rcc-tests --example crash_matrix -- --write docs/crashes.md
 ```
 
-A longer look at the same is a moving cell under load from all sides, in which drivers, the loader and monitors are killed
-again and again; its table explains each late cycle and counts what a leak would raise:
+The endurance program keeps a moving cell under load from all sides, in which drivers, the loader and monitors are killed
+again and again; its table explains each late cycle and counts everything that a leak would increase:
 
 ```console
 $ cargo run -p rcc-tests --example endurance -- --minutes 60 --restarts 2000 --monitors 10000 --pairs 500 --executor-pairs 10
 ```
 
-And before every system call of its start, each driver and the loader are killed with strace, up to their first exchange or
-answer; after each death the next one must start and exchange, the executor must not miss a cycle, and nothing may be left:
+A test kills each driver and the loader with strace before every system call of their start, up to their first exchange or
+answer; after each death the next process must start and exchange, the executor must not miss a cycle, and nothing may be left:
 
 ```console
 $ RCC_EVERY_SYSCALL=1 cargo test -p rcc-tests --test suites syscalls
 ```
 
-What every case must show:
+Every case must satisfy:
 
-- **No motion that nobody asked for.** From the moment the arm rests until the next START no joint is faster than
+- **No unrequested motion.** From the moment the arm rests until the next START no joint is faster than
   4 mrad/s (the creep of the simulated arm to its set-point), as the simulated controller saw it every millisecond.
-- **The arm is within its limits** of velocity and acceleration, until it rests.
+- **The arm stays within its limits** of velocity and acceleration until it rests.
 - **The motion goes as planned** unless its driver, the executor or the whole cell was struck: it finishes, or it is
-  cancelled when it was being cancelled. Otherwise it comes to rest.
+  canceled if a cancel was under way. Otherwise it comes to rest.
 - **The executor misses nothing** unless it was struck itself: cycle numbers go on, it is the same process, no record is
-  dropped, and a late cycle counts as the machine's only if a thread of higher priority on the same core, which does
+  dropped. A late cycle is attributed to the machine only if a thread of higher priority on the same core, which does
   nothing but wake up, was late at that moment too.
-- **Everything is reachable again**: who died under supervision is there again, all devices are ready, and the next LOAD
-  and START move the arm.
-- **The right output or none.** While the configuration's file and the running cell differ, a net that commands `torch`
+- **Everything is available again**: processes that died under supervision are restarted, all devices are ready, and the next
+  LOAD and START move the arm.
+- **The right output or none.** While the configuration file and the running cell differ, a net that commands `torch`
   switches `torch` or is refused.
 - **Nothing is left**: files in shared memory and in the runtime folder, processes, and the executor's descriptors,
-  mappings, threads and memory are what they were before.
+  mappings, threads and memory are the same as before.
 
 A cell of the table says how the motion ended: *finished*, *canceled*, *device lost* (the net's fault when its driver is
 gone; the controller brakes), *at rest* (the driver brought the arm to rest, its net is gone with the executor), *ended*
 (the whole cell ended in order and left nothing), *goes on*, – (no motion in this case). *Starting* means that the process
 itself has just been started; it is struck within its first 40 ms (the supervisor: 300 ms). SIGSTOP lasts 300 ms: longer
-than every deadline of a driver, shorter than the supervisor's patience (2 s). *Its file changed*: `torch` and `gas` have
-changed places in the file since the cell was started; *refused* and *switched* say what became of a START for `torch`
-afterwards. Then the file is as it was, and whoever has read the other one is killed once more.
+than every deadline of a driver, shorter than the supervisor's watchdog (2 s). *Its file changed*: `torch` and `gas` have
+been exchanged in the file since the cell was started; *refused* and *switched* are the result of a START for `torch`
+afterwards. Then the file is restored, and a process that has read the changed one is killed once more.
 ";
 
 #[cfg(test)]

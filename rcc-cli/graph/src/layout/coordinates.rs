@@ -26,7 +26,7 @@ struct Neighbour {
 /// Returns the positions of the tops of all vertices; the least is 0.
 pub fn tops(layered: &LayeredGraph, shapes: &[NodeShape]) -> Vec<f64> {
     let (before, after) = neighbours(layered);
-    let mut tops = stacked(layered, shapes);
+    let mut tops = initial_tops(layered, shapes);
     let count = layered.layers.len();
     for round in 0..ROUNDS {
         let both = round + 2 >= ROUNDS;
@@ -84,7 +84,7 @@ fn distance(layered: &LayeredGraph, shapes: &[NodeShape], upper: usize, lower: u
     upper.height + apart
 }
 
-fn stacked(layered: &LayeredGraph, shapes: &[NodeShape]) -> Vec<f64> {
+fn initial_tops(layered: &LayeredGraph, shapes: &[NodeShape]) -> Vec<f64> {
     let mut tops = vec![0.0; layered.vertices.len()];
     for layer in &layered.layers {
         for pair in layer.windows(2) {
@@ -157,7 +157,9 @@ fn desired(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64,
             return (*desired, total);
         }
         if below * 2.0 == total {
-            let next = desired_tops.get(place + 1).map_or(*desired, |(next, _)| *next);
+            let next = desired_tops
+                .get(place + 1)
+                .map_or(*desired, |(next, _)| *next);
             return ((desired + next) / 2.0, total);
         }
     }

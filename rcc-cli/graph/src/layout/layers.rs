@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Edge, LayeredGraph, LayerConstraint, EdgeSegment, NodeShape, Vertex};
+use super::{Edge, EdgeSegment, LayerConstraint, LayeredGraph, NodeShape, Vertex};
 
 /// Assigns boxes to layers and inserts dummy vertices.
 pub fn layered_graph(shapes: &[NodeShape], edges: &[Edge]) -> LayeredGraph {
@@ -87,8 +87,11 @@ impl LayeredGraph {
 /// Returns the layer of each box.
 fn layers(shapes: &[NodeShape], edges: &[Edge]) -> Vec<usize> {
     let forward = without_cycles(shapes.len(), edges);
-    let has_first = shapes.iter().any(|shape| shape.constraint == LayerConstraint::First);
-    let least = |shape: &NodeShape| usize::from(has_first && shape.constraint != LayerConstraint::First);
+    let has_first = shapes
+        .iter()
+        .any(|shape| shape.constraint == LayerConstraint::First);
+    let least =
+        |shape: &NodeShape| usize::from(has_first && shape.constraint != LayerConstraint::First);
     let mut layers: Vec<usize> = shapes.iter().map(least).collect();
     let order = topological(shapes.len(), &forward);
     let mut readers = vec![Vec::new(); shapes.len()];
@@ -105,7 +108,8 @@ fn layers(shapes: &[NodeShape], edges: &[Edge]) -> Vec<usize> {
     // Boxes without inputs are placed next to the first of their readers.
     for (shape, readers) in readers.iter().enumerate() {
         let nearest = readers.iter().map(|reader| layers[*reader]).min();
-        if let (Some(nearest), false, LayerConstraint::Free) = (nearest, is_read_late[shape], shapes[shape].constraint)
+        if let (Some(nearest), false, LayerConstraint::Free) =
+            (nearest, is_read_late[shape], shapes[shape].constraint)
         {
             layers[shape] = nearest - 1;
         }

@@ -1,7 +1,7 @@
 //! Order within the layers: sweeps that sort each layer by the mean position of its neighbours, then exchanges of
 //! adjacent vertices, while crossings decrease. Bounded in number; the best order is kept. Pure.
 
-use super::{LayeredGraph, EdgeSegment, NodeShape};
+use super::{EdgeSegment, LayeredGraph, NodeShape};
 
 /// Number of sweeps, in both directions.
 const SWEEPS: usize = 24;
@@ -147,7 +147,12 @@ fn crossings(layered: &LayeredGraph, segments: &[EdgeSegment], rank: &Ranks, nex
 }
 
 /// Exchanges adjacent vertices while that reduces crossings.
-fn exchange(layered: &mut LayeredGraph, between: &[Vec<EdgeSegment>], rank: &mut Ranks, mut fewest: usize) {
+fn exchange(
+    layered: &mut LayeredGraph,
+    between: &[Vec<EdgeSegment>],
+    rank: &mut Ranks,
+    mut fewest: usize,
+) {
     let around = |layered: &LayeredGraph, rank: &Ranks, layer: usize| {
         let before = match layer.checked_sub(1) {
             Some(before) => crossings(layered, &between[before], rank, layer),

@@ -1,7 +1,7 @@
 //! Horizontal positions of the layers and courses of the links: forward links are horizontal through layers and curved
 //! between them; backward links run in lanes below the boxes. Pure.
 
-use super::{Edge, LayeredGraph, Layout, PlanePoint, LinkRoute, NodeShape};
+use super::{Edge, LayeredGraph, Layout, LinkRoute, NodeShape, PlanePoint};
 
 /// Least distance between two layers.
 const COLUMNS_APART: f64 = 56.0;
@@ -26,7 +26,12 @@ struct BackwardEdge {
 }
 
 /// Computes all positions and courses.
-pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge], tops: &[f64]) -> Layout {
+pub fn routed_layout(
+    layered: &LayeredGraph,
+    shapes: &[NodeShape],
+    edges: &[Edge],
+    tops: &[f64],
+) -> Layout {
     let mut backs: Vec<BackwardEdge> = Vec::new();
     for (edge, it) in edges.iter().enumerate() {
         if layered.dummies[edge].is_none() {
@@ -40,7 +45,7 @@ pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge
     }
     backs.sort_by_key(|back| (back.last - back.first, back.edge));
     let columns = columns(layered, shapes, tops, &backs);
-    let places: Vec<PlanePoint> = shapes
+    let positions: Vec<PlanePoint> = shapes
         .iter()
         .enumerate()
         .map(|(shape, it)| {
@@ -54,12 +59,12 @@ pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge
     let ends = |edge: &Edge| {
         let [(from, output), (to, input)] = [edge.from, edge.to];
         let start = PlanePoint {
-            x: places[from].x + shapes[from].width,
-            y: places[from].y + shapes[from].outputs[output],
+            x: positions[from].x + shapes[from].width,
+            y: positions[from].y + shapes[from].outputs[output],
         };
         let end = PlanePoint {
-            x: places[to].x,
-            y: places[to].y + shapes[to].inputs[input],
+            x: positions[to].x,
+            y: positions[to].y + shapes[to].inputs[input],
         };
         (start, end)
     };
@@ -97,11 +102,16 @@ pub fn routed_layout(layered: &LayeredGraph, shapes: &[NodeShape], edges: &[Edge
         ];
         routes[back.edge] = LinkRoute::Around(points);
     }
-    shifted_to_origin(places, routes, width, floor.lowest())
+    shifted_to_origin(positions, routes, width, floor.lowest())
 }
 
 /// Moves everything so that the smallest x is 0.
-fn shifted_to_origin(places: Vec<PlanePoint>, routes: Vec<LinkRoute>, width: f64, height: f64) -> Layout {
+fn shifted_to_origin(
+    positions: Vec<PlanePoint>,
+    routes: Vec<LinkRoute>,
+    width: f64,
+    height: f64,
+) -> Layout {
     let points = || routes.iter().flat_map(LinkRoute::points);
     let left = points().map(|point| point.x).fold(0.0, f64::min);
     let right = points().map(|point| point.x).fold(width, f64::max);
@@ -111,14 +121,19 @@ fn shifted_to_origin(places: Vec<PlanePoint>, routes: Vec<LinkRoute>, width: f64
         y: at.y,
     };
     Layout {
-        places: places.into_iter().map(moved).collect(),
+        positions: positions.into_iter().map(moved).collect(),
         routes: routes.into_iter().map(|route| route.moved(by)).collect(),
         width: right - left,
         height,
     }
 }
 
-fn columns(layered: &LayeredGraph, shapes: &[NodeShape], tops: &[f64], backs: &[BackwardEdge]) -> Vec<LayerColumn> {
+fn columns(
+    layered: &LayeredGraph,
+    shapes: &[NodeShape],
+    tops: &[f64],
+    backs: &[BackwardEdge],
+) -> Vec<LayerColumn> {
     let mut steep = vec![0.0_f64; layered.layers.len()];
     for it in &layered.segments {
         let height = (tops[it.from] + it.from_y - tops[it.to] - it.to_y).abs();

@@ -64,21 +64,21 @@ proptest! {
         let laid = layout(&shapes, &edges);
         for (number, a) in shapes.iter().enumerate() {
             for (other, b) in shapes.iter().enumerate().skip(number + 1) {
-                prop_assert!(!overlap((a, laid.places[number]), (b, laid.places[other])), "{number} {other}");
+                prop_assert!(!overlap((a, laid.positions[number]), (b, laid.positions[other])), "{number} {other}");
             }
-            let at = laid.places[number];
+            let at = laid.positions[number];
             prop_assert!(at.x >= 0.0 && at.y >= 0.0);
             prop_assert!(at.x + a.width <= laid.width + 0.01 && at.y + a.height <= laid.height + 0.01);
         }
         for (edge, route) in edges.iter().zip(&laid.routes) {
-            let (from, to) = (laid.places[edge.from.0], laid.places[edge.to.0]);
+            let (from, to) = (laid.positions[edge.from.0], laid.positions[edge.to.0]);
             let points = route.points();
             let start = PlanePoint { x: from.x + shapes[edge.from.0].width, y: from.y + shapes[edge.from.0].outputs[edge.from.1] };
             let end = PlanePoint { x: to.x, y: to.y + shapes[edge.to.0].inputs[edge.to.1] };
             prop_assert_eq!(points.first(), Some(&start));
             prop_assert_eq!(points.last(), Some(&end));
             for pair in points.windows(2) {
-                for (shape, place) in shapes.iter().zip(&laid.places) {
+                for (shape, place) in shapes.iter().zip(&laid.positions) {
                     // Curves stay within the gap between two layers, where no box is.
                     prop_assert!(!is_in((shape, *place), pair[0], pair[1]), "{:?}", route);
                 }
@@ -92,8 +92,8 @@ proptest! {
         let edges: Vec<Edge> = edges.into_iter().filter(|edge| edge.from.0 < edge.to.0).collect();
         let laid = layout(&shapes, &edges);
         for edge in edges.iter().filter(|edge| !edge.delayed) {
-            let right = laid.places[edge.from.0].x + shapes[edge.from.0].width;
-            prop_assert!(right < laid.places[edge.to.0].x);
+            let right = laid.positions[edge.from.0].x + shapes[edge.from.0].width;
+            prop_assert!(right < laid.positions[edge.to.0].x);
         }
     }
 
@@ -114,7 +114,7 @@ fn links_are_drawn_without_crossings_where_possible() {
     };
     let laid = layout(&shapes, &[edge(0, 3), edge(1, 2), edge(3, 4), edge(2, 5)]);
     for chain in [[0, 3, 4], [1, 2, 5]] {
-        let heights = chain.map(|shape| laid.places[shape].y);
+        let heights = chain.map(|shape| laid.positions[shape].y);
         assert!(
             heights.iter().all(|y| (y - heights[0]).abs() < 0.01),
             "{heights:?}"

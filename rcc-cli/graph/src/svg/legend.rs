@@ -6,7 +6,7 @@ use rcc_language::structure::PrimitiveRole;
 
 use super::{MARGIN, ROLES, short, text};
 use crate::boxes::PORT_SIZE;
-use crate::scene::Scene;
+use crate::scene::NetScene;
 use crate::text::width;
 
 /// Style classes and texts of the colours and marks in a diagram.
@@ -14,11 +14,11 @@ pub struct Legend(Vec<(&'static str, &'static str)>);
 
 impl Legend {
     /// Collects the entries for a scene.
-    pub fn of(scene: &Scene) -> Legend {
+    pub fn of(scene: &NetScene) -> Legend {
         let has = |role: PrimitiveRole| scene.boxes.iter().any(|(it, _)| it.role == role);
         let roles = ROLES.iter().filter(|(role, ..)| has(*role));
         let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();
-        if scene.links.iter().any(|piece| piece.signal.2) {
+        if scene.links.iter().any(|segment| segment.signal.2) {
             rows.push(("delayed", "value of the cycle before"));
         }
         let mut ports = scene
@@ -38,7 +38,7 @@ impl Legend {
         Legend(rows)
     }
 
-    fn space(words: &str) -> f64 {
+    fn entry_width(words: &str) -> f64 {
         22.0 + width(words, PORT_SIZE) + 18.0
     }
 
@@ -47,7 +47,7 @@ impl Legend {
         let mut rows: Vec<Vec<_>> = vec![Vec::new()];
         let mut used = 0.0;
         for entry in &self.0 {
-            let space = Legend::space(entry.1);
+            let space = Legend::entry_width(entry.1);
             if used > 0.0 && used + space > most {
                 rows.push(Vec::new());
                 used = 0.0;
@@ -89,7 +89,7 @@ impl Legend {
                     ),
                 };
                 text(out, "kind", x + 22.0, y, words, "");
-                x += Legend::space(words);
+                x += Legend::entry_width(words);
             }
         }
     }

@@ -69,7 +69,7 @@ fn a_point_beyond_the_end_is_not_on_the_line() {
 }
 
 #[test]
-fn null_and_nothing_do_not_hold() {
+fn null_points_and_no_points_fail() {
     let null = [[0.5, f64::NAN, 0.4], [0.5, 0.0, 0.4]];
     assert!(!on_the_line("", &null, &LINE, ARM_TOLERANCE_M).holds);
     assert!(!on_the_line("", &[], &LINE, ARM_TOLERANCE_M).holds);
@@ -134,7 +134,7 @@ fn a_stop_that_takes_too_long_does_not_hold() {
 }
 
 #[test]
-fn a_motion_that_goes_on_to_its_end_is_no_stop() {
+fn a_motion_that_continues_to_its_end_is_not_a_stop() {
     let distances = motion(None);
     let checks = soft_stop("contact", &track(&distances), Some(2500));
     assert!(!checks[0].holds && !checks[2].holds, "{checks:?}");

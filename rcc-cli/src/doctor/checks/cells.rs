@@ -10,10 +10,10 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         .cells
         .iter()
         .filter(|cell| !cell.living.is_empty() || cell.refused.is_some());
-    alive.flat_map(one).collect()
+    alive.flat_map(cell_findings).collect()
 }
 
-fn one(cell: &CellFacts) -> Vec<HealthFinding> {
+fn cell_findings(cell: &CellFacts) -> Vec<HealthFinding> {
     let name = &cell.name;
     if let Some(words) = &cell.refused {
         let fix = format!("ask its owner, or inspect {}", cell.folder.display());
@@ -56,7 +56,7 @@ fn one(cell: &CellFacts) -> Vec<HealthFinding> {
         }
         Some(executor) => {
             let what = format!(
-                "cell {name} runs: cycle {}, no late cycle",
+                "cell {name} runs: cycle {}, no late cycles",
                 grouped(executor.cycle)
             );
             found.push(HealthFinding::ok(what).cause(executor.grade.clone()));
@@ -89,7 +89,7 @@ mod tests {
         assert!(
             check(&facts)[0]
                 .what
-                .contains("cycle 81 422, no late cycle")
+                .contains("cycle 81 422, no late cycles")
         );
         facts.cells[0].executor = None;
         assert_eq!(check(&facts)[0].level, FindingLevel::Warn);

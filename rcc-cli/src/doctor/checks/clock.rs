@@ -4,7 +4,7 @@ use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
 /// Clock sources that are read in some ten nanoseconds, without a device access or a hypercall.
-const QUICK: [&str; 5] = [
+const FAST_SOURCES: [&str; 5] = [
     "tsc",
     "arch_sys_counter",
     "kvm-clock",
@@ -16,7 +16,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let Some(name) = &facts.kernel.clock_source else {
         return Vec::new();
     };
-    if QUICK.contains(&name.as_str()) {
+    if FAST_SOURCES.contains(&name.as_str()) {
         return vec![HealthFinding::ok(format!("clock source {name}"))];
     }
     let fix = "check `dmesg` for the reason the TSC was marked unstable (often the BIOS); if it is stable, boot with tsc=reliable";

@@ -12,8 +12,14 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         )];
     };
     if !cpu.online.is_empty() && !cpu.online.contains(&core) {
-        let what = format!("core {core} does not exist; available cores: {}", cores(&cpu.online));
-        return vec![HealthFinding::fail(what, "set executor.core to one of them")];
+        let what = format!(
+            "core {core} does not exist; available cores: {}",
+            cores(&cpu.online)
+        );
+        return vec![HealthFinding::fail(
+            what,
+            "set executor.core to one of them",
+        )];
     }
     if !cpu.allowed.is_empty() && !cpu.allowed.contains(&core) {
         return vec![HealthFinding::note(format!(
@@ -30,7 +36,7 @@ mod tests {
     use crate::doctor::FindingLevel;
 
     #[test]
-    fn a_core_that_is_not_there_prevents_and_none_is_a_note() {
+    fn a_missing_core_fails_and_an_unset_core_is_a_note() {
         let mut facts = MachineFacts::default();
         facts.cpu.online = vec![0, 1];
         facts.cpu.allowed = vec![0];

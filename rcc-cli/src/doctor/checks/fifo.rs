@@ -11,7 +11,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match facts.trial.fifo {
         Ok(()) => vec![HealthFinding::ok(format!(
             "SCHED_FIFO {priority} obtained ({})",
-            by_what(facts)
+            granting_right(facts)
         ))],
         Err(errno) => {
             let (cause, fix) = cause_and_fix(facts, errno);
@@ -25,8 +25,8 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     }
 }
 
-fn by_what(facts: &MachineFacts) -> String {
-    if facts.user.may_nice {
+fn granting_right(facts: &MachineFacts) -> String {
+    if facts.user.has_cap_sys_nice {
         return "CAP_SYS_NICE".to_owned();
     }
     match facts.limits.rtprio.soft {
@@ -43,7 +43,7 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
             "set executor.priority to one of them in the cell's file".to_owned(),
         );
     }
-    if facts.user.may_nice || facts.limits.rtprio.allows(priority) {
+    if facts.user.has_cap_sys_nice || facts.limits.rtprio.allows(priority) {
         return despite_the_right(facts, errno);
     }
     if let Some(container) = &facts.user.container {
@@ -64,7 +64,7 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
             ),
         );
     }
-    if facts.limits.rtprio.could(priority) {
+    if facts.limits.rtprio.can_reach(priority) {
         return (
             format!(
                 "the soft rtprio limit is {}; the hard limit suffices",
@@ -73,21 +73,26 @@ fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
             format!("ulimit -S -r {priority}   in this shell"),
         );
     }
-    at_login(facts, priority)
+    from_pam_limits(facts, priority)
 }
 
 /// Derives cause and remedy from the pam_limits files.
-fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
-    let lines = || facts.granted.iter().filter(|line| line.item == "rtprio");
+fn from_pam_limits(facts: &MachineFacts, priority: u64) -> (String, String) {
+    let lines = || {
+        facts
+            .limit_grants
+            .iter()
+            .filter(|line| line.item == "rtprio")
+    };
     let enough = |line: &&LimitGrant| line.value.is_none_or(|value| value >= priority);
     let name = &facts.user.name;
     // The last matching line of pam_limits applies.
-    let ours = lines().rfind(|line| facts.user.is_meant_by(&line.whom));
+    let ours = lines().rfind(|line| facts.user.is_matched_by(&line.subject));
     if let Some(line) = ours.filter(enough) {
         return (
             format!(
                 "{} grants {} to {}, but this session has {}: it started before the change, or does not read that file",
-                line.place, words(line.value), line.whom, limit(facts)
+                line.location, words(line.value), line.subject, limit(facts)
             ),
             "log out of all sessions and in again (a graphical session: restart the computer); over ssh: UsePAM yes"
                 .to_owned(),
@@ -97,9 +102,9 @@ fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
         return (
             format!(
                 "{} grants only {} to {}",
-                line.place,
+                line.location,
                 words(line.value),
-                line.whom
+                line.subject
             ),
             format!(
                 "set it to 90, then log out and in again ({name} cannot change the file: ask root)"
@@ -108,7 +113,7 @@ fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
     }
     let group = lines()
         .filter(enough)
-        .find_map(|line| line.whom.strip_prefix('@'));
+        .find_map(|line| line.subject.strip_prefix('@'));
     if let Some(group) = group {
         return (
             format!(
@@ -196,8 +201,8 @@ mod tests {
 
     fn granted(whom: &str, value: u64) -> LimitGrant {
         LimitGrant {
-            place: "/etc/security/limits.d/rcc.conf:1".to_owned(),
-            whom: whom.to_owned(),
+            location: "/etc/security/limits.d/rcc.conf:1".to_owned(),
+            subject: whom.to_owned(),
             item: "rtprio".to_owned(),
             value: Some(value),
         }
@@ -217,12 +222,12 @@ mod tests {
     #[test]
     fn the_granting_right_is_named() {
         let mut facts = MachineFacts::default();
-        facts.user.may_nice = true;
+        facts.user.has_cap_sys_nice = true;
         assert_eq!(
             check(&facts),
             [HealthFinding::ok("SCHED_FIFO 80 obtained (CAP_SYS_NICE)")]
         );
-        facts.user.may_nice = false;
+        facts.user.has_cap_sys_nice = false;
         facts.limits.rtprio.soft = Some(90);
         assert_eq!(
             check(&facts),
@@ -246,7 +251,7 @@ mod tests {
     fn a_session_older_than_its_grant_needs_a_new_login() {
         let mut facts = refused();
         facts.user.groups = vec!["rcc".to_owned()];
-        facts.granted = vec![granted("@rcc", 90)];
+        facts.limit_grants = vec![granted("@rcc", 90)];
         let (cause, fix) = only(&facts);
         assert!(
             cause.contains("limits.d/rcc.conf:1") && cause.contains("this session has 0"),
@@ -258,13 +263,13 @@ mod tests {
     #[test]
     fn a_grant_to_another_group_names_that_group() {
         let mut facts = refused();
-        facts.granted = vec![granted("@audio", 95)];
+        facts.limit_grants = vec![granted("@audio", 95)];
         let (_, fix) = only(&facts);
         assert!(fix.contains("usermod -aG audio anna"), "{fix}");
     }
 
     #[test]
-    fn a_cell_that_requires_it_does_not_run_without() {
+    fn a_refused_requirement_is_a_failure() {
         let mut facts = refused();
         facts.requirements.required = true;
         assert_eq!(check(&facts)[0].level, FindingLevel::Fail);
@@ -273,7 +278,7 @@ mod tests {
     #[test]
     fn a_grant_that_is_too_small_is_named() {
         let mut facts = refused();
-        facts.granted = vec![granted("anna", 50)];
+        facts.limit_grants = vec![granted("anna", 50)];
         let (cause, _) = only(&facts);
         assert!(cause.contains("grants only 50"), "{cause}");
     }
@@ -286,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_service_is_told_its_unit_setting_and_a_container_its_option() {
+    fn remedies_suit_services_and_containers() {
         let mut facts = refused();
         facts.user.cgroup = "/system.slice/rcc-executor.service".to_owned();
         assert!(only(&facts).1.contains("LimitRTPRIO=90"));
@@ -297,7 +302,7 @@ mod tests {
     #[test]
     fn a_refusal_despite_the_right_names_real_time_groups_or_throttling() {
         let mut facts = refused();
-        facts.user.may_nice = true;
+        facts.user.has_cap_sys_nice = true;
         facts.kernel.rt_group_sched = Some(true);
         let (cause, _) = only(&facts);
         assert!(cause.contains("has CONFIG_RT_GROUP_SCHED"), "{cause}");

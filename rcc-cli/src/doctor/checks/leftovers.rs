@@ -36,10 +36,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
             HealthFinding::note(format!("{what}, of user {}", stray.owner))
                 .fix("that user (or root) removes it: rcc-cli doctor --clean --strays")
         } else {
-            HealthFinding::warn(
-                format!("{what}, unused"),
-                "rcc-cli doctor --clean --strays",
-            )
+            HealthFinding::warn(format!("{what}, unused"), "rcc-cli doctor --clean --strays")
         });
     }
     if found.is_empty() {

@@ -10,13 +10,14 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match facts.limits.nofile.soft {
         Some(limit) if limit < NEEDED => {
             let what = format!("the open-files limit is only {limit}");
-            let fix = if facts.limits.nofile.could(NEEDED) {
+            let fix = if facts.limits.nofile.can_reach(NEEDED) {
                 format!("ulimit -S -n {NEEDED}   in this shell")
             } else {
                 "LimitNOFILE=4096 in the unit, or `@rcc - nofile 4096` in /etc/security/limits.d/rcc.conf".to_owned()
             };
             vec![
-                HealthFinding::warn(what, fix).cause(format!("{NEEDED} suffice for the largest cell")),
+                HealthFinding::warn(what, fix)
+                    .cause(format!("{NEEDED} suffice for the largest cell")),
             ]
         }
         Some(limit) => vec![HealthFinding::ok(format!(

@@ -6,7 +6,7 @@ use crate::doctor::facts::MachineFacts;
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let cpu = &facts.cpu;
     let whose = facts
-        .wish
+        .requirements
         .core
         .map_or_else(|| "cores".to_owned(), |core| format!("core {core}"));
     let mut found = Vec::new();
@@ -61,7 +61,7 @@ mod tests {
     use crate::doctor::FindingLevel;
 
     #[test]
-    fn governor_and_idle_states_warn_unless_they_are_kept_away() {
+    fn governor_and_idle_states_warn_unless_they_are_disabled() {
         let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         facts.cpu.governors = vec!["powersave".to_owned()];
@@ -69,7 +69,10 @@ mod tests {
         facts.cpu.governors = vec!["performance".to_owned()];
         facts.cpu.deep_idle = vec![("C6".to_owned(), 133)];
         let found = check(&facts);
-        assert_eq!((found[0].level, found[1].level), (FindingLevel::Ok, FindingLevel::Warn));
+        assert_eq!(
+            (found[0].level, found[1].level),
+            (FindingLevel::Ok, FindingLevel::Warn)
+        );
         facts.cpu.dma_latency_us = Some(0);
         assert_eq!(check(&facts)[1].level, FindingLevel::Ok);
     }

@@ -4,12 +4,12 @@ use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
 /// One second; a healthy cell needs less, even when loading a plan under a debugger.
-const ENOUGH_US: u64 = 1_000_000;
+const SUFFICIENT_US: u64 = 1_000_000;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match facts.limits.rttime.soft {
         None => Vec::new(),
-        Some(limit) if limit >= ENOUGH_US => vec![HealthFinding::note(format!(
+        Some(limit) if limit >= SUFFICIENT_US => vec![HealthFinding::note(format!(
             "the rttime limit is {limit} µs: enough for the cycle"
         ))],
         Some(limit) => {

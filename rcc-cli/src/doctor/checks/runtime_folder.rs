@@ -7,12 +7,14 @@ use crate::doctor::facts::MachineFacts;
 const OTHERS_WRITE: u32 = 0o022;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
-    let folder = &facts.base;
+    let folder = &facts.runtime_folder;
     let path = folder.path.display();
     let uid = facts.user.uid;
     match folder.owner {
         Some(owner) if owner != uid => {
-            let what = format!("the runtime folder {path} belongs to user {owner}, but you are user {uid}");
+            let what = format!(
+                "the runtime folder {path} belongs to user {owner}, but you are user {uid}"
+            );
             vec![HealthFinding::fail(
                 what,
                 "set RCC_RUNTIME_DIR to a folder of your own",
@@ -39,7 +41,9 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
             "runtime folder {path}, mode {:o}",
             folder.mode
         ))],
-        None => vec![HealthFinding::ok(format!("runtime folder {path}, not created yet"))],
+        None => vec![HealthFinding::ok(format!(
+            "runtime folder {path}, not created yet"
+        ))],
     }
 }
 
@@ -50,7 +54,7 @@ mod tests {
     use crate::doctor::facts::runtime_folder::FolderFacts;
 
     #[test]
-    fn it_must_be_ours_usable_and_closed() {
+    fn the_runtime_folder_must_be_owned_usable_and_private() {
         let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
         let cases = [
@@ -62,7 +66,7 @@ mod tests {
             (None, 0, false, FindingLevel::Fail),
         ];
         for (owner, mode, usable, level) in cases {
-            facts.base = Folder {
+            facts.runtime_folder = FolderFacts {
                 path: "/run/x".into(),
                 owner,
                 mode,

@@ -7,7 +7,9 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let name = &facts.user.name;
     match facts.remove_ipc {
         None => Vec::new(),
-        Some(false) => vec![HealthFinding::ok("logind keeps shared memory (RemoveIPC=no)")],
+        Some(false) => vec![HealthFinding::ok(
+            "logind keeps shared memory (RemoveIPC=no)",
+        )],
         Some(true) if facts.user.is_system => vec![HealthFinding::ok(format!(
             "logind keeps shared memory of system users, and {name} is one"
         ))],

@@ -47,7 +47,9 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         );
         let fix = "run `rcc-cli doctor --clean` to remove leftovers of dead cells, or enlarge it: \
                    sudo mount -o remount,size=512m /dev/shm (in a container: --shm-size=256m)";
-        found.push(HealthFinding::fail(what, fix).cause(format!("a cell needs about {}", bytes(NEEDED))));
+        found.push(
+            HealthFinding::fail(what, fix).cause(format!("a cell needs about {}", bytes(NEEDED))),
+        );
     }
     if found.is_empty() {
         found.push(HealthFinding::ok(format!(
@@ -67,14 +69,14 @@ mod tests {
 
     #[test]
     fn memory_with_room_is_fine_and_everything_else_is_not() {
-        let good = Shared {
+        let good = SharedMemoryMount {
             kind: Some("tmpfs".to_owned()),
             options: vec!["rw".to_owned()],
             size: 1 << 30,
             free: 1 << 29,
             writable: true,
         };
-        let level = |shared: Shared| {
+        let level = |shared: SharedMemoryMount| {
             let facts = MachineFacts {
                 shared,
                 ..MachineFacts::default()
@@ -83,35 +85,35 @@ mod tests {
         };
         assert_eq!(level(good.clone()), FindingLevel::Ok);
         assert_eq!(
-            level(Shared {
+            level(SharedMemoryMount {
                 kind: Some("ext4".to_owned()),
                 ..good.clone()
             }),
             FindingLevel::Warn
         );
         assert_eq!(
-            level(Shared {
+            level(SharedMemoryMount {
                 kind: None,
                 ..good.clone()
             }),
             FindingLevel::Warn
         );
         assert_eq!(
-            level(Shared {
+            level(SharedMemoryMount {
                 options: vec!["ro".to_owned()],
                 ..good.clone()
             }),
             FindingLevel::Fail
         );
         assert_eq!(
-            level(Shared {
+            level(SharedMemoryMount {
                 free: 1 << 20,
                 ..good.clone()
             }),
             FindingLevel::Fail
         );
         assert_eq!(
-            level(Shared {
+            level(SharedMemoryMount {
                 writable: false,
                 ..good
             }),

@@ -3,11 +3,12 @@
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
-use crate::doctor::grade::{Grade, STALE_USUAL_NS};
+use crate::doctor::grade::{Grade, STALE_DEFAULT_NS};
 use crate::table::time;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
-    let (Some(stale_ns), Some(measured)) = (facts.requirements.stale_after_ns, &facts.measured) else {
+    let (Some(stale_ns), Some(measured)) = (facts.requirements.stale_after_ns, &facts.measured)
+    else {
         return Vec::new();
     };
     let grade = Grade::of(measured);
@@ -28,7 +29,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
             ),
         ];
     }
-    if grade <= Grade::B && stale_ns >= STALE_USUAL_NS {
+    if grade <= Grade::B && stale_ns >= STALE_DEFAULT_NS {
         return vec![
             HealthFinding::note(format!(
                 "stale_after is {}; this machine allows {}",

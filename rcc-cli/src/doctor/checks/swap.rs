@@ -5,14 +5,17 @@ use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
 /// Below this, the kernel starts to reclaim memory.
-const LITTLE: u64 = 256 << 20;
+const AVAILABLE_MIN: u64 = 256 << 20;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let memory = &facts.memory;
     let locked =
         facts.trial.lock.is_ok() && (facts.user.uid == 0 || facts.limits.memlock.soft.is_none());
     let mut found = Vec::new();
-    if let Some(available) = memory.available.filter(|available| *available < LITTLE) {
+    if let Some(available) = memory
+        .available
+        .filter(|available| *available < AVAILABLE_MIN)
+    {
         let what = format!("only {} of memory are available", bytes(available));
         found.push(HealthFinding::warn(
             what,
@@ -39,8 +42,10 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     }
     if memory.overcommit == Some(2) {
         found.push(
-            HealthFinding::note("vm.overcommit_memory is 2: allocations fail when requested, not when used")
-                .fix("none, unless a process of the cell fails to start for lack of memory"),
+            HealthFinding::note(
+                "vm.overcommit_memory is 2: allocations fail when requested, not when used",
+            )
+            .fix("none, unless a process of the cell fails to start for lack of memory"),
         );
     }
     found

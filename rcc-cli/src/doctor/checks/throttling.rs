@@ -4,20 +4,22 @@ use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 
 /// Linux's default share for real-time threads, percent.
-const USUAL_PERCENT: i64 = 95;
+const DEFAULT_PERCENT: i64 = 95;
 
 pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let (Some(run), Some(period)) = (facts.kernel.rt_runtime_us, facts.kernel.rt_period_us) else {
         return Vec::new();
     };
     if run < 0 {
-        return vec![HealthFinding::note(
-            "real-time throttling is off: a thread that never sleeps would freeze the machine",
-        )
-        .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000, unless it is off on purpose")];
+        return vec![
+            HealthFinding::note(
+                "real-time throttling is off: a thread that never sleeps would freeze the machine",
+            )
+            .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000, unless it is off on purpose"),
+        ];
     }
     let percent = run.saturating_mul(100) / period.max(1);
-    if percent < USUAL_PERCENT {
+    if percent < DEFAULT_PERCENT {
         let what = format!(
             "real-time threads may run only {percent} % of the time ({run} of {period} µs)"
         );

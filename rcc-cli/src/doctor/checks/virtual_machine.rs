@@ -10,7 +10,8 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let steal_ms = facts.activity.steal_ms;
     if let Some(name) = &facts.kernel.virtual_machine {
         let what = format!("running in a virtual machine ({name})");
-        let stolen = format!("its host took {steal_ms} ms of processor time during the measurement");
+        let stolen =
+            format!("its host took {steal_ms} ms of processor time during the measurement");
         let fix = "no setting in the guest helps: use a physical machine for a real robot, or dedicate host cores to this one";
         found.push(match (late, steal_ms) {
             (true, 0) => HealthFinding::warn(what, fix)
@@ -56,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn interrupts_of_the_firmware_are_told() {
+    fn firmware_interrupts_are_reported() {
         let mut facts = MachineFacts::default();
         facts.activity.smi = Some(0);
         assert_eq!(check(&facts), []);

@@ -18,7 +18,8 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
         }
         (None, None) => {
             return vec![
-                HealthFinding::note("wake-up latency was not measured").fix("rcc-cli doctor --measure 10s"),
+                HealthFinding::note("wake-up latency was not measured")
+                    .fix("rcc-cli doctor --measure 10s"),
             ];
         }
     };
@@ -76,7 +77,9 @@ fn remedy(facts: &MachineFacts, measured: &WakeUpMeasurement) -> String {
         ways.push("measure longer (--measure 60s)");
     }
     if ways.is_empty() {
-        ways.push("resolve the warnings above and below, and check the BIOS (power management, SMI)");
+        ways.push(
+            "resolve the warnings above and below, and check the BIOS (power management, SMI)",
+        );
     }
     ways.join("; ")
 }

@@ -12,15 +12,15 @@ use rcc_loader::server::api::ExecutorView;
 use rcc_loader::server::api::StatusView;
 use rcc_os::wall;
 
-use crate::client::Client;
+use crate::client::LoaderClient;
 use crate::doctor::processes;
 
 /// Longest time to wait for a loader's answer.
-const ANSWER: Duration = Duration::from_millis(500);
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 /// Length of the prefix of names in `/dev/shm`: `rcc_`, 10 hexadecimal digits and `_`.
 const PREFIX_LENGTH: usize = 15;
 /// Files younger than this may belong to a process that has not mapped them yet.
-const STRAY_AFTER: Duration = Duration::from_secs(60);
+const STRAY_AGE_MIN: Duration = Duration::from_secs(60);
 
 /// One cell.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,7 +99,7 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
     };
     let left = cell.leftovers().unwrap_or_default();
     let executor = (!living.is_empty())
-        .then(|| Client::new(&name, &cell.socket(), ANSWER).ok())
+        .then(|| LoaderClient::new(&name, &cell.socket(), ANSWER_TIMEOUT).ok())
         .flatten()
         .and_then(|client| client.get::<StatusView>("/status").ok())
         .map(|status| status.executor);
@@ -177,7 +177,7 @@ fn is_young(found: &fs::Metadata) -> bool {
         .modified()
         .ok()
         .and_then(wall::age)
-        .is_none_or(|age| age < STRAY_AFTER)
+        .is_none_or(|age| age < STRAY_AGE_MIN)
 }
 
 /// Returns the prefixes that occur in the maps and open files of all processes that may be inspected.
@@ -240,7 +240,7 @@ mod tests {
         fs::write(folder.join("rcc_0123456789_b"), [1; 4096])?;
         fs::write(folder.join("other"), "")?;
         let found = strays(&folder, &folder.join("base"));
-        let old = std::time::SystemTime::now() - 2 * STRAY_AFTER;
+        let old = std::time::SystemTime::now() - 2 * STRAY_AGE_MIN;
         for path in &found[0].paths {
             fs::File::options()
                 .write(true)

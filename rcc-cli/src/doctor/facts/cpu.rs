@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn what_happened_is_the_difference_on_that_core() {
+    fn activity_is_the_difference_of_the_counters() {
         let stat =
             |steal: u32| format!("cpu 1 1 1 1 1 1 1 99 0 0\ncpu1 1 2 3 4 5 6 7 {steal} 0 0\n");
         let table = |count: u32| {

@@ -28,9 +28,9 @@ pub struct ResourceLimits {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LimitGrant {
     /// File and line.
-    pub place: String,
+    pub location: String,
     /// User, `@group`, or `*`.
-    pub whom: String,
+    pub subject: String,
     /// `rtprio` or `memlock`.
     pub item: String,
     /// Granted value; `None` is unlimited.
@@ -62,7 +62,7 @@ pub fn read(system: &SystemRoot) -> ResourceLimits {
 
 /// Returns every line that grants `rtprio` or `memlock`, in the order in which pam_limits reads them.
 #[must_use]
-pub fn granted(system: &SystemRoot) -> Vec<LimitGrant> {
+pub fn limit_grants(system: &SystemRoot) -> Vec<LimitGrant> {
     let folder = "etc/security/limits.d";
     let files = system
         .names(folder)
@@ -95,8 +95,8 @@ fn line_of(path: &str, number: usize, line: &str) -> Option<LimitGrant> {
         Some(value.parse::<u64>().ok()?.saturating_mul(unit))
     };
     Some(LimitGrant {
-        place: format!("/{path}:{number}"),
-        whom: whom.to_owned(),
+        location: format!("/{path}:{number}"),
+        subject: whom.to_owned(),
         item: item.to_owned(),
         value,
     })
@@ -111,7 +111,7 @@ impl ResourceLimit {
 
     /// Returns true if the hard limit allows this amount.
     #[must_use]
-    pub fn could(&self, amount: u64) -> bool {
+    pub fn can_reach(&self, amount: u64) -> bool {
         self.hard.is_none_or(|hard| hard >= amount)
     }
 }
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn limits_are_read_as_the_kernel_writes_them() {
-        let text = "ResourceLimit                     Soft ResourceLimit           Hard ResourceLimit           Units     \n\
+        let text = "Limit                     Soft Limit           Hard Limit           Units     \n\
                     Max open files            1024                 524288               files     \n\
                     Max locked memory         8388608              unlimited            bytes     \n\
                     Max realtime priority     0                    95                   \n\
@@ -144,7 +144,7 @@ mod tests {
                 hard: None
             }
         );
-        assert!(!limits.rtprio.allows(80) && limits.rtprio.could(80));
+        assert!(!limits.rtprio.allows(80) && limits.rtprio.can_reach(80));
         assert_eq!(limits.rttime.soft, Some(200_000));
     }
 
@@ -162,8 +162,11 @@ mod tests {
             ("etc/security/limits.d/old.txt", "@x - rtprio 1\n"),
         ];
         let recorded = FixtureRoot::new("granted", &files);
-        let all = granted(&recorded.system());
-        let places: Vec<&str> = all.iter().map(|granted| granted.place.as_str()).collect();
+        let all = limit_grants(&recorded.system());
+        let places: Vec<&str> = all
+            .iter()
+            .map(|granted| granted.location.as_str())
+            .collect();
         assert_eq!(
             places,
             [

@@ -16,7 +16,7 @@ pub struct UserFacts {
     /// Names of its groups.
     pub groups: Vec<String>,
     /// True with CAP_SYS_NICE: any thread priority is allowed.
-    pub may_nice: bool,
+    pub has_cap_sys_nice: bool,
     /// True for a system user, whose shared memory logind leaves alone.
     pub is_system: bool,
     /// Path of the control group.
@@ -35,7 +35,7 @@ impl UserFacts {
 
     /// Returns true if a pam_limits line for `whom` applies to this user.
     #[must_use]
-    pub fn is_meant_by(&self, whom: &str) -> bool {
+    pub fn is_matched_by(&self, whom: &str) -> bool {
         match whom.strip_prefix('@') {
             Some(group) => self.groups.iter().any(|own| own == group),
             // The wildcard does not apply to root (limits.conf(5)).
@@ -74,7 +74,7 @@ pub fn read(system: &SystemRoot) -> UserFacts {
             .iter()
             .map(|gid| name_of(system, "etc/group", *gid).unwrap_or_else(|| gid.to_string()))
             .collect(),
-        may_nice: capabilities >> CAP_SYS_NICE & 1 == 1,
+        has_cap_sys_nice: capabilities >> CAP_SYS_NICE & 1 == 1,
         // `nobody` counts as well (systemd's uid_is_system, uid_is_dynamic and 65534).
         is_system: uid <= system_max || uid == 65_534,
         cgroup: cgroup(system),
@@ -174,10 +174,12 @@ mod tests {
         let user = read(&recorded.system());
         assert_eq!((user.uid, user.name.as_str()), (1000, "anna"));
         assert_eq!(user.groups, ["audio", "anna", "anna"]);
-        assert!(user.may_nice && !user.is_system);
+        assert!(user.has_cap_sys_nice && !user.is_system);
         assert_eq!(user.service(), None);
-        assert!(user.is_meant_by("@audio") && user.is_meant_by("*") && user.is_meant_by("anna"));
-        assert!(!user.is_meant_by("@rcc") && !user.is_meant_by("bert"));
+        assert!(
+            user.is_matched_by("@audio") && user.is_matched_by("*") && user.is_matched_by("anna")
+        );
+        assert!(!user.is_matched_by("@rcc") && !user.is_matched_by("bert"));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// A folder that may not exist.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Folder {
+pub struct FolderFacts {
     /// Path.
     pub path: PathBuf,
     /// Owner's user id, if it exists.
@@ -19,13 +19,13 @@ pub struct Folder {
 
 /// Inspects a folder; creates nothing.
 #[must_use]
-pub fn read(path: &Path) -> Folder {
+pub fn read(path: &Path) -> FolderFacts {
     let found = fs::metadata(path).ok().filter(fs::Metadata::is_dir);
     let nearest = path.ancestors().find(|above| above.exists());
     let access = nix::unistd::AccessFlags::W_OK | nix::unistd::AccessFlags::X_OK;
     let allowed = nearest
         .is_some_and(|nearest| nearest.is_dir() && nix::unistd::access(nearest, access).is_ok());
-    Folder {
+    FolderFacts {
         path: path.to_owned(),
         owner: found.as_ref().map(MetadataExt::uid),
         mode: found.as_ref().map_or(0, |found| found.mode() & 0o7777),

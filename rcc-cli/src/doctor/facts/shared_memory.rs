@@ -4,7 +4,7 @@ use super::system::SystemRoot;
 
 /// The file system of the cells' shared memory.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Shared {
+pub struct SharedMemoryMount {
     /// Type of the file system; `None` if nothing is mounted there.
     pub kind: Option<String>,
     /// Mount options.
@@ -19,7 +19,7 @@ pub struct Shared {
 
 /// Reads the mount table and queries the file system.
 #[must_use]
-pub fn read(system: &SystemRoot) -> Shared {
+pub fn read(system: &SystemRoot) -> SharedMemoryMount {
     let path = system.path("dev/shm");
     let mounts = system.text("proc/self/mountinfo").unwrap_or_default();
     let (kind, options) = mount(&mounts, "/dev/shm").unzip();
@@ -28,7 +28,7 @@ pub fn read(system: &SystemRoot) -> Shared {
         (bytes(found.blocks()), bytes(found.blocks_available()))
     });
     let access = nix::unistd::AccessFlags::W_OK | nix::unistd::AccessFlags::X_OK;
-    Shared {
+    SharedMemoryMount {
         kind,
         options: options.unwrap_or_default(),
         size,

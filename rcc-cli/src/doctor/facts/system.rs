@@ -133,7 +133,8 @@ pub(crate) mod tests {
 
     #[test]
     fn values_are_found_by_their_key() {
-        let recorded = FixtureRoot::new("values", &[("proc/x", "Uid:\t1000\t1000\nCapEff:\t00ff\n")]);
+        let recorded =
+            FixtureRoot::new("values", &[("proc/x", "Uid:\t1000\t1000\nCapEff:\t00ff\n")]);
         let system = recorded.system();
         assert_eq!(system.value("proc/x", "CapEff").as_deref(), Some("00ff"));
         assert_eq!(system.value("proc/x", "Gid"), None);

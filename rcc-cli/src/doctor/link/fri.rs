@@ -8,7 +8,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use serde_json::Value;
 
 use super::{LinkFacts, LinkStage, configuration, driver, percent, plain};
-use crate::doctor::{HealthFinding, FindingLevel};
+use crate::doctor::{FindingLevel, HealthFinding};
 use crate::table::time;
 
 /// Error numbers EADDRINUSE and EADDRNOTAVAIL.
@@ -58,40 +58,41 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
             ),
         );
     }
-    let Some(card) = facts
-        .interfaces
-        .iter()
-        .find(|card| card.address == ip || (ip.is_loopback() && card.address.is_loopback()))
-    else {
+    let Some(interface) = facts.interfaces.iter().find(|interface| {
+        interface.address == ip || (ip.is_loopback() && interface.address.is_loopback())
+    }) else {
         let have: Vec<String> = facts
             .interfaces
             .iter()
-            .map(super::sockets::NetworkInterface::words)
+            .map(super::sockets::NetworkInterface::label)
             .collect();
         let fix = format!(
             "assign this address to an interface (ip addr add {ip}/24 dev INTERFACE), or correct settings.listen"
         );
         return Some(
-            HealthFinding::fail(format!("no network interface of this machine has the address {ip}"), fix)
-                .cause(format!("available: {}", have.join(", "))),
+            HealthFinding::fail(
+                format!("no network interface of this machine has the address {ip}"),
+                fix,
+            )
+            .cause(format!("available: {}", have.join(", "))),
         );
     };
-    if !card.up {
+    if !interface.up {
         let fix = format!(
             "plug in the cable and switch on the controller; ip link set {} up",
-            card.name
+            interface.name
         );
         return Some(HealthFinding::fail(
-            format!("the network interface {} is down", card.words()),
+            format!("the network interface {} is down", interface.label()),
             fix,
         ));
     }
-    if let Some(peer) = peer(facts).filter(|peer| !card.is_near(*peer)) {
+    if let Some(peer) = peer(facts).filter(|peer| !interface.is_near(*peer)) {
         let fix = "give both interfaces addresses in one subnet (controller side: VxWorks, KRC network settings)";
         return Some(HealthFinding::fail(
             format!(
                 "the controller {peer} is not in the subnet of {}",
-                card.words()
+                interface.label()
             ),
             fix,
         ));
@@ -102,7 +103,10 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
             "for a real controller, set settings.listen and FRIHOST to the address of the interface that leads to it",
         ));
     }
-    Some(HealthFinding::ok(format!("network interface {} is up", card.words())))
+    Some(HealthFinding::ok(format!(
+        "network interface {} is up",
+        interface.label()
+    )))
 }
 
 fn peer(facts: &LinkFacts) -> Option<Ipv4Addr> {
@@ -171,7 +175,8 @@ fn datagrams(facts: &LinkFacts) -> Option<HealthFinding> {
         format!("no more datagrams arrive at {listen} ({ever} since the driver started)")
     };
     let fix = if facts.simulated {
-        "start the simulator (`rcc-cli up` does); its --driver option must be this address".to_owned()
+        "start the simulator (`rcc-cli up` does); its --driver option must be this address"
+            .to_owned()
     } else {
         format!(
             "on the controller: C:\\KRC\\ROBOTER\\INIT\\dlrrc.ini FRIHOST={} FRISOCK={},0; has its KRL program called \
@@ -261,12 +266,13 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
     }
     if facts.grown("malformed") > 0 {
         return fails(
-            "datagrams have the size and identity of FRI 1.0, but invalid values"
-                .to_owned(),
+            "datagrams have the size and identity of FRI 1.0, but invalid values".to_owned(),
             "check the KUKA.FRI version, and any device in between that may change datagrams",
         );
     }
-    Some(HealthFinding::ok("the datagrams are FRI 1.0: 916 bytes, identity 0x2006"))
+    Some(HealthFinding::ok(
+        "the datagrams are FRI 1.0: 916 bytes, identity 0x2006",
+    ))
 }
 
 /// Detects Sunrise messages: SDK 1.x to 2.5 send the bare message, SDK 2.7 prefixes its length.
@@ -378,9 +384,9 @@ fn joints(bits: u64) -> String {
 
 fn control(facts: &LinkFacts) -> Option<HealthFinding> {
     match wire(facts)?["control"].as_str()? {
-        known @ ("position" | "cartesian impedance" | "joint impedance") => {
-            Some(HealthFinding::ok(format!("the controller is in {known} control")))
-        }
+        known @ ("position" | "cartesian impedance" | "joint impedance") => Some(
+            HealthFinding::ok(format!("the controller is in {known} control")),
+        ),
         other => Some(HealthFinding::fail(
             format!("the controller is in another control strategy ({other})"),
             "set $STIFFNESS.STRATEGY = 10 (position), 20 or 30 (impedance) in the KRL program, before friStart",
@@ -391,7 +397,7 @@ fn control(facts: &LinkFacts) -> Option<HealthFinding> {
 fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
     let wire = wire(facts)?;
     let word = wire["quality"].as_str()?;
-    let Some(told) = facts.driver_status.as_ref() else {
+    let Some(status) = facts.driver_status.as_ref() else {
         return Some(
             HealthFinding::note(format!(
                 "quality {word}: not meaningful, because no driver answers the controller"
@@ -399,7 +405,7 @@ fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
             .fix(format!("start the cell: rcc-cli up {}", facts.source)),
         );
     };
-    let history = told.history();
+    let history = status.history();
     let real = |key: &str| wire[key].as_f64().unwrap_or(0.0);
     let what = format!(
         "quality {word} (last {} s: mean {}, min {}); the controller counts {} answers of 100 in time, delay {}, jitter {}",
@@ -417,18 +423,18 @@ fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
     };
     let wanted = facts.settings["quality_min"].as_str().unwrap_or("ok");
     if rank(word) < rank(wanted) {
-        let (cause, fix) = culprit(facts, history.late);
+        let (cause, fix) = quality_cause(facts, history.late);
         return Some(HealthFinding::fail(what, fix).cause(cause));
     }
     if history.late > 0 {
-        let (cause, fix) = culprit(facts, history.late);
+        let (cause, fix) = quality_cause(facts, history.late);
         return Some(HealthFinding::warn(what, fix).cause(cause));
     }
     Some(HealthFinding::ok(what))
 }
 
 /// Decides whether our answers are late or are lost on the way; returns cause and remedy.
-fn culprit(facts: &LinkFacts, late: u64) -> (String, String) {
+fn quality_cause(facts: &LinkFacts, late: u64) -> (String, String) {
     let period_ns = facts.period_ns;
     let slow = facts.total("answer_max_ns") > period_ns / 2;
     let gaps = facts.grown("gaps_datagrams") > 0 || facts.total("interval_max_ns") > 2 * period_ns;
@@ -463,14 +469,14 @@ fn culprit(facts: &LinkFacts, late: u64) -> (String, String) {
 
 fn session(facts: &LinkFacts) -> Option<HealthFinding> {
     let wire = wire(facts)?;
-    let told = facts.driver_status.as_ref()?;
+    let status = facts.driver_status.as_ref()?;
     match wire["session"].as_str()? {
-        "command" if told.reason == 0 => Some(HealthFinding::ok(format!(
+        "command" if status.reason == 0 => Some(HealthFinding::ok(format!(
             "session in command mode; the device is {}",
-            told.state
+            status.state
         ))),
         "command" => Some(HealthFinding::warn(
-            format!("session in command mode, but: {}", told.reason_words),
+            format!("session in command mode, but: {}", status.reason_words),
             "follow the message",
         )),
         _ => {
@@ -491,7 +497,7 @@ fn session(facts: &LinkFacts) -> Option<HealthFinding> {
 }
 
 fn answers(facts: &LinkFacts) -> Option<HealthFinding> {
-    let told = facts.driver_status.as_ref()?;
+    let status = facts.driver_status.as_ref()?;
     let mean_ns = facts.link()["answer_mean_ns"].as_u64()?;
     let longest_ns = facts.total("answer_max_ns");
     let what = format!(
@@ -499,10 +505,13 @@ fn answers(facts: &LinkFacts) -> Option<HealthFinding> {
         time(mean_ns),
         time(longest_ns),
         time(facts.total("answer_longest_ns")),
-        told.starved
+        status.starved
     );
     if longest_ns > facts.period_ns / 2 {
-        return Some(HealthFinding::warn(what, "this machine is late: run `rcc-cli doctor`"));
+        return Some(HealthFinding::warn(
+            what,
+            "this machine is late: run `rcc-cli doctor`",
+        ));
     }
     Some(HealthFinding::ok(what))
 }

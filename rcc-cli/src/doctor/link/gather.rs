@@ -15,12 +15,12 @@ use crate::doctor::requirements::SelectedCell;
 use crate::supervisor::paths;
 
 /// Time of listening if no driver runs.
-const LISTEN: Duration = Duration::from_secs(2);
+const LISTEN_TIME: Duration = Duration::from_secs(2);
 /// Longest time to wait for the driver's next status; drivers write once a second.
-const NEWS: Duration = Duration::from_secs(3);
-const STEP: Duration = Duration::from_millis(50);
+const STATUS_TIMEOUT: Duration = Duration::from_secs(3);
+const POLL_STEP: Duration = Duration::from_millis(50);
 /// Longest time for a server to accept a connection.
-const CONNECT: Duration = Duration::from_secs(1);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Collects all facts about `device`.
 #[must_use]
@@ -52,8 +52,11 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     }
     match (&chosen.cell, facts.pid) {
         (Some(cell), Some(_)) => {
-            facts.before = DriverStatus::of(cell, &device.name);
-            facts.driver_status = newer(|| DriverStatus::of(cell, &device.name), facts.before.as_ref());
+            facts.previous_status = DriverStatus::of(cell, &device.name);
+            facts.driver_status = next_status(
+                || DriverStatus::of(cell, &device.name),
+                facts.previous_status.as_ref(),
+            );
         }
         _ => listen(chosen, device, &mut facts),
     }
@@ -64,10 +67,11 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     };
     facts.holder = address("listen").and_then(sockets::holder);
     // Some servers accept a single client only: none is tried while a driver exchanges data.
-    let exchanges = |told: &Option<DriverStatus>| told.as_ref().map_or(0, |told| told.exchanges);
-    let works = exchanges(&facts.driver_status) > exchanges(&facts.before);
+    let exchanges =
+        |status: &Option<DriverStatus>| status.as_ref().map_or(0, |status| status.exchanges);
+    let works = exchanges(&facts.driver_status) > exchanges(&facts.previous_status);
     facts.connects = address("server").filter(|_| !works).map(|server| {
-        TcpStream::connect_timeout(&server, CONNECT)
+        TcpStream::connect_timeout(&server, CONNECT_TIMEOUT)
             .map(drop)
             .map_err(|error| error.to_string())
     });
@@ -75,16 +79,19 @@ pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
 }
 
 /// Waits for the driver's next status; returns the last one if none arrives.
-fn newer(read: impl Fn() -> Option<DriverStatus>, before: Option<&DriverStatus>) -> Option<DriverStatus> {
-    let begun = Instant::now();
+fn next_status(
+    read: impl Fn() -> Option<DriverStatus>,
+    before: Option<&DriverStatus>,
+) -> Option<DriverStatus> {
+    let started = Instant::now();
     loop {
         let now = read();
-        let is_news =
-            now.is_some() && now.as_ref().map(|told| told.at) != before.map(|told| told.at);
-        if is_news || begun.elapsed() > NEWS {
+        let is_new =
+            now.is_some() && now.as_ref().map(|status| status.at) != before.map(|status| status.at);
+        if is_new || started.elapsed() > STATUS_TIMEOUT {
             return now;
         }
-        thread::sleep(STEP);
+        thread::sleep(POLL_STEP);
     }
 }
 
@@ -102,7 +109,7 @@ fn probe(chosen: &SelectedCell, device: &DeviceConfig) -> Result<serde_json::Val
         .args(["--cell", &chosen.config.name, "--device", &device.name])
         .arg("--config")
         .arg(&chosen.path)
-        .args(["--milliseconds", &LISTEN.as_millis().to_string()])
+        .args(["--milliseconds", &LISTEN_TIME.as_millis().to_string()])
         .env_remove("RCC_PORTS");
     for (name, number) in &chosen.ports {
         command.arg("--port").arg(format!("{name}={number}"));

@@ -59,12 +59,15 @@ fn server(facts: &LinkFacts) -> Option<HealthFinding> {
 /// Stage: data is exchanged, and the device can be commanded.
 fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     let (reason, words, exchanges) = match (&facts.driver_status, &facts.probe) {
-        (Some(told), _) => {
-            let before = facts.before.as_ref().map_or(0, |before| before.exchanges);
+        (Some(status), _) => {
+            let before = facts
+                .previous_status
+                .as_ref()
+                .map_or(0, |before| before.exchanges);
             (
-                told.reason,
-                told.reason_words.clone(),
-                told.exchanges.saturating_sub(before),
+                status.reason,
+                status.reason_words.clone(),
+                status.exchanges.saturating_sub(before),
             )
         }
         (None, Some(probe)) => {
@@ -83,7 +86,10 @@ fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     };
     if exchanges == 0 {
         let fix = "follow the message; the driver's log gives the address and cause";
-        return Some(HealthFinding::fail(format!("no data is exchanged: {words}"), fix));
+        return Some(HealthFinding::fail(
+            format!("no data is exchanged: {words}"),
+            fix,
+        ));
     }
     match reason {
         0 => Some(HealthFinding::ok("the device answers and can be commanded")),
@@ -116,7 +122,7 @@ mod tests {
     use crate::doctor::driver_status::{DriverStatus, now};
     use serde_json::json;
 
-    fn running(told: DriverStatus) -> LinkFacts {
+    fn running(status: DriverStatus) -> LinkFacts {
         LinkFacts {
             device: "io".to_owned(),
             driver: "modbus".to_owned(),
@@ -126,9 +132,9 @@ mod tests {
             driver_status: Some(DriverStatus {
                 at: now(),
                 since: now(),
-                ..told
+                ..status
             }),
-            before: Some(DriverStatus::default()),
+            previous_status: Some(DriverStatus::default()),
             ..LinkFacts::default()
         }
     }
@@ -172,14 +178,13 @@ mod tests {
     #[test]
     fn without_driver_the_probe_decides() {
         let mut facts = running(DriverStatus::default());
-        (facts.driver_status, facts.before, facts.pid) = (None, None, None);
+        (facts.driver_status, facts.previous_status, facts.pid) = (None, None, None);
         facts.probe = Some(
             json!({"opened": true, "exchanges": 9, "last": {"reason": 0, "reason_words": ""}}),
         );
         assert_eq!(LinkReport::of(&facts).failed, None);
-        facts.probe = Some(
-            json!({"opened": false, "error": "devices.io.settings.unit: 300 is of another form"}),
-        );
+        facts.probe =
+            Some(json!({"opened": false, "error": "devices.io.settings.unit: invalid value 300"}));
         assert_eq!(LinkReport::of(&facts).failed, Some("settings"));
     }
 }

@@ -31,7 +31,7 @@ impl NetworkInterface {
 
     /// Formats name, address and prefix length: `eth0 192.168.0.1/24`.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn label(&self) -> String {
         format!(
             "{} {}/{}",
             self.name,

@@ -2,7 +2,7 @@
 
 use rcc_core::primitives;
 use rcc_engine::costs::Costs;
-use rcc_language::structure::{NetStructure, PrimitiveRole, PortInfo, SourceInfo};
+use rcc_language::structure::{NetStructure, PortInfo, PrimitiveRole, SourceInfo};
 use serde::Serialize;
 
 use crate::verbs::source::ResolvedNet;
@@ -178,7 +178,12 @@ pub struct CellCapacity {
 
 impl Explanation {
     /// Collects the explanation of a net.
-    pub fn of(found: &ResolvedNet, costs: &Costs, origin: String, cell: Option<CellCapacity>) -> Explanation {
+    pub fn of(
+        found: &ResolvedNet,
+        costs: &Costs,
+        origin: String,
+        cell: Option<CellCapacity>,
+    ) -> Explanation {
         let (structure, plan) = (&found.structure, found.compiled.plan.plan());
         let types = costs.shares(&plan).into_iter().map(|share| TypeShare {
             ty: share.name,

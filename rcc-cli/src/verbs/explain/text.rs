@@ -1,7 +1,7 @@
 //! Explanation as text: small nets in full, large nets as totals, further tables on request. Pure.
 
 use super::TableSelection;
-use super::report::{Explanation, NetMemory, StepOutput, CellCapacity};
+use super::report::{CellCapacity, Explanation, NetMemory, StepOutput};
 use crate::table::{self, grouped, time};
 
 /// Nets up to this size are shown in full.
@@ -23,10 +23,12 @@ pub fn human(it: &Explanation, shown: TableSelection) -> String {
     }
     parts.push(nulls(it, shown, is_small));
     if let Some(room) = &it.cell {
-        parts.push(left(room));
+        parts.push(capacity(room));
     }
     if !is_small && !shown.all {
-        parts.push("`--order`, `--path` and `--nulls` tell more, `--all` everything".to_owned());
+        parts.push(
+            "`--order`, `--path` and `--nulls` show more, `--all` shows everything".to_owned(),
+        );
     }
     parts.retain(|part| !part.is_empty());
     parts.join("\n\n")
@@ -36,7 +38,7 @@ pub fn human(it: &Explanation, shown: TableSelection) -> String {
 fn regions(it: &Explanation) -> String {
     let lines = it.regions.iter().map(|region| {
         format!(
-            "`{}` is evaluated only while `{}` is true: {} primitives, {} when it is",
+            "`{}` is evaluated only while `{}` is true: {} primitives, {} when active",
             region.id,
             region.condition,
             grouped(region.primitives),
@@ -56,7 +58,7 @@ fn head(it: &Explanation) -> String {
         every => format!("every {every} cycles"),
     };
     format!(
-        "{}: {} primitives, expected to need {} {every}, {} of the period of {}\ncosts {}\n{}",
+        "{}: {} primitives, expected to take {} {every}, {} of the period of {}\ncosts {}\n{}",
         it.net,
         grouped(u64::from(it.primitives)),
         time(it.expected_ns),
@@ -72,7 +74,7 @@ fn memory(it: &NetMemory, runs: usize) -> String {
     let shared = match it.constant_inputs {
         0 => String::new(),
         inputs => format!(
-            "\n{} constant inputs in {} places",
+            "\n{} constant inputs in {} slots",
             count(inputs),
             count(it.constants)
         ),
@@ -165,7 +167,7 @@ fn path(it: &Explanation) -> String {
     match ids.len() {
         0 => String::new(),
         count => format!(
-            "longest way: {count} primitives, {:.1} ns: {shown}",
+            "critical path: {count} primitives, {:.1} ns: {shown}",
             it.path.ns
         ),
     }
@@ -182,7 +184,7 @@ fn nulls(it: &Explanation, shown: TableSelection, is_small: bool) -> String {
         lines.push(table::text(&rows));
     } else if !is_small && count > 0 {
         lines.push(format!(
-            "{} primitives can give null",
+            "{} primitives can return null",
             grouped(count as u64)
         ));
     }
@@ -198,18 +200,23 @@ fn nulls(it: &Explanation, shown: TableSelection, is_small: bool) -> String {
         lines.push(format!("… and {} more", grouped(more as u64)));
     }
     if count == 0 {
-        lines.push("nothing in it can be null, overflow aside".to_owned());
+        lines.push("no value can be null, except by overflow".to_owned());
     }
     lines.join("\n")
 }
 
-fn left(room: &CellCapacity) -> String {
+fn capacity(room: &CellCapacity) -> String {
     let dearest = room.dearest.as_ref().map_or_else(
         || "no net runs".to_owned(),
-        |net| format!("the dearest that runs is {net} ({})", time(room.dearest_ns)),
+        |net| {
+            format!(
+                "the most expensive one is {net} ({})",
+                time(room.dearest_ns)
+            )
+        },
     );
     format!(
-        "cell {}: nets may need {} of a cycle together, {} are in use, {} are left; {dearest}",
+        "cell {}: nets may use {} per cycle, {} in use, {} left; {dearest}",
         room.cell,
         time(room.budget_ns),
         time(room.committed_ns),
@@ -220,7 +227,9 @@ fn left(room: &CellCapacity) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verbs::explain::report::{Consequence, NullSource, CriticalPath, TypeShare, EvaluationStep};
+    use crate::verbs::explain::report::{
+        Consequence, CriticalPath, EvaluationStep, NullSource, TypeShare,
+    };
 
     fn explanation(steps: usize) -> Explanation {
         let step = |order: usize| EvaluationStep {
@@ -282,15 +291,17 @@ mod tests {
     #[test]
     fn conditional_regions_are_listed_with_their_condition() {
         let mut explanation = explanation(3);
-        explanation.regions.push(super::super::report::ConditionalRegion {
-            id: "a".into(),
-            condition: "button.out".into(),
-            primitives: 500,
-            ns: 1500.0,
-        });
+        explanation
+            .regions
+            .push(super::super::report::ConditionalRegion {
+                id: "a".into(),
+                condition: "button.out".into(),
+                primitives: 500,
+                ns: 1500.0,
+            });
         let text = human(&explanation, TableSelection::default());
         let line =
-            "`a` is evaluated only while `button.out` is true: 500 primitives, 1.5 µs when it is";
+            "`a` is evaluated only while `button.out` is true: 500 primitives, 1.5 µs when active";
         assert!(text.contains(line), "{text}");
     }
 
@@ -298,12 +309,12 @@ mod tests {
     fn a_small_net_is_shown_in_full() {
         let text = human(&explanation(3), TableSelection::default());
         for part in [
-            "line: 3 primitives, expected to need 2.0 µs every cycle, 0.2 % of the period of 1.0 ms",
+            "line: 3 primitives, expected to take 2.0 µs every cycle, 0.2 % of the period of 1.0 ms",
             "LinearMotion  2      750.0 ns  1500.0 ns  75.0 %",
             "1      0    p1         Add (Real)  1.5 ns  out Real m  `lwr` is lost: ft",
-            "longest way: 3 primitives, 3.0 ns: p0 → p1 → p2",
+            "critical path: 3 primitives, 3.0 ns: p0 → p1 → p2",
             "null at `robot.position` (`lwr` is lost: ft → p1): no command",
-            "400.0 µs are left; the dearest that runs is other#1 (100.0 µs)",
+            "400.0 µs left; the most expensive one is other#1 (100.0 µs)",
         ] {
             assert!(text.contains(part), "{part}\n{text}");
         }
@@ -315,7 +326,7 @@ mod tests {
         let text = human(&large, TableSelection::default());
         assert!(text.lines().count() < 20, "{text}");
         assert!(
-            text.contains("1 primitives can give null") && text.contains("`--order`"),
+            text.contains("1 primitives can return null") && text.contains("`--order`"),
             "{text}"
         );
         let order = TableSelection {

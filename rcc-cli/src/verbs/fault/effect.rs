@@ -226,11 +226,10 @@ fn short_command(effect: &FaultEffect) -> (Value, String) {
             json!({"delay_ms": milliseconds(*time)}),
             format!("answers {time:?} later"),
         ),
-        FaultEffect::Drop { count } => (
-            json!({"drop": count}),
-            format!("leaves {count} requests without an answer"),
-        ),
-        FaultEffect::Clear { .. } => (json!("clear"), "is freed of all faults".to_owned()),
+        FaultEffect::Drop { count } => {
+            (json!({"drop": count}), format!("ignores {count} requests"))
+        }
+        FaultEffect::Clear { .. } => (json!("clear"), "has all faults cleared".to_owned()),
         // Signals are handled by [`action`].
         _ => (Value::Null, String::new()),
     }

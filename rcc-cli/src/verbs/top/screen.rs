@@ -8,8 +8,8 @@ use ratatui::widgets::{Block, Paragraph, Row, Table};
 
 use super::{TopSnapshot, text};
 
-/// Draws everything; `told` is the message in the last line.
-pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, told: &str) {
+/// Draws everything; `message` is the message in the last line.
+pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, message: &str) {
     let head = text::head(snapshot);
     let nets = text::nets(snapshot);
     let rows = u16::try_from(nets.len()).unwrap_or(u16::MAX);
@@ -44,7 +44,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, told: &str) {
     );
     let keys = "q quit   a acknowledge late cycles   ";
     frame.render_widget(
-        Paragraph::new(format!("{keys}{told}")).style(Style::new().dim()),
+        Paragraph::new(format!("{keys}{message}")).style(Style::new().dim()),
         foot,
     );
 }
@@ -142,9 +142,11 @@ mod tests {
         snapshot
     }
 
-    fn drawn(width: u16, height: u16, told: &str) -> String {
+    fn drawn(width: u16, height: u16, message: &str) -> String {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
-        terminal.draw(|frame| draw(frame, &snapshot(), told)).unwrap();
+        terminal
+            .draw(|frame| draw(frame, &snapshot(), message))
+            .unwrap();
         let buffer = terminal.backend().buffer();
         let rows = buffer.content().chunks(usize::from(width));
         rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n")
@@ -157,8 +159,8 @@ mod tests {
         for part in [
             "cell demo  cycle 12 345  period 1.0 ms  load 10.2 % (99 %: 20.0 %)",
             "2 late cycles, 3 since the start",
-            "first: cycle 777 computed long: woke 2.0 µs after its time, computed 1.5 ms, most of it dear#2 (1.4 ms)",
-            "execution: half",
+            "first: cycle 777 computed long: woke up 2.0 µs late, computed for 1.5 ms, most of it dear#2 (1.4 ms)",
+            "execution: median",
             "≤ 200 µs",
             "LinearMotion  500.0 ns  100.0 %",
             "q quit   a acknowledge late cycles   as told",
@@ -184,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn the_text_has_the_same() {
+    fn the_text_has_the_same_contents() {
         let text = text::text(&snapshot());
         for part in [
             "computed long",

@@ -72,7 +72,7 @@ pub(super) fn nets(snapshot: &TopSnapshot) -> Vec<[String; 6]> {
         .map(|net| {
             [
                 follow::title(net),
-                follow::state_words(net),
+                follow::state_text(net),
                 percent(net.exec_mean_ns, period_ns),
                 time(net.exec_mean_ns),
                 format!("{} / {}", time(net.exec_last_ns), time(net.exec_max_ns)),
@@ -107,7 +107,7 @@ pub(super) fn histograms(snapshot: &TopSnapshot) -> [(String, String); 3] {
     let timing = &snapshot.timing;
     let of = |name: &str, histogram: &HistogramView| {
         let title = format!(
-            "{name}: half {}, 99 % {}, 99.9 % {}, longest {}",
+            "{name}: median {}, 99 % {}, 99.9 % {}, longest {}",
             time(histogram.p50_ns),
             time(histogram.p99_ns),
             time(histogram.p999_ns),
@@ -116,7 +116,7 @@ pub(super) fn histograms(snapshot: &TopSnapshot) -> [(String, String); 3] {
         (title, drawing(histogram.buckets.iter().copied()))
     };
     [
-        of("wake-up after its time", &timing.wake),
+        of("wake-up latency", &timing.wake),
         of("execution", &timing.exec),
         of("cycle", &timing.length),
     ]

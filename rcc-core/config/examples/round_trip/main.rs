@@ -1,5 +1,6 @@
-//! Forward and inverse kinematics of every robot in `configs/robots`: 100,000 random joint positions each and the singular
-//! ones, by their own branch and by all eight. Prints the worst difference of poses; ends with 1 if one is beyond 10⁻¹².
+//! Forward and inverse kinematics of every robot in `configs/robots`: 100,000 random joint positions each, and the
+//! singular ones, by their own branch and by all eight. Prints the largest difference between poses; exits with 1 if
+//! one exceeds 10⁻¹².
 
 mod trip;
 

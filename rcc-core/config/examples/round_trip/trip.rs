@@ -1,4 +1,4 @@
-//! There and back: joints, pose, joints, pose. Shared by a test and an example; any thread.
+//! Round trip from joints to pose to joints to pose. Shared by a test and an example; any thread.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
@@ -8,18 +8,18 @@ use rcc_config::{CellConfig, RobotConfig};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::pose::Pose;
 
-/// What was found.
+/// Largest errors found.
 #[derive(Debug, Default)]
 pub struct Worst {
-    /// Largest difference of poses by the branch of the joints, m or element of the rotation matrix.
+    /// Largest difference between poses by the branch of the joints, m or element of the rotation matrix.
     pub same: f64,
-    /// The same by all branches.
+    /// The same over all branches.
     pub branches: f64,
-    /// Poses that were compared.
+    /// Number of poses compared.
     pub poses: usize,
 }
 
-/// The robot files, by name.
+/// Returns the robot files by name.
 pub fn robots() -> Vec<(String, RobotConfig)> {
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
     let files = std::fs::read_dir(configs.join("robots")).expect("the folder of robots");
@@ -38,7 +38,8 @@ pub fn robots() -> Vec<(String, RobotConfig)> {
     names.into_iter().map(read).collect()
 }
 
-/// Random joint positions within the limits, and each combination of limits, zeros and right angles of joints 2 to 6.
+/// Checks random joint positions within the limits, and each combination of limits, zeros and right angles of joints 2
+/// to 6.
 pub fn round_trip(robot: &RobotConfig, positions: usize) -> Worst {
     let mut worst = Worst::default();
     let limits = robot.limits();
@@ -79,7 +80,7 @@ fn compare(robot: &RobotConfig, joints: &Joints, worst: &mut Worst) {
     let same = arm.inverse(&pose, start.arm_angle, start.branch, joints);
     match same {
         Ok(found) => worst.same = worst.same.max(apart(&arm.forward(&found), &pose)),
-        // Nothing may be lost that was there.
+        // A pose of a valid configuration must have a solution.
         Err(_) => worst.same = f64::INFINITY,
     }
     worst.poses += 1;

@@ -1,5 +1,5 @@
-//! Reads `clock: {device: lwr, offset: 200 us}`: which device the executor's clock follows.
-//! Run at start-up by whoever reads the cell's file.
+//! Reads `clock: {device: lwr, offset: 200 us}`: the device that the executor's clock follows. Run at start-up by
+//! programs that read the cell's file.
 
 use super::ClockConfig;
 use crate::codes;
@@ -7,10 +7,10 @@ use crate::reader::{ConfigReader, Fields, error};
 use crate::yaml::{Node, Value};
 
 const KEYS: [&str; 2] = ["device", "offset"];
-/// Time for a packet to get through the driver to the executor.
+/// Default time for a packet to pass through the driver to the executor.
 const OFFSET_NS: u64 = 200_000;
 
-/// The clock of a cell; `Some(None)`: its own.
+/// Reads the clock of a cell; `Some(None)`: the executor has its own.
 pub(super) fn read(
     reader: &mut ConfigReader,
     cell: &Fields<'_>,
@@ -32,7 +32,7 @@ pub(super) fn read(
     }))
 }
 
-/// The index of the device; it has no delay, because its set-points never wait.
+/// Returns the index of the device. It must not have a delay, because its set-points never wait.
 fn device(reader: &mut ConfigReader, cell: &Fields<'_>, node: &Node) -> Option<usize> {
     let name = reader.text(node, "the device of the clock")?;
     let devices = match cell.get("devices").map(|node| &node.value) {
@@ -54,7 +54,7 @@ fn device(reader: &mut ConfigReader, cell: &Fields<'_>, node: &Node) -> Option<u
             format!("`delay` has no meaning for `{name}`: the executor's clock follows it");
         let fault = error(codes::KEY_OF_OTHER_KIND, delay.span, message);
         reader.report(fault.help(
-            "take `delay` out, because every set-point is played in its own cycle; or take `clock` out",
+            "remove `delay`, because every set-point is played in its own cycle, or remove `clock`",
         ));
         return None;
     }

@@ -1,5 +1,4 @@
-//! Reads the file of a cell, and the files that it names.
-//! Run at start-up by whoever reads it.
+//! Reads the file of a cell and the files that it names. Run at start-up.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,7 +37,7 @@ const KEYS: [&str; 11] = [
 const EXECUTOR_KEYS: [&str; 5] = ["priority", "core", "late_in_a_row_max", "rt", "budget"];
 const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
 const SIMULATOR_KEYS: [&str; 3] = ["program", "arguments", "device"];
-/// A key of older files, and the remedy.
+/// A key of older files, and its remedy.
 const CONTROL: (&str, &str) = (
     "control",
     "remove this line, and the port that only it uses: a simulator with `device` has its control port in the cell's folder",
@@ -56,7 +55,7 @@ const DEVICE_KEYS: [&str; 9] = [
 ];
 
 const MS: u64 = 1_000_000;
-/// Beyond 100 % nets are admitted that cannot keep their period: the rule of late cycles in a row is left to end them.
+/// Above 100 % nets are admitted that cannot keep their period; only the rule about late cycles in a row ends them.
 const BUDGET_MAX: f64 = 100.0;
 const PERIOD_NS: [u64; 2] = [MS / 10, 1000 * MS];
 const STALE_AFTER_NS: u64 = 50 * MS;
@@ -65,27 +64,27 @@ const COMMAND_TIMEOUT_NS: u64 = 50 * MS;
 const COMMAND_TIMEOUT_NS_MAX: u64 = 10_000 * MS;
 const DELAY_NS: u64 = 10 * MS;
 const DELAY_NS_MAX: u64 = 12_000 * MS;
-/// The others are for an executor that is early or a driver that is late.
+/// The remaining set-points are reserved for an executor that is early or a driver that is late.
 const DELAY_PERIODS_MAX: u64 = SET_POINTS as u64 - 4;
 const FIRST_TOLERANCE_RAD: f64 = std::f64::consts::PI / 180.0 * 0.1;
 const FIRST_TOLERANCE_RAD_MAX: f64 = std::f64::consts::PI / 180.0;
-/// Far beyond any machine; a core that is not there is found out when the thread is bound.
+/// Far beyond any machine; a missing core is detected when the thread is bound.
 const CORE_MAX: i64 = 4095;
 
 /// More restarts than this in a row hide a fault.
 const RESTARTS_MAX: i64 = 1000;
 const WITHIN_NS: [u64; 2] = [1000 * MS, 3_600_000 * MS];
 const STOP_TIMEOUT_NS: [u64; 2] = [100 * MS, 60_000 * MS];
-/// Less would kill processes of a machine that is only busy.
+/// A shorter time would kill processes of a machine that is merely busy.
 const WATCHDOG_NS: [u64; 2] = [500 * MS, 60_000 * MS];
 
-/// What reading needs beside the tree.
+/// State of reading besides the tree.
 struct CellFileReader<'a> {
     reader: ConfigReader,
     base: &'a Path,
     ports: BTreeMap<String, u16>,
     period_ns: u64,
-    /// Each robot's file is read once, `None` if it is faulty.
+    /// Robots already read, by file; `None` if the file is faulty.
     robots: BTreeMap<PathBuf, Option<RobotConfig>>,
     /// Faults of the robots' files.
     others: Vec<Faults>,
@@ -127,7 +126,7 @@ pub(super) fn cell(
     match (cell, faults) {
         (Some(cell), None) => Ok(cell),
         (_, Some(faults)) => Err(faults),
-        // Not reached: whoever gives no value keeps a fault. An empty list is still a refusal.
+        // Unreachable: a reader that returns no value has reported a fault. An empty list is still a refusal.
         (None, None) => Err(Faults::new(&*file.name, &*file.text, Vec::new())),
     }
 }
@@ -141,7 +140,7 @@ impl CellFileReader<'_> {
             let [least, most] = PERIOD_NS;
             self.reader.nanoseconds(node, "period", least, most)
         });
-        // With a faulty period, the rest is judged by the usual one.
+        // With a faulty period, check the rest against the default one.
         self.period_ns = period_ns.unwrap_or(MS);
         let stale_after_ns =
             self.timeout(&fields, "stale_after", STALE_AFTER_NS, STALE_AFTER_NS_MAX);
@@ -179,7 +178,7 @@ impl CellFileReader<'_> {
         self.reader.name(text, node.span, what, form)
     }
 
-    /// How old something may be: at least two periods, or it would be stale between two cycles.
+    /// Reads a maximum age: at least two periods, since otherwise data would be stale between two cycles.
     fn timeout(&mut self, fields: &Fields<'_>, key: &str, usual: u64, most: u64) -> Option<u64> {
         match fields.get(key) {
             Some(node) => {
@@ -252,7 +251,7 @@ impl CellFileReader<'_> {
             ),
             ("watchdog", WATCHDOG_NS, &mut supervision.watchdog_ns),
         ];
-        // All of them are read before one of them ends it: all faults come at once.
+        // Read all keys before returning, so that all faults are reported together.
         let mut sound = true;
         for (key, [least, most], time) in times {
             if let Some(node) = fields.get(key) {
@@ -302,7 +301,7 @@ impl CellFileReader<'_> {
         })
     }
 
-    /// A simulator plays the part of a device of this cell.
+    /// Checks that each simulator names a device of this cell.
     fn check_simulators(&mut self, cell: &Fields<'_>) {
         let names = |key: &str| -> Vec<String> {
             let entries = cell.get(key).map(|node| &node.value);
@@ -330,7 +329,7 @@ impl CellFileReader<'_> {
         }
     }
 
-    /// Text, or a whole number: other numbers would not be passed on as they are written.
+    /// Reads a text or an integer; other numbers would not be passed on exactly as written.
     fn argument(&mut self, node: &Node) -> Option<String> {
         match &node.value {
             Value::Int(number) => Some(number.to_string()),
@@ -478,7 +477,7 @@ impl CellFileReader<'_> {
         })
     }
 
-    /// Settings as the driver gets them: places are lost, ports are put in.
+    /// Converts settings for the driver: without positions, with ports substituted.
     fn json(&mut self, node: &Node) -> Option<serde_json::Value> {
         use serde_json::Value as Json;
         match &node.value {

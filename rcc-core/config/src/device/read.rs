@@ -1,5 +1,4 @@
-//! Reads a device and its channels.
-//! Run at start-up by whoever reads the cell's file.
+//! Reads a device and its channels. Run at start-up by programs that read the cell's file.
 
 use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX};
 use rcc_core::primitive::ChannelKind;
@@ -55,7 +54,7 @@ pub(crate) fn channels(reader: &mut ConfigReader, node: &Node) -> Option<Vec<Cha
     Some(channels)
 }
 
-/// Two outputs that write the same place would fight.
+/// Refuses an address that another output already has: both would overwrite each other.
 fn refuse_taken_address(
     reader: &mut ConfigReader,
     outputs: &[(ChannelKind, &Node, &str)],
@@ -66,10 +65,11 @@ fn refuse_taken_address(
         *other == kind && node.value == address.value
     };
     if let Some((_, _, other)) = outputs.iter().find(same) {
-        let message = format!("the output `{other}` has this address already");
+        let message = format!("the output `{other}` already has this address");
         let fault = error(codes::ADDRESS_TAKEN, address.span, message);
-        reader
-            .report(fault.help("two outputs at one address would overwrite each other; keep one"));
+        reader.report(
+            fault.help("two outputs at one address would overwrite each other; keep only one"),
+        );
     }
 }
 
@@ -90,7 +90,7 @@ fn channel(reader: &mut ConfigReader, Entry { key, value }: &Entry) -> Option<Ch
     } else {
         analog(reader, &fields)
     };
-    // Without a form, what is safe cannot be judged; that it is missing can.
+    // Without a valid conversion the safe value cannot be checked, but a missing `on_release` can.
     let on_release = match (is_output(kind), fields.get("on_release"), form) {
         (true, Some(node), Some(form)) => on_release(reader, node, &form).map(Some),
         (true, Some(_), None) => None,
@@ -143,11 +143,11 @@ fn refuse_keys_of_other_kinds(reader: &mut ConfigReader, fields: &Fields<'_>, ki
         }
     }
     if !is_output(kind) {
-        refuse("on_release", "nobody commands an input");
+        refuse("on_release", "an input is never commanded");
     }
 }
 
-/// A unit without a factor: what stands before it would be ambiguous.
+/// Reads a unit without a factor, because a multiple would be ambiguous.
 fn unit(reader: &mut ConfigReader, node: &Node) -> Option<Unit> {
     if node.value == Value::Int(1) {
         return Some(Unit::ONE);
@@ -165,7 +165,7 @@ fn unit(reader: &mut ConfigReader, node: &Node) -> Option<Unit> {
             None
         }
         None => {
-            let message = format!("`{text}` is no known unit");
+            let message = format!("unknown unit `{text}`");
             let fault = error(codes::NOT_A_QUANTITY, node.span, message);
             reader.report(
                 fault.help(
@@ -177,7 +177,7 @@ fn unit(reader: &mut ConfigReader, node: &Node) -> Option<Unit> {
     }
 }
 
-/// What a value of a channel may be and how it is made from a raw one.
+/// Range of a channel's value and its conversion from the raw value.
 #[derive(Clone, Copy)]
 struct SignalForm {
     digital: bool,
@@ -238,7 +238,7 @@ fn scale_and_offset(
 
 fn no_on_release(reader: &mut ConfigReader, fields: &Fields<'_>, name: &str) {
     let message =
-        format!("the output `{name}` does not say what it does when nobody commands it any more");
+        format!("the output `{name}` does not define what it does when it is no longer commanded");
     let fault = error(codes::NO_ON_RELEASE, fields.place, message).label("`on_release` is missing");
     reader.report(fault.help(
         "add `on_release: {safe: VALUE}` or `on_release: hold`. It takes effect when a net ends, sends null or dies. \
@@ -251,7 +251,7 @@ fn on_release(reader: &mut ConfigReader, node: &Node, form: &SignalForm) -> Opti
     match node.text() {
         Some("hold") => return Some(OnRelease::Hold),
         Some(text) => {
-            let message = format!("an output cannot do `{text}` when it is released");
+            let message = format!("`{text}` is not a valid action on release");
             let fault = error(codes::UNKNOWN_KIND, node.span, message);
             reader.report(fault.help(format!("write {FORMS}")));
             return None;
@@ -278,9 +278,9 @@ fn on_release(reader: &mut ConfigReader, node: &Node, form: &SignalForm) -> Opti
         let message =
             format!("the safe value {value} is outside of the channel's range, {lower} to {upper}");
         let fault = error(codes::UNSAFE_VALUE, safe.span, message);
-        reader.report(
-            fault.help("a value outside of the range is refused, also this one: choose one inside"),
-        );
+        reader.report(fault.help(
+            "values outside of the range are refused, including the safe value: choose one inside",
+        ));
         return None;
     }
     Some(OnRelease::Safe(value))

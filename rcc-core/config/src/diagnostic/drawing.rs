@@ -1,5 +1,5 @@
-//! How faults look: for each its line, cut around the place if it is long, with what is said there and what to do.
-//! Used wherever faults are shown, never by the real-time thread.
+//! Drawing of diagnostics: each with its line of the text (cut around the position if it is long), label and remedy.
+//! Used wherever diagnostics are displayed, never by the real-time thread.
 
 use std::fmt::{self, Write as _};
 
@@ -8,11 +8,11 @@ use rcc_core::printable::Printable;
 
 use super::{DRAWN_MAX, DiagnosticPosition, DiagnosticRow, Severity, SourceText, Span};
 
-/// Most characters of a line that are drawn; longer ones (JSON by machine) are cut around the place.
+/// Maximum number of characters of a line that are drawn; longer lines (generated JSON) are cut around the position.
 const LINE_MAX: usize = 160;
 
-/// Draws rows, also such as another process found; a row whose source is not here is drawn without its line. Nothing in
-/// the texts reaches a terminal as a command: only what is printable is drawn as it is, and colours are ours.
+/// Draws rows, also those from another process; a row whose source is not given is drawn without its line. Unprintable
+/// characters of the texts are escaped, so that the only terminal control sequences are our own colours.
 #[must_use]
 pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> String {
     let theme = if colour {
@@ -44,7 +44,7 @@ pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> S
             line: excerpt(&place_of(row)),
             used_at,
         };
-        // Drawing into a String fails only if the drawing itself does; then the words alone must do.
+        // Writing into a String fails only if the drawing itself fails; then print the message alone.
         if handler.render_report(&mut out, &report).is_err() {
             out.push_str(&shown.message);
         }
@@ -69,7 +69,7 @@ pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> S
     out
 }
 
-/// The row with texts that can be printed.
+/// Returns the row with all texts escaped for printing.
 fn printable(row: &DiagnosticRow) -> DiagnosticRow {
     let clean = |text: &str| Printable(text).to_string();
     DiagnosticRow {
@@ -101,7 +101,7 @@ fn plural(count: usize, word: &str) -> String {
     format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Where lines begin.
+/// Start offsets of the lines of a text.
 pub(super) struct LineIndex<'a> {
     text: &'a str,
     starts: Vec<usize>,
@@ -123,7 +123,7 @@ impl<'a> LineIndex<'a> {
         LineIndex { text, starts }
     }
 
-    /// The text of a line (counted from 0) without its end, and where it begins.
+    /// Returns the start offset and the text of a line (counted from 0) without its line end.
     fn line(&self, number: usize) -> Option<(usize, &'a str)> {
         let start = *self.starts.get(number)?;
         let end = self
@@ -148,7 +148,7 @@ impl<'a> LineIndex<'a> {
         }
     }
 
-    /// The line of a row, cut around its place if it is long.
+    /// Returns the line of a row, cut around the position if it is long.
     fn excerpt(&self, row: &DiagnosticPosition) -> Option<Excerpt> {
         let (_, line) = self.line(row.line.checked_sub(1)?)?;
         let mut indices = line.char_indices().map(|(index, _)| index);
@@ -182,7 +182,7 @@ impl<'a> LineIndex<'a> {
     }
 }
 
-/// The nearest place at or before `at` where a character begins.
+/// Returns the nearest character boundary at or before `at`.
 fn floor(text: &str, at: usize) -> usize {
     let at = at.min(text.len());
     (0..=at)
@@ -191,7 +191,7 @@ fn floor(text: &str, at: usize) -> usize {
         .unwrap_or(0)
 }
 
-/// One line of a source, as the drawing wants it.
+/// One line of a source with the range of its label.
 #[derive(Debug)]
 struct Excerpt {
     name: String,
@@ -226,7 +226,7 @@ struct Drawing<'a> {
     used_at: Option<RelatedUse<'a>>,
 }
 
-/// The second place of a row.
+/// The second position of a row.
 #[derive(Debug)]
 struct RelatedUse<'a> {
     place: &'a DiagnosticPosition,

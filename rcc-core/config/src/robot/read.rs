@@ -1,5 +1,4 @@
-//! Reads the file of a robot.
-//! Run at start-up by whoever reads the cell's file.
+//! Reads the file of a robot. Run at start-up by programs that read the cell's file.
 
 use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
@@ -12,7 +11,7 @@ use crate::reader::{ConfigReader, Fields, JOINT_NAME, QuantityRange, error};
 use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 4] = ["robot", "kinematics", "joints", "impedance"];
-/// All that kinematics of any type say; what belongs to which is said below.
+/// Keys of all types of kinematics; the keys of each type follow below.
 const KINEMATICS_KEYS: [&str; 10] = [
     "type",
     "shoulder_height",
@@ -43,7 +42,7 @@ const IMPEDANCE_KEYS: [&str; 8] = [
     "torque",
     "joint_torque",
 ];
-/// In parts of the greatest stiffness a second, if the file says nothing: all of it in half a second.
+/// Default rate of change, as a fraction of the maximum stiffness per second: the full range in half a second.
 const IMPEDANCE_RATE: f64 = 2.0;
 const JOINT_KEYS: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 
@@ -71,7 +70,7 @@ const KINEMATICS_TYPES: [(&str, KinematicsType); 2] = [
     ("ortho-parallel", KinematicsType::OrthoParallel),
 ];
 
-/// Reads the tree of a robot's file; `source` is the file's name as the cell's file gives it.
+/// Reads the tree of a robot's file; `source` is the path of the file as written in the cell's file.
 pub(crate) fn robot(reader: &mut ConfigReader, root: &Node, source: &str) -> Option<RobotConfig> {
     let fields = reader.fields(root, root.span, "a robot", &KEYS)?;
     let name = reader.require(&fields, "robot");
@@ -96,7 +95,7 @@ pub(crate) fn robot(reader: &mut ConfigReader, root: &Node, source: &str) -> Opt
 }
 
 fn kinematics(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Arm> {
-    // The type says which keys there are.
+    // The type determines the keys.
     let named = node.get("type").and_then(Node::text);
     let kind = KINEMATICS_TYPES
         .iter()
@@ -222,7 +221,7 @@ fn impedance(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Impe
     })
 }
 
-/// Two bounds that are greater than 0: a spring without stiffness or damping holds nothing.
+/// Reads two bounds greater than 0: a spring without stiffness or damping holds nothing.
 fn positive_bounds(
     reader: &mut ConfigReader,
     node: &Node,
@@ -249,7 +248,7 @@ fn joints(
             Arm::OrthoParallel(_) => "ortho-parallel",
         };
         let message = format!(
-            "there are {} joints, but kinematics of type {kind} has {}",
+            "{} joints are listed, but kinematics of type {kind} has {}",
             entries.len(),
             arm.joints()
         );

@@ -1,27 +1,27 @@
-//! A text as a tree that keeps what people wrote around the values: comments and empty lines, each at its entry.
-//! Used by `rcc-cli fmt`, never on the real-time thread.
+//! Parses a text into a tree that keeps comments and empty lines, each attached to an entry. Used by `rcc-cli fmt`,
+//! never on the real-time thread.
 
 use super::layout::{CommentLine, Tree, TreeBlock, TreeEntry};
 use super::{Node, Value, number};
 use crate::diagnostic::Span;
 
-/// A comment and where it stands.
+/// A comment and its position.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Comment {
-    /// Its text with the `#`, without spaces behind it.
+    /// Its text with the `#`, without trailing spaces.
     pub text: String,
-    /// Its place.
+    /// Position.
     pub span: Span,
-    /// Nothing else stands before it on its line.
+    /// True if only white space precedes it on its line.
     own_line: bool,
-    /// How far from the beginning of the line.
+    /// Column from the beginning of the line, characters.
     column: usize,
 }
 
-/// All comments of a text whose tree is `root`, in order.
+/// Returns all comments of a text with the tree `root`, in order.
 ///
 /// # Errors
-/// The place of something that is neither a value nor a comment, so that it would be lost.
+/// Returns the position of a token that is neither a value nor a comment and would be lost.
 pub fn comments(text: &str, root: &Node) -> Result<Vec<Comment>, Span> {
     let mut scalars = Vec::new();
     scalar_spans(root, &mut scalars);
@@ -35,7 +35,7 @@ pub fn comments(text: &str, root: &Node) -> Result<Vec<Comment>, Span> {
     Ok(found)
 }
 
-/// The places of all keys and scalars, in the order of the text.
+/// Collects the positions of all keys and scalars, in the order of the text.
 fn scalar_spans(node: &Node, spans: &mut Vec<Span>) {
     match &node.value {
         Value::List(nodes) => nodes.iter().for_each(|node| scalar_spans(node, spans)),
@@ -50,7 +50,7 @@ fn scalar_spans(node: &Node, spans: &mut Vec<Span>) {
     }
 }
 
-/// Finds the comments between two scalars.
+/// Collects the comments between two scalars.
 fn gap(text: &str, from: usize, to: usize, found: &mut Vec<Comment>) -> Result<(), Span> {
     let mut at = from;
     while at < to {
@@ -70,7 +70,7 @@ fn gap(text: &str, from: usize, to: usize, found: &mut Vec<Comment>) -> Result<(
         } else if c.is_whitespace() || ",:[]{}-?\u{feff}".contains(c) {
             at += c.len_utf8();
         } else if matches!(c, '|' | '>') {
-            // Before the lines of a text; how they are counted may follow.
+            // Header of a block scalar, possibly with indentation and chomping indicators.
             let header = rest
                 .bytes()
                 .take_while(|byte| b"|>+-0123456789".contains(byte));
@@ -87,10 +87,10 @@ fn line_start(text: &str, at: usize) -> usize {
     before.rfind('\n').map_or(0, |end| end + 1)
 }
 
-/// The text, whose tree is `root`, with its comments and empty lines.
+/// Returns the text with the tree `root` as a tree with its comments and empty lines.
 ///
 /// # Errors
-/// The place of something that cannot be kept.
+/// Returns the position of something that cannot be preserved.
 pub fn read(text: &str, root: &Node) -> Result<Tree, Span> {
     let comments = comments(text, root)?;
     let mut reader = CommentReader {
@@ -116,12 +116,12 @@ pub fn read(text: &str, root: &Node) -> Result<Tree, Span> {
 struct CommentReader<'a> {
     text: &'a str,
     comments: &'a [Comment],
-    /// The first comment that has no place yet.
+    /// Index of the first comment that has not been attached yet.
     next: usize,
 }
 
 impl<'a> CommentReader<'a> {
-    /// Takes the next comment if it begins before a place.
+    /// Takes the next comment if it begins before `place`.
     fn before(&mut self, place: usize) -> Option<&'a Comment> {
         let comment = self
             .comments
@@ -138,7 +138,7 @@ impl<'a> CommentReader<'a> {
         }
     }
 
-    /// True if the line before that of a place is empty.
+    /// Returns true if the line above `place` is empty.
     fn follows_empty_line(&self, place: usize) -> bool {
         let start = line_start(self.text, place);
         let Some(end) = start.checked_sub(1) else {
@@ -171,7 +171,7 @@ impl<'a> CommentReader<'a> {
             .get(node.span.start..node.span.end)
             .unwrap_or_default();
         match &node.value {
-            // As it is written, if that is what was read.
+            // Keep the original notation if it parses to the same value.
             value @ (Value::Int(_) | Value::Real(_)) if number(slice).as_ref() == Some(value) => {
                 Tree::Plain(slice.to_string())
             }
@@ -221,7 +221,7 @@ impl<'a> CommentReader<'a> {
             while let Some(comment) = self.before(value.span.start) {
                 match (&entry.head, comment.own_line) {
                     (None, false) => entry.head = Some(comment.text.clone()),
-                    // Before the first entry of the value, which finds it there.
+                    // It precedes the first entry of the value, which attaches it.
                     _ if self.is_block(value) => {
                         self.next -= 1;
                         break;
@@ -247,7 +247,7 @@ impl<'a> CommentReader<'a> {
         block
     }
 
-    /// Finds the place of a comment between two entries, the earlier of which is the last one of `block`.
+    /// Attaches a comment between two entries; the earlier one is the last of `block`.
     fn between(
         &self,
         comment: &Comment,
@@ -271,7 +271,7 @@ impl<'a> CommentReader<'a> {
         entry.before.push(self.note(comment));
     }
 
-    /// Puts a comment behind the last entry inside of a block; false if there is a comment.
+    /// Attaches a comment after the last entry inside a block, on the same line; returns false if there already is one.
     fn behind(&self, tree: &mut Tree, node: &Node, comment: &Comment) -> bool {
         let (Some(entry), Some(last)) = (
             tree.block_mut().and_then(|block| block.entries.last_mut()),
@@ -286,7 +286,8 @@ impl<'a> CommentReader<'a> {
         }
     }
 
-    /// Puts a comment below the last entry of the innermost block that is indented no more than it, and more than `outer`.
+    /// Attaches a comment below the last entry of the innermost block that is indented more than `outer` and at most as
+    /// far as the comment.
     fn at_the_end(
         &self,
         tree: &mut Tree,
@@ -313,7 +314,7 @@ impl<'a> CommentReader<'a> {
         true
     }
 
-    /// Where the `-` of the next entry stands, before its value.
+    /// Returns the position of the `-` of the next entry, before its value.
     fn dash(&self, from: usize, to: usize) -> usize {
         let mut at = from;
         while at < to {
@@ -341,7 +342,7 @@ fn put_behind(entry: &mut TreeEntry, comment: &Comment) -> bool {
     free
 }
 
-/// The value of the last entry.
+/// Returns the value of the last entry.
 fn last(node: &Node) -> Option<&Node> {
     match &node.value {
         Value::List(nodes) => nodes.last(),
@@ -350,7 +351,7 @@ fn last(node: &Node) -> Option<&Node> {
     }
 }
 
-/// True if two trees say the same, wherever it stands.
+/// Returns true if two trees have the same content, regardless of positions.
 #[must_use]
 pub fn same(a: &Node, b: &Node) -> bool {
     match (&a.value, &b.value) {

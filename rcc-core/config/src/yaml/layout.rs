@@ -1,21 +1,21 @@
-//! The one way in which a tree is laid out as text: on one line what fits there, else an entry a line, in aligned columns,
-//! each comment at its entry. Used by writers and by `rcc-cli fmt`, never on the real-time thread.
+//! The standard layout of a tree as text: on one line if it fits, else one entry per line in aligned columns, with each
+//! comment at its entry. Used by writers and by `rcc-cli fmt`, never on the real-time thread.
 
 use super::{Node, Value, scalar};
 
-/// Longest line, in characters; a comment behind a line does not count.
+/// Maximum length of a line, characters; trailing comments do not count.
 pub const WIDTH: usize = 120;
-/// How much deeper each level stands.
+/// Indentation per level, spaces.
 const STEP: usize = 2;
 
-/// What is to be laid out.
+/// A tree to be laid out.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Tree {
-    /// A number, truth value or null, as it is to be written.
+    /// A number, boolean or null, in its final notation.
     Plain(String),
     /// A text.
     Text(String),
-    /// A list; entries without keys.
+    /// A list; its entries have no keys.
     List(TreeBlock),
     /// A mapping.
     Map(TreeBlock),
@@ -26,42 +26,42 @@ pub enum Tree {
 pub struct TreeBlock {
     /// The entries.
     pub entries: Vec<TreeEntry>,
-    /// Comments behind the last entry.
+    /// Comments after the last entry.
     pub tail: Vec<CommentLine>,
-    /// Always an entry a line, even where one line is enough for all.
+    /// Forces one entry per line even if all fit on one line.
     pub open: bool,
-    /// Neighbours that are mappings on one line begin in the same column.
+    /// Aligns adjacent one-line mappings in the same column.
     pub aligned: bool,
 }
 
-/// An entry with what people wrote around it.
+/// An entry with the comments around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TreeEntry {
     /// The key; empty in a list.
     pub key: String,
     /// The value.
     pub value: Tree,
-    /// Comments on lines of their own before it.
+    /// Comments on separate lines before it.
     pub before: Vec<CommentLine>,
-    /// An empty line stands between those, or whatever comes before, and the entry.
+    /// True if an empty line precedes the entry.
     pub blank: bool,
-    /// The comment between the key and a value that begins on the next line, with its `#`.
+    /// Comment between the key and a value that begins on the next line, with its `#`.
     pub head: Option<String>,
-    /// The comment behind it on the same line, with its `#`.
+    /// Trailing comment on the same line, with its `#`.
     pub after: Option<String>,
 }
 
-/// A comment on a line of its own.
+/// A comment on a separate line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CommentLine {
     /// The comment with its `#`.
     pub text: String,
-    /// An empty line stands before it.
+    /// True if an empty line precedes it.
     pub blank: bool,
 }
 
 impl TreeEntry {
-    /// An entry without comments.
+    /// Creates an entry without comments.
     #[must_use]
     pub fn new(key: impl Into<String>, value: Tree) -> TreeEntry {
         TreeEntry {
@@ -74,7 +74,7 @@ impl TreeEntry {
         }
     }
 
-    /// The comment that stands behind it or behind its key.
+    /// Returns the comment that trails the entry or its key.
     fn behind(&self) -> Option<&String> {
         self.after.as_ref().or(self.head.as_ref())
     }
@@ -88,7 +88,7 @@ impl TreeEntry {
 }
 
 impl TreeBlock {
-    /// Entries without comments.
+    /// Creates a block without comments.
     #[must_use]
     pub fn new(entries: Vec<TreeEntry>) -> TreeBlock {
         TreeBlock {
@@ -99,7 +99,7 @@ impl TreeBlock {
 }
 
 impl Tree {
-    /// A mapping without comments.
+    /// Creates a mapping without comments.
     pub fn map(entries: impl IntoIterator<Item = (String, Tree)>) -> Tree {
         let entries = entries.into_iter();
         Tree::Map(TreeBlock::new(
@@ -109,7 +109,7 @@ impl Tree {
         ))
     }
 
-    /// A list without comments.
+    /// Creates a list without comments.
     pub fn list(values: impl IntoIterator<Item = Tree>) -> Tree {
         let values = values.into_iter();
         Tree::List(TreeBlock::new(
@@ -117,7 +117,7 @@ impl Tree {
         ))
     }
 
-    /// What a parsed text says, in the usual words.
+    /// Converts a parsed value to its standard notation.
     #[must_use]
     pub fn of(node: &Node) -> Tree {
         match &node.value {
@@ -135,7 +135,7 @@ impl Tree {
         }
     }
 
-    /// The entries, if it has any.
+    /// Returns the entries of a list or mapping.
     #[must_use]
     pub fn block(&self) -> Option<&TreeBlock> {
         match self {
@@ -144,7 +144,7 @@ impl Tree {
         }
     }
 
-    /// The entries, if it has any.
+    /// Returns the entries of a list or mapping.
     pub fn block_mut(&mut self) -> Option<&mut TreeBlock> {
         match self {
             Tree::List(block) | Tree::Map(block) => Some(block),
@@ -158,14 +158,14 @@ impl Tree {
         })
     }
 
-    /// On one line, if that has at most `room` characters, and nothing in it demands more lines.
+    /// Returns the tree on one line of at most `room` characters, if it fits and nothing in it requires several lines.
     #[must_use]
     pub fn on_one_line(&self, room: usize) -> Option<String> {
         let mut line = String::new();
         (self.flow(&mut line, room) && line.chars().count() <= room).then_some(line)
     }
 
-    /// The same where it stands outside of all brackets.
+    /// Like [`Tree::on_one_line`], for a value outside of all brackets.
     fn on_its_line(&self, room: usize) -> Option<String> {
         match self {
             Tree::Text(text) => {
@@ -175,9 +175,9 @@ impl Tree {
         }
     }
 
-    /// Appends it in brackets; false, early, if it cannot be on one line of `room` characters.
+    /// Appends the tree in flow notation; returns false as soon as it cannot fit on one line of `room` characters.
     fn flow(&self, line: &mut String, room: usize) -> bool {
-        // Bytes are at least as many as characters, and at most four times.
+        // A character takes one to four bytes.
         if line.len() > room.saturating_mul(4) {
             return false;
         }
@@ -216,7 +216,7 @@ impl Tree {
         true
     }
 
-    /// As JSON on one line.
+    /// Returns the tree as JSON on one line.
     #[must_use]
     pub fn to_json(&self) -> String {
         let mut text = String::new();
@@ -246,7 +246,7 @@ impl Tree {
     }
 }
 
-/// Lays out a whole text.
+/// Lays out a whole document.
 #[must_use]
 pub fn render(tree: &Tree) -> String {
     let mut writer = LayoutWriter {
@@ -264,15 +264,15 @@ pub fn render(tree: &Tree) -> String {
     writer.text
 }
 
-/// One entry of a mapping, ready to be put below others.
+/// A formatted entry of a mapping.
 enum EntryLine {
-    /// On one line: key, value, and whether it takes part in columns.
+    /// On one line: key, value, and whether it takes part in column alignment.
     Short {
         key: String,
         value: String,
         column: bool,
     },
-    /// On several.
+    /// On several lines.
     Long,
 }
 
@@ -300,7 +300,7 @@ impl LayoutWriter {
         }
     }
 
-    /// Comment lines before an entry; its head, too, if there is another comment for the place behind.
+    /// Writes the comment lines before an entry, and its head comment if a trailing comment takes its place.
     fn before(&mut self, entry: &TreeEntry, depth: usize) {
         self.notes(&entry.before, depth);
         self.blank_if(entry.blank);
@@ -351,7 +351,7 @@ impl LayoutWriter {
         self.notes(&block.tail, depth);
     }
 
-    /// The value of an entry that does not fit on its line; the text ends with the `:` of its key or the `-`.
+    /// Writes a value that does not fit on its line; the text so far ends with the `:` of its key or the `-`.
     fn long(&mut self, entry: &TreeEntry, depth: usize) {
         match &entry.value {
             Tree::Text(text) => self.long_text(entry, text, depth),
@@ -374,7 +374,7 @@ impl LayoutWriter {
         }
     }
 
-    /// Ends the line, with a comment if there is one.
+    /// Ends the line, with a comment if given.
     fn comment(&mut self, comment: Option<&String>) {
         if let Some(comment) = comment {
             self.text.push_str("  ");
@@ -383,7 +383,7 @@ impl LayoutWriter {
         self.text.push('\n');
     }
 
-    /// A text of several lines, or of one that is too long for one line.
+    /// Writes a text of several lines, or one that is too long for a line.
     fn long_text(&mut self, entry: &TreeEntry, text: &str, depth: usize) {
         let comment = entry.behind();
         let Some(style) = TextStyle::of(text) else {
@@ -414,7 +414,7 @@ impl LayoutWriter {
         }
     }
 
-    /// Words with spaces between them, on as many lines as they need.
+    /// Writes words separated by spaces, on as many lines as needed.
     fn words(&mut self, words: impl Iterator<Item = String>, depth: usize, open: &str) {
         let mut column = if open.is_empty() {
             self.indent(depth);
@@ -442,7 +442,7 @@ impl LayoutWriter {
         }
     }
 
-    /// A list of scalars in brackets on several lines.
+    /// Writes a list of scalars in brackets on several lines.
     fn fill(&mut self, block: &TreeBlock, depth: usize) {
         let last = block.entries.len().saturating_sub(1);
         let words = block.entries.iter().enumerate().map(|(index, entry)| {
@@ -470,7 +470,8 @@ impl LayoutWriter {
                     self.comment(entry.behind());
                 }
                 (None, Tree::Map(inner)) if starts_on_the_dash(entry, inner) => {
-                    // The map is written where it will stand, and its first indentation becomes the space of the dash.
+                    // Write the map at its final indentation, then replace the first indentation by the space after the
+                    // dash.
                     let start = self.text.len();
                     self.map(inner, depth + STEP);
                     self.text.replace_range(start..start + depth + STEP, " ");
@@ -492,17 +493,17 @@ fn starts_on_the_dash(entry: &TreeEntry, inner: &TreeBlock) -> bool {
         })
 }
 
-/// How a long text is written.
+/// Notation of a long text.
 #[derive(Clone, Copy)]
 enum TextStyle {
-    /// One paragraph, broken at spaces.
+    /// One paragraph, wrapped at spaces (`>-`).
     Folded,
-    /// EntryLine by line; with a line end behind the last one, or without.
+    /// Line by line, with or without a line end after the last one (`|`, `|-`).
     Lines { ended: bool },
 }
 
 impl TextStyle {
-    /// `None` if the text would not read back the same: then it is quoted.
+    /// Returns `None` if the text would not read back identically; it is then quoted.
     fn of(text: &str) -> Option<TextStyle> {
         let line_is_good = |line: &str| {
             line.chars().all(scalar::is_printed)
@@ -521,13 +522,13 @@ impl TextStyle {
     }
 }
 
-/// True for a list that is filled into lines: of scalars, without comments.
+/// Returns true for a list that is wrapped like words: scalars without comments.
 fn is_filled(block: &TreeBlock) -> bool {
     let scalar = |entry: &TreeEntry| entry.value.block().is_none() && !entry.has_notes();
     block.tail.is_empty() && !block.entries.is_empty() && block.entries.iter().all(scalar)
 }
 
-/// What cannot be divided is on one line however long that is.
+/// Returns an indivisible value on one line, however long that is.
 fn unbreakable(value: &Tree) -> Option<String> {
     let divides = match value {
         Tree::Plain(_) => false,
@@ -545,7 +546,7 @@ fn short(entry: &TreeEntry, block: &TreeBlock, depth: usize) -> EntryLine {
     let key = scalar::key(&entry.key).into_owned();
     let room = WIDTH.saturating_sub(depth + key.chars().count() + 2);
     let one_line = match &entry.value {
-        // Lines stay lines.
+        // A text of several lines keeps its lines.
         Tree::Text(text) if text.contains('\n') => None,
         value => value.on_its_line(room),
     };
@@ -559,7 +560,7 @@ fn short(entry: &TreeEntry, block: &TreeBlock, depth: usize) -> EntryLine {
     }
 }
 
-/// For each entry the column of its value, counted from its key; 0 where it is not aligned.
+/// Returns the column of each entry's value, counted from its key; 0 if it is not aligned.
 fn columns(entries: &[TreeEntry], lines: &[EntryLine], depth: usize) -> Vec<usize> {
     let mut columns = vec![0; lines.len()];
     let mut from = 0;
@@ -585,7 +586,7 @@ fn columns(entries: &[TreeEntry], lines: &[EntryLine], depth: usize) -> Vec<usiz
     columns
 }
 
-/// For each entry the column of the comment behind it, counted from its key: those of neighbours are aligned.
+/// Returns the column of each entry's trailing comment, counted from its key; adjacent comments are aligned.
 fn comment_columns(entries: &[TreeEntry], lines: &[EntryLine], columns: &[usize]) -> Vec<usize> {
     let width = |index: usize| match (&lines[index], &entries[index]) {
         (EntryLine::Short { key, value, .. }, entry)

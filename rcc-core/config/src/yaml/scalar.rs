@@ -1,22 +1,22 @@
-//! How a text is written as one scalar that reads back as that text, wherever in YAML it stands.
-//! Used by writers of nets and configurations, never on the real-time thread.
+//! Notation of a text as one YAML scalar that reads back as the same text in any context. Used by writers of nets and
+//! configurations, never on the real-time thread.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
 use super::{Value, plain};
 
-/// Characters that end a plain scalar, or begin something else, in a list or mapping in brackets.
+/// Characters that end a plain scalar, or begin another token, inside flow collections.
 const BRACKETS: &[char] = &['[', ']', '{', '}', ','];
 
-/// The text as a scalar: as it is if that reads back as this text, else in single quotes, else in double ones.
+/// Returns the text as a scalar: plain if that reads back as this text, else in single quotes, else in double quotes.
 #[must_use]
 pub fn text(value: &str) -> Cow<'_, str> {
     let stays = is_plain(value) && !value.contains(BRACKETS) && is_text(value);
     quoted_unless(stays, value)
 }
 
-/// The text as a scalar that stands outside of brackets, so that brackets and commas in it mean nothing.
+/// Returns the text as a scalar outside of flow collections, where brackets and commas have no meaning.
 #[must_use]
 pub fn line(value: &str) -> Cow<'_, str> {
     let stays = is_plain(value) && !value.starts_with(BRACKETS) && is_text(value);
@@ -27,16 +27,16 @@ fn is_text(value: &str) -> bool {
     matches!(plain(Cow::Borrowed(value)), Value::Text(_))
 }
 
-/// The text as a key; unlike values, keys are always text.
+/// Returns the text as a key; unlike values, keys are always text.
 #[must_use]
 pub fn key(value: &str) -> Cow<'_, str> {
     quoted_unless(is_plain(value) && !value.contains(BRACKETS), value)
 }
 
-/// A number that reads back as the same bits and as a `Real`.
+/// Returns a number that reads back with the same bits and as a `Real`.
 #[must_use]
 pub fn real(value: f64) -> String {
-    // The shortest digits that give this value; always with a point or an exponent.
+    // The shortest digits for this value, always with a point or an exponent.
     format!("{value:?}")
 }
 
@@ -50,7 +50,7 @@ fn quoted_unless(plain: bool, value: &str) -> Cow<'_, str> {
     }
 }
 
-/// True for characters that may stand in a line of text as they are.
+/// Returns true for characters that may appear unescaped.
 pub(super) fn is_printed(c: char) -> bool {
     !c.is_control() && !matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}')
 }
@@ -87,7 +87,8 @@ fn double_quoted(value: &str) -> String {
             '\t' => text.push_str("\\t"),
             '\r' => text.push_str("\\r"),
             c if is_printed(c) => text.push(c),
-            // All of them lie below U+FFFF, so JSON's four digits are enough. Writing to a String cannot fail.
+            // All escaped characters are below U+FFFF, so four digits as in JSON suffice. Writing to a String cannot
+            // fail.
             c => drop(write!(text, "\\u{:04x}", u32::from(c))),
         }
     }
@@ -95,7 +96,7 @@ fn double_quoted(value: &str) -> String {
     text
 }
 
-/// The text as JSON writes it.
+/// Returns the text as a JSON string.
 #[must_use]
 pub fn json(value: &str) -> String {
     double_quoted(value)
@@ -166,7 +167,7 @@ mod tests {
                 ("x: {y: ", "}\n"),
                 ("x:\n- ", "\n"),
             ] {
-                // Those that are not printable are refused, and understood all the same.
+                // Texts with unprintable characters are reported, but parsed all the same.
                 let root = read(&format!("{before}{scalar}{after}")).0.unwrap();
                 let node = root.get("x").unwrap();
                 let inner = node.get("y").or_else(|| node.list()?.first());
@@ -190,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_needs_no_quotes_has_none() {
+    fn unneeded_quotes_are_omitted() {
         for given in [
             "a.b",
             "-deg(30)",

@@ -1,4 +1,4 @@
-//! Tests of the parser: what is read as what, where it stands, and what is refused.
+//! Tests of the parser: values, positions and refusals.
 
 use super::*;
 
@@ -49,7 +49,7 @@ fn scalars_are_what_they_look_like() {
 }
 
 #[test]
-fn a_text_that_would_command_a_terminal_is_refused_wherever_it_stands() {
+fn terminal_control_characters_are_refused_everywhere() {
     for text in [
         "a: \"x\\e[2J\"",
         "a: \"x\\u202E\"",
@@ -65,7 +65,7 @@ fn a_text_that_would_command_a_terminal_is_refused_wherever_it_stands() {
         "a: |\r\n  two\r\n  lines\r\nb: \"tab\\tand\\nline\"\r\nc: grün 日本 🤖 # c\u{202e}\r\n";
     let tree = parse(&format!("\u{feff}{fine}")).unwrap();
     assert_eq!(tree.get("a").and_then(Node::text), Some("two\nlines\n"));
-    // The other faults of the text are found as well.
+    // Other faults of the text are reported as well.
     let (root, faults) = read("a: \"\\e\"\nb: 1\nb: 2\n");
     assert_eq!((root.is_some(), faults.len()), (true, 2));
 }
@@ -117,7 +117,7 @@ fn broken_text_is_refused_with_a_place() {
 }
 
 #[test]
-fn what_has_no_meaning_here_is_refused() {
+fn unsupported_yaml_is_refused() {
     for text in [
         "a: &x 1\nb: *x",
         "a: !t 1",
@@ -140,7 +140,7 @@ fn length_and_depth_are_bounded() {
 }
 
 #[test]
-fn nothing_is_null() {
+fn an_empty_document_is_null() {
     assert_eq!(parse("").unwrap().value, Value::Null);
     assert_eq!(parse("# only a comment\n").unwrap().value, Value::Null);
 }

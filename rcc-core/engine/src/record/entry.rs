@@ -186,7 +186,7 @@ pub enum RecordEntry<'a> {
         late: u16,
     },
     /// The state of a net after its evaluation in this cycle.
-    Snapshot(Snapshot<'a>),
+    Snapshot(NetSnapshot<'a>),
     /// A snapshot that is too large for the ring.
     TooLarge {
         /// Id of the net.
@@ -207,7 +207,7 @@ pub enum RecordEntry<'a> {
 
 /// The state of a net.
 #[derive(Clone, Copy, Debug)]
-pub struct Snapshot<'a> {
+pub struct NetSnapshot<'a> {
     /// Id of the net.
     pub id: u64,
     /// Number of its evaluations.
@@ -319,14 +319,14 @@ pub fn input_of(words: Option<&[u64; MEASUREMENT_WORDS]>) -> DeviceInput {
     }
 }
 
-fn snapshot(flags: u16, words: &[u64]) -> Option<Snapshot<'_>> {
+fn snapshot(flags: u16, words: &[u64]) -> Option<NetSnapshot<'_>> {
     let &[id, cycles, reals, ints, bools, ref values @ ..] = words else {
         return None;
     };
     let (reals, values) = values.split_at_checked(usize::try_from(reals).ok()?)?;
     let (ints, values) = values.split_at_checked(usize::try_from(ints).ok()?)?;
     let (bools, motions) = values.split_at_checked(usize::try_from(bools).ok()?)?;
-    Some(Snapshot {
+    Some(NetSnapshot {
         id,
         cycles,
         cancel: flags & CANCEL != 0,

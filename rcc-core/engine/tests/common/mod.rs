@@ -16,7 +16,7 @@ use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, ValueReading, rings};
-use rcc_engine::record::Recorder;
+use rcc_engine::record::FlightRecorder;
 use rcc_ipc::control::{Answer, InputValue, NetValues, PlanData, Refusal, SWITCH_MAX};
 
 pub const PERIOD_NS: u64 = 1_000_000;
@@ -168,7 +168,7 @@ impl EngineFixture {
     }
 
     /// Adds a flight recorder to the engine.
-    pub fn recorded_by(self, recorder: Recorder) -> EngineFixture {
+    pub fn recorded_by(self, recorder: FlightRecorder) -> EngineFixture {
         let engine = self.engine.recorded_by(recorder);
         EngineFixture { engine, ..self }
     }

@@ -81,7 +81,7 @@ fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
         let report = clean::wipe(&cell)?;
         let (files, processes) = (report.shared_memory, report.announcements);
         let mut words = format!(
-            "cell '{}': removed {files} shared-memory files and {processes} announcements",
+            "cell `{}`: removed {files} shared-memory files and {processes} announcements",
             cell.name()
         );
         // The next start uses another prefix, so these files block nothing.

@@ -11,8 +11,8 @@ use crate::resolve::{InputSource, OutputId};
 /// Requires that inputs without a default are connected.
 pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
-        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
-            if !matches!(feed, InputSource::Missing) {
+        for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
+            if !matches!(input_source, InputSource::Missing) {
                 continue;
             }
             let message = format!("the input `{}.{}` is not connected", item.id(), port.name);
@@ -51,7 +51,7 @@ pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<OutputId> {
 pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let used = read_or_discarded(net);
     for (number, item) in net.graph.items.iter().enumerate() {
-        let forgotten: Vec<String> = item
+        let unread: Vec<String> = item
             .spec()
             .outputs
             .iter()
@@ -65,8 +65,8 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic
             })
             .map(|(_, spec)| format!("{}.{}", item.id(), spec.name))
             .collect();
-        let list = forgotten.join(", ");
-        let message = match forgotten.len() {
+        let list = unread.join(", ");
+        let message = match unread.len() {
             0 => continue,
             1 => format!("the output `{list}` is neither read nor discarded"),
             _ => format!("the outputs {list} are neither read nor discarded"),

@@ -52,22 +52,22 @@ pub fn conditions_are_truth_values(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
                 let name = net.graph.output_name(link.from);
                 match (ty, output) {
                     (Some(Type::Bool), _) | (None, None) => continue,
-                    (Some(ty), _) => (link.span, format!("`{name}` is a {ty}")),
+                    (Some(ty), _) => (link.span, format!("but `{name}` is a {ty}")),
                     (None, Some(ty)) => (
                         link.span,
-                        format!("`{name}` is a {ty} without this element"),
+                        format!("but `{name}` is a {ty} without this element"),
                     ),
                 }
             }
             InputSource::Literal(literal) => match literal.shape {
                 LiteralShape::Bool(_) | LiteralShape::Null | LiteralShape::Refused => continue,
-                _ => (literal.span, format!("this is {literal}")),
+                _ => (literal.span, format!("found {literal}")),
             },
-            InputSource::List(_) => (region.id.span, "this is a list".to_owned()),
+            InputSource::List(_) => (region.id.span, "found a list".to_owned()),
             _ => continue,
         };
         let message = format!(
-            "type mismatch: `active` of `{}` is a Bool, {have}",
+            "type mismatch: `active` of `{}` expects Bool, {have}",
             region.id.name
         );
         let fault = Diagnostic::error(fault::TYPE_MISMATCH, span, message);

@@ -53,7 +53,7 @@ pub fn bounds_are_numeric(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Requires that the initial value of an input is within its bounds.
-pub fn first_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn initial_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (item, _) in inputs(net) {
         let Some(initial) = given(item, "initial") else {
             continue;
@@ -69,7 +69,7 @@ pub fn first_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnosti
             });
             if let Some((value, bound)) = outside.next() {
                 let message = format!(
-                    "`{}.initial` must be {} {bound}, this is {value}",
+                    "`{}.initial` must be {} {bound}, found {value}",
                     item.id(),
                     if least { "at least" } else { "at most" }
                 );

@@ -155,7 +155,7 @@ pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// Requires that a monitor's value fits into a record, and that its rate is possible.
+/// Requires that a monitor's value fits into a record, reads no delayed link, and has a possible rate.
 pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         if item.spec().role != Role::Monitor {
@@ -171,14 +171,14 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             )));
         }
         let ports = item.spec().inputs.iter().zip(&item.inputs);
-        for (port, feed) in ports {
+        for (port, input_source) in ports {
             let ty = net.inferred.port_type(net.graph, number, port.ty);
             let Some(ty) = ty.filter(|ty| ty.width() as usize > MONITOR_WIDTH_MAX) else {
                 continue;
             };
             let message =
-                format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, this is a {ty}");
-            let span = feed_span(feed).unwrap_or(item.primitive.id.span);
+                format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, found a {ty}");
+            let span = source_span(input_source).unwrap_or(item.primitive.id.span);
             let fault = Diagnostic::error(fault::TOO_WIDE, span, message);
             faults.push(fault.help("monitor single elements: `value: PRIMITIVE.PORT[0]`"));
         }
@@ -186,8 +186,8 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-fn feed_span(feed: &InputSource<'_>) -> Option<Span> {
-    match feed {
+fn source_span(input_source: &InputSource<'_>) -> Option<Span> {
+    match input_source {
         InputSource::Link(link) => Some(link.span),
         InputSource::Literal(literal) => Some(literal.span),
         InputSource::List(list) => Some(list.span),
@@ -212,7 +212,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
         "the cell runs at"
     };
     let Some(rate) = literal.number() else {
-        let message = format!("type mismatch: `{id}.rate` is a number, this is {literal}");
+        let message = format!("type mismatch: `{id}.rate` expects a number, found {literal}");
         return error(fault::TYPE_MISMATCH, message, "write `100 Hz`".to_string());
     };
     if let Some((have, _)) = literal
@@ -220,7 +220,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
         .into_iter()
         .find(|(unit, _)| *unit != Unit::HERTZ)
     {
-        let message = format!("unit mismatch: `{id}.rate` is in Hz, this is in {have}");
+        let message = format!("unit mismatch: `{id}.rate` expects Hz, found {have}");
         return error(fault::UNIT_MISMATCH, message, "write `100 Hz`".to_string());
     }
     if rate > cycle_hz * (1.0 + RATE_TOLERANCE) {

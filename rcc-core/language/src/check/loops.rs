@@ -81,7 +81,7 @@ pub fn loops_have_a_delay(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Requires that a delayed link within a loop has an initial value.
-pub fn delayed_loops_have_a_first_value(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let sources = sources(net.graph, |_, _| true);
     let components = Components::of(&sources);
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -104,11 +104,11 @@ pub fn delayed_loops_have_a_first_value(net: Typed<'_>, faults: &mut Vec<Diagnos
 }
 
 /// Requires that a null value in a loop can be replaced by a known one.
-pub fn loops_can_lose_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn loops_can_recover_from_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let all = sources(net.graph, |_, _| true);
     let components = Components::of(&all);
-    let in_loop = components.in_loops(&all);
-    let mut known: Vec<bool> = in_loop.iter().map(|in_loop| !in_loop).collect();
+    let is_in_loop = components.in_loops(&all);
+    let mut known: Vec<bool> = is_in_loop.iter().map(|is_in_loop| !is_in_loop).collect();
     settle(net.graph, &components, &all, &mut known);
     let stuck = |number: usize| known.get(number) == Some(&false);
     let null = sources(net.graph, |number, link| {
@@ -186,9 +186,9 @@ fn becomes_known(
         // A value from another loop counts as known: that loop is reported itself.
         !components.same(number, source) || known.get(source) == Some(&true)
     };
-    let input = |feed: &InputSource<'_>| match feed {
+    let input = |input_source: &InputSource<'_>| match input_source {
         InputSource::Link(link) => link_known(link),
-        InputSource::List(list) => list.leaves.iter().all(|leaf| match leaf {
+        InputSource::List(list) => list.elements.iter().all(|element| match element {
             ListElement::Link(link) => link_known(link),
             ListElement::Literal(literal, _) => literal.shape != LiteralShape::Null,
         }),
@@ -198,7 +198,7 @@ fn becomes_known(
     };
     // An item in a region is null as long as the condition is null.
     if !graph
-        .conditions(item)
+        .regions_of(item)
         .all(|region| input(&region.condition))
     {
         return false;

@@ -143,7 +143,7 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             }
             let [value, lower, upper] = [value, *lower, *upper].map(f64::to_degrees);
             let message = format!(
-                "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}° to {upper:.3}°, this is {value:.3}°",
+                "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}° to {upper:.3}°, found {value:.3}°",
                 item.id()
             );
             let fault = Diagnostic::error(fault::OUT_OF_RANGE, goal.span, message);
@@ -180,8 +180,9 @@ pub fn commands_are_not_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         if !matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel) {
             continue;
         }
-        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
-            let Some(literal) = constant(net, feed).filter(|literal| has_null(literal)) else {
+        for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
+            let Some(literal) = constant(net, input_source).filter(|literal| has_null(literal))
+            else {
                 continue;
             };
             let (id, name) = (item.id(), port.name);

@@ -52,9 +52,9 @@ pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let message = format!(
                 "`{}` uses {} for topic `{topic}`, but `{}` uses {}",
                 item.id(),
-                words(kind),
+                describe_signature(kind),
                 first.id(),
-                words(other)
+                describe_signature(other)
             );
             let fault = Diagnostic::error(fault::TYPE_MISMATCH, item.primitive.id.span, message);
             faults.push(fault.help("one net publishes a topic, with one type and one unit"));
@@ -65,7 +65,7 @@ pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 /// Type and unit of a topic.
 type TopicSignature = (Option<Type>, Option<Unit>);
 
-fn words((ty, unit): TopicSignature) -> String {
+fn describe_signature((ty, unit): TopicSignature) -> String {
     let ty = ty.map_or("something".to_owned(), |ty| ty.to_string());
     match unit.filter(|unit| *unit != Unit::ONE) {
         Some(unit) => format!("{ty} in {unit}"),

@@ -53,11 +53,16 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             // A list of the wrong length is reported by `lists_fit`.
             let want = net
                 .inferred
-                .position_type(net.graph, number, port, link.place);
+                .position_type(net.graph, number, port, link.position);
             let (Some(have), Some(want)) = (have, want) else {
                 continue;
             };
-            let input = format!("{}.{}{}", item.id(), port.name, position_name(link.place));
+            let input = format!(
+                "{}.{}{}",
+                item.id(),
+                port.name,
+                position_name(link.position)
+            );
             if have != want {
                 faults.push(other_type(net, link, &input, have, want));
                 continue;
@@ -65,13 +70,13 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let source = net.inferred.link_unit(net.graph, link);
             let sink = net
                 .inferred
-                .position_unit(net.graph, number, port, link.place);
+                .position_unit(net.graph, number, port, link.position);
             if let (Some(have), Some(want)) = (source, sink)
                 && have != want
             {
                 let output = net.graph.output_name(link.from);
                 let message =
-                    format!("unit mismatch: `{output}` is in {have}, `{input}` is in {want}");
+                    format!("unit mismatch: `{input}` expects {want}, but `{output}` is in {have}");
                 let fault = Diagnostic::error(fault::UNIT_MISMATCH, link.span, message);
                 faults.push(fault.label(format!("in {have}")));
             }
@@ -83,8 +88,8 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Returns a position in a list as text: `[2]`, `[1,2]`.
-fn position_name(place: ListPosition) -> String {
-    match place.steps {
+fn position_name(position: ListPosition) -> String {
+    match position.steps {
         [Some((row, _)), Some((column, _))] => format!("[{row},{column}]"),
         [Some((index, _)), _] => format!("[{index}]"),
         _ => String::new(),
@@ -94,26 +99,28 @@ fn position_name(place: ListPosition) -> String {
 /// Requires that a list of links has as many elements as its input, and that the input can be given as a list.
 pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
-        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+        for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             let Some(ty) = net.inferred.port_type(net.graph, number, port.ty) else {
                 continue;
             };
             let input = format!("{}.{}", item.id(), port.name);
-            let (span, message, help) = match (feed, port.ty) {
+            let (span, message, help) = match (input_source, port.ty) {
                 (InputSource::Link(link), PortType::Many(_)) => (
                     link.span,
-                    format!("type mismatch: `{input}` is a list of values, this is one link"),
+                    format!("type mismatch: `{input}` expects a list of values, found one link"),
                     format!("write `{}: [a.out, b.out]`", port.name),
                 ),
                 (InputSource::Literal(literal), PortType::Many(_)) => (
                     literal.span,
-                    format!("type mismatch: `{input}` is a list of values with a link in it"),
+                    format!(
+                        "type mismatch: `{input}` expects a list of values with at least one link"
+                    ),
                     format!("write `{}: [a.out, b.out]`", port.name),
                 ),
                 (InputSource::List(list), _) => match list_mismatch(list, port.ty, ty) {
                     Some(what) => (
                         list.span,
-                        format!("type mismatch: `{input}` is a {ty}, this is {what}"),
+                        format!("type mismatch: `{input}` expects {ty}, found {what}"),
                         list_example(ty),
                     ),
                     None => continue,
@@ -127,15 +134,15 @@ pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 
 /// Describes a list that does not fit the type; `None` if it fits.
 fn list_mismatch(list: &ResolvedList<'_>, port: PortType, ty: Type) -> Option<String> {
-    let mut places = list.leaves.iter().map(|leaf| match leaf {
-        ListElement::Link(link) => link.place,
-        ListElement::Literal(_, place) => *place,
+    let mut places = list.elements.iter().map(|element| match element {
+        ListElement::Link(link) => link.position,
+        ListElement::Literal(_, position) => *position,
     });
-    let fits = |place: ListPosition| match port {
-        PortType::Many(_) => place.steps[1].is_none(),
-        _ => place.of(ty).is_some(),
+    let fits = |position: ListPosition| match port {
+        PortType::Many(_) => position.steps[1].is_none(),
+        _ => position.of(ty).is_some(),
     };
-    let mismatch = places.find(|place| !fits(*place))?;
+    let mismatch = places.find(|position| !fits(*position))?;
     Some(match mismatch.steps {
         [_, Some((_, columns))] => format!("a list of {} with a row of {columns}", list.count),
         _ => format!("a list of {}", list.count),
@@ -163,7 +170,7 @@ fn other_type(
     want: Type,
 ) -> Diagnostic {
     let output = net.graph.output_name(link.from);
-    let message = format!("type mismatch: `{output}` is a {have}, `{input}` is a {want}");
+    let message = format!("type mismatch: `{input}` expects {want}, but `{output}` is a {have}");
     let fault =
         Diagnostic::error(fault::TYPE_MISMATCH, link.span, message).label(format!("a {have}"));
     let is_element = link.part.is_none() && have.element() == Some(want);
@@ -181,33 +188,37 @@ const WHOLE_AND_REAL: &str = "Int and Real are not converted implicitly: convert
 /// Requires that constants at inputs and parameters have the types and units of their ports.
 pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
-        let mut place = |literal: &Literal, name: &str, ty: PortType, unit: UnitRule| {
+        let mut check_literal = |literal: &Literal, name: &str, ty: PortType, unit: UnitRule| {
             let ty = net.inferred.port_type(net.graph, number, ty);
             let unit = net.inferred.port_unit(net.graph, number, unit);
             if let Some(ty) = ty {
                 literal_fits(literal, ty, unit, &format!("{}.{name}", item.id()), faults);
             }
         };
-        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+        for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             if let (InputSource::Literal(literal), false) =
-                (feed, matches!(port.ty, PortType::Many(_)))
+                (input_source, matches!(port.ty, PortType::Many(_)))
             {
-                place(literal, port.name, port.ty, port.unit);
+                check_literal(literal, port.name, port.ty, port.unit);
             }
         }
         for (literal, parameter) in item.parameters.iter().zip(item.spec().parameters) {
             if let (Some(literal), Some((ty, unit))) = (literal, parameter.kind.value()) {
-                place(literal, parameter.name, ty, unit);
+                check_literal(literal, parameter.name, ty, unit);
             }
         }
         for (port, list) in item.lists() {
-            for leaf in &list.leaves {
-                if let (ListElement::Literal(literal, place), Some(port)) =
-                    (leaf, item.spec().inputs.get(port))
-                    && let Some(ty) = net.inferred.position_type(net.graph, number, port, *place)
+            for element in &list.elements {
+                if let (ListElement::Literal(literal, position), Some(port)) =
+                    (element, item.spec().inputs.get(port))
+                    && let Some(ty) = net
+                        .inferred
+                        .position_type(net.graph, number, port, *position)
                 {
-                    let unit = net.inferred.position_unit(net.graph, number, port, *place);
-                    let name = format!("{}.{}{}", item.id(), port.name, position_name(*place));
+                    let unit = net
+                        .inferred
+                        .position_unit(net.graph, number, port, *position);
+                    let name = format!("{}.{}{}", item.id(), port.name, position_name(*position));
                     literal_fits(literal, ty, unit, &name, faults);
                 }
             }
@@ -230,15 +241,15 @@ pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         });
         let Some(port) = unknown else { continue };
         // Missing inputs and inputs of the wrong type are reported by their own rules.
-        let hidden = item.inputs.iter().any(|feed| {
-            let mut links = feed.links();
-            matches!(feed, InputSource::Missing | InputSource::Refused)
+        let hidden = item.inputs.iter().any(|input_source| {
+            let mut links = input_source.links();
+            matches!(input_source, InputSource::Missing | InputSource::Refused)
                 || links.any(|link| net.inferred.link_type(net.graph, link).is_none())
         });
         let fed = item.inputs.iter().zip(spec.inputs);
-        let misfit = fed.clone().any(|(feed, port)| {
+        let misfit = fed.clone().any(|(input_source, port)| {
             matches!(port.ty, PortType::Array(..) | PortType::Matrix(..))
-                && matches!(feed, InputSource::Link(_) | InputSource::List(_))
+                && matches!(input_source, InputSource::Link(_) | InputSource::List(_))
         });
         let parameters = item.parameters.iter().zip(spec.parameters);
         let refused = parameters.clone().any(|(given, parameter)| {
@@ -269,7 +280,7 @@ pub(crate) fn literal_fits(
     faults: &mut Vec<Diagnostic>,
 ) {
     if literal.stored(ty).is_none() {
-        let message = format!("type mismatch: `{place}` is a {ty}, this is {literal}");
+        let message = format!("type mismatch: `{place}` expects {ty}, found {literal}");
         let fault = Diagnostic::error(fault::TYPE_MISMATCH, literal.span, message);
         faults.push(fault.help_if(example_of(literal, ty)));
         return;
@@ -278,7 +289,7 @@ pub(crate) fn literal_fits(
     let want = unit.unwrap_or(Unit::ONE);
     for (have, span) in literal.units() {
         if have != want {
-            let message = format!("unit mismatch: `{place}` is in {want}, this is in {have}");
+            let message = format!("unit mismatch: `{place}` expects {want}, found {have}");
             let fault = Diagnostic::error(fault::UNIT_MISMATCH, span, message);
             faults.push(fault.label(format!("in {have}")));
         }
@@ -433,7 +444,7 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                     .filter(|unit| *unit != Unit::ONE)
                     .map_or(String::new(), |unit| format!(" {unit}"));
                 let value = literal.number().unwrap_or_default();
-                format!("must be {wanted}{unit}, this is {value}{unit}")
+                format!("must be {wanted}{unit}, found {value}{unit}")
             } else {
                 continue;
             };
@@ -445,8 +456,8 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Returns the constant value of an input: a literal, or the value of a `Constant`.
-pub(super) fn constant<'a>(net: Typed<'a>, feed: &InputSource<'a>) -> Option<&'a Literal> {
-    match feed {
+pub(super) fn constant<'a>(net: Typed<'a>, input_source: &InputSource<'a>) -> Option<&'a Literal> {
+    match input_source {
         InputSource::Literal(literal) => Some(literal),
         InputSource::Link(link) if link.part.is_none() && link.initial.is_none() => {
             let source = net.graph.items.get(link.from.item)?;
@@ -461,18 +472,18 @@ pub(super) fn constant<'a>(net: Typed<'a>, feed: &InputSource<'a>) -> Option<&'a
 /// constant out of range is a mistake.
 pub fn constants_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
-        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+        for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             let (Some(least), Some(greatest)) = (port.least, port.greatest) else {
                 continue;
             };
-            let Some(literal) = constant(net, feed) else {
+            let Some(literal) = constant(net, input_source) else {
                 continue;
             };
             let Some(value) = literal.number().filter(|it| *it < least || *it > greatest) else {
                 continue;
             };
             let (id, name) = (item.id(), port.name);
-            let message = format!("`{id}.{name}` must be {least} to {greatest}, this is {value}");
+            let message = format!("`{id}.{name}` must be {least} to {greatest}, found {value}");
             let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
             faults.push(fault.help(format!("{name}: {}", port.doc)));
         }

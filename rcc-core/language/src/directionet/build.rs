@@ -129,7 +129,7 @@ pub fn build(
         current: 0,
     };
     for primitive in &flat.primitives {
-        let entry = build.known(primitive);
+        let entry = build.check_names(primitive);
         build.entries.push(entry);
     }
     for number in (0..flat.primitives.len())
@@ -167,7 +167,7 @@ impl<'t> Conversion<'t, '_> {
     }
 
     /// Looks up the type of a primitive, and checks the names of its parameters and inputs.
-    fn known(&mut self, primitive: &FlatPrimitive<'t>) -> Option<&'static TypeEntry> {
+    fn check_names(&mut self, primitive: &FlatPrimitive<'t>) -> Option<&'static TypeEntry> {
         let Some(entry) = table::all().get(&primitive.ty.name) else {
             let message = format!("the predecessor has no type `{}`", primitive.ty.name);
             let mut names: Vec<&str> = table::all().keys().map(String::as_str).collect();

@@ -101,7 +101,7 @@ struct Flattener<'t, 'f> {
     /// Number of errors with a suggestion.
     suggestions: usize,
     /// Primitives and fragments without a name, by the address of their node in the tree.
-    nameless: HashMap<*const text::AstPrimitive, NameTarget>,
+    inline: HashMap<*const text::AstPrimitive, NameTarget>,
 }
 
 /// Flattens a net. Reports every name that does not resolve.
@@ -112,7 +112,7 @@ pub fn flatten<'t>(root: &'t AstFragment, faults: &mut Vec<Diagnostic>) -> FlatN
         flat: FlatNet::default(),
         arguments: Vec::new(),
         suggestions: 0,
-        nameless: HashMap::new(),
+        inline: HashMap::new(),
     };
     flattener.scope(None, Vec::new(), root, &[]);
     for number in 0..flattener.arguments.len() {
@@ -166,7 +166,7 @@ impl<'t> Flattener<'t, '_> {
                 }
                 AstValue::Link(primitive, _) => {
                     let around = parent.unwrap_or(scope);
-                    self.define_nameless(around, primitive, &argument.name);
+                    self.define_inline(around, primitive, &argument.name);
                 }
             }
         }
@@ -174,7 +174,7 @@ impl<'t> Flattener<'t, '_> {
 
     fn item(&mut self, scope: usize, item: &'t AstItem) {
         if let Some(port) = &item.port {
-            self.define_nameless(scope, &item.primitive, &item.name);
+            self.define_inline(scope, &item.primitive, &item.name);
             let known = self
                 .scope_of(scope)
                 .outputs
@@ -226,10 +226,10 @@ impl<'t> Flattener<'t, '_> {
 
     /// Creates a primitive that is defined inline as the source of a link. The predecessor names it
     /// `<consumer>.<port>.source`.
-    fn define_nameless(&mut self, scope: usize, primitive: &'t text::AstPrimitive, port: &Key) {
+    fn define_inline(&mut self, scope: usize, primitive: &'t text::AstPrimitive, port: &Key) {
         if !matches!(primitive, text::AstPrimitive::Named(_)) {
             let target = self.target(scope, primitive, port);
-            self.nameless.insert(std::ptr::from_ref(primitive), target);
+            self.inline.insert(std::ptr::from_ref(primitive), target);
         }
     }
 
@@ -265,7 +265,7 @@ impl<'t> Flattener<'t, '_> {
                             name: format!("{}_{}", name.name, argument.name.name),
                             span: argument.name.span,
                         };
-                        self.define_nameless(scope, inner, &name);
+                        self.define_inline(scope, inner, &name);
                     }
                 }
                 NameTarget::Primitive(number)
@@ -367,7 +367,7 @@ impl<'t> Flattener<'t, '_> {
                         None => return self.unknown(scope, name),
                     }
                 }
-                definition => match self.nameless.get(&std::ptr::from_ref(definition)) {
+                definition => match self.inline.get(&std::ptr::from_ref(definition)) {
                     Some(target) => *target,
                     // Definitions in the argument of something refused are not created.
                     None => return Some(FlatSource::Refused),

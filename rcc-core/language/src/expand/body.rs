@@ -90,7 +90,7 @@ impl<'a> Body<'a> {
         links.chain(outputs.iter().map(|output| &output.from))
     }
 
-    fn words(&self) -> String {
+    fn describe(&self) -> String {
         match self.fragment {
             Some(fragment) => format!("the fragment `{}`", fragment.name.name),
             None => "the net".to_owned(),
@@ -369,16 +369,16 @@ impl<'a> Bodies<'a> {
                 .outputs
                 .iter()
                 .map(|output| output.name.name.as_str());
-            let forgotten = outputs
+            let unread = outputs
                 .filter(|output| !self.unresolved_outputs.contains(&(number, *output)))
                 .filter(|output| !self.unresolved_outputs.contains(&(number, *output)))
                 .filter(|output| {
                     !read.contains(&(id, *output)) && !discarded.contains(&(id, *output))
                 })
                 .map(|output| format!("{id}.{output}"));
-            let forgotten: Vec<String> = forgotten.collect();
-            let list = forgotten.join(", ");
-            let message = match forgotten.len() {
+            let unread: Vec<String> = unread.collect();
+            let list = unread.join(", ");
+            let message = match unread.len() {
                 0 => continue,
                 1 => format!("the output `{list}` is neither read nor discarded"),
                 _ => format!("the outputs {list} are neither read nor discarded"),
@@ -478,14 +478,14 @@ fn unknown_input(body: &Body<'_>, reference: &Reference) -> Diagnostic {
     if body.inputs.contains_key(primitive.as_str()) {
         let message = format!(
             "`{primitive}` is an input of {}: it has no `{port}`",
-            body.words()
+            body.describe()
         );
         let fault = Diagnostic::error(fault::UNKNOWN_OUTPUT, reference.span, message);
         return fault.help(format!(
             "write `{primitive}`, or `{primitive}[0]` for an element"
         ));
     }
-    let message = format!("{} has no input `{primitive}`", body.words());
+    let message = format!("{} has no input `{primitive}`", body.describe());
     let names = body.inputs.values().map(|input| &input.name);
     let names: BTreeSet<&str> = names.map(|key| key.name.as_str()).collect();
     let help = match closest(primitive, names.iter().copied()) {
@@ -565,7 +565,11 @@ fn no_text(span: Span) -> Diagnostic {
 }
 
 fn not_used(body: &Body<'_>, what: &str, name: &Key) -> Diagnostic {
-    let message = format!("the {what} `{}` of {} is not used", name.name, body.words());
+    let message = format!(
+        "the {what} `{}` of {} is not used",
+        name.name,
+        body.describe()
+    );
     Diagnostic::error(fault::NOT_USED, name.span, message)
 }
 

@@ -146,18 +146,22 @@ fn fit(
             ty => value.stored(ty).is_some(),
         };
         if !fits {
-            let message = format!("type mismatch: {what} is a {ty}, this is {value}");
+            let message = format!("type mismatch: {what} expects {ty}, found {value}");
             let fault = Diagnostic::error(fault::TYPE_MISMATCH, value.span, message);
-            return Err(Box::new(fault.help_if(said(&parameter.description))));
+            return Err(Box::new(
+                fault.help_if(description_as_help(&parameter.description)),
+            ));
         }
     }
     let Some((unit, _)) = parameter.unit else {
         return Ok(());
     };
     if let Some((have, span)) = value.units().into_iter().find(|(have, _)| *have != unit) {
-        let message = format!("unit mismatch: {what} is in {unit}, this is in {have}");
+        let message = format!("unit mismatch: {what} expects {unit}, found {have}");
         let fault = Diagnostic::error(fault::UNIT_MISMATCH, span, message);
-        return Err(Box::new(fault.help_if(said(&parameter.description))));
+        return Err(Box::new(
+            fault.help_if(description_as_help(&parameter.description)),
+        ));
     }
     if let Some(number) = value.number() {
         *value = Literal::new(LiteralShape::Real(number, Some(unit)), value.span);
@@ -166,7 +170,7 @@ fn fit(
 }
 
 /// Returns a description as help text; `None` if it is empty.
-fn said(description: &str) -> Option<String> {
+fn description_as_help(description: &str) -> Option<String> {
     (!description.is_empty()).then(|| description.to_owned())
 }
 

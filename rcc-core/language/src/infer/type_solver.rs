@@ -145,11 +145,11 @@ struct PortSite {
 
 /// A link as a constraint: a part of an output has the type of a position of an input.
 #[derive(Clone, Copy)]
-struct LinkTie {
+struct TypeConstraint {
     source: PortSite,
     part: Option<ValuePart>,
     sink: PortSite,
-    place: ListPosition,
+    position: ListPosition,
 }
 
 /// Infers the open types and lengths of all items.
@@ -158,7 +158,7 @@ pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables>
         graph,
         joints,
         open: vec![TypeVariables::default(); graph.items.len()],
-        ties: Vec::new(),
+        constraints: Vec::new(),
         users: vec![Vec::new(); graph.items.len()],
         queue: VecDeque::new(),
         backwards: false,
@@ -167,7 +167,7 @@ pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables>
         for (port, link) in item.links() {
             let sink = item.spec().inputs.get(port);
             if let (Some(from), Some(sink)) = (super::port_of(graph, link.from), sink) {
-                solver.tie(LinkTie {
+                solver.add(TypeConstraint {
                     source: PortSite {
                         item: link.from.item,
                         port: from.ty,
@@ -177,7 +177,7 @@ pub fn infer(graph: &NetGraph<'_>, joints: &[Option<u16>]) -> Vec<TypeVariables>
                         item: number,
                         port: sink.ty,
                     },
-                    place: link.place,
+                    position: link.position,
                 });
             }
         }
@@ -191,7 +191,7 @@ struct TypeSolver<'g, 'a> {
     /// Number of joints of its device, by item.
     joints: &'g [Option<u16>],
     open: Vec<TypeVariables>,
-    ties: Vec<LinkTie>,
+    constraints: Vec<TypeConstraint>,
     /// The links that begin or end at it, by item.
     users: Vec<Vec<usize>>,
     queue: VecDeque<usize>,
@@ -199,14 +199,14 @@ struct TypeSolver<'g, 'a> {
 }
 
 impl TypeSolver<'_, '_> {
-    fn tie(&mut self, tie: LinkTie) {
-        let number = self.ties.len();
-        for item in [tie.source.item, tie.sink.item] {
+    fn add(&mut self, constraint: TypeConstraint) {
+        let number = self.constraints.len();
+        for item in [constraint.source.item, constraint.sink.item] {
             if let Some(users) = self.users.get_mut(item) {
                 users.push(number);
             }
         }
-        self.ties.push(tie);
+        self.constraints.push(constraint);
     }
 
     /// Propagates what is known: first only from sources to sinks, so that a conflict is reported where two sources
@@ -262,14 +262,14 @@ impl TypeSolver<'_, '_> {
     }
 
     fn run_all(&mut self) {
-        self.queue.extend(0..self.ties.len());
+        self.queue.extend(0..self.constraints.len());
         self.run();
     }
 
     fn run(&mut self) {
         while let Some(number) = self.queue.pop_front() {
-            if let Some(tie) = self.ties.get(number).copied() {
-                self.propagate(tie);
+            if let Some(constraint) = self.constraints.get(number).copied() {
+                self.propagate(constraint);
             }
         }
     }
@@ -279,22 +279,22 @@ impl TypeSolver<'_, '_> {
         self.open.get(at.item)?.port(joints, at.port)
     }
 
-    fn propagate(&mut self, tie: LinkTie) {
-        let source = self.type_at(tie.source);
-        let part = match tie.part {
+    fn propagate(&mut self, constraint: TypeConstraint) {
+        let source = self.type_at(constraint.source);
+        let part = match constraint.part {
             None => source,
             Some(part) => source.and_then(|ty| part.of(ty)).map(|(_, ty)| ty),
         };
         if let Some(ty) = part {
-            if let Some(whole) = whole_of(tie.place, tie.sink.port, ty) {
-                self.learn(tie.sink.item, tie.sink.port, whole);
+            if let Some(whole) = whole_of(constraint.position, constraint.sink.port, ty) {
+                self.learn(constraint.sink.item, constraint.sink.port, whole);
             }
         } else if self.backwards
-            && tie.part.is_none()
-            && let Some(sink) = self.type_at(tie.sink)
-            && let Some((_, ty)) = tie.place.of(sink)
+            && constraint.part.is_none()
+            && let Some(sink) = self.type_at(constraint.sink)
+            && let Some((_, ty)) = constraint.position.of(sink)
         {
-            self.learn(tie.source.item, tie.source.port, ty);
+            self.learn(constraint.source.item, constraint.source.port, ty);
         }
     }
 
@@ -352,7 +352,7 @@ impl TypeSolver<'_, '_> {
             let sink = item.spec().inputs.get(port);
             if let (Some(initial), Some(sink)) = (link.initial, sink)
                 && let Some(ty) = certain_port_type(initial, sink.ty)
-                && let Some(whole) = whole_of(link.place, sink.ty, ty)
+                && let Some(whole) = whole_of(link.position, sink.ty, ty)
             {
                 self.learn(number, sink.ty, whole);
             }
@@ -361,10 +361,10 @@ impl TypeSolver<'_, '_> {
             let Some(sink) = item.spec().inputs.get(port) else {
                 continue;
             };
-            for leaf in &list.leaves {
-                if let ListElement::Literal(literal, place) = leaf
+            for element in &list.elements {
+                if let ListElement::Literal(literal, position) = element
                     && let Some(ty) = literal.certain_type()
-                    && let Some(whole) = whole_of(*place, sink.ty, ty)
+                    && let Some(whole) = whole_of(*position, sink.ty, ty)
                 {
                     self.learn(number, sink.ty, whole);
                 }
@@ -377,17 +377,21 @@ impl TypeSolver<'_, '_> {
         let literals = super::literals(item).filter(|(_, port, _)| port.is_open());
         let literals =
             literals.filter_map(|(literal, port, _)| Some((port, literal.default_type()?)));
-        let feeds = item.inputs.iter().zip(item.spec().inputs);
-        let lists = feeds.filter_map(|(feed, port)| match feed {
+        let input_sources = item.inputs.iter().zip(item.spec().inputs);
+        let lists = input_sources.filter_map(|(input_source, port)| match input_source {
             InputSource::List(list) if port.ty.is_open() => {
-                let types = list.leaves.iter().filter_map(|leaf| match leaf {
-                    ListElement::Literal(literal, place) => Some((*place, literal.default_type()?)),
-                    ListElement::Link(link) => Some((link.place, self.link_type(link)?)),
+                let types = list.elements.iter().filter_map(|element| match element {
+                    ListElement::Literal(literal, position) => {
+                        Some((*position, literal.default_type()?))
+                    }
+                    ListElement::Link(link) => Some((link.position, self.link_type(link)?)),
                 });
                 // A link determines a type, but a number may still be of another one, so Real comes last.
                 let mut types: Vec<(ListPosition, Type)> = types.collect();
                 types.sort_by_key(|(_, ty)| *ty == Type::Real);
-                let whole = types.iter().find_map(|(place, ty)| place_in(*place, *ty));
+                let whole = types
+                    .iter()
+                    .find_map(|(position, ty)| place_in(*position, *ty));
                 Some((port.ty, whole?))
             }
             _ => None,
@@ -419,22 +423,22 @@ fn certain_port_type(literal: &Literal, port: PortType) -> Option<Type> {
     }
 }
 
-/// Returns the type of a port's whole value if the element at `place` of its list is a `ty`. Returns `None` if that
+/// Returns the type of a port's whole value if the element at `position` of its list is a `ty`. Returns `None` if that
 /// does not determine it: a list of three numbers may be an array or a vector.
-fn whole_of(place: ListPosition, port: PortType, ty: Type) -> Option<Type> {
+fn whole_of(position: ListPosition, port: PortType, ty: Type) -> Option<Type> {
     let certain = matches!(port, PortType::Array(..) | PortType::Matrix(..));
     match port {
-        _ if place == ListPosition::default() => Some(ty),
+        _ if position == ListPosition::default() => Some(ty),
         PortType::Many(_) => Some(ty),
-        _ if certain => place_in(place, ty),
+        _ if certain => place_in(position, ty),
         _ => None,
     }
 }
 
-/// Returns the array or matrix that has a `ty` at `place` of its list.
-fn place_in(place: ListPosition, ty: Type) -> Option<Type> {
+/// Returns the array or matrix that has a `ty` at `position` of its list.
+fn place_in(position: ListPosition, ty: Type) -> Option<Type> {
     let count = |count: u32| u8::try_from(count).ok();
-    match (place.steps, ty) {
+    match (position.steps, ty) {
         ([Some((_, rows)), Some((_, columns))], _) => {
             Some(Type::Matrix(count(rows)?, count(columns)?))
         }

@@ -42,15 +42,15 @@ impl<'a> Lowering<'a> {
     pub fn claim_list_outputs(&mut self) {
         for (number, item) in self.net.graph.items.iter().enumerate() {
             for (input, list) in item.lists() {
-                for leaf in &list.leaves {
-                    let ListElement::Link(link) = leaf else {
+                for element in &list.elements {
+                    let ListElement::Link(link) = element else {
                         continue;
                     };
                     let constant = self.item(link.from.item).spec().role == Role::Constant;
                     if link.delayed || link.part.is_some() || constant {
                         continue;
                     }
-                    let (offset, _) = self.place_in(number, input, link.place);
+                    let (offset, _) = self.place_in(number, input, link.position);
                     let claimed = &mut self.lists.claimed;
                     claimed
                         .entry(link.from)
@@ -103,16 +103,16 @@ impl<'a> Lowering<'a> {
     }
 
     /// Returns offset and type of a position in the list at an input.
-    fn place_in(&self, number: usize, input: usize, place: ListPosition) -> (u32, Type) {
+    fn place_in(&self, number: usize, input: usize, position: ListPosition) -> (u32, Type) {
         // The checks refuse lists that do not fit their inputs.
         let nothing = (0, Type::Real);
         let Some(port) = self.item(number).spec().inputs.get(input) else {
             return nothing;
         };
         let ty = self.port_type(number, port);
-        match (port.ty, place.steps) {
+        match (port.ty, position.steps) {
             (PortType::Many(_), [Some((index, _)), _]) => (index * ty.width(), ty),
-            _ => place.of(ty).unwrap_or(nothing),
+            _ => position.of(ty).unwrap_or(nothing),
         }
     }
 
@@ -125,10 +125,10 @@ impl<'a> Lowering<'a> {
     ) -> Option<SlotRange> {
         let key = (number, input);
         let block = self.block(key)?;
-        for leaf in &list.leaves {
-            match leaf {
-                ListElement::Literal(literal, place) => {
-                    let (offset, ty) = self.place_in(number, input, *place);
+        for element in &list.elements {
+            match element {
+                ListElement::Literal(literal, position) => {
+                    let (offset, ty) = self.place_in(number, input, *position);
                     if let Some(stored) = literal.stored(ty) {
                         self.arena.write(block.slot + offset, &stored);
                     }
@@ -140,7 +140,7 @@ impl<'a> Lowering<'a> {
     }
 
     fn place_link(&mut self, key: ListKey, block: SlotRange, link: &ResolvedLink<'a>) {
-        let (offset, ty) = self.place_in(key.0, key.1, link.place);
+        let (offset, ty) = self.place_in(key.0, key.1, link.position);
         let to = block.slot + offset;
         let from = self.source(link, ty);
         if link.delayed {

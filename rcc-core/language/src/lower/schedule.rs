@@ -98,8 +98,8 @@ fn heights(dependencies: &Dependencies, kernels: &[Option<BatchKey>]) -> Vec<u32
 }
 
 /// Orders the items that have a kernel. Of the kernels with ready items, the next one is chosen by these criteria, in
-/// order: same region as the previous batch; all its remaining items are ready; highest item; most ready items; smallest
-/// number.
+/// order: same region as the previous batch; all its remaining items are ready; highest item; most ready items;
+/// smallest number.
 pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     let items = &net.graph.items;
     let kernels: Vec<Option<BatchKey>> = items

@@ -55,7 +55,7 @@ fn range(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>, name: &str) -> Opti
         return Some(
             item.inputs
                 .get(place)
-                .map_or(ANY, |feed| of_feed(graph, feed)),
+                .map_or(ANY, |input_source| of_feed(graph, input_source)),
         );
     }
     let place = spec
@@ -71,9 +71,9 @@ fn range(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>, name: &str) -> Opti
     })
 }
 
-fn of_feed(graph: &NetGraph<'_>, feed: &InputSource<'_>) -> Range {
+fn of_feed(graph: &NetGraph<'_>, input_source: &InputSource<'_>) -> Range {
     let constant = |number: Option<f64>| number.map_or(ANY, |number| [number, number]);
-    match feed {
+    match input_source {
         InputSource::Literal(literal) => constant(literal.number()),
         InputSource::Default(value) => constant(number(*value)),
         InputSource::Link(link) => {

@@ -36,7 +36,7 @@ fn declared_unit(literal: &Literal) -> Option<Unit> {
 }
 
 impl ResolvedPrimitive<'_> {
-    fn said<T>(
+    fn declared<T>(
         &self,
         is_it: impl Fn(ParameterKind) -> bool,
         read: impl Fn(&Literal) -> Option<T>,
@@ -48,7 +48,7 @@ impl ResolvedPrimitive<'_> {
 
     /// Returns the open type, if a parameter declares it.
     pub(crate) fn declared_type(&self) -> Option<Type> {
-        self.said(|kind| kind == ParameterKind::Type, declared_type)
+        self.declared(|kind| kind == ParameterKind::Type, declared_type)
     }
 
     /// Returns a unit variable and the unit that a parameter declares for it.
@@ -59,7 +59,7 @@ impl ResolvedPrimitive<'_> {
             _ => None,
         })?;
         let is_it = |kind| matches!(kind, ParameterKind::Unit(_));
-        Some((variable, self.said(is_it, declared_unit)?))
+        Some((variable, self.declared(is_it, declared_unit)?))
     }
 }
 
@@ -93,7 +93,9 @@ impl<'a> Resolver<'a, '_> {
                 }
                 ParameterKind::Word(words) => self.word(parameter, words, literal),
                 ParameterKind::Topic => self.topic(parameter, literal),
-                ParameterKind::Type | ParameterKind::Unit(_) => self.said(parameter, literal),
+                ParameterKind::Type | ParameterKind::Unit(_) => {
+                    self.check_declaration(parameter, literal)
+                }
                 _ => {}
             }
         }
@@ -134,9 +136,9 @@ impl<'a> Resolver<'a, '_> {
         let Some(name) = self.name(parameter, literal) else {
             return;
         };
-        let good = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
+        let is_valid = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
         let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
-        if !begins || name.len() > TOPIC_MAX || !name.chars().all(good) {
+        if !begins || name.len() > TOPIC_MAX || !name.chars().all(is_valid) {
             let message = format!("invalid topic name `{name}`");
             let help = format!(
                 "use a letter followed by letters, digits and `_ - . /`, at most {TOPIC_MAX} characters, as in `tool/force`"
@@ -146,12 +148,12 @@ impl<'a> Resolver<'a, '_> {
     }
 
     /// Checks a declared type or unit.
-    fn said(&mut self, parameter: &Parameter, literal: &'a Literal) {
-        let (good, help) = match parameter.kind {
+    fn check_declaration(&mut self, parameter: &Parameter, literal: &'a Literal) {
+        let (is_valid, help) = match parameter.kind {
             ParameterKind::Type => (declared_type(literal).is_some(), fragment::TYPES),
             _ => (declared_unit(literal).is_some(), DECLARED_UNITS_HELP),
         };
-        if !good && literal.shape != LiteralShape::Null {
+        if !is_valid && literal.shape != LiteralShape::Null {
             let message = format!("invalid {}: {literal}", parameter.name);
             self.error(fault::WRONG_SHAPE, literal.span, message, Some(help.into()));
         }

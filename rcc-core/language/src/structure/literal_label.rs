@@ -11,7 +11,7 @@ const ELEMENTS_MAX: usize = 4;
 /// Returns a constant as a label.
 #[must_use]
 pub fn literal_label(literal: &Literal) -> String {
-    if let (LiteralShape::Real(..), Notation::Text(text)) = (&literal.shape, &literal.written)
+    if let (LiteralShape::Real(..), Notation::Text(text)) = (&literal.shape, &literal.notation)
         && text.chars().count() <= TEXT_MAX
     {
         return text.clone();

@@ -102,7 +102,7 @@ const OUTPUT_KEYS: &[&str] = &["from", "description"];
 pub fn read_library(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Library> {
     if root.map().is_none() {
         let message = format!(
-            "a library is a mapping with the keys `library` and `fragments`, this is {}",
+            "expected a library, a mapping with the keys `library` and `fragments`, found {}",
             root.kind()
         );
         faults.push(Diagnostic::error(fault::WRONG_SHAPE, root.span, message));

@@ -269,7 +269,7 @@ fn number(node: &Node, what: &str, unit: Unit, faults: &mut Vec<Diagnostic>) -> 
         return f64::NAN;
     };
     if let Some(have) = quantity.unit.filter(|have| *have != unit) {
-        let message = format!("unit mismatch: {what} is in {unit}, this is in {have}");
+        let message = format!("unit mismatch: {what} expects {unit}, found {have}");
         faults.push(Diagnostic::error(fault::UNIT_MISMATCH, node.span, message));
     }
     quantity.value

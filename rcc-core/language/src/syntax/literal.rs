@@ -27,7 +27,7 @@ pub struct Literal {
     /// Span.
     pub span: Span,
     /// The notation, if the shape alone does not determine it.
-    pub written: Notation,
+    pub notation: Notation,
 }
 
 /// The notation of a constant; its meaning is in its shape. Generated constants are `Canonical`.
@@ -122,7 +122,7 @@ impl Literal {
         Literal {
             shape,
             span,
-            written: Notation::Canonical,
+            notation: Notation::Canonical,
         }
     }
 
@@ -333,11 +333,11 @@ pub fn is_parameter(text: &str) -> bool {
 }
 
 /// Returns true if the node is or contains parameters of a fragment.
-fn is_open(node: &Node) -> bool {
+fn has_parameters(node: &Node) -> bool {
     match &node.value {
         Value::Text(text) => is_parameter(text),
-        Value::List(nodes) => nodes.iter().any(is_open),
-        Value::Map(entries) => entries.iter().any(|entry| is_open(&entry.value)),
+        Value::List(nodes) => nodes.iter().any(has_parameters),
+        Value::Map(entries) => entries.iter().any(|entry| has_parameters(&entry.value)),
         _ => false,
     }
 }
@@ -345,7 +345,7 @@ fn is_open(node: &Node) -> bool {
 /// Reads a constant; text that is not a quantity is a name.
 pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
     let shape = match &node.value {
-        _ if is_open(node) => LiteralShape::Parameterised(node.clone()),
+        _ if has_parameters(node) => LiteralShape::Parameterised(node.clone()),
         Value::Null => LiteralShape::Null,
         Value::Bool(value) => LiteralShape::Bool(*value),
         Value::Int(value) => LiteralShape::Int(*value),
@@ -357,12 +357,14 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
         Value::List(nodes) => read_list(node, nodes, faults),
         Value::Map(_) => read_pose(node, faults).unwrap_or(LiteralShape::Refused),
     };
-    let usual = Literal::new(shape, node.span);
-    let written = match &node.value {
-        _ if usual.is_refused() || matches!(usual.shape, LiteralShape::Parameterised(_)) => {
-            return usual;
+    let canonical = Literal::new(shape, node.span);
+    let notation = match &node.value {
+        _ if canonical.is_refused()
+            || matches!(canonical.shape, LiteralShape::Parameterised(_)) =>
+        {
+            return canonical;
         }
-        Value::Text(text) if !matches!(usual.shape, LiteralShape::Text(_)) => {
+        Value::Text(text) if !matches!(canonical.shape, LiteralShape::Text(_)) => {
             Notation::Text(text.trim().to_string())
         }
         Value::List(nodes) if nodes.iter().any(|node| node.map().is_some()) => {
@@ -375,13 +377,16 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
             let parts = parts.map(|entry| (entry.key.name.clone(), part(&entry.value)));
             Notation::Mapping(parts.collect())
         }
-        _ => return usual,
+        _ => return canonical,
     };
-    let tree = write::literal_tree(&usual);
-    let literal = Literal { written, ..usual };
+    let tree = write::literal_tree(&canonical);
+    let literal = Literal {
+        notation,
+        ..canonical
+    };
     if write::literal_tree(&literal) == tree {
         return Literal {
-            written: Notation::Canonical,
+            notation: Notation::Canonical,
             ..literal
         };
     }
@@ -547,7 +552,7 @@ fn read_numbers<const N: usize>(
             continue;
         };
         if let Some(have) = quantity.unit.filter(|have| *have != unit) {
-            let message = format!("unit mismatch: {what} is in {unit}, this is in {have}");
+            let message = format!("unit mismatch: {what} expects {unit}, found {have}");
             faults.push(Diagnostic::error(fault::UNIT_MISMATCH, node.span, message));
             good = false;
         }

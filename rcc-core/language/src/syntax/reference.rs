@@ -47,7 +47,7 @@ pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Ref
         let message = format!("`{text}` is not a reference to an output");
         let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, message);
         faults.push(fault.help(
-            "an output is written `primitive.port`, a part of it `primitive.port[index]`, `[from..to]`, `[row,column]`, `[row,..]`, `.x` or `.position`",
+            "write an output as `primitive.port`, a part of it as `primitive.port[index]`, `[from..to]`, `[row,column]`, `[row,..]`, `.x` or `.position`",
         ));
     }
     parsed

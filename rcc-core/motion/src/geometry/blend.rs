@@ -7,7 +7,7 @@
 use rcc_core::rotation::{self, Quaternion};
 
 use super::Placement;
-use super::jet::{self, Jet, Scalar};
+use super::jet::{self, Jet, JetScalar};
 use super::quintic::{Quintic, QuinticEnd};
 
 /// A blend of the flange: position, and orientation in modified Rodrigues parameters relative to its beginning.
@@ -21,7 +21,7 @@ impl PoseBlend {
     /// The blend from one placement to another over `length` (> 0) of s. `None` if it rotates by more than 4 rad.
     #[must_use]
     pub fn between(from: &Placement<Jet>, to: &Placement<Jet>, length: f64) -> Option<Self> {
-        let reference = from.orientation.map(Scalar::value);
+        let reference = from.orientation.map(JetScalar::value);
         let end = |place: &Placement<Jet>| {
             let back = rotation::inverse(reference).map(Jet::constant);
             let turn = jet::product(back, place.orientation);
@@ -40,7 +40,7 @@ impl PoseBlend {
 
     /// The pose at `s`.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
+    pub fn at<T: JetScalar>(&self, s: T) -> Placement<T> {
         let [x, y, z, a, b, c] = self.curve.at(s);
         let reference = self.reference.map(T::constant);
         Placement {
@@ -67,7 +67,7 @@ impl JointBlend {
 
     /// The joints at `s`, rad.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> [T; 8] {
+    pub fn at<T: JetScalar>(&self, s: T) -> [T; 8] {
         self.curve.at(s)
     }
 }

@@ -3,7 +3,7 @@
 
 use super::blend::{JointBlend, PoseBlend};
 use super::circle::Circle;
-use super::jet::{Jet, Scalar};
+use super::jet::{Jet, JetScalar};
 use super::line::{JointLine, Line};
 use super::spline::Spline;
 use super::{LENGTH_MIN, Placement};
@@ -37,7 +37,7 @@ pub enum ShapePoint<T> {
 impl Shape {
     /// The point at `s`, counted from the beginning of the shape.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> ShapePoint<T> {
+    pub fn at<T: JetScalar>(&self, s: T) -> ShapePoint<T> {
         match self {
             Shape::Line(line) => ShapePoint::Flange(line.at(s)),
             Shape::Circle(circle) => ShapePoint::Flange(circle.at(s)),
@@ -113,7 +113,7 @@ pub struct ChainPiece {
 impl ChainPiece {
     /// The point at s of the chain.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> ShapePoint<T> {
+    pub fn at<T: JetScalar>(&self, s: T) -> ShapePoint<T> {
         self.shape.at(s + T::constant(self.offset - self.begin))
     }
 
@@ -243,7 +243,7 @@ impl Chain {
 
     /// The point at s in [0, length]; `None` for an empty chain.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> Option<ShapePoint<T>> {
+    pub fn at<T: JetScalar>(&self, s: T) -> Option<ShapePoint<T>> {
         let piece = self.pieces.get(self.number(s.value()));
         piece.map(|piece| piece.at(s))
     }

@@ -3,7 +3,7 @@
 use rcc_core::pose::Pose;
 use rcc_core::vector::{self, Vector};
 
-use super::jet::Scalar;
+use super::jet::JetScalar;
 use super::line::{AxisRotation, distance};
 use super::{COINCIDENT_M, GeometryError, PathMetric, Placement, finite};
 
@@ -136,7 +136,7 @@ impl Circle {
 
     /// The pose at `s`.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
+    pub fn at<T: JetScalar>(&self, s: T) -> Placement<T> {
         let fraction = s.over(self.length);
         let (sin, cos) = fraction.scaled(self.angle).sin_cos();
         let mut position = self.centre.map(T::constant);

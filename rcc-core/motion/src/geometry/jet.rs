@@ -4,7 +4,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 /// The number type of a curve: `f64`, or [`Jet`] for derivatives as well.
-pub trait Scalar:
+pub trait JetScalar:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
     /// A constant, independent of s.
@@ -14,7 +14,7 @@ pub trait Scalar:
     /// A function applied to this; `of` returns its value and first three derivatives.
     fn through(self, of: impl FnOnce(f64) -> [f64; 4]) -> Self;
 
-    /// As [`Scalar::through`], for a function whose value alone (`value`) is cheaper than with its derivatives.
+    /// As [`JetScalar::through`], for a function whose value alone (`value`) is cheaper than with its derivatives.
     fn through_of(self, value: impl FnOnce(f64) -> f64, of: impl FnOnce(f64) -> [f64; 4]) -> Self;
 
     /// Multiplied by a number.
@@ -55,7 +55,7 @@ pub trait Scalar:
     }
 }
 
-impl Scalar for f64 {
+impl JetScalar for f64 {
     fn constant(value: f64) -> Self {
         value
     }
@@ -104,7 +104,7 @@ impl Jet {
     }
 }
 
-impl Scalar for Jet {
+impl JetScalar for Jet {
     fn constant(value: f64) -> Self {
         Self([value, 0.0, 0.0, 0.0])
     }
@@ -175,7 +175,7 @@ impl Mul for Jet {
 }
 
 /// The product of two quaternions `[x y z w]`.
-pub fn product<T: Scalar>([ax, ay, az, aw]: [T; 4], [bx, by, bz, bw]: [T; 4]) -> [T; 4] {
+pub fn product<T: JetScalar>([ax, ay, az, aw]: [T; 4], [bx, by, bz, bw]: [T; 4]) -> [T; 4] {
     [
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by - ax * bz + ay * bw + az * bx,
@@ -185,12 +185,12 @@ pub fn product<T: Scalar>([ax, ay, az, aw]: [T; 4], [bx, by, bz, bw]: [T; 4]) ->
 }
 
 /// The conjugate: the inverse of a unit quaternion.
-pub fn conjugate<T: Scalar>([x, y, z, w]: [T; 4]) -> [T; 4] {
+pub fn conjugate<T: JetScalar>([x, y, z, w]: [T; 4]) -> [T; 4] {
     [-x, -y, -z, w]
 }
 
 /// The quaternion of a rotation by `angle` (rad) about `axis` (of length one).
-pub fn turn<T: Scalar>(axis: [f64; 3], angle: T) -> [T; 4] {
+pub fn turn<T: JetScalar>(axis: [f64; 3], angle: T) -> [T; 4] {
     let (sin, cos) = angle.scaled(0.5).sin_cos();
     let [x, y, z] = axis.map(|x| sin.scaled(x));
     [x, y, z, cos]
@@ -198,13 +198,13 @@ pub fn turn<T: Scalar>(axis: [f64; 3], angle: T) -> [T; 4] {
 
 /// Modified Rodrigues parameters of a quaternion: tan(θ/4) times the axis; singular only at a whole turn. Schaub &
 /// Junkins, "Analytical Mechanics of Space Systems", section 3.6.
-pub fn to_rodrigues<T: Scalar>([x, y, z, w]: [T; 4]) -> [T; 3] {
+pub fn to_rodrigues<T: JetScalar>([x, y, z, w]: [T; 4]) -> [T; 3] {
     let over = (T::constant(1.0) + w).reciprocal();
     [x * over, y * over, z * over]
 }
 
 /// The quaternion of three modified Rodrigues parameters.
-pub fn from_rodrigues<T: Scalar>([x, y, z]: [T; 3]) -> [T; 4] {
+pub fn from_rodrigues<T: JetScalar>([x, y, z]: [T; 3]) -> [T; 4] {
     let one = T::constant(1.0);
     let square = x * x + y * y + z * z;
     let over = (one + square).reciprocal();

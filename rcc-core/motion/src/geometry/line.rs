@@ -6,7 +6,7 @@ use rcc_core::pose::Pose;
 use rcc_core::rotation::{self, Quaternion};
 use rcc_core::vector::{self, Vector};
 
-use super::jet::{self, Scalar};
+use super::jet::{self, JetScalar};
 use super::{GeometryError, LENGTH_MIN, PathMetric, Placement, angle_of, finite};
 
 /// If the cosine of half the angle is below this, the rotation is half a turn.
@@ -53,7 +53,7 @@ impl AxisRotation {
 
     /// The orientation at a fraction of the rotation.
     #[inline]
-    pub fn at<T: Scalar>(&self, fraction: T) -> [T; 4] {
+    pub fn at<T: JetScalar>(&self, fraction: T) -> [T; 4] {
         let from = self.from.map(T::constant);
         jet::product(jet::turn(self.axis, fraction.scaled(self.angle)), from)
     }
@@ -114,7 +114,7 @@ impl Line {
 
     /// The pose at `s`.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
+    pub fn at<T: JetScalar>(&self, s: T) -> Placement<T> {
         let fraction = if self.length > 0.0 {
             s.over(self.length)
         } else {
@@ -170,7 +170,7 @@ impl JointLine {
 
     /// The joints at `s`, rad.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> [T; 8] {
+    pub fn at<T: JetScalar>(&self, s: T) -> [T; 8] {
         let fraction = if self.length > 0.0 {
             s.over(self.length)
         } else {

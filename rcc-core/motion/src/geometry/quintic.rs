@@ -1,7 +1,7 @@
 //! Quintic polynomials between two states, in several dimensions at once. Plain numbers; evaluated by the real-time
 //! thread.
 
-use super::jet::Scalar;
+use super::jet::JetScalar;
 
 /// Value, first and second derivative at one end.
 pub type QuinticEnd<const N: usize> = [[f64; N]; 3];
@@ -42,7 +42,7 @@ impl<const N: usize> Quintic<N> {
 
     /// The value at `s`.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> [T; N] {
+    pub fn at<T: JetScalar>(&self, s: T) -> [T; N] {
         let x = s.over(self.length);
         self.coefficients.map(|[a, b, c, d, e, f]| {
             let sum = |sum: T, next: f64| sum * x + T::constant(next);

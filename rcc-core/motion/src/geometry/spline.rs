@@ -9,7 +9,7 @@
 use rcc_core::pose::Pose;
 use rcc_core::rotation::{self, Quaternion};
 
-use super::jet::{self, Jet, Scalar};
+use super::jet::{self, Jet, JetScalar};
 use super::line::{angle_between, distance};
 use super::natural_spline::natural;
 use super::quintic::Quintic;
@@ -209,7 +209,7 @@ impl Spline {
     }
 
     /// The pose at `s`.
-    pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
+    pub fn at<T: JetScalar>(&self, s: T) -> Placement<T> {
         let u = match self.table.is_empty() {
             true => s,
             false => s.through_of(

@@ -5,7 +5,7 @@ use rcc_core::pose::Pose;
 
 use super::chain::{Chain, ChainLink, Shape, ShapePoint};
 use super::circle::{Circle, CircleOrientation};
-use super::jet::{Jet, Scalar};
+use super::jet::{Jet, JetScalar};
 use super::line::{JointLine, Line, distance};
 use super::spline::Spline;
 use super::*;

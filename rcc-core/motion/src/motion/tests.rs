@@ -32,7 +32,7 @@ fn line_from(from: Option<Pose>, to: Pose) -> Result<MotionSet, PrepareFault> {
             turn: TURN,
             ..Leg::new(PathSegment::Line { to })
         }],
-        pace: SpeedProfile::Even,
+        pace: SpeedProfile::Uniform,
     };
     builder.path(0, &request)?;
     builder.finish()
@@ -120,7 +120,7 @@ fn a_speed_is_kept_on_a_line_or_refused_with_one_that_is_possible() {
             device: 0,
             from: None,
             legs: &[leg],
-            pace: SpeedProfile::Even,
+            pace: SpeedProfile::Uniform,
         };
         builder
             .path(0, &request)
@@ -161,7 +161,7 @@ fn a_turn_on_the_spot_with_a_speed_for_lines_is_as_fast_as_the_joints_allow() {
         device: 0,
         from: None,
         legs: &[leg],
-        pace: SpeedProfile::Even,
+        pace: SpeedProfile::Uniform,
     };
     builder.path(0, &request).unwrap();
     let mut motions = builder.finish().unwrap();
@@ -260,12 +260,12 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
         cycle.expect("an end")
     };
     let (sooner, later) = (
-        duration(over(SpeedProfile::Fastest)),
-        duration(over(SpeedProfile::Even)),
+        duration(over(SpeedProfile::TimeOptimal)),
+        duration(over(SpeedProfile::Uniform)),
     );
     assert!(sooner < later, "the time law has begun: {sooner} {later}");
     for (cycles, way_max) in [(1, 1e-9), (2, 1e-5), (10, 5e-4), (30, 5e-3), (50, 15e-3)] {
-        let mut motions = over(SpeedProfile::Fastest);
+        let mut motions = over(SpeedProfile::TimeOptimal);
         let mut begun = step(&mut motions, false);
         for _ in 1..cycles {
             begun = step(&mut motions, false);
@@ -275,7 +275,7 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
         let mut words = Vec::new();
         let mut state = step(&mut motions, true);
         motions.save(|some| words.extend_from_slice(some));
-        let mut again = over(SpeedProfile::Fastest);
+        let mut again = over(SpeedProfile::TimeOptimal);
         again.restore(&words).unwrap();
         let mut last = begun;
         while !state.path.done {
@@ -297,12 +297,12 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
 #[test]
 fn a_stop_at_any_time_of_a_time_optimal_motion_ends_before_its_end_or_there() {
     let whole = {
-        let mut motions = over(SpeedProfile::Fastest);
+        let mut motions = over(SpeedProfile::TimeOptimal);
         let mut states = (0..20_000).map(|_| step(&mut motions, false));
         states.find(|state| state.path.done).unwrap()
     };
     for cycles in (1..1700).step_by(61) {
-        let mut motions = over(SpeedProfile::Fastest);
+        let mut motions = over(SpeedProfile::TimeOptimal);
         let mut last = step(&mut motions, false);
         for _ in 1..cycles {
             last = step(&mut motions, false);

@@ -1,4 +1,4 @@
-//! Derivatives of joints that are sampled at even steps along a path. Used when a motion is built.
+//! Derivatives of joints that are sampled at equidistant steps along a path. Used when a motion is built.
 //!
 //! Each derivative uses seven samples around the position, at the ends those of one side: of fourth order in the step
 //! or better. Weights by Fornberg, "Generation of finite difference formulas on arbitrarily spaced grids", Math. Comp.

@@ -29,8 +29,8 @@ pub(super) struct JointFollower<'a> {
 }
 
 impl JointFollower<'_> {
-    /// Returns the joints (rad) at even steps along [from, to] of a shape of the flange with a configuration, the first
-    /// close to `start`.
+    /// Returns the joints (rad) at equidistant steps along [from, to] of a shape of the flange with a configuration,
+    /// the first close to `start`.
     ///
     /// # Errors
     /// Returns [`MotionFault`] if the arm cannot reach a pose, a joint exceeds its limit, or a joint jumps.

@@ -36,7 +36,7 @@ pub(super) struct LegShape {
     pub(super) leg: u32,
     /// Branch and arm angle along a shape of the flange; `None` for a leg in joint space.
     elbow: Option<ElbowProfile>,
-    /// Joints along it at even steps, rad.
+    /// Joints along it at equidistant steps, rad.
     joints: Vec<Joints>,
     pub(super) bounds: QuantityLimits,
     /// The velocity of the leg is to be kept (not only a limit).

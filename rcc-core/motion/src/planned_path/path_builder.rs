@@ -12,9 +12,9 @@ use rcc_core::pose::Pose;
 use super::leg_shape::{BlendZone, LegShape, leg_shapes};
 use super::piece_samples::{PieceSamples, sample_piece};
 use super::speed_limits::{
-    self, BrakingLimits, EVEN_SHARES, LimitsFault, QuantityLimits, TooFast, allowed,
+    self, BrakingLimits, LimitsFault, QuantityLimits, TooFast, UNIFORM_SHARES, fastest_bounds,
 };
-use super::time_optimal::fastest;
+use super::time_optimal::time_optimal_law;
 use super::{
     InverseHints, MotionSection, PieceKinematics, PlannedPath, ReducedBlend, TimedSection,
 };
@@ -162,7 +162,7 @@ impl<'a> PathBuilder<'a> {
                     tighter(&leg_shape.bounds, &next.bounds)
                 }),
                 // With the time-optimal profile the speed of a leg is a limit; otherwise it is to be kept.
-                given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Even),
+                given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Uniform),
                 samples,
             });
         }
@@ -204,10 +204,12 @@ impl<'a> PathBuilder<'a> {
             for number in range.clone() {
                 section_parts.add(self, number, begin_s);
             }
-            let bounds = section_parts.even(self.dt_s)?;
+            let bounds = section_parts.uniform_bounds(self.dt_s)?;
             let timed = match pace {
-                SpeedProfile::Even => None,
-                SpeedProfile::Fastest => fastest(self, range.clone(), duration_s(&bounds)),
+                SpeedProfile::Uniform => None,
+                SpeedProfile::TimeOptimal => {
+                    time_optimal_law(self, range.clone(), duration_s(&bounds))
+                }
             };
             let (bounds, stops, time_law) = match timed {
                 Some((time_law, timed)) => {
@@ -309,16 +311,18 @@ impl<'a> SectionParts<'a> {
         }
     }
 
-    fn even(&self, dt_s: f64) -> Result<PathBounds, LegFault> {
+    fn uniform_bounds(&self, dt_s: f64) -> Result<PathBounds, LegFault> {
         let leg = self.owners.last().map_or(0, |(_, leg, _)| *leg);
-        allowed(&self.parts, &self.ends, dt_s, &EVEN_SHARES).map_err(|refused| match refused {
-            LimitsFault::TooFast(fast) => self.too_fast(fast),
-            LimitsFault::Clock => (leg, MotionFault::Limits),
+        fastest_bounds(&self.parts, &self.ends, dt_s, &UNIFORM_SHARES).map_err(|refused| {
+            match refused {
+                LimitsFault::TooFast(fast) => self.too_fast(fast),
+                LimitsFault::Clock => (leg, MotionFault::Limits),
+            }
         })
     }
 
-    fn stops(&self, even: PathBounds) -> Box<[BrakingLimits]> {
-        speed_limits::stops(&self.parts, &self.ends, even)
+    fn stops(&self, uniform: PathBounds) -> Box<[BrakingLimits]> {
+        speed_limits::braking_limits(&self.parts, &self.ends, uniform)
     }
 
     fn too_fast(&self, fast: TooFast) -> LegFault {

@@ -16,7 +16,7 @@ use super::path_builder::{ArmStart, LegFault};
 use super::speed_limits::{self, DerivativeSample, widen};
 use crate::geometry::LENGTH_MIN;
 use crate::geometry::chain::{ChainPiece, Shape, ShapePoint};
-use crate::geometry::jet::{Jet, Scalar};
+use crate::geometry::jet::{Jet, JetScalar};
 
 /// Most steps at which one piece is sampled.
 const STEPS_MAX: usize = 4096;
@@ -33,7 +33,7 @@ fn steps(piece: &ChainPiece) -> usize {
     }
 }
 
-/// Path parameters at even steps.
+/// Path parameters at equidistant steps.
 fn places(piece: &ChainPiece, steps: usize) -> impl Iterator<Item = f64> {
     let (begin, step) = (piece.begin, piece.length() / steps as f64);
     (0..=steps).map(move |number| begin + step * number as f64)
@@ -41,7 +41,7 @@ fn places(piece: &ChainPiece, steps: usize) -> impl Iterator<Item = f64> {
 
 /// The samples of a piece.
 pub(super) struct PieceSamples {
-    /// Derivatives of flange and joints at even steps, ends included.
+    /// Derivatives of flange and joints at equidistant steps, ends included.
     pub(super) points: Vec<DerivativeSample>,
     /// Joints with their derivatives at the same steps.
     pub(super) jets: Vec<[Jet; JOINTS_MAX]>,
@@ -169,7 +169,7 @@ fn at_joints(arm: Arm, piece: &ChainPiece, steps: usize) -> PieceSamples {
         let ShapePoint::Joints(jets) = piece.at(Jet::variable(x)) else {
             continue;
         };
-        let joints = jets.map(Scalar::value);
+        let joints = jets.map(JetScalar::value);
         let pose = arm.forward(&joints);
         samples.length_m += last.map_or(0.0, |last| last.distance_to(&pose));
         last = Some(pose);

@@ -82,7 +82,7 @@ fn sequence(status: Option<u8>, turn: Option<u8>) -> Result<[MotionState; 3], Mo
         device: 0,
         from: None,
         legs: &legs,
-        pace: SpeedProfile::Even,
+        pace: SpeedProfile::Uniform,
     };
     builder.path(0, &request).map_err(|refused| match refused {
         PrepareFault::Motion { leg: 1, fault, .. } => fault,
@@ -158,7 +158,7 @@ fn a_status_is_refused_by_an_arm_of_seven_joints() {
         device: 0,
         from: None,
         legs: &legs,
-        pace: SpeedProfile::Even,
+        pace: SpeedProfile::Uniform,
     };
     let refused = MotionSetBuilder::new(&models, &holds, 1e-3, 1).path(0, &request);
     assert!(

@@ -44,7 +44,7 @@ pub(crate) struct LimitShares {
 }
 
 /// For a path on which the clock does all the acceleration.
-pub(crate) const EVEN_SHARES: LimitShares = LimitShares {
+pub(crate) const UNIFORM_SHARES: LimitShares = LimitShares {
     trials: &[
         1.0, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.01,
     ],
@@ -79,7 +79,7 @@ pub(crate) type QuantityLimits = [[f64; 3]; QUANTITIES];
 /// Samples of a part of a path, with its limits.
 #[derive(Debug, Clone)]
 pub(crate) struct SampledPart {
-    /// Samples at even steps, ends included.
+    /// Samples at equidistant steps, ends included.
     pub(crate) samples: Vec<DerivativeSample>,
     /// Limits of each quantity.
     pub(crate) bounds: QuantityLimits,
@@ -163,7 +163,7 @@ pub(crate) fn widen(samples: &[DerivativeSample]) -> Vec<DerivativeSample> {
 }
 
 /// The greatest speed at which the path may accelerate by `acceleration`, with these shares of the jerk limit.
-fn speed(part: &SampledPart, acceleration: f64, shares: &LimitShares) -> f64 {
+fn max_speed(part: &SampledPart, acceleration: f64, shares: &LimitShares) -> f64 {
     let mut lowest = f64::INFINITY;
     for ([first, second, third], [v, a, j]) in part.all() {
         let left = (a - first * acceleration).max(0.0);
@@ -180,7 +180,7 @@ fn speed(part: &SampledPart, acceleration: f64, shares: &LimitShares) -> f64 {
 }
 
 /// The given speed along the path, regardless of joints and bends.
-fn given(part: &SampledPart) -> f64 {
+fn given_speed(part: &SampledPart) -> f64 {
     let rows = part
         .samples
         .iter()
@@ -199,26 +199,27 @@ fn least(a: f64, b: f64) -> f64 {
 /// # Errors
 /// Returns [`LimitsFault::TooFast`] if the given speed of a part is too high for joints or bends,
 /// [`LimitsFault::Clock`] if no valid limits are found.
-pub(crate) fn allowed(
+pub(crate) fn fastest_bounds(
     parts: &[SampledPart],
     ends: &[f64],
     dt_s: f64,
     shares: &LimitShares,
 ) -> Result<PathBounds, LimitsFault> {
-    let greatest = greatest(parts);
+    let greatest = max_acceleration(parts);
     let mut best: Option<(f64, PathBounds)> = None;
     let mut too_fast = false;
     for acceleration in shares.trials.iter().map(|trial| trial * greatest) {
         let velocities = parts.iter().map(|part| {
-            let possible = speed(part, acceleration, shares);
-            let kept = !part.given || possible >= given(part) * (1.0 - 1e-9);
+            let possible = max_speed(part, acceleration, shares);
+            let kept = !part.given || possible >= given_speed(part) * (1.0 - 1e-9);
             kept.then_some(possible)
         });
         let Some(velocities) = velocities.collect::<Option<Vec<_>>>() else {
             too_fast = true;
             continue;
         };
-        let Some(bounds) = clock((parts, ends), &velocities, acceleration, dt_s, shares) else {
+        let Some(bounds) = path_bounds((parts, ends), &velocities, acceleration, dt_s, shares)
+        else {
             continue;
         };
         let time = duration_s(&bounds);
@@ -247,7 +248,7 @@ fn shorter_with_lower_speed(
 ) -> Option<PathBounds> {
     let [part] = parts else { return None };
     let top = peak(bounds);
-    let wanted = given(part);
+    let wanted = given_speed(part);
     if !part.given || top >= wanted * (1.0 - 1e-6) {
         return None;
     }
@@ -264,7 +265,7 @@ fn shorter_with_lower_speed(
         .take(LOWER_MAX)
         .take_while(|times| times * wanted > 0.5 * top);
     let tried = times.filter_map(|times| {
-        let bounds = allowed(&[lower(times)], ends, bounds.dt_s(), shares).ok()?;
+        let bounds = fastest_bounds(&[lower(times)], ends, bounds.dt_s(), shares).ok()?;
         Some((duration_s(&bounds), bounds))
     });
     let (time, free) = tried.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
@@ -284,11 +285,11 @@ fn bounds_for_given_speeds(
     if enough(&margin) {
         let acceleration = least(greatest, margin.acceleration);
         let velocities = parts.iter().map(|part| match part.given {
-            true => given(part),
-            false => speed(part, acceleration, shares),
+            true => given_speed(part),
+            false => max_speed(part, acceleration, shares),
         });
         let velocities: Vec<f64> = velocities.collect();
-        let bounds = clock((parts, ends), &velocities, acceleration, dt_s, shares);
+        let bounds = path_bounds((parts, ends), &velocities, acceleration, dt_s, shares);
         return bounds.ok_or(LimitsFault::Clock);
     }
     let (mut possible, mut refused) = (0.0, 1.0);
@@ -329,10 +330,14 @@ const STOP_PARTS: [usize; 2] = [2, 8];
 /// Fractions of the greatest acceleration on these parts: harder braking requires a lower speed in bends.
 const STOP_ACCELERATIONS: [f64; 3] = [0.9, 0.6, 0.3];
 
-/// Limits for stops on each part, those with the hardest braking first; the last are `even`, the limits of the whole
+/// Limits for stops on each part, those with the hardest braking first; the last are `uniform`, the limits of the whole
 /// path.
-pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Box<[BrakingLimits]> {
-    let dt_s = even.dt_s();
+pub(crate) fn braking_limits(
+    parts: &[SampledPart],
+    ends: &[f64],
+    uniform: PathBounds,
+) -> Box<[BrakingLimits]> {
+    let dt_s = uniform.dt_s();
     let begins = core::iter::once(0.0).chain(ends.iter().copied());
     let mut stops = Vec::new();
     for ((first, from), until) in begins.enumerate().zip(ends) {
@@ -341,12 +346,18 @@ pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Bo
             let (Some(near), Some(ends)) = (parts.get(first..last), ends.get(first..last)) else {
                 continue;
             };
-            let greatest = greatest(near);
+            let greatest = max_acceleration(near);
             for acceleration in STOP_ACCELERATIONS.map(|trial| trial * greatest) {
                 let velocities: Vec<f64> = (near.iter())
-                    .map(|part| speed(part, acceleration, &EVEN_SHARES))
+                    .map(|part| max_speed(part, acceleration, &UNIFORM_SHARES))
                     .collect();
-                let bounds = clock((near, ends), &velocities, acceleration, dt_s, &EVEN_SHARES);
+                let bounds = path_bounds(
+                    (near, ends),
+                    &velocities,
+                    acceleration,
+                    dt_s,
+                    &UNIFORM_SHARES,
+                );
                 stops.extend(bounds.map(|bounds| BrakingLimits {
                     from,
                     until: *until,
@@ -357,14 +368,14 @@ pub(crate) fn stops(parts: &[SampledPart], ends: &[f64], even: PathBounds) -> Bo
     }
     stops.push(BrakingLimits {
         from: 0.0,
-        until: even.length(),
-        bounds: even,
+        until: uniform.length(),
+        bounds: uniform,
     });
     stops.into()
 }
 
 /// The greatest acceleration along these parts that every quantity allows at rest.
-fn greatest(parts: &[SampledPart]) -> f64 {
+fn max_acceleration(parts: &[SampledPart]) -> f64 {
     let rows = parts.iter().flat_map(SampledPart::all);
     rows.map(|([first, ..], [_, a, _])| a / first)
         .fold(f64::INFINITY, least)
@@ -386,7 +397,7 @@ impl SpeedMargin {
             fault: TooFast::NONE,
         };
         for (number, part) in parts.iter().enumerate().filter(|(_, part)| part.given) {
-            let speed = times * given(part);
+            let speed = times * given_speed(part);
             for (at, sample) in part.samples.iter().enumerate() {
                 for (index, (derivatives, limits)) in sample.iter().zip(&part.bounds).enumerate() {
                     let values = powers(derivatives, speed);
@@ -443,7 +454,7 @@ fn margin(derivatives: &[f64; 3], limits: &[f64; 3], speed: f64) -> [f64; 3] {
 }
 
 /// Clock limits with these velocities and this acceleration, and the jerk that remains.
-fn clock(
+fn path_bounds(
     (parts, ends): (&[SampledPart], &[f64]),
     velocities: &[f64],
     acceleration: f64,

@@ -59,7 +59,7 @@ pub(super) fn start() -> Pose {
 }
 
 pub(super) fn motion(legs: &[Leg<'_>]) -> Result<MotionSet, (u32, MotionFault)> {
-    paced(legs, SpeedProfile::Even)
+    paced(legs, SpeedProfile::Uniform)
 }
 
 fn paced(legs: &[Leg<'_>], pace: SpeedProfile) -> Result<MotionSet, (u32, MotionFault)> {
@@ -347,7 +347,7 @@ fn a_velocity_that_cannot_be_kept_is_a_limit_for_a_time_optimal_motion() {
     assert!(motion(&[arc(5.0)]).is_err());
     for velocity in [0.05, 5.0] {
         let done = run(
-            paced(&[arc(velocity)], SpeedProfile::Fastest).unwrap(),
+            paced(&[arc(velocity)], SpeedProfile::TimeOptimal).unwrap(),
             free,
         );
         done.judge(1.0);

@@ -1,7 +1,7 @@
 //! Time law: the path parameter s as a function of time, from rest to rest, continuous up to the second derivative.
 //! Computed when a motion is built; evaluated by the real-time thread in constant time.
 
-use crate::geometry::jet::{Jet, Scalar};
+use crate::geometry::jet::{Jet, JetScalar};
 use crate::geometry::quintic::Quintic;
 
 /// s and its first two derivatives by time.
@@ -49,7 +49,7 @@ impl TimeLaw {
 
     /// Path parameter s at a time in [0, duration].
     #[inline]
-    pub(crate) fn at<T: Scalar>(&self, time: T) -> T {
+    pub(crate) fn at<T: JetScalar>(&self, time: T) -> T {
         let last = self.curves.len().saturating_sub(1);
         // The time is not negative; the cast turns NaN into 0.
         let number = ((time.value() / self.step_s) as usize).min(last);

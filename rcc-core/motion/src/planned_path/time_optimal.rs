@@ -15,11 +15,11 @@ use core::ops::Range;
 use super::path_builder::{PathBuilder, SampledPiece};
 use super::speed_limits::{
     DerivativeSample, LimitShares, QUANTITIES, QuantityLimits, SampledPart, TIME_LAW_SHARES,
-    allowed, widen,
+    fastest_bounds, widen,
 };
 use super::time_law::{TimeLaw, TimeLawKnot};
 use crate::geometry::chain::ChainPiece;
-use crate::geometry::jet::{Jet, Scalar};
+use crate::geometry::jet::{Jet, JetScalar};
 use crate::path_clock::{PathBounds, rolling_duration_s};
 
 /// Fraction of the velocity limits; where the smoothed law is faster, the clock slows it down.
@@ -54,11 +54,12 @@ struct PathConstraints {
     rows: Vec<[f64; 3]>,
 }
 
-/// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `even_s` (s).
-pub(super) fn fastest(
+/// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `uniform_s`
+/// (s).
+pub(super) fn time_optimal_law(
     builder: &PathBuilder<'_>,
     range: Range<usize>,
-    even_s: f64,
+    uniform_s: f64,
 ) -> Option<(TimeLaw, PathBounds)> {
     let mut best: Option<(f64, TimeLaw, PathBounds)> = None;
     let window_s = WINDOW_JERK.recip() * ramp_time_s(builder, range.clone())?;
@@ -74,7 +75,7 @@ pub(super) fn fastest(
                 continue;
             };
             let time_s = rolling_duration_s(&bounds, time_law.duration());
-            let least = best.as_ref().map_or(even_s, |(least, ..)| *least);
+            let least = best.as_ref().map_or(uniform_s, |(least, ..)| *least);
             if time_s < least {
                 best = Some((time_s, time_law, bounds));
             }
@@ -130,7 +131,7 @@ fn smoothed_law(
             });
         }
     }
-    let bounds = allowed(&parts, &ends, builder.dt_s, shares).ok()?;
+    let bounds = fastest_bounds(&parts, &ends, builder.dt_s, shares).ok()?;
     Some((time_law, bounds))
 }
 
@@ -150,7 +151,11 @@ fn by_time(
     for number in first as usize..(last.ceil() as usize).min(count) {
         let begin = number as f64;
         let span = [(first - begin).max(0.0), (last - begin).min(1.0)].map(|part| part * step_s);
-        let ways = span.map(|time| time_law.on_curve(number, time).map_or(0.0, Scalar::value));
+        let ways = span.map(|time| {
+            time_law
+                .on_curve(number, time)
+                .map_or(0.0, JetScalar::value)
+        });
         let parts = ((ways[1] - ways[0]) / close).ceil().clamp(PARTS, PARTS_MAX);
         for part in 0..=parts as usize {
             let time = span[0] + (span[1] - span[0]) * part as f64 / parts;

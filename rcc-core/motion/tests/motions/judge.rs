@@ -39,7 +39,7 @@ impl WorstCase {
 }
 
 /// The expected path, computed independently of the tested code.
-pub enum Geometry {
+pub enum ExpectedPath {
     /// A line from pose to pose.
     Line(Pose, Pose),
     /// An arc from a pose through a point to a pose.
@@ -47,14 +47,14 @@ pub enum Geometry {
     /// A line in joint space.
     Joints(Joints, Joints),
     /// An undisturbed run of the same motion.
-    Reference(Box<Reference>),
+    ReferenceRun(Box<ReferenceRun>),
 }
 
 /// Position and orientation; the sign of the quaternion is continuous.
 type Values = [f64; 7];
 
 /// Points of an undisturbed, slow run by s: one list per section from rest to rest, where the path may have a corner.
-pub struct Reference(Vec<Vec<(f64, Values)>>);
+pub struct ReferenceRun(Vec<Vec<(f64, Values)>>);
 
 /// Resolution of a reference.
 #[derive(Debug, Clone, Copy)]
@@ -75,7 +75,7 @@ impl ReferenceResolution {
     }
 }
 
-impl Reference {
+impl ReferenceRun {
     /// Runs a motion slowly; `None` if it does not end.
     pub fn run(mut motion: MotionSet, resolution: ReferenceResolution) -> Option<Self> {
         let speed_override = SpeedOverride {
@@ -152,11 +152,11 @@ fn turned(a: Quaternion, b: Quaternion) -> f64 {
     2.0 * squares.sqrt()
 }
 
-impl Geometry {
+impl ExpectedPath {
     fn off(&self, state: &MotionState) -> f64 {
         let place = state.pose.position;
         match self {
-            Geometry::Line(from, to) => {
+            ExpectedPath::Line(from, to) => {
                 let way = subtract(to.position, from.position);
                 let length = norm(way);
                 if length < 1e-6 {
@@ -168,7 +168,7 @@ impl Geometry {
                 let want = from.slerp(to, fraction).unwrap_or(Pose::NULL);
                 off.max(turned(want.orientation, state.pose.orientation))
             }
-            Geometry::Circle(from, via, to, orientation) => {
+            ExpectedPath::Circle(from, via, to, orientation) => {
                 let (a, c) = (from.position, to.position);
                 let (u, v) = (subtract(*via, a), subtract(c, a));
                 let normal = cross(u, v);
@@ -207,7 +207,7 @@ impl Geometry {
                 let turned = turned(want.orientation, state.pose.orientation);
                 radial.hypot(axial).max(turned)
             }
-            Geometry::Joints(from, to) => {
+            ExpectedPath::Joints(from, to) => {
                 let (mut off, mut way) = (0.0_f64, 0.0);
                 let mut along = 0.0;
                 for ((q, from), to) in state.joints.iter().zip(from).zip(to).take(7) {
@@ -224,7 +224,7 @@ impl Geometry {
                 }
                 off
             }
-            Geometry::Reference(reference) => reference.off(state.path.s, &state.pose),
+            ExpectedPath::ReferenceRun(reference) => reference.off(state.path.s, &state.pose),
         }
     }
 }
@@ -241,7 +241,7 @@ pub struct MotionJudge<'a> {
     unbound: Vec<bool>,
     /// Number of consecutive cycles in which they apply.
     bound: usize,
-    geometry: Geometry,
+    geometry: ExpectedPath,
     joints: [Joints; WINDOW],
     poses: [Pose; WINDOW],
     s: f64,
@@ -252,7 +252,7 @@ impl<'a> MotionJudge<'a> {
     pub fn new(
         model: &'a DeviceModel,
         (drawn, legs): (&DrawnMotion, &[Leg<'_>]),
-        geometry: Geometry,
+        geometry: ExpectedPath,
     ) -> Self {
         let of_joints = |leg: &Leg<'_>| matches!(leg.segment, PathSegment::Joints { .. });
         Self {
@@ -379,14 +379,14 @@ impl<'a> MotionJudge<'a> {
             return Err(format!("done, but {path:?}"));
         }
         let arrived = match &self.geometry {
-            Geometry::Line(_, to) => state.pose.distance_to(to) <= OFF_MAX,
-            Geometry::Circle(_, _, to, _) => to.distance_to(&state.pose) <= OFF_MAX,
-            Geometry::Joints(_, to) => {
+            ExpectedPath::Line(_, to) => state.pose.distance_to(to) <= OFF_MAX,
+            ExpectedPath::Circle(_, _, to, _) => to.distance_to(&state.pose) <= OFF_MAX,
+            ExpectedPath::Joints(_, to) => {
                 let pairs = state.joints.iter().zip(to);
                 let mut apart = pairs.map(|(q, to)| (q - to).abs());
                 !apart.any(|apart| apart > OFF_MAX)
             }
-            Geometry::Reference(reference) => (path.s - reference.length()).abs() <= OFF_MAX,
+            ExpectedPath::ReferenceRun(reference) => (path.s - reference.length()).abs() <= OFF_MAX,
         };
         if stopped || arrived {
             Ok(self.worst)

@@ -20,7 +20,7 @@ mod random;
 pub mod sampled;
 
 pub use judge::WorstCase;
-use judge::{Geometry, MotionJudge, Reference, ReferenceResolution};
+use judge::{ExpectedPath, MotionJudge, ReferenceResolution, ReferenceRun};
 use random::Random;
 
 /// Most cycles of a motion; the slowest ones take a tenth of it.
@@ -223,15 +223,15 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
     };
     let legs = legs(kind, &drawn, &mut random);
     let pace = match kind {
-        MotionKind::Fastest => SpeedProfile::Fastest,
-        _ => SpeedProfile::Even,
+        MotionKind::Fastest => SpeedProfile::TimeOptimal,
+        _ => SpeedProfile::Uniform,
     };
     let Some(motion) = build(robot, (&drawn, &legs), pace) else {
         return RunOutcome::Refused;
     };
     let judge = |geometry| MotionJudge::new(&robot.model, (&drawn, &legs), geometry);
     let geometry = match (kind, &legs[0].segment) {
-        (MotionKind::Line, PathSegment::Line { to }) => Geometry::Line(drawn.from, *to),
+        (MotionKind::Line, PathSegment::Line { to }) => ExpectedPath::Line(drawn.from, *to),
         (
             MotionKind::Circle,
             PathSegment::Circle {
@@ -240,22 +240,23 @@ pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
                 orientation,
                 ..
             },
-        ) => Geometry::Circle(drawn.from, *via, *to, *orientation),
+        ) => ExpectedPath::Circle(drawn.from, *via, *to, *orientation),
         (MotionKind::PointToPoint, PathSegment::Joints { to }) => {
-            Geometry::Joints(drawn.start, *to)
+            ExpectedPath::Joints(drawn.start, *to)
         }
         _ => {
             let mut outcome = RunOutcome::Refused;
             // A curve so sharp that the polynomial of the first reference deviates needs a finer reference.
             for resolution in RESOLUTIONS {
-                let reference = Reference::run(motion.clone(), resolution.in_cycles_of(drawn.dt_s));
+                let reference =
+                    ReferenceRun::run(motion.clone(), resolution.in_cycles_of(drawn.dt_s));
                 let Some(reference) = reference else {
                     return match crawls(motion.clone()) {
                         true => RunOutcome::Refused,
                         false => RunOutcome::Broken("the reference run did not end".into()),
                     };
                 };
-                let judge = judge(Geometry::Reference(Box::new(reference)));
+                let judge = judge(ExpectedPath::ReferenceRun(Box::new(reference)));
                 outcome = run(motion.clone(), judge, &mut random.clone());
                 if !matches!(outcome, RunOutcome::Broken(_)) {
                     break;
@@ -273,14 +274,14 @@ fn crawls(mut motion: MotionSet) -> bool {
     states.all(|state| state.is_some_and(|state| !state.path.done))
 }
 
-/// Durations of the motion of this seed with the even and the time-optimal profile, s, and the time to build each, s;
-/// `None` if it cannot be built.
+/// Durations of the motion of this seed with the uniform and the time-optimal profile, s, and the time to build each,
+/// s; `None` if it cannot be built.
 #[must_use]
 pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
     let (drawn, mut random) = unbound(kind, robot, seed)?;
     let legs = legs(kind, &drawn, &mut random);
     let (mut times_s, mut built_s) = ([0.0; 2], [0.0; 2]);
-    for (index, pace) in [SpeedProfile::Even, SpeedProfile::Fastest]
+    for (index, pace) in [SpeedProfile::Uniform, SpeedProfile::TimeOptimal]
         .into_iter()
         .enumerate()
     {

@@ -9,7 +9,7 @@ const CYCLES: f64 = 4000.0;
 const STEP: f64 = 1e-5;
 
 /// A clock value and the joints there.
-pub type Sample = (f64, Joints);
+pub type PathSample = (f64, Joints);
 
 /// A path with the tested timing.
 pub struct Sampled {
@@ -18,10 +18,10 @@ pub struct Sampled {
     /// Velocity, acceleration and jerk limit of each joint, in rad and s.
     pub limits: [Joints; 3],
     /// s of the path and the joints there, for each section from rest to rest.
-    pub path: Vec<Vec<Sample>>,
+    pub path: Vec<Vec<PathSample>>,
     /// Clock value and joints in each cycle of the same sections, time-optimal.
-    pub fastest: Vec<Vec<Sample>>,
-    /// Duration with the even and the time-optimal profile, s.
+    pub fastest: Vec<Vec<PathSample>>,
+    /// Duration with the uniform and the time-optimal profile, s.
     pub times_s: [f64; 2],
     /// The same with a jerk limit that is `jerk` times as high, s.
     pub loose_s: [f64; 2],
@@ -42,18 +42,18 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         let cycles = run.iter().map(|part| part.len() - 1).sum::<usize>();
         Some((cycles as f64 * drawn.dt_s, run))
     };
-    let (even_s, _) = run(robot, SpeedProfile::Even)?;
-    let (fastest_s, fastest) = run(robot, SpeedProfile::Fastest)?;
+    let (uniform_s, _) = run(robot, SpeedProfile::Uniform)?;
+    let (fastest_s, fastest) = run(robot, SpeedProfile::TimeOptimal)?;
     let loose_s = [
-        run(&loose, SpeedProfile::Even)?.0,
-        run(&loose, SpeedProfile::Fastest)?.0,
+        run(&loose, SpeedProfile::Uniform)?.0,
+        run(&loose, SpeedProfile::TimeOptimal)?.0,
     ];
     let slowly = SpeedOverride {
-        speed: (even_s / drawn.dt_s / CYCLES).min(1.0),
+        speed: (uniform_s / drawn.dt_s / CYCLES).min(1.0),
         ..SpeedOverride::RUN
     };
-    // The even profile is slower in bends, which gives more samples there.
-    let path = build(robot, (&drawn, &legs), SpeedProfile::Even)?;
+    // The uniform profile is slower in bends, which gives more samples there.
+    let path = build(robot, (&drawn, &legs), SpeedProfile::Uniform)?;
     let path = self::run(path, slowly)?;
     let limits = &robot.model.limits;
     let rows = [
@@ -66,19 +66,19 @@ pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Opt
         limits: rows.map(|row| row.map(|limit| limit * drawn.scale)),
         path: path.into_iter().map(apart).collect(),
         fastest,
-        times_s: [even_s, fastest_s],
+        times_s: [uniform_s, fastest_s],
         loose_s,
     })
 }
 
 /// Every cycle of a motion, per section from rest to rest: the first cycle is at the start, and each further section
 /// begins with the last sample of the previous one.
-fn run(mut motion: MotionSet, speed_override: SpeedOverride) -> Option<Vec<Vec<Sample>>> {
+fn run(mut motion: MotionSet, speed_override: SpeedOverride) -> Option<Vec<Vec<PathSample>>> {
     let (mut parts, mut part) = (Vec::new(), Vec::new());
     loop {
         let MotionState { path, joints, .. } = motion.step(0, speed_override)?;
         part.push((path.s, joints));
-        if path.velocity == 0.0 && path.s > part.first().map_or(0.0, |(s, _): &Sample| *s) {
+        if path.velocity == 0.0 && path.s > part.first().map_or(0.0, |(s, _): &PathSample| *s) {
             parts.push(core::mem::replace(&mut part, vec![(path.s, joints)]));
         }
         if path.done {
@@ -88,7 +88,7 @@ fn run(mut motion: MotionSet, speed_override: SpeedOverride) -> Option<Vec<Vec<S
 }
 
 /// Removes samples that are too close to others, as they are at both ends.
-fn apart(samples: Vec<Sample>) -> Vec<Sample> {
+fn apart(samples: Vec<PathSample>) -> Vec<PathSample> {
     let (Some(first), Some(last)) = (samples.first().copied(), samples.last().copied()) else {
         return samples;
     };

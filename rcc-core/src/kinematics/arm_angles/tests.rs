@@ -46,7 +46,7 @@ fn without_limits_the_whole_circle_is_free() {
 }
 
 #[test]
-fn an_elbow_beyond_its_limit_leaves_nothing() {
+fn an_elbow_beyond_its_limit_leaves_no_interval() {
     let arm = arm();
     let q = [0.3, 0.5, -0.2, -2.5, 0.1, 1.0, 0.4];
     let free = arm.arm_angles(&arm.forward(&q), arm.branch(&q), &lwr().limits);

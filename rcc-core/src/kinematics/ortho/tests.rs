@@ -75,7 +75,7 @@ fn the_well_known_position_has_the_status_that_kuka_shows() {
 }
 
 #[test]
-fn a_status_and_its_branch_belong_together() {
+fn a_status_and_its_branch_round_trip() {
     for status in 0..8 {
         let branch = KR6.branch_of_status(status);
         assert_eq!(
@@ -116,7 +116,7 @@ fn aligned_axes_take_the_free_angle_from_the_hint() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_refused_with_the_numbers() {
+fn poses_out_of_reach_are_refused_with_distance_and_reach() {
     let at = |position| Pose {
         position,
         ..Pose::IDENTITY
@@ -161,7 +161,7 @@ proptest! {
     }
 
     #[test]
-    fn every_branch_that_is_there_reaches_the_pose(q in joints(), odd in any::<bool>()) {
+    fn every_existing_branch_reaches_the_pose(q in joints(), odd in any::<bool>()) {
         let arm = if odd { ODD } else { KR6 };
         let pose = arm.forward(&q);
         let mut there = 0;
@@ -188,7 +188,7 @@ proptest! {
         if which & 2 == 2 {
             theta[2] = tiny - arm.elbow_offset.atan2(arm.forearm);
         }
-        // (A lateral offset in a nearly stretched position loses half of the digits of the reach.)
+        // (With a lateral offset, a stretched arm near axis 1 loses half of the digits of the reach.)
         if which & 4 == 4 && !(odd && which & 2 == 2) {
             // Rotating the whole arm about axis 2 moves the wrist above axis 1.
             let (x, z) = arm.wrist_in_plane(theta[1], theta[2]);

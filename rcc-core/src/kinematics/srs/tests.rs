@@ -47,7 +47,7 @@ fn joints() -> impl Strategy<Value = [f64; 7]> {
 }
 
 #[test]
-fn a_branch_and_its_number_belong_together() {
+fn a_branch_and_its_number_round_trip() {
     for index in 0..8 {
         assert_eq!(Branch::from_index(index).unwrap().index(), index);
     }
@@ -66,7 +66,7 @@ fn the_stretched_arm_takes_the_free_angles_from_the_hint() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_refused_with_the_numbers() {
+fn poses_out_of_reach_are_refused_with_distance_and_reach() {
     let far = Pose {
         position: [2.0, 0.0, 0.3105],
         ..Pose::IDENTITY
@@ -96,7 +96,7 @@ fn what_is_out_of_reach_is_refused_with_the_numbers() {
 }
 
 #[test]
-fn null_is_refused_and_goes_through_the_forward_functions() {
+fn null_is_refused_and_propagates_through_the_forward_functions() {
     let null = [f64::NAN; 7];
     let good = LWR.forward(&[0.5; 7]);
     let hint = [0.5; 7];

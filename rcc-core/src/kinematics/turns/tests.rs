@@ -17,14 +17,14 @@ fn limits(lower: f64, upper: f64) -> JointLimits {
 }
 
 #[test]
-fn a_null_hint_or_one_far_away_leaves_joints_alone() {
+fn a_null_or_distant_hint_leaves_joints_unchanged() {
     for hint in [f64::NAN, f64::INFINITY, 1e300, -1e4] {
         assert_eq!(nearest_turns(&[0.3; 8], &[hint; 8]), [0.3; 8]);
     }
 }
 
 #[test]
-fn a_sign_says_the_turn() {
+fn a_sign_determines_the_turn() {
     assert_eq!(turns_by_signs(&[0.5; 8], 0), [0.5; 8]);
     assert_eq!(turns_by_signs(&[0.5; 8], 0xff), [0.5 - TAU; 8]);
     assert_eq!(turns_by_signs(&[0.5 - TAU; 8], 0), [0.5; 8]);
@@ -34,7 +34,7 @@ fn a_sign_says_the_turn() {
 
 proptest! {
     #[test]
-    fn no_joint_is_more_than_half_a_turn_from_the_hint(q in -7.0..7.0f64, hint in -7.0..7.0f64) {
+    fn no_joint_is_more_than_180_degrees_from_the_hint(q in -7.0..7.0f64, hint in -7.0..7.0f64) {
         let [turned, ..] = nearest_turns(&[q; 8], &[hint; 8]);
         prop_assert!((turned - hint).abs() <= PI + 1e-12);
         let turns = (turned - q) / TAU;

@@ -21,28 +21,28 @@ fn random(state: &mut u64) -> f64 {
 
 /// Runs one cycle and checks every limit.
 fn checked(before: OffsetState, goal: f64, limits: &OffsetLimits) -> OffsetState {
-    let way = follow(before, goal, limits, DT_S);
-    let jerk = (way.a - before.a) / DT_S;
-    let moved = (before.v + way.v) / 2.0 * DT_S;
-    assert!(way.s.abs() <= limits.travel, "{way:?} {limits:?}");
+    let next = follow(before, goal, limits, DT_S);
+    let jerk = (next.a - before.a) / DT_S;
+    let moved = (before.v + next.v) / 2.0 * DT_S;
+    assert!(next.s.abs() <= limits.travel, "{next:?} {limits:?}");
     assert!(
-        way.v.abs() <= limits.velocity * (1.0 + 1e-9),
-        "{way:?} {limits:?}"
+        next.v.abs() <= limits.velocity * (1.0 + 1e-9),
+        "{next:?} {limits:?}"
     );
     assert!(
-        way.a.abs() <= limits.acceleration * (1.0 + 1e-9),
-        "{way:?} {limits:?}"
+        next.a.abs() <= limits.acceleration * (1.0 + 1e-9),
+        "{next:?} {limits:?}"
     );
     assert!(
         jerk.abs() <= limits.jerk * (1.0 + 1e-6),
         "{jerk} {limits:?}"
     );
     assert!(
-        (way.v - before.v - (way.a + before.a) / 2.0 * DT_S).abs()
+        (next.v - before.v - (next.a + before.a) / 2.0 * DT_S).abs()
             < 1e-9 * limits.jerk * DT_S * DT_S + 1e-15
     );
-    assert!((way.s - before.s - moved).abs() <= limits.jerk * DT_S * DT_S * DT_S);
-    way
+    assert!((next.s - before.s - moved).abs() <= limits.jerk * DT_S * DT_S * DT_S);
+    next
 }
 
 #[test]
@@ -57,12 +57,12 @@ fn goals_that_jump_at_any_time_break_no_limit_and_never_leave_the_travel() {
             jerk: share(0.5, 200.0),
             travel: share(0.002, 0.2),
         };
-        let mut way = AT_REST;
+        let mut next = AT_REST;
         for _ in 0..40 {
             let goal = share(-1.0, 1.0) * limits.velocity;
             for _ in 0..share(1.0, 400.0) as usize {
-                way = checked(way, goal, &limits);
-                held += usize::from(way.held != 0.0);
+                next = checked(next, goal, &limits);
+                held += usize::from(next.held != 0.0);
             }
         }
     }
@@ -77,16 +77,19 @@ fn at_the_end_of_the_travel_it_rests_and_the_way_back_is_free() {
         jerk: 20.0,
         travel: 0.02,
     };
-    let mut way = AT_REST;
+    let mut next = AT_REST;
     for _ in 0..1000 {
-        way = checked(way, 0.1, &limits);
+        next = checked(next, 0.1, &limits);
     }
-    assert_eq!((way.v, way.a, way.held), (0.0, 0.0, 1.0));
-    assert!(way.s > 0.019, "{}", way.s);
+    assert_eq!((next.v, next.a, next.held), (0.0, 0.0, 1.0));
+    assert!(next.s > 0.019, "{}", next.s);
     for _ in 0..150 {
-        way = checked(way, -0.1, &limits);
+        next = checked(next, -0.1, &limits);
     }
-    assert!(way.s < 0.015 && way.held == 0.0 && way.v == -0.1, "{way:?}");
+    assert!(
+        next.s < 0.015 && next.held == 0.0 && next.v == -0.1,
+        "{next:?}"
+    );
 }
 
 fn bench() -> PrimitiveHarness {
@@ -139,7 +142,7 @@ fn it_finds_the_contact_and_holds_the_force() {
 }
 
 #[test]
-fn what_is_not_known_brings_it_to_rest_within_its_limits() {
+fn null_inputs_bring_the_offset_to_rest_within_its_limits() {
     for null in ["wrench", "force", "active"] {
         let mut bench = bench();
         for _ in 0..100 {
@@ -166,7 +169,7 @@ fn what_is_not_known_brings_it_to_rest_within_its_limits() {
 }
 
 #[test]
-fn a_contact_that_is_lost_ends_at_the_travel() {
+fn after_loss_of_contact_the_offset_ends_at_the_travel() {
     let mut bench = bench();
     on_the_floor(&mut bench, 2000, 0);
     bench.set_reals("wrench", &[0.0; 6]);

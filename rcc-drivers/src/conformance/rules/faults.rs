@@ -98,12 +98,14 @@ fn survives<S: Subject>(rates: FaultRates) {
         bench.until_ready();
         let on = bench.all_on(nets.owner + 1);
         bench.until(ExecutorAction::Writes(on), "all outputs on", |bench| {
-            bench.told_as(true)
+            bench.outputs_are_as(true)
         });
         let null = ExecutorAction::Writes(SetPoint::NONE);
-        bench.until(null, "all outputs released", |bench| bench.told_as(false));
+        bench.until(null, "all outputs released", |bench| {
+            bench.outputs_are_as(false)
+        });
         assert_eq!(bench.checker.violations, [""; 0]);
-        assert_eq!(bench.subject.complaints(), [""; 0]);
+        assert_eq!(bench.subject.protocol_violations(), [""; 0]);
     });
 }
 

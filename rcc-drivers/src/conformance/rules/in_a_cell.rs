@@ -18,11 +18,11 @@ pub fn in_a_cell_outputs_are_released_when_the_executor_dies<S: Subject>() {
     let device = hosted.cell.device.clone();
     let on = all_on(&device, 1);
     hosted.until(Some(on), "all outputs on", |hosted| {
-        outputs_are(&device, &hosted.subject.told(), true)
+        outputs_are(&device, &hosted.subject.outputs(), true)
     });
     hosted.cell.end_executor();
     hosted.until(None, "all outputs released", |hosted| {
-        outputs_are(&device, &hosted.subject.told(), false)
+        outputs_are(&device, &hosted.subject.outputs(), false)
     });
     hosted.until(None, "nobody's", |hosted| {
         hosted.cell.measured().executor == 0
@@ -72,7 +72,7 @@ pub fn in_a_cell_the_arm_comes_to_rest_when_the_executor_dies<S: Subject>() {
     hosted.until(None, "rest", |hosted| hosted.cell.is(DeviceState::Online));
     holds(&mut hosted, || None);
     assert_eq!(hosted.checker.violations, [""; 0]);
-    assert_eq!(hosted.subject.complaints(), [""; 0]);
+    assert_eq!(hosted.subject.protocol_violations(), [""; 0]);
 }
 
 /// The net that commanded the arm continues as if nothing had happened.

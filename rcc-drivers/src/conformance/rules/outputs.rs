@@ -13,18 +13,18 @@ use crate::proxy::FaultRates;
 fn all_on<S: Subject>() -> DriverBench<S> {
     let mut bench = DriverBench::<S>::ready(seed());
     let on = ExecutorAction::Writes(bench.all_on(1));
-    bench.until(on, "all outputs on", |bench| bench.told_as(true));
+    bench.until(on, "all outputs on", |bench| bench.outputs_are_as(true));
     bench
 }
 
 fn are_released<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     bench.until(executor, "all outputs released", |bench| {
-        bench.told_as(false)
+        bench.outputs_are_as(false)
     });
     // The outputs stay released.
     for _ in 0..20 {
         bench.step(executor);
-        assert!(bench.told_as(false));
+        assert!(bench.outputs_are_as(false));
     }
 }
 
@@ -38,7 +38,9 @@ pub fn releases_outputs_on_termination<S: Subject>() {
     let mut bench = all_on::<S>();
     let on = ExecutorAction::Writes(bench.all_on(1));
     bench.session.terminate();
-    bench.until(on, "all outputs released", |bench| bench.told_as(false));
+    bench.until(on, "all outputs released", |bench| {
+        bench.outputs_are_as(false)
+    });
     bench.until(on, "the end", |bench| bench.session.is_at_rest());
     bench.driver.release();
 }
@@ -75,7 +77,7 @@ pub fn sends_every_safe_value_whatever_the_device_answers<S: Subject>() {
         let mut bench = all_on::<S>();
         bench.set_rates(answers, FaultRates::NONE);
         bench.until(ExecutorAction::Absent, "every safe value sent", |bench| {
-            bench.told_as(false)
+            bench.outputs_are_as(false)
         });
     }
 }

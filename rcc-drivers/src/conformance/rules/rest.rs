@@ -102,7 +102,7 @@ fn rests<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     }
     holds(bench, executor);
     assert_eq!(bench.checker.violations, [""; 0]);
-    assert_eq!(bench.subject.complaints(), [""; 0]);
+    assert_eq!(bench.subject.protocol_violations(), [""; 0]);
 }
 
 /// Checks for [`WATCHED`] exchanges that the device is told to stay where it is.

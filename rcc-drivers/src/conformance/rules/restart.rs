@@ -70,7 +70,7 @@ pub fn restarted_while_the_device_brakes_it_sends_nothing_but_hold<S: Subject>()
     play(&mut bench, &motion, 1, half);
     for _ in 0..30 {
         // The driver is away: the device gets no answer.
-        bench.subject.before();
+        bench.subject.before_receive();
     }
     bench.checker.forget();
     let mut bench = bench.restart_driver();

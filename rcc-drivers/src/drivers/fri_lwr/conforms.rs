@@ -48,7 +48,7 @@ struct Controller {
     commands: bool,
     /// `send_sequence` of the last answer that was accepted.
     answered: Option<u16>,
-    complaints: Vec<String>,
+    protocol_violations: Vec<String>,
 }
 
 impl Controller {
@@ -62,7 +62,7 @@ impl Controller {
 }
 
 impl Peer for Controller {
-    fn before(&mut self) {
+    fn before_receive(&mut self) {
         let Some(bytes) = self.krc.tick(1) else {
             return;
         };
@@ -73,7 +73,7 @@ impl Peer for Controller {
             let ours = faults
                 .into_iter()
                 .filter(|fault| !OF_THE_WIRE.contains(&fault.code));
-            self.complaints = ours.map(|fault| fault.reason).collect();
+            self.protocol_violations = ours.map(|fault| fault.reason).collect();
         }
         self.commands = commands;
         if let Some(driver) = self.driver.filter(|_| self.present) {
@@ -81,7 +81,7 @@ impl Peer for Controller {
         }
     }
 
-    fn after(&mut self) {
+    fn after_exchange(&mut self) {
         let mut bytes = [0; 512];
         while let Ok((size, _)) = self.socket.recv_from(&mut bytes) {
             let taken = CommandDatagram::decode(&bytes[..size]);
@@ -131,7 +131,7 @@ impl Subject for Controller {
             present: true,
             commands: false,
             answered: None,
-            complaints: Vec::new(),
+            protocol_violations: Vec::new(),
         }
     }
 
@@ -139,7 +139,7 @@ impl Subject for Controller {
         self.socket.local_addr().expect("an address")
     }
 
-    fn aim(&mut self, driver: SocketAddr) {
+    fn set_driver_address(&mut self, driver: SocketAddr) {
         self.driver = Some(driver);
     }
 
@@ -147,7 +147,7 @@ impl Subject for Controller {
         lwr(at)
     }
 
-    fn told(&mut self) -> ObservedOutputs {
+    fn outputs(&mut self) -> ObservedOutputs {
         let krl = self.krc.snapshot().krl_from_pc;
         // The demo's outputs have the KRL numbers 1, 2, 3 and 1.
         let digital = krl.booleans.iter().zip(0..3);
@@ -167,8 +167,8 @@ impl Subject for Controller {
         follows.then_some(joints)
     }
 
-    fn complaints(&self) -> Vec<String> {
-        self.complaints.clone()
+    fn protocol_violations(&self) -> Vec<String> {
+        self.protocol_violations.clone()
     }
 
     /// Returns one captured datagram in command state; the expected numbers were read from its bytes with Python's

@@ -38,7 +38,7 @@ pub struct FriCounters {
     sequence: AtomicU32,
     gaps: AtomicU64,
     gaps_datagrams: AtomicU64,
-    heard_ns: AtomicU64,
+    last_datagram_ns: AtomicU64,
     interval_max_ns: AtomicU64,
     interval_longest_ns: AtomicU64,
     answered: AtomicU64,
@@ -87,7 +87,7 @@ impl FriCounters {
             sequence: AtomicU32::new(u32::MAX),
             gaps: none(),
             gaps_datagrams: none(),
-            heard_ns: none(),
+            last_datagram_ns: none(),
             interval_max_ns: none(),
             interval_longest_ns: none(),
             answered: none(),
@@ -144,9 +144,9 @@ impl FriCounters {
         self.datagrams.fetch_add(1, Relaxed);
         self.accepted.fetch_add(1, Relaxed);
         self.controller.store(packed(source), Relaxed);
-        let heard_ns = self.heard_ns.swap(now_ns, Relaxed);
-        if heard_ns > 0 {
-            let interval_ns = now_ns.saturating_sub(heard_ns);
+        let last_datagram_ns = self.last_datagram_ns.swap(now_ns, Relaxed);
+        if last_datagram_ns > 0 {
+            let interval_ns = now_ns.saturating_sub(last_datagram_ns);
             self.interval_max_ns.fetch_max(interval_ns, Relaxed);
             self.interval_longest_ns.fetch_max(interval_ns, Relaxed);
         }
@@ -165,7 +165,7 @@ impl FriCounters {
 
     /// Counts the answer to the last datagram; `now_ns` is CLOCK_MONOTONIC.
     pub fn answered(&self, now_ns: u64) {
-        let took_ns = now_ns.saturating_sub(self.heard_ns.load(Relaxed));
+        let took_ns = now_ns.saturating_sub(self.last_datagram_ns.load(Relaxed));
         self.answered.fetch_add(1, Relaxed);
         self.answer_sum_ns.fetch_add(took_ns, Relaxed);
         self.answer_max_ns.fetch_max(took_ns, Relaxed);
@@ -176,7 +176,7 @@ impl FriCounters {
     pub fn forget(&self) {
         self.controller.store(0, Relaxed);
         self.sequence.store(u32::MAX, Relaxed);
-        self.heard_ns.store(0, Relaxed);
+        self.last_datagram_ns.store(0, Relaxed);
     }
 }
 
@@ -209,7 +209,7 @@ impl LinkDiagnosis for FriCounters {
             "answer_mean_ns": number(&self.answer_sum_ns).checked_div(answered),
             "answer_max_ns": self.answer_max_ns.swap(0, Relaxed),
             "answer_longest_ns": number(&self.answer_longest_ns),
-            "wire": (number(&self.accepted) > 0).then(|| self.wire.told()),
+            "wire": (number(&self.accepted) > 0).then(|| self.wire.to_json()),
         })
     }
 }
@@ -234,7 +234,7 @@ impl DatagramStatistics {
         }
     }
 
-    fn told(&self) -> Value {
+    fn to_json(&self) -> Value {
         let word = |figure: &AtomicU32, names: &[(u32, &'static str)]| {
             let number = figure.load(Relaxed);
             names.iter().find(|row| row.0 == number).map(|row| row.1)
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_is_counted_by_its_kind() {
+    fn refused_datagrams_are_counted_by_cause() {
         let counters = FriCounters::new(at(1), None);
         counters.refused(b"hello", at(2));
         let mut other = measured(1).encode();

@@ -271,8 +271,8 @@ impl FriSession {
             ..CommandDatagram::default()
         };
         let strategy = self.strategy().unwrap_or(ControlMode::Position);
-        let told = (&outputs.impedance, follows.then_some(&position));
-        self.strategies.fill(&mut answer, strategy, told);
+        let set_point = (&outputs.impedance, follows.then_some(&position));
+        self.strategies.fill(&mut answer, strategy, set_point);
         answer.encode()
     }
 
@@ -422,11 +422,11 @@ fn krl_channels(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<KrlChann
             .and_then(|number| usize::try_from(number).ok())
             .filter(|number| (1..=16).contains(number));
         let number = number.ok_or_else(|| {
-            let cause = format!("there is no KRL variable {}", channel.address);
+            let cause = format!("KRL variable {} does not exist", channel.address);
             channel_error(device, channel, cause, expected)
         })?;
         if let Some(other) = found.iter().find(|other| other.number == number) {
-            let cause = format!("'{}' has number {number}, too", other.config.name);
+            let cause = format!("number {number} is already used by '{}'", other.config.name);
             return Err(channel_error(device, channel, cause, expected));
         }
         found.push(KrlChannel {

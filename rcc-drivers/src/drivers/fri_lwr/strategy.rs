@@ -92,26 +92,26 @@ impl StrategyEncoder {
         let held = self
             .limits
             .map(|limits| limits.default_hold(strategy, JOINTS));
-        let told = match held {
+        let commanded = match held {
             Some(held) if impedance.strategy != strategy as u64 => held,
             _ => *impedance,
         };
         let added = match position {
-            Some(_) => told.added,
+            Some(_) => commanded.added,
             None => Impedance::NONE.added,
         };
         match strategy {
             ControlMode::Position => answer.flags = flags::JOINT_POSITION,
             ControlMode::JointImpedance => {
                 answer.flags = JOINT_FLAGS;
-                answer.joint_stiffness = seven(&told.stiffness);
-                answer.joint_damping = seven(&told.damping);
+                answer.joint_stiffness = seven(&commanded.stiffness);
+                answer.joint_damping = seven(&commanded.damping);
                 answer.additional_joint_torque = seven(&added);
             }
             ControlMode::CartesianImpedance => {
                 answer.flags = CARTESIAN_FLAGS;
-                answer.cartesian_stiffness = six(&told.stiffness);
-                answer.cartesian_damping = six(&told.damping);
+                answer.cartesian_stiffness = six(&commanded.stiffness);
+                answer.cartesian_damping = six(&commanded.damping);
                 answer.additional_tcp_wrench = six(&added);
                 answer.cartesian_position = self.pose(position);
             }

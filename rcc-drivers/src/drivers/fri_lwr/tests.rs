@@ -25,12 +25,12 @@ fn lwr() -> DeviceConfig {
 /// Controller, driver and executor in one virtual time, with steps of 1 ms.
 struct FriFixture {
     krc: Krc,
-    session: FriSession,
+    fri: FriSession,
     session: DeviceSession,
     image: CommandImage,
     now_ns: u64,
     /// The driver's answers reach the controller.
-    heard: bool,
+    connected: bool,
     answers: Vec<CommandDatagram>,
 }
 
@@ -39,12 +39,11 @@ impl FriFixture {
         let device = lwr();
         Self {
             krc: krc(),
-            session: FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok)
-                .expect("7 joints"),
+            fri: FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok).expect("7 joints"),
             session: DeviceSession::new(&device, 0),
             image: CommandImage::new(1, MS),
             now_ns: 0,
-            heard: true,
+            connected: true,
             answers: Vec::new(),
         }
     }
@@ -85,16 +84,16 @@ impl FriFixture {
         let Some(bytes) = self.krc.tick(1) else {
             return;
         };
-        if !self.session.accept(&bytes) {
+        if !self.fri.accept(&bytes) {
             // The controller has left command state, and no second datagram has confirmed it yet.
             return;
         }
         let mut inputs = Inputs::NONE;
-        let exchange = self.session.exchange(&mut inputs);
+        let exchange = self.fri.exchange(&mut inputs);
         self.session.observe(self.now_ns, Some(&self.image));
         let outputs = self.session.exchange(self.now_ns, &inputs, &exchange);
-        let answer = self.session.answer(&outputs);
-        if self.heard {
+        let answer = self.fri.answer(&outputs);
+        if self.connected {
             self.krc.receive(&answer, 1e-4);
         }
         self.answers
@@ -193,7 +192,7 @@ fn after_a_fault_of_the_controller_nothing_moves_by_itself() {
     let mut bench = FriFixture::ready();
     let hold = bench.measured().hold;
     for cycle in 0..=2000 {
-        bench.heard = !(250..280).contains(&cycle);
+        bench.connected = !(250..280).contains(&cycle);
         let mut position = hold;
         position[0] += 0.3 * part(cycle.min(500), 500);
         bench.cycle(command(1, position, false));
@@ -220,9 +219,9 @@ fn after_a_fault_of_the_controller_nothing_moves_by_itself() {
 fn a_released_device_leaves_command_mode() {
     let mut bench = FriFixture::ready();
     bench.session.terminate();
-    bench.session.release();
+    bench.fri.release();
     (0..50).for_each(|_| bench.cycle(SetPoint::NONE));
-    assert!(bench.session.is_at_rest() && !bench.session.is_held_by_us());
+    assert!(bench.session.is_at_rest() && !bench.session.needs_release());
     assert_eq!(bench.measured().reason, MONITORING);
 }
 
@@ -262,7 +261,7 @@ fn time_is_counted_by_sequence_numbers_over_their_end() {
 }
 
 #[test]
-fn a_controller_that_counts_anew_is_believed_after_a_while() {
+fn a_restarted_sequence_counter_is_accepted_after_a_while() {
     let mut session = session();
     assert_eq!(ticks(&mut session, 1000), Some(1));
     let seen: Vec<_> = (1..=11)
@@ -336,7 +335,7 @@ fn a_single_datagram_does_not_end_or_change_command_mode() {
 }
 
 #[test]
-fn what_the_next_datagram_confirms_is_believed() {
+fn a_change_that_the_next_datagram_confirms_is_accepted() {
     let mut session = commanding();
     for (sequence, believed) in [(6, false), (7, true), (8, true)] {
         let monitoring = MeasurementDatagram {
@@ -450,7 +449,7 @@ fn receives(
 }
 
 #[test]
-fn a_stall_of_ours_is_no_silence_of_the_controller() {
+fn a_stall_of_the_driver_is_not_silence_of_the_controller() {
     let (mut driver, controller) = commanding_over_a_socket();
     std::thread::sleep(CONTROLLER_TIMEOUT + Duration::from_millis(10));
     let nothing = driver.receive(Duration::from_millis(1), &mut Inputs::NONE.clone());
@@ -473,11 +472,11 @@ fn after_a_silence_another_controller_may_come() {
 }
 
 #[test]
-fn a_channel_that_is_no_krl_variable_is_refused_by_name() {
+fn a_channel_that_is_not_a_krl_variable_is_refused_by_name() {
     for (address, words) in [
         (
             serde_json::json!(17),
-            "devices.lwr.channels.torch: there is no KRL variable 17",
+            "devices.lwr.channels.torch: KRL variable 17 does not exist",
         ),
         (serde_json::json!(2), "'torch' has number 2, too"),
     ] {

@@ -21,8 +21,8 @@ use crate::host::reason::Reason;
 struct Nobody(UdpSocket);
 
 impl Peer for Nobody {
-    fn before(&mut self) {}
-    fn after(&mut self) {}
+    fn before_receive(&mut self) {}
+    fn after_exchange(&mut self) {}
     fn set_present(&mut self, _: bool) {}
 }
 
@@ -82,7 +82,7 @@ impl Subject for Nobody {
         arm()
     }
 
-    fn told(&mut self) -> ObservedOutputs {
+    fn outputs(&mut self) -> ObservedOutputs {
         ObservedOutputs {
             digital: 0,
             analog: [f64::NAN; ANALOG_MAX],

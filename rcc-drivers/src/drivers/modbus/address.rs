@@ -102,16 +102,16 @@ impl fmt::Display for Address {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum AddressError {
     /// Unknown table.
-    #[error("'{0}' is no table; there are coil, discrete, holding and input")]
+    #[error("unknown table '{0}': write coil, discrete, holding or input")]
     Table(String),
     /// The number is missing or does not fit in 16 bits.
-    #[error("'{0}' is no number from 0 to 65535")]
+    #[error("invalid number '{0}': write 0 to 65535")]
     Number(String),
     /// Unknown type.
-    #[error("'{0}' is no type; there are u16 i16 u32 i32 u64 i64 f32 f64, or bit 0 to bit 15")]
+    #[error("unknown type '{0}': write u16, i16, u32, i32, u64, i64, f32, f64, or bit 0 to bit 15")]
     Type(String),
     /// A type for a table of bits.
-    #[error("a {table} is one bit, '{word}' has no meaning there")]
+    #[error("a {table} is a single bit: remove '{word}'")]
     TypeOfBit {
         /// The table.
         table: &'static str,
@@ -119,7 +119,7 @@ pub enum AddressError {
         word: String,
     },
     /// The byte order does not exist for this type.
-    #[error("'{word}' is no byte order of a {number}; there are {known}")]
+    #[error("unknown byte order '{word}' of type {number}; available: {known}")]
     Order {
         /// The word in the address.
         word: String,
@@ -129,13 +129,13 @@ pub enum AddressError {
         known: String,
     },
     /// The value extends beyond the end of the table.
-    #[error("its {width} registers reach beyond the last one, 65535")]
+    #[error("its {width} registers extend beyond the last one, 65535")]
     Beyond {
         /// Number of registers of the value.
         width: u16,
     },
     /// A superfluous word after a complete address.
-    #[error("'{0}' is too much")]
+    #[error("unexpected '{0}' at the end")]
     TooMuch(String),
 }
 
@@ -233,24 +233,24 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_address_is_refused_by_the_word_that_is_wrong() {
+    fn an_invalid_address_is_refused_with_its_first_invalid_word() {
         for (text, words) in [
-            ("", "'' is no table"),
-            ("register 3", "'register' is no table"),
-            ("coil", "'' is no number"),
-            ("coil 65536", "'65536' is no number"),
-            ("coil +3", "'+3' is no number"),
-            ("coil -1", "'-1' is no number"),
-            ("coil 3 u16", "a coil is one bit"),
-            ("discrete 3 bit 2", "a discrete is one bit"),
-            ("holding 3 bit 16", "'bit 16' is no type"),
-            ("holding 3 bit", "'bit ' is no type"),
-            ("holding 3 u8", "'u8' is no type"),
-            ("holding 3 f32 AB", "there are ABCD, CDAB, BADC, DCBA"),
-            ("holding 3 u16 ABCD", "there are AB, BA"),
-            ("holding 3 f32 ABCD now", "'now' is too much"),
-            ("holding 65535 f32", "its 2 registers reach beyond"),
-            ("a/b/coil 3", "'b/coil' is no table"),
+            ("", "unknown table ''"),
+            ("register 3", "unknown table 'register'"),
+            ("coil", "invalid number ''"),
+            ("coil 65536", "invalid number '65536'"),
+            ("coil +3", "invalid number '+3'"),
+            ("coil -1", "invalid number '-1'"),
+            ("coil 3 u16", "a coil is a single bit"),
+            ("discrete 3 bit 2", "a discrete is a single bit"),
+            ("holding 3 bit 16", "unknown type 'bit 16'"),
+            ("holding 3 bit", "unknown type 'bit '"),
+            ("holding 3 u8", "unknown type 'u8'"),
+            ("holding 3 f32 AB", "available: ABCD, CDAB, BADC, DCBA"),
+            ("holding 3 u16 ABCD", "available: AB, BA"),
+            ("holding 3 f32 ABCD now", "unexpected 'now'"),
+            ("holding 65535 f32", "its 2 registers extend beyond"),
+            ("a/b/coil 3", "unknown table 'b/coil'"),
         ] {
             let fault = parse(text).expect_err(text).to_string();
             assert!(fault.contains(words), "{text}: {fault}");

@@ -35,9 +35,9 @@ impl IoServer {
 }
 
 impl Peer for IoServer {
-    fn before(&mut self) {}
+    fn before_receive(&mut self) {}
 
-    fn after(&mut self) {}
+    fn after_exchange(&mut self) {}
 
     fn set_present(&mut self, present: bool) {
         let time = if present { 0 } else { 600_000 };
@@ -128,7 +128,7 @@ impl Subject for IoServer {
         )
     }
 
-    fn told(&mut self) -> ObservedOutputs {
+    fn outputs(&mut self) -> ObservedOutputs {
         let state = self.say("{\"state\": null}");
         let coil = |place: usize| u64::from(state["coils"][place] == true);
         let mut analog = [f64::NAN; ANALOG_MAX];

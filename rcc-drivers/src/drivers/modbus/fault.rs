@@ -32,7 +32,7 @@ pub const NAMED: u32 = 1000;
 pub const REASONS: &[Reason] = &[
     (
         UNREACHABLE,
-        "the Modbus server is not reached: check its address and port, its power and the cable",
+        "the Modbus server cannot be reached: check its address and port, its power and the cable",
     ),
     (
         TIMEOUT,
@@ -40,16 +40,16 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         REFUSED,
-        "the Modbus server refuses a request with a number that the standard does not have; see the driver's log",
+        "the Modbus server refuses a request with an exception code that the standard does not define; see the driver's log",
     ),
-    (BROKEN, "what answers is not Modbus TCP: check the port"),
+    (BROKEN, "the answer is not Modbus TCP: check the port"),
     (
         OTHER_UNIT,
         "the Modbus server answers as another unit: correct `unit`; see the driver's log",
     ),
     (
         FROZEN,
-        "the device's heartbeat stands still: its program has stopped, though its Modbus server answers",
+        "the device's heartbeat has stopped: its program is not running, although its Modbus server answers",
     ),
     (
         UNFIT,
@@ -69,7 +69,7 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         EXCEPTIONS + 4,
-        "the device failed while it served a request; see its own diagnosis",
+        "the device failed while it executed a request; see its own diagnosis",
     ),
     (
         EXCEPTIONS + 5,
@@ -100,7 +100,7 @@ pub const PASSING: [u8; 2] = [5, 6];
 #[derive(Debug, Error)]
 pub enum ServerFault {
     /// No connection could be made.
-    #[error("it is not reached: {0}")]
+    #[error("it cannot be reached: {0}")]
     Connect(io::Error),
     /// The connection broke.
     #[error("the connection broke: {0}")]
@@ -115,7 +115,7 @@ pub enum ServerFault {
     },
     /// Another unit answers.
     #[error(
-        "unit {have} answers where unit {want} was asked: set `unit: {have}`, or check the gateway"
+        "unit {have} answered a request to unit {want}: set `unit: {have}`, or check the gateway"
     )]
     OtherUnit {
         /// Unit in the request.
@@ -124,7 +124,7 @@ pub enum ServerFault {
         have: u8,
     },
     /// Not Modbus TCP.
-    #[error("it sends what is no answer: {0}")]
+    #[error("invalid response: {0}")]
     Broken(FrameError),
     /// The server answers with an exception.
     #[error("{doing}: exception {code}: {}", words(exception_reason(*code)))]
@@ -144,7 +144,7 @@ pub enum ServerFault {
     },
     /// A value that its registers cannot hold.
     #[error(
-        "output {channel}: {value} (SI) is outside of what its registers hold, {lower} to {upper} (raw): check scale and range"
+        "output {channel}: {value} (SI) does not fit into its registers, {lower} to {upper} (raw): check scale and range"
     )]
     Unfit {
         /// Name of the output channel.

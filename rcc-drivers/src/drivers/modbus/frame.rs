@@ -222,13 +222,13 @@ impl EncodedRequest {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum FrameError {
     /// The protocol identifier is not 0.
-    #[error("protocol number {0} instead of 0")]
+    #[error("protocol identifier {0}, expected 0")]
     Protocol(u16),
     /// An invalid length field.
-    #[error("a message of {0} bytes, which none has")]
+    #[error("invalid message length of {0} bytes")]
     Length(u16),
     /// The function code does not match the request with this transaction number.
-    #[error("an answer of function {have} to function {want}")]
+    #[error("a response of function {have} to a request of function {want}")]
     Function {
         /// Function code of the request.
         want: u8,
@@ -236,7 +236,7 @@ pub enum FrameError {
         have: u8,
     },
     /// The response has the wrong size.
-    #[error("{have} bytes of data where function {function} has {want}")]
+    #[error("{have} bytes of data, expected {want} for function {function}")]
     Size {
         /// Function code.
         function: u8,
@@ -246,7 +246,7 @@ pub enum FrameError {
         have: usize,
     },
     /// The confirmation does not echo the request; holds the function code.
-    #[error("function {0} confirms another write than the one that was asked for")]
+    #[error("function {0} confirms a write that was not requested")]
     Echo(u8),
 }
 

@@ -228,9 +228,9 @@ fn place(
     };
     let fault = |cause: String| channel_error(device, channel, cause, expected);
     let text = channel.address.as_str();
-    let text = text.ok_or_else(|| fault(format!("{} is no such address", channel.address)))?;
+    let text = text.ok_or_else(|| fault(format!("{} is not a valid address", channel.address)))?;
     let address = address::parse(text)
-        .map_err(|error| fault(format!("\"{text}\" is no such address: {error}")))?;
+        .map_err(|error| fault(format!("\"{text}\" is not a valid address: {error}")))?;
     let analog = matches!(address.form, Form::Number(_));
     let fits = match channel.kind {
         ChannelKind::DigitalInput => !analog,
@@ -239,7 +239,7 @@ fn place(
         ChannelKind::AnalogOutput => analog && address.table.is_writable(),
     };
     if !fits {
-        return Err(fault(format!("\"{text}\" is no such address")));
+        return Err(fault(format!("\"{text}\" is not a valid address")));
     }
     let position = servers
         .iter()
@@ -251,13 +251,13 @@ fn place(
     let position = position.ok_or_else(|| {
         fault(match (&address.server, names().as_str()) {
             (None, names) => format!(
-                "\"{text}\" does not say of which server ({names}), such as \"NAME/{text}\""
+                "\"{text}\" does not name its server ({names}): write for example \"NAME/{text}\""
             ),
             (Some(server), "") => {
-                format!("there is no server '{server}', as settings.server is the only one")
+                format!("unknown server '{server}': the only server is that of settings.server")
             }
             (Some(server), names) => {
-                format!("there is no server '{server}' in settings.servers; there are: {names}")
+                format!("unknown server '{server}'; servers in settings.servers: {names}")
             }
         })
     })?;

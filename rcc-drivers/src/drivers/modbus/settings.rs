@@ -141,7 +141,7 @@ fn named(
         return Err(setting(
             device,
             key,
-            "is no name",
+            "invalid server name",
             "a name of small letters, digits, _ and -, beginning with a letter, at most 32",
         ));
     }
@@ -348,7 +348,7 @@ fn nested<T>(
     read: impl FnOnce(&mut Settings<'_>, &DeviceConfig) -> Result<T, DriverError>,
 ) -> Result<T, DriverError> {
     if !value.is_object() {
-        let cause = format!("{value} is of another form");
+        let cause = format!("invalid value {value}");
         return Err(setting(device, key.to_owned(), cause, expected));
     }
     let inner = DeviceConfig {

@@ -98,9 +98,9 @@ impl FreezableServer {
 }
 
 impl Peer for FreezableServer {
-    fn before(&mut self) {}
+    fn before_receive(&mut self) {}
 
-    fn after(&mut self) {}
+    fn after_exchange(&mut self) {}
 
     fn set_present(&mut self, present: bool) {
         if present && self.control.is_none() {
@@ -167,11 +167,11 @@ fn every_output_is_written_again_on_a_new_connection() {
 #[test]
 fn addresses_that_do_not_fit_their_channel_are_refused() {
     for (row, address, words) in [
-        (0, "discrete 0", "is no such address"),
-        (0, "coil", "is no such address"),
-        (0, "coil 65536", "is no such address"),
-        (1, "discrete 0 i16", "is no such address"),
-        (3, "input 0", "is no such address"),
+        (0, "discrete 0", "is not a valid address"),
+        (0, "coil", "is not a valid address"),
+        (0, "coil 65536", "is not a valid address"),
+        (1, "discrete 0 i16", "is not a valid address"),
+        (3, "input 0", "is not a valid address"),
         (3, "holding 0", "does not fit u16"),
     ] {
         let mut rows = rows();
@@ -203,7 +203,7 @@ fn an_analog_output_needs_a_range() {
 }
 
 #[test]
-fn a_setting_of_another_form_is_refused_by_its_path() {
+fn an_invalid_setting_is_refused_with_its_path() {
     for (key, value) in [
         ("period", "10"),
         ("server", "localhost"),

@@ -79,9 +79,9 @@ impl Drop for TextIoBox {
 }
 
 impl Peer for TextIoBox {
-    fn before(&mut self) {}
+    fn before_receive(&mut self) {}
 
-    fn after(&mut self) {}
+    fn after_exchange(&mut self) {}
 
     fn set_present(&mut self, present: bool) {
         self.present.store(present, Ordering::Relaxed);
@@ -149,7 +149,7 @@ impl Subject for TextIoBox {
         )
     }
 
-    fn told(&mut self) -> ObservedOutputs {
+    fn outputs(&mut self) -> ObservedOutputs {
         let outputs = self.outputs.lock().expect("no panic");
         let value = |name: &str| outputs.get(name).copied();
         let bit = |name: &str| u64::from(value(name).is_some_and(|value| value != 0.0));

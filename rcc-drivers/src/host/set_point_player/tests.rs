@@ -52,7 +52,7 @@ fn a_net_that_ends_at_rest_leaves_the_arm_ready_and_settled() {
 }
 
 #[test]
-fn outputs_are_those_of_the_newest_cycle_when_nobody_commands_the_joints() {
+fn outputs_are_those_of_the_newest_cycle_when_the_joints_are_not_commanded() {
     let mut fixture = PlayerFixture::new();
     let only_output = SetPoint {
         digital: 0b10,
@@ -87,7 +87,7 @@ fn a_first_set_point_elsewhere_is_refused_and_nothing_moves() {
 }
 
 #[test]
-fn what_the_tolerance_allows_is_bridged_smoothly() {
+fn a_step_within_the_tolerance_is_blended() {
     let mut fixture = PlayerFixture::new();
     let points = motion(0.0019, 0.2, 400);
     fixture.run(1, &points);
@@ -299,7 +299,7 @@ fn a_net_that_follows_a_cycle_later_begins_without_a_gap_of_its_own() {
 }
 
 #[test]
-fn a_driver_that_comes_back_does_not_move() {
+fn a_restarted_driver_does_not_move() {
     let mut fixture = PlayerFixture::new();
     fixture.run(1, &usual()[..200]);
     let mut again = PlayerFixture::new();
@@ -365,7 +365,7 @@ fn a_set_point_that_breaks_a_limit_is_not_sent_but_stops_the_arm() {
 }
 
 #[test]
-fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_nobody() {
+fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_no_further_net() {
     let mut fixture = PlayerFixture::new();
     fixture.run(1, &usual()[..200]);
     fixture.player.terminate();
@@ -380,7 +380,7 @@ fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_nobody() {
 }
 
 #[test]
-fn what_the_driver_slept_through_is_played_at_once_if_the_device_has_gone_on() {
+fn set_points_missed_in_a_stall_are_played_at_once_if_the_device_has_continued() {
     let mut fixture = PlayerFixture::new();
     let points = motion(0.0, 1.0, 2000);
     fixture.run(1, &points[..1000]);
@@ -412,7 +412,7 @@ fn a_device_that_falls_behind_by_more_than_the_time_out_stops() {
 }
 
 #[test]
-fn at_rest_the_delay_is_won_back_without_slowing_anything() {
+fn at_rest_the_delay_is_restored_without_slowing_anything() {
     let mut fixture = PlayerFixture::new();
     let points = usual();
     (0..50).for_each(|_| fixture.both(at(1, 0.0)));
@@ -483,7 +483,7 @@ fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_i
     player.tick(&tick);
     assert_eq!(*player.position(), elsewhere);
     // The same after a loss of the device, when its position is unknown.
-    fixture.player.lose();
+    fixture.player.handle_loss();
     fixture.player.tick(&tick);
     assert_eq!(*fixture.player.position(), elsewhere);
 }

@@ -28,7 +28,7 @@ impl Drop for TestFolder {
 }
 
 #[test]
-fn the_socket_is_its_users_alone_and_goes_with_the_simulator() {
+fn the_socket_is_private_and_removed_with_the_simulator() {
     let place = TestFolder::new("mode");
     let path = place.0.join("new/sim.sock");
     let (_listener, socket) = ControlSocket::bind(&path).unwrap();
@@ -41,7 +41,7 @@ fn the_socket_is_its_users_alone_and_goes_with_the_simulator() {
 }
 
 #[test]
-fn a_socket_is_private_before_anybody_could_change_its_mode() {
+fn a_socket_is_private_from_the_start() {
     let place = TestFolder::new("born");
     let path = place.0.join("sim.sock");
     let _listener = bind_private(&path).unwrap();
@@ -63,7 +63,7 @@ fn a_dead_simulators_socket_is_replaced_and_a_living_ones_is_not() {
     fs::remove_file(&path).unwrap();
     fs::write(&path, "no socket").unwrap();
     let refused = ControlSocket::bind(&path).unwrap_err().to_string();
-    assert!(refused.contains("no socket"), "{refused}");
+    assert!(refused.contains("not a socket"), "{refused}");
     drop(living);
     assert_eq!(fs::read_to_string(&path).unwrap(), "no socket");
 }

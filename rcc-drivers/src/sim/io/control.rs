@@ -58,10 +58,10 @@ pub enum ControlError {
     #[error("not a command: {0}")]
     Syntax(#[from] serde_json::Error),
     /// No input has this address.
-    #[error("inputs have the addresses 0 to {last}, there is no {0}", last = POINTS - 1)]
+    #[error("input {0} does not exist: write an address from 0 to {last}", last = POINTS - 1)]
     Address(usize),
     /// No Modbus exception has this code.
-    #[error("Modbus has the exceptions 1 to 6, 8, 10 and 11, there is no {0}")]
+    #[error("Modbus exception {0} does not exist: write 1 to 6, 8, 10 or 11")]
     Exception(u8),
 }
 

@@ -29,7 +29,7 @@ pub enum PointLoopback {
 
 /// An invalid loopback.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no wire: coil:N=discrete:N or holding:N=input:N with N from 0 to 63")]
+#[error("invalid loopback `{0}`: write coil:N=discrete:N or holding:N=input:N with N from 0 to 63")]
 pub struct LoopbackError(pub String);
 
 impl FromStr for PointLoopback {

@@ -4,7 +4,7 @@
 use super::control::{ControlError, IoCommand};
 use super::options::Options;
 use super::process_image::ProcessImage;
-use crate::priority::rise;
+use crate::priority::set_realtime_priority;
 use crate::sim::control_socket::{self, ControlSocket};
 use crate::sim::line_server;
 use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
@@ -42,7 +42,7 @@ pub enum RunError {
         source: io::Error,
     },
     /// The operating system refuses a thread or a socket.
-    #[error("the system refuses: {0}")]
+    #[error("system error: {0}")]
     System(#[from] io::Error),
     /// Signals cannot be handled.
     #[error(transparent)]
@@ -108,7 +108,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         .spawn(move || {
             let _stops = StopsAtPanic;
             if let Some(priority) = priority {
-                rise(priority);
+                set_realtime_priority(priority);
             }
             if let Err(error) = runtime.block_on(serve(listener, io)) {
                 tracing::error!(%error, "the Modbus server has ended");

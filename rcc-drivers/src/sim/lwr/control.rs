@@ -121,16 +121,16 @@ pub enum ControlError {
     #[error(transparent)]
     Wall(#[from] WallError),
     /// No KRL variable has this number.
-    #[error("KRL variables are numbered from 1 to 16, there is no number {0}")]
+    #[error("KRL variable {0} does not exist: write a number from 1 to 16")]
     Number(usize),
     /// Not a percentage.
-    #[error("{0} is no percentage: 0 to 100")]
+    #[error("invalid percentage {0}: write 0 to 100")]
     Percent(f64),
     /// Not a probability.
-    #[error("{0} is no probability: 0 to 1")]
+    #[error("invalid probability {0}: write 0 to 1")]
     Probability(f64),
     /// The arm still moves, so the fault cannot be acknowledged.
-    #[error("the arm still moves: ask for `ack` again when `at_rest` is true")]
+    #[error("the arm is still moving: send `ack` again when `at_rest` is true")]
     Moving,
     /// Requests may not name this file.
     #[error(transparent)]
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_refused_and_changes_nothing() {
+    fn a_value_out_of_range_is_refused_and_changes_nothing() {
         let mut krc = Krc::new(super::super::settings::Settings::default());
         assert!(matches!(
             krc.execute(parse(r#"{"drop":{"percent":101}}"#)),

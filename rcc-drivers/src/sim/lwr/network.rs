@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_probability_is_found() {
+    fn an_invalid_probability_is_found() {
         let mut rates = NetworkRates::default();
         assert_eq!(impossible(&rates), None);
         rates.from_pc.corrupted = 1.5;

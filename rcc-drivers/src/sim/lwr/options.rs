@@ -126,7 +126,7 @@ pub struct NumberList<const N: usize>(pub [f64; N]);
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptionError {
     /// The list has the wrong length.
-    #[error("{have} numbers, {want} are expected with commas between them")]
+    #[error("expected {want} numbers separated by commas, found {have}")]
     Count {
         /// Expected.
         want: usize,
@@ -134,13 +134,13 @@ pub enum OptionError {
         have: usize,
     },
     /// An element is not a finite number.
-    #[error("`{0}` is not a finite number")]
+    #[error("invalid number `{0}`: write a finite number")]
     Number(String),
     /// An invalid loopback.
-    #[error("`{0}` is not FROM=TO with numbers from 1 to 16")]
+    #[error("invalid loopback `{0}`: write FROM=TO with numbers from 1 to 16")]
     Wire(String),
     /// A number is out of range.
-    #[error("--{option} is {value}, it must be {range}")]
+    #[error("invalid value {value} for --{option}: it must be {range}")]
     Range {
         /// Name of the option.
         option: &'static str,
@@ -150,7 +150,7 @@ pub enum OptionError {
         range: &'static str,
     },
     /// The start position is outside the supervised range.
-    #[error("--start: joint {} at {value} rad is outside of ±{limit} rad", joint + 1)]
+    #[error("--start: joint {} at {value} rad is outside ±{limit} rad", joint + 1)]
     Start {
         /// Index of the joint.
         joint: usize,
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_refused_by_name() {
+    fn a_value_out_of_range_is_refused_with_its_option() {
         for (arguments, part) in [
             (["--period-ms", "0.5"], "period-ms"),
             (["--safety-limits", "0"], "safety-limits"),

@@ -12,7 +12,7 @@ use super::krc::Krc;
 use super::options::{OptionError, Options};
 use super::trace::{TraceError, TraceSink};
 use crate::fri_lwr::wire::CMD_SIZE;
-use crate::priority::rise;
+use crate::priority::set_realtime_priority;
 use crate::sim::control_socket::{self, ControlFolder, ControlSocket};
 use crate::sim::line_server;
 use nix::errno::Errno;
@@ -60,10 +60,10 @@ pub enum RunError {
         source: io::Error,
     },
     /// The operating system refuses a thread or a socket option.
-    #[error("the system refuses: {0}")]
+    #[error("system error: {0}")]
     System(#[from] io::Error),
     /// The operating system refuses access to the clock.
-    #[error("the system refuses: {0}")]
+    #[error("system error: {0}")]
     Clock(#[from] Errno),
     /// Signals cannot be handled.
     #[error(transparent)]
@@ -144,7 +144,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         thread::Builder::new().name("clock".into()).spawn(move || {
             let _stops = StopsAtPanic;
             if let Some(priority) = priority {
-                rise(priority);
+                set_realtime_priority(priority);
             }
             let result = clock.run(&ending);
             request_stop();
@@ -223,7 +223,7 @@ fn receive(
                 continue;
             }
             Err(error) => {
-                tracing::warn!(%error, "nothing can be received");
+                tracing::warn!(%error, "cannot receive datagrams");
                 continue;
             }
         };
@@ -336,7 +336,7 @@ impl ClockThread {
 
     fn send_one(&self, datagram: &[u8]) {
         if let Err(error) = self.socket.send_to(datagram, self.driver) {
-            tracing::warn!(%error, driver = %self.driver, "a datagram could not be sent");
+            tracing::warn!(%error, driver = %self.driver, "cannot send a datagram");
         }
     }
 }

@@ -210,7 +210,7 @@ impl TraceOutput {
             .open(path)?;
         if !file.metadata()?.is_file() {
             return Err(io::Error::other(
-                "this is no file: name one that is, or a new one",
+                "not a regular file: name a regular file, or a new one",
             ));
         }
         let empty = file.metadata()?.len() == 0;

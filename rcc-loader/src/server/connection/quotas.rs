@@ -58,18 +58,18 @@ pub(super) const PEERS_MAX: usize = 1024;
 
 /// The origin of a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Peer {
+pub(super) enum ClientPeer {
     /// A process on the Unix socket.
     Process(i32),
     /// An address on TCP.
     Address(IpAddr),
 }
 
-impl fmt::Display for Peer {
+impl fmt::Display for ClientPeer {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Peer::Process(pid) => write!(formatter, "process {pid}"),
-            Peer::Address(address) => address.fmt(formatter),
+            ClientPeer::Process(pid) => write!(formatter, "process {pid}"),
+            ClientPeer::Address(address) => address.fmt(formatter),
         }
     }
 }
@@ -93,7 +93,7 @@ struct PeerQuota {
 }
 
 struct PendingHead {
-    peer: Peer,
+    peer: ClientPeer,
     /// Dropping it ends the connection.
     _stay: oneshot::Sender<()>,
 }
@@ -104,7 +104,7 @@ struct QuotaState {
     heads: BTreeMap<u64, PendingHead>,
     usual: usize,
     stops: usize,
-    peers: HashMap<(Peer, RequestClass), PeerQuota>,
+    peers: HashMap<(ClientPeer, RequestClass), PeerQuota>,
     refusal_log: LogThrottle,
 }
 
@@ -131,7 +131,7 @@ impl Drop for HeadPermit {
 /// Counts a request until it is dropped.
 pub(super) struct RequestPermit {
     quotas: Arc<Quotas>,
-    peer: Peer,
+    peer: ClientPeer,
     kind: RequestClass,
 }
 
@@ -164,10 +164,10 @@ impl Quotas {
 
     /// Takes a slot for a connection whose head is awaited. No connection is refused: a client that sends its head at
     /// once has it read before its connection is the oldest.
-    pub(super) fn await_head(self: &Arc<Quotas>, peer: Peer) -> HeadPermit {
+    pub(super) fn await_head(self: &Arc<Quotas>, peer: ClientPeer) -> HeadPermit {
         let mut inner = self.inner();
         if inner.heads.len() >= HEADS_MAX {
-            let mut counts: HashMap<Peer, usize> = HashMap::new();
+            let mut counts: HashMap<ClientPeer, usize> = HashMap::new();
             for awaited in inner.heads.values() {
                 *counts.entry(awaited.peer).or_default() += 1;
             }
@@ -193,7 +193,7 @@ impl Quotas {
     /// Takes a slot for a request, if the limits allow it.
     pub(super) fn admit(
         self: &Arc<Quotas>,
-        peer: Peer,
+        peer: ClientPeer,
         kind: RequestClass,
         now: Instant,
     ) -> Result<RequestPermit, ApiError> {
@@ -286,31 +286,35 @@ mod tests {
         burst: 5,
     };
 
-    fn usual(quotas: &Arc<Quotas>, peer: Peer, now: Instant) -> Result<RequestPermit, ApiError> {
+    fn usual(
+        quotas: &Arc<Quotas>,
+        peer: ClientPeer,
+        now: Instant,
+    ) -> Result<RequestPermit, ApiError> {
         quotas.admit(peer, RequestClass::Usual, now)
     }
 
     #[test]
     fn the_requests_of_a_peer_are_limited_and_others_keep_their_share() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let one = usual(&listener, Peer::Process(1), now);
-        let _two = usual(&listener, Peer::Process(1), now);
-        assert!(usual(&listener, Peer::Process(1), now).is_err());
-        let _other = usual(&listener, Peer::Process(2), now);
+        let one = usual(&listener, ClientPeer::Process(1), now);
+        let _two = usual(&listener, ClientPeer::Process(1), now);
+        assert!(usual(&listener, ClientPeer::Process(1), now).is_err());
+        let _other = usual(&listener, ClientPeer::Process(2), now);
         assert!(
-            usual(&listener, Peer::Process(3), now).is_err(),
+            usual(&listener, ClientPeer::Process(3), now).is_err(),
             "all slots are taken"
         );
         drop(one);
-        assert!(usual(&listener, Peer::Process(3), now).is_ok());
+        assert!(usual(&listener, ClientPeer::Process(3), now).is_ok());
     }
 
     #[test]
     fn a_peer_that_has_used_up_its_quota_can_still_cancel() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let peer = Peer::Process(1);
+        let peer = ClientPeer::Process(1);
         let held: Vec<_> = (0..2).map(|_| usual(&listener, peer, now)).collect();
-        while usual(&listener, Peer::Process(2), now).is_ok() {}
+        while usual(&listener, ClientPeer::Process(2), now).is_ok() {}
         assert!(held.iter().all(Result::is_ok) && usual(&listener, peer, now).is_err());
         let stops: Vec<_> = (0..10)
             .map(|_| listener.admit(peer, RequestClass::Stop, now))
@@ -319,7 +323,7 @@ mod tests {
         assert_eq!(admitted, STOPS.connections_of_peer);
         assert!(
             listener
-                .admit(Peer::Process(2), RequestClass::Stop, now)
+                .admit(ClientPeer::Process(2), RequestClass::Stop, now)
                 .is_ok()
         );
     }
@@ -327,7 +331,7 @@ mod tests {
     #[test]
     fn the_request_rate_of_a_peer_is_limited_and_others_keep_theirs() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let peer = Peer::Address(IpAddr::from([127, 0, 0, 1]));
+        let peer = ClientPeer::Address(IpAddr::from([127, 0, 0, 1]));
         let admitted = |now| {
             (0..100)
                 .filter(|_| usual(&listener, peer, now).is_ok())
@@ -335,7 +339,7 @@ mod tests {
         };
         assert_eq!(admitted(now), 5, "the burst");
         assert_eq!(admitted(now + Duration::from_millis(200)), 2, "10 a second");
-        assert!(usual(&listener, Peer::Process(2), now).is_ok());
+        assert!(usual(&listener, ClientPeer::Process(2), now).is_ok());
         let much_later = now + Duration::from_secs(3600);
         assert_eq!(admitted(much_later), 5, "no more than the burst");
     }
@@ -343,7 +347,7 @@ mod tests {
     #[test]
     fn unauthenticated_requests_take_nothing_from_token_holders_at_the_same_address() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let peer = Peer::Address(IpAddr::from([127, 0, 0, 1]));
+        let peer = ClientPeer::Address(IpAddr::from([127, 0, 0, 1]));
         let told = (0..1000).filter(|_| {
             listener
                 .admit(peer, RequestClass::Unauthenticated, now)
@@ -356,27 +360,27 @@ mod tests {
     #[test]
     fn peers_without_requests_are_forgotten() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let _kept = usual(&listener, Peer::Process(-1), now);
+        let _kept = usual(&listener, ClientPeer::Process(-1), now);
         for pid in 0..3000 {
-            drop(usual(&listener, Peer::Process(pid), now));
+            drop(usual(&listener, ClientPeer::Process(pid), now));
         }
         let inner = listener.inner();
         assert!(inner.peers.len() <= PEERS_MAX && inner.usual == 1);
         assert!(
             inner
                 .peers
-                .contains_key(&(Peer::Process(-1), RequestClass::Usual))
+                .contains_key(&(ClientPeer::Process(-1), RequestClass::Usual))
         );
     }
 
     #[test]
     fn one_head_too_many_displaces_the_oldest_one_of_the_peer_with_most() {
         let listener = Quotas::new(LIMITS);
-        let mut quiet = listener.await_head(Peer::Process(1));
+        let mut quiet = listener.await_head(ClientPeer::Process(1));
         let mut held: Vec<_> = (1..HEADS_MAX)
-            .map(|_| listener.await_head(Peer::Process(2)))
+            .map(|_| listener.await_head(ClientPeer::Process(2)))
             .collect();
-        let _new = listener.await_head(Peer::Process(3));
+        let _new = listener.await_head(ClientPeer::Process(3));
         let open = |permit: &mut HeadPermit| {
             matches!(
                 permit.displaced.try_recv(),

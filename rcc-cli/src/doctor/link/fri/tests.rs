@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::super::LinkReport;
 use super::super::sockets::NetworkInterface;
 use super::*;
-use crate::doctor::driver_status::{SecondStats, DriverStatus, now};
+use crate::doctor::driver_status::{DriverStatus, SecondStats, now};
 
 fn link(change: Value) -> Value {
     let mut link = json!({
@@ -30,7 +30,7 @@ fn link(change: Value) -> Value {
     link
 }
 
-fn card() -> NetworkInterface {
+fn interface() -> NetworkInterface {
     NetworkInterface {
         name: "enp3s0".to_owned(),
         address: [192, 168, 0, 1].into(),
@@ -63,7 +63,7 @@ fn running(change: Value) -> LinkFacts {
             link: link(change),
             ..DriverStatus::default()
         }),
-        interfaces: vec![card()],
+        interfaces: vec![interface()],
         ..LinkFacts::default()
     }
 }
@@ -113,13 +113,17 @@ fn a_good_connection_passes_every_stage() {
 }
 
 #[test]
-fn the_card_must_have_the_address_be_up_and_share_the_subnet() {
+fn the_interface_must_have_the_address_be_up_and_share_the_subnet() {
     let mut facts = running(json!({}));
     facts.settings = json!({"listen": "192.168.1.1:49938"});
     assert_fails(
         &facts,
         "interface",
-        &["no network interface", "192.168.1.1", "enp3s0 192.168.0.1/24"],
+        &[
+            "no network interface",
+            "192.168.1.1",
+            "enp3s0 192.168.0.1/24",
+        ],
     );
     let mut facts = running(json!({}));
     facts.interfaces[0].up = false;
@@ -132,7 +136,7 @@ fn the_card_must_have_the_address_be_up_and_share_the_subnet() {
 }
 
 #[test]
-fn a_port_that_is_taken_names_its_holder() {
+fn a_port_in_use_names_its_holder() {
     let mut facts = heard(json!({}));
     facts.probe = Some(json!({"opened": false, "error": "…", "errno": nix::libc::EADDRINUSE}));
     facts.holder = Some("other (pid 99)".to_owned());
@@ -155,7 +159,7 @@ fn silence_names_what_to_look_at_on_the_controller() {
     );
     assert_fails(&heard(silent), "datagrams", &["friOpen"]);
     let mut stopped = running(json!({}));
-    stopped.before = stopped.driver_status.clone();
+    stopped.previous_status = stopped.driver_status.clone();
     assert_fails(&stopped, "datagrams", &["no more datagrams", "(5000 since"]);
 }
 
@@ -226,18 +230,18 @@ fn garbage_other_versions_and_sunrise_are_distinguished() {
         "version",
         &["invalid values"],
     );
-    assert_fails(
-        &none("disordered", json!({})),
-        "order",
-        &["are repeated"],
-    );
+    assert_fails(&none("disordered", json!({})), "order", &["are repeated"]);
 }
 
 #[test]
 fn garbage_beside_a_good_controller_warns_only() {
     let report = LinkReport::of(&running(json!({"wrong_size": 3, "wrong_size_last": 5})));
     assert_eq!(report.failed, None);
-    assert!(report.human().contains(" WARN  received datagrams of 5 bytes"));
+    assert!(
+        report
+            .human()
+            .contains(" WARN  received datagrams of 5 bytes")
+    );
 }
 
 #[test]
@@ -274,8 +278,8 @@ fn another_control_strategy_names_the_variable() {
 fn bad_quality_names_the_cause() {
     let late = |change: Value| {
         let mut facts = running(change);
-        if let Some(told) = &mut facts.driver_status {
-            told.seconds.push(SecondStats {
+        if let Some(status) = &mut facts.driver_status {
+            status.seconds.push(SecondStats {
                 late: 61,
                 quality_mean: 333,
                 quality_min: 0,

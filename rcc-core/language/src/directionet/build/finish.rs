@@ -359,7 +359,10 @@ impl NetWriter<'_> {
         };
         let mut inputs = Vec::new();
         for (name, value, span) in &ours.inputs {
-            inputs.push((key(name, *span), self.feed(value, *span, false, read)));
+            inputs.push((
+                key(name, *span),
+                self.link_source(value, *span, false, read),
+            ));
         }
         let active = ours.active.as_ref();
         Primitive {
@@ -372,7 +375,7 @@ impl NetWriter<'_> {
                 .map(|(name, literal)| (key(name, literal.span), literal.clone()))
                 .collect(),
             inputs,
-            active: active.map(|value| self.feed(value, ours.span, false, read)),
+            active: active.map(|value| self.link_source(value, ours.span, false, read)),
         }
     }
 
@@ -393,7 +396,7 @@ impl NetWriter<'_> {
         })
     }
 
-    fn feed(
+    fn link_source(
         &self,
         value: &BuiltValue,
         span: Span,
@@ -410,13 +413,13 @@ impl NetWriter<'_> {
             }
             BuiltValue::Constant(literal) => InputSource::Literal(literal.clone()),
             BuiltValue::Delayed(number) => match self.delayed.get(*number) {
-                Some(value) => self.feed(value, span, true, read),
+                Some(value) => self.link_source(value, span, true, read),
                 None => InputSource::Refused,
             },
             BuiltValue::List(elements) => InputSource::List(List {
                 elements: elements
                     .iter()
-                    .map(|element| self.feed(element, span, delayed, read))
+                    .map(|element| self.link_source(element, span, delayed, read))
                     .collect(),
                 span,
             }),

@@ -3,7 +3,7 @@
 use super::*;
 
 /// Constraints of one quantity that moves uniformly over a length of 2, with these limits.
-fn even(velocity: f64, acceleration: f64) -> Vec<PathConstraints> {
+fn uniform(velocity: f64, acceleration: f64) -> Vec<PathConstraints> {
     let mut slopes = [[0.0; 3]; QUANTITIES];
     slopes[2] = [1.0, 0.0, 0.0];
     let mut bounds = [[f64::INFINITY; 3]; QUANTITIES];
@@ -15,11 +15,11 @@ fn even(velocity: f64, acceleration: f64) -> Vec<PathConstraints> {
 
 #[test]
 fn a_uniform_path_uses_the_greatest_acceleration_and_deceleration() {
-    let profile = AccelerationProfile::new(&even(f64::INFINITY, 4.5)).unwrap();
+    let profile = AccelerationProfile::new(&uniform(f64::INFINITY, 4.5)).unwrap();
     let want = 2.0 * (2.0 / 4.5_f64).sqrt();
     assert!((profile.duration_s() - want).abs() < 1e-9 * want);
     // With a velocity limit: two ramps and a constant speed between them.
-    let profile = AccelerationProfile::new(&even(1.5, 4.5)).unwrap();
+    let profile = AccelerationProfile::new(&uniform(1.5, 4.5)).unwrap();
     let want = 2.0 / 1.5 + 1.5 / 4.5;
     assert!((profile.duration_s() - want).abs() < 2e-3 * want);
 }
@@ -48,17 +48,17 @@ fn a_circle_is_followed_as_fast_as_its_curvature_allows() {
         }
     }
     // Each joint may use all of its acceleration, so it is faster than with one limit for both, by less than √2.
-    let even = core::f64::consts::TAU / acceleration.sqrt();
+    let uniform = core::f64::consts::TAU / acceleration.sqrt();
     let time = profile.duration_s();
     assert!(
-        time < 1.15 * even && time > even / 2.0_f64.sqrt(),
-        "{time} {even}"
+        time < 1.15 * uniform && time > uniform / 2.0_f64.sqrt(),
+        "{time} {uniform}"
     );
 }
 
 #[test]
 fn the_moving_average_goes_forward_from_rest_to_rest_and_takes_one_window_longer() {
-    let profile = AccelerationProfile::new(&even(1.5, 4.5)).unwrap();
+    let profile = AccelerationProfile::new(&uniform(1.5, 4.5)).unwrap();
     let window_s = 0.2;
     let (knots, step_s) = profile.smooth(window_s).unwrap();
     let time_law = TimeLaw::new(&knots, step_s).unwrap();

@@ -210,8 +210,7 @@ fn without_limits_of_impedance_the_device_is_not_ready_in_it() {
     let robot = device.robot.as_mut().expect("an arm");
     robot.impedance = None;
     let mut bench = FriFixture::new();
-    bench.session =
-        FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok).expect("7 joints");
+    bench.fri = FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok).expect("7 joints");
     bench.session = DeviceSession::new(&device, 0);
     bench.krc = Krc::new(KrcSettings {
         strategy: CARTESIAN,
@@ -246,7 +245,7 @@ fn the_driver_checks_each_set_point_again() {
 }
 
 #[test]
-fn a_pose_that_is_none_is_not_commanded() {
+fn an_invalid_pose_is_not_commanded() {
     let mut wrong = measurement(1);
     wrong.control = FriControlStrategy::CartesianImpedance;
     wrong.commanded_pose = [0.0; 12];

@@ -20,7 +20,7 @@ pub(super) fn check_output(
             "\"{address}\" and \"{}\" of '{}' overlap, and both are written",
             other.address, other.channel.name
         );
-        let expected = "every output an address of its own";
+        let expected = "a separate address for every output";
         return Err(channel_error(device, channel, cause, expected));
     }
     let Form::Number(format) = address.form else {

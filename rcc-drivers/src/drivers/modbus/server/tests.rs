@@ -355,7 +355,7 @@ fn a_register_whose_bits_are_all_ours_is_written_whole() {
 }
 
 #[test]
-fn one_refused_output_keeps_no_other_from_its_value() {
+fn a_refused_output_does_not_block_the_others() {
     let row = |name, address: &str| {
         (
             name,
@@ -383,7 +383,7 @@ fn one_refused_output_keeps_no_other_from_its_value() {
 }
 
 #[test]
-fn an_output_that_is_refused_behind_one_that_has_no_value_is_asked_once() {
+fn a_refused_output_after_one_without_a_value_is_written_once() {
     let rows = [
         (
             "keeps",
@@ -483,7 +483,7 @@ fn late_answers_and_those_of_other_units_are_discarded() {
 }
 
 #[test]
-fn a_server_that_answers_as_another_unit_is_said_to() {
+fn an_answer_from_another_unit_is_reported() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
     let mut bench = ServerFixture::new(json!({"unit": 3}), &rows);
     bench.run().unwrap();
@@ -495,13 +495,13 @@ fn a_server_that_answers_as_another_unit_is_said_to() {
     bench.now += 100 * MS;
     let words = bench.request().unwrap_err().to_string();
     assert!(
-        words.contains("unit 9 answers where unit 3 was asked"),
+        words.contains("unit 9 answered a request to unit 3"),
         "{words}"
     );
 }
 
 #[test]
-fn the_watchdog_lives_only_while_rounds_end() {
+fn the_watchdog_is_written_only_while_rounds_end() {
     let rows = [("lamp", DigitalOutput, "coil 3".into(), safe(0.0), None)];
     let settings = json!({"watchdog": {"address": "holding 20", "every": "20 ms"}});
     let mut bench = ServerFixture::new(settings, &rows);
@@ -529,7 +529,7 @@ fn the_watchdog_lives_only_while_rounds_end() {
 }
 
 #[test]
-fn a_device_whose_heartbeat_stands_still_is_not_believed() {
+fn a_device_with_a_stopped_heartbeat_is_not_complete() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
     let settings = json!({"heartbeat": {"address": "input 9", "within": "50 ms"}});
     let mut bench = ServerFixture::new(settings, &rows);
@@ -571,7 +571,10 @@ fn a_value_that_the_registers_cannot_hold_is_a_fault_and_is_not_written() {
         .round(&outputs(0, 0, &[65_536.0, 8.0]))
         .unwrap_err()
         .to_string();
-    assert!(words.contains("output a: 65536 (SI) is outside"), "{words}");
+    assert!(
+        words.contains("output a: 65536 (SI) does not fit"),
+        "{words}"
+    );
     assert_eq!(bench.device.registers[0][..2], [0, 8]);
 }
 

@@ -143,7 +143,7 @@ fn whatever_the_executors_rhythm_the_limits_hold_and_it_ends_where_it_should() {
 }
 
 #[test]
-fn an_executor_that_stays_away_is_not_bridged_for_ever() {
+fn a_bridge_is_bounded() {
     let mut fixture = PlayerFixture::with_leading_clock();
     fixture.run(1, &usual()[..200]);
     fixture.device_alone(10);

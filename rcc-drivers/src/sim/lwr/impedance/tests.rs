@@ -60,7 +60,7 @@ fn the_flange_gives_way_by_force_over_stiffness_along_and_about_each_axis() {
 }
 
 #[test]
-fn what_is_pressed_with_on_top_deflects_as_a_force_from_outside_does() {
+fn an_added_force_deflects_like_an_external_force() {
     for strategy in [CARTESIAN, JOINT] {
         let mut impedance = soft(strategy);
         impedance.added[1] = 6.0;
@@ -124,7 +124,7 @@ fn overshoot(ratio: f64) -> f64 {
 }
 
 #[test]
-fn it_swings_as_its_damping_ratio_says() {
+fn the_overshoot_follows_the_damping_ratio() {
     for ratio in [0.1, 0.3, 0.7] {
         let expected = (-std::f64::consts::PI * ratio / f64::sqrt(1.0 - ratio * ratio)).exp();
         let swung = overshoot(ratio);
@@ -137,7 +137,7 @@ fn it_swings_as_its_damping_ratio_says() {
 }
 
 #[test]
-fn a_set_point_that_moves_evenly_is_followed_without_lag() {
+fn a_set_point_at_constant_velocity_is_followed_without_lag() {
     for strategy in [CARTESIAN, JOINT] {
         let (impedance, mut arm) = (soft(strategy), SimulatedArm::new(start(), 80.0));
         let at =
@@ -155,7 +155,7 @@ fn a_set_point_that_moves_evenly_is_followed_without_lag() {
 }
 
 #[test]
-fn a_singularity_is_pushed_through_without_racing() {
+fn joint_velocities_stay_bounded_at_a_singularity() {
     // The stretched arm, pushed along its axis and sideways.
     let (goal, mut arm) = ([0.0; JOINTS], SimulatedArm::new([0.0; JOINTS], 80.0));
     let around = pushed([5.0, 3.0, -20.0, 0.0, 0.0, 0.0]);

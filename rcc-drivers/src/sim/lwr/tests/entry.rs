@@ -39,7 +39,7 @@ fn command_state_is_not_entered_unless_the_pc_asks_for_it() {
 }
 
 #[test]
-fn the_automatic_script_does_not_need_to_be_asked() {
+fn the_automatic_program_needs_no_request() {
     let mut pc = Pc::new(Settings {
         script: KrlProgram::Auto,
         ..Settings::default()
@@ -109,7 +109,7 @@ fn the_arm_follows_what_is_commanded() {
 }
 
 #[test]
-fn a_pc_that_was_started_again_may_count_from_anew_while_monitoring() {
+fn a_restarted_pc_may_restart_its_counter_in_monitor_state() {
     let mut pc = Pc::new(Settings::default());
     pc.sequence = 40_000;
     pc.mirror_for(10);

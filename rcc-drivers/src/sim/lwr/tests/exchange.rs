@@ -124,7 +124,7 @@ fn dropped_answers_count_as_missed() {
 }
 
 #[test]
-fn the_record_of_a_cycle_pairs_what_was_measured_with_the_answer_to_it() {
+fn a_trace_record_pairs_a_measurement_with_its_answer() {
     let mut pc = Pc::commanding(Settings::default());
     let mut answer = pc.mirror();
     answer.krl.booleans = 0x21;
@@ -148,7 +148,7 @@ fn the_record_of_a_cycle_pairs_what_was_measured_with_the_answer_to_it() {
 }
 
 #[test]
-fn a_program_that_ends_says_so_and_closes() {
+fn a_program_announces_its_end_and_closes() {
     let mut pc = Pc::commanding(Settings::default());
     pc.execute(r#"{"quit":null}"#);
     pc.mirror_for(1);

@@ -49,7 +49,7 @@ impl Pc {
 const SOFT: [KrlStrategy; 2] = [KrlStrategy::CartesianImpedance, KrlStrategy::JointImpedance];
 
 #[test]
-fn the_strategy_is_told_and_its_flags_are_asked_for() {
+fn the_strategy_is_reported_and_its_flags_are_required() {
     for (strategy, number) in SOFT.into_iter().zip([2, 3]) {
         let pc = Pc::soft_commanding(strategy);
         assert_eq!(pc.seen.control as u16, number);
@@ -65,7 +65,7 @@ fn the_strategy_is_told_and_its_flags_are_asked_for() {
 }
 
 #[test]
-fn a_stiffness_or_damping_that_krl_would_not_take_is_a_fault() {
+fn a_stiffness_or_damping_outside_the_krl_range_is_a_fault() {
     type Change = fn(&mut CommandDatagram);
     let bad: [(KrlStrategy, Change); 7] = [
         (SOFT[0], |answer| answer.cartesian_stiffness[2] = 5001.0),
@@ -84,7 +84,7 @@ fn a_stiffness_or_damping_that_krl_would_not_take_is_a_fault() {
 }
 
 #[test]
-fn a_pose_beside_that_of_the_joint_positions_is_a_fault() {
+fn a_pose_that_does_not_match_the_joint_positions_is_a_fault() {
     for element in [3, 7, 11] {
         let mut pc = Pc::soft_commanding(KrlStrategy::CartesianImpedance);
         pc.soft_for(1, |answer| answer.cartesian_position[element] += 0.1);
@@ -97,7 +97,7 @@ fn a_pose_beside_that_of_the_joint_positions_is_a_fault() {
 }
 
 #[test]
-fn a_force_on_top_at_the_entry_is_a_fault() {
+fn an_added_force_at_the_entry_is_a_fault() {
     for strategy in SOFT {
         let mut pc = Pc::new(settings(strategy));
         pc.soft_for(200, |answer| {
@@ -109,7 +109,7 @@ fn a_force_on_top_at_the_entry_is_a_fault() {
 }
 
 #[test]
-fn the_arm_gives_way_and_what_is_commanded_is_told_as_before() {
+fn the_arm_yields_and_the_commanded_position_is_reported_unchanged() {
     let mut pc = Pc::soft_commanding(KrlStrategy::CartesianImpedance);
     let pose = pc.seen.measured_pose;
     pc.execute(r#"{"wrench":{"force":[0,10,0],"torque":[0,0,0]}}"#);

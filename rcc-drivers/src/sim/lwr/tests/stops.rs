@@ -117,7 +117,7 @@ fn the_request_to_end_brings_a_moving_arm_to_rest_without_a_fault() {
 }
 
 #[test]
-fn a_command_that_is_no_number_is_dropped_while_monitoring_and_a_fault_while_commanding() {
+fn a_command_that_is_not_finite_is_dropped_in_monitor_state_and_a_fault_in_command_state() {
     let mut pc = Pc::new(Settings::default());
     pc.command_joint_4(f64::NAN);
     assert_eq!((pc.krc.counts.not_finite, pc.krc.fault), (1, None));
@@ -152,7 +152,7 @@ fn quality_that_becomes_unacceptable_ends_command_state() {
 }
 
 #[test]
-fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_told() {
+fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_visible() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
     let mut next = pc.krc.desired[3] + 0.5e-3;
     let answer = CommandDatagram {

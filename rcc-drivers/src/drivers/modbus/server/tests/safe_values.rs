@@ -68,7 +68,7 @@ fn each_sweep_of_safe_values_begins_at_another_output() {
 }
 
 #[test]
-fn what_was_never_confirmed_is_sent_first_on_a_new_connection() {
+fn unconfirmed_values_are_sent_first_on_a_new_connection() {
     let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     for (address, done) in [(0, false), (4, false), (6, false), (2, true)] {
         // The first is confirmed; the second is lost with its connection.
@@ -121,7 +121,7 @@ fn nonsense_for_an_answer_keeps_no_safe_value_from_being_sent() {
 }
 
 #[test]
-fn a_busy_server_is_told_the_other_safe_values_first() {
+fn a_busy_server_gets_the_other_safe_values_first() {
     let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     bench.device.refuses.push((5, 0, 6));
     for _ in 0..4 {

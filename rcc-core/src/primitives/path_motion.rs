@@ -122,8 +122,8 @@ pub(super) fn elbow(preparation: &Preparation<'_>, [arm_angle, elbow]: [u32; 2])
 /// Returns the speed profile that `time_optimal` selects.
 pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> SpeedProfile {
     match preparation.bool(slot) {
-        1 => SpeedProfile::Fastest,
-        _ => SpeedProfile::Even,
+        1 => SpeedProfile::TimeOptimal,
+        _ => SpeedProfile::Uniform,
     }
 }
 
@@ -187,12 +187,12 @@ pub(super) fn step(frame: &mut Frame<'_>, ports: [u32; PORTS], motion: u32, widt
         acceleration,
         leg,
     ] = ports;
-    let drive = SpeedOverride {
+    let speed_override = SpeedOverride {
         stop: frame.bool(stop) != 0,
         pause: frame.bool(pause) != 0,
         speed: frame.real(speed),
     };
-    let Some(state) = frame.motions.step(motion as usize, drive) else {
+    let Some(state) = frame.motions.step(motion as usize, speed_override) else {
         frame.motion_failed = true;
         frame.set_joints(joints, width, None);
         frame.set_reals(pose, [NULL_REAL; 7]);
