@@ -34,8 +34,10 @@ fn build() -> PathBuf {
     cargo
         .args(["build", "--quiet", "--workspace", "--bins"])
         .current_dir(repository());
-    if folder.ends_with("release") {
-        cargo.arg("--release");
+    // Its name is that of the profile, except that `dev` is built in `debug`.
+    let profile = folder.file_name().expect("the folder of a profile");
+    if profile != "debug" {
+        cargo.arg("--profile").arg(profile);
     }
     let status = cargo.status().expect("cargo runs");
     assert!(status.success(), "the programs do not build");

@@ -5,7 +5,7 @@ use clap_complete::Shell;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::say;
+use crate::output::print_line;
 
 /// For which shell.
 #[derive(clap::Args, Debug)]
@@ -22,6 +22,6 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut command = crate::arguments::Arguments::command();
     let mut text = Vec::new();
     clap_complete::generate(arguments.shell, &mut command, "rcc-cli", &mut text);
-    say(String::from_utf8_lossy(&text).trim_end());
+    print_line(String::from_utf8_lossy(&text).trim_end());
     Ok(())
 }

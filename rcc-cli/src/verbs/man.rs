@@ -8,7 +8,7 @@ use rcc_loader::server::codes;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::say;
+use crate::output::print_line;
 
 /// Where to.
 #[derive(clap::Args, Debug)]
@@ -33,7 +33,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     fs::create_dir_all(&folder).map_err(refused)?;
     clap_mangen::generate_to(crate::arguments::Arguments::command(), &folder).map_err(refused)?;
-    say(&format!(
+    print_line(&format!(
         "manual pages of rcc-cli written to {}",
         folder.display()
     ));
