@@ -158,13 +158,8 @@ pub fn switch(
         stop: named(stop),
         start: named(start),
     };
-    let body = serde_json::to_string(&switch).map_err(|error| {
-        Failure::new(
-            codes::BAD_REQUEST,
-            error.to_string(),
-            "write the names as UTF-8",
-        )
-    })?;
+    let body = serde_json::to_string(&switch)
+        .map_err(|error| Failure::new(codes::BAD_REQUEST, error.to_string(), "use UTF-8 names"))?;
     client.post("/switch", body)
 }
 

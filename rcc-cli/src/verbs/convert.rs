@@ -101,7 +101,11 @@ fn header(arguments: &Arguments) -> Result<String, Failure> {
     ] {
         if let Some(bad) = values.iter().find(|value| value.contains('\n')) {
             let message = format!("`{bad}` spans more than one line");
-            return Err(Failure::new(codes::BAD_REQUEST, message, "give names only"));
+            return Err(Failure::new(
+                codes::BAD_REQUEST,
+                message,
+                "pass names without line breaks",
+            ));
         }
         if !values.is_empty() {
             header += &format!("# {key}: {}\n", values.join(", "));

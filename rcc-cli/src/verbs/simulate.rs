@@ -303,7 +303,7 @@ fn speed(simulated: &SimulationResult, took: Duration) -> String {
     let rate = simulated.cycles as f64 / seconds;
     let times = rate * simulated.period_ns as f64 / 1e9;
     format!(
-        "{} cycles in {:.1} ms: {} cycles a second, {} times real time",
+        "{} cycles in {:.1} ms: {} cycles per second, {} times real time",
         table::grouped(simulated.cycles),
         1e3 * seconds,
         table::grouped(rate as u64),

@@ -223,7 +223,7 @@ fn garbage_other_versions_and_sunrise_are_distinguished() {
     assert_fails(
         &none("wrong_identity", command),
         "version",
-        &["another PC program"],
+        &["the other PC program"],
     );
     assert_fails(
         &none("malformed", json!({})),
