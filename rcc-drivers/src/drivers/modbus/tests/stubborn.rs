@@ -10,7 +10,7 @@ use rcc_config::{DeviceConfig, OnRelease};
 use rcc_core::primitive::ChannelKind::{AnalogOutput, DigitalInput, DigitalOutput};
 
 use super::super::Modbus;
-use crate::conformance::{self, SafeValueState};
+use crate::conformance::{self, ChannelRow};
 use crate::driver::{Driver, Inputs, LinkError, Outputs};
 
 /// How the server answers; it executes at once.
@@ -180,7 +180,7 @@ const OUTPUTS: [(usize, usize); 8] = [
 
 fn device(server: SocketAddr, settings: &serde_json::Value) -> DeviceConfig {
     let names: Vec<String> = (0..8).map(|number| format!("o{number}")).collect();
-    let mut rows: Vec<SafeValueState<'_>> = Vec::new();
+    let mut rows: Vec<ChannelRow<'_>> = Vec::new();
     for (name, (table, number)) in names.iter().zip(OUTPUTS) {
         rows.push(match table {
             0 => (
