@@ -11,8 +11,8 @@ pub mod write;
 
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 
+use crate::codes;
 use crate::devices::DeviceTable;
-use crate::fault;
 use crate::syntax::{NAME_MAX, Net, bad_net_name};
 
 pub use text::looks_like;
@@ -52,23 +52,23 @@ pub fn read(
     text: &str,
     file: &str,
     cell: &DeviceTable,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Net> {
     let (header, root) = match text::parse(text) {
         Ok(parsed) => parsed,
-        Err(fault) => {
-            faults.push(*fault);
+        Err(diagnostic) => {
+            diagnostics.push(*diagnostic);
             return None;
         }
     };
-    let before = faults.len();
-    let options = options(&header, file, faults);
-    let flat = flatten::flatten(&root, faults);
-    let net = build::build(&flat, &options, cell, faults);
-    let new = faults.get(before..).unwrap_or_default();
+    let before = diagnostics.len();
+    let options = options(&header, file, diagnostics);
+    let flat = flatten::flatten(&root, diagnostics);
+    let net = build::build(&flat, &options, cell, diagnostics);
+    let new = diagnostics.get(before..).unwrap_or_default();
     let failed = new
         .iter()
-        .any(|fault| fault.severity == rcc_config::diagnostic::Severity::Error);
+        .any(|diagnostic| diagnostic.severity == rcc_config::diagnostic::Severity::Error);
     (!failed).then_some(net)
 }
 
@@ -100,7 +100,7 @@ fn net_name(theirs: &str) -> String {
     name
 }
 
-fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>) -> Options {
+fn options(header: &text::HeaderLines, file: &str, diagnostics: &mut Vec<Diagnostic>) -> Options {
     let mut options = Options {
         name: name_of(file),
         ..Options::default()
@@ -115,7 +115,7 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
         };
         match key.name.as_str() {
             "net" => {
-                faults.extend(bad_net_name(value));
+                diagnostics.extend(bad_net_name(value));
                 options.name.clone_from(&value.name);
             }
             "end" => options
@@ -136,8 +136,9 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
                         }
                         _ => {
                             let message = format!("invalid mapping `{part}`");
-                            let fault = Diagnostic::error(fault::WRONG_SHAPE, value.span, message);
-                            faults.push(fault.help(
+                            let diagnostic =
+                                Diagnostic::error(codes::WRONG_SHAPE, value.span, message);
+                            diagnostics.push(diagnostic.help(
                                 "write `# devices: theirs=ours` and `# channels: device.InBool.8=name`",
                             ));
                         }
@@ -149,8 +150,8 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
                 let near = closest(other, HEADER_KEYS.iter().copied());
                 if let Some(near) = near.filter(|_| !other.contains(' ')) {
                     let message = format!("unknown header key `# {other}:`");
-                    let fault = Diagnostic::error(fault::UNKNOWN_KEY, key.span, message);
-                    faults.push(fault.help(format!("did you mean `# {near}:`?")));
+                    let diagnostic = Diagnostic::error(codes::UNKNOWN_KEY, key.span, message);
+                    diagnostics.push(diagnostic.help(format!("did you mean `# {near}:`?")));
                 }
             }
         }

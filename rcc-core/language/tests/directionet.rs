@@ -52,7 +52,7 @@ fn unknown_devices_are_reported_once_with_a_remedy() {
     let devices: Vec<_> = faults
         .diagnostics
         .iter()
-        .filter(|fault| fault.code == rcc_language::fault::UNKNOWN_DEVICE)
+        .filter(|fault| fault.code == rcc_language::codes::UNKNOWN_DEVICE)
         .collect();
     assert_eq!(devices.len(), 1);
     let help = devices[0].help.as_ref().unwrap();
@@ -398,7 +398,7 @@ fn every_net_for_the_demos_arm_loads() {
                 assert!(name.contains("/kr_"), "{name}:\n{faults}");
                 let told = |code| faults.diagnostics.iter().any(|fault| fault.code == code);
                 assert!(
-                    told(rcc_language::fault::UNKNOWN_DEVICE),
+                    told(rcc_language::codes::UNKNOWN_DEVICE),
                     "{name}:\n{faults}"
                 );
             }
@@ -412,7 +412,7 @@ fn every_net_for_the_demos_arm_loads() {
 fn a_net_for_six_axes_is_refused_for_an_arm_of_seven() {
     let faults = load("# devices: kr=lwr", "flat/kr_lin-01-kr-ptp.net", &demo()).unwrap_err();
     let codes: Vec<_> = faults.diagnostics.iter().map(|fault| fault.code).collect();
-    assert!(codes.contains(&rcc_language::fault::WRONG_ARM), "{faults}");
+    assert!(codes.contains(&rcc_language::codes::WRONG_ARM), "{faults}");
 }
 
 #[test]
@@ -461,7 +461,7 @@ fn a_net_survives_conversion_to_directionet_and_back() {
         "{type: LowPass, parameters: {gain: 0.5}, inputs: {in: 1.5}}",
     );
     let faults = there(&yaml).unwrap_err();
-    assert_eq!(faults[0].code, rcc_language::fault::NO_COUNTERPART);
+    assert_eq!(faults[0].code, rcc_language::codes::NO_COUNTERPART);
 }
 
 /// A value that one net keeps from the application and another one reads, in the predecessor's notation; in RCC it is a

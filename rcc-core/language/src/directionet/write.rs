@@ -12,8 +12,8 @@ use rcc_core::primitive::ChannelKind;
 use super::table::{self, FAMILIES, PrimitiveClass, TypeEntry};
 use super::text::{self, AstArgument};
 use super::values::ForeignType;
+use crate::codes;
 use crate::devices::DeviceTable;
-use crate::fault;
 use crate::names::{Names, PrimitiveNames};
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::ValuePart;
@@ -33,7 +33,7 @@ struct TextWriter<'n, 'f> {
     names: HashMap<&'n str, &'n PrimitiveNames>,
     cell: &'n DeviceTable,
     rows: HashMap<&'static str, Vec<ReverseRow>>,
-    faults: &'f mut Vec<Diagnostic>,
+    diagnostics: &'f mut Vec<Diagnostic>,
 }
 
 /// Writes a net that compiles; `names` are those of its plan. Returns `None` if something has no counterpart.
@@ -42,16 +42,16 @@ pub fn text(
     net: &Net,
     names: &Names,
     cell: &DeviceTable,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<String> {
-    let before = faults.len();
+    let before = diagnostics.len();
     let names = names.primitives.iter().map(|row| (row.id.as_str(), row));
     let mut writer = TextWriter {
         net,
         names: names.collect(),
         cell,
         rows: reverse_rows(),
-        faults,
+        diagnostics,
     };
     if let Some(key) = net.uses.first() {
         writer.refuse(key.span, "libraries of fragments".to_string());
@@ -73,7 +73,7 @@ pub fn text(
         .iter()
         .flat_map(|it| writer.primitive(it))
         .collect();
-    (writer.faults.len() == before).then(|| format!("{{{}}}", items.join(",")))
+    (writer.diagnostics.len() == before).then(|| format!("{{{}}}", items.join(",")))
 }
 
 /// Returns, by RCC type, all rows that consist of one primitive with only `parent`'s inputs and parameters as
@@ -160,9 +160,9 @@ fn comes_from_outside(ty: &str) -> bool {
 impl TextWriter<'_, '_> {
     fn refuse(&mut self, span: Span, what: String) {
         let message = format!("DirectIONet has no counterpart for {what}");
-        let fault = Diagnostic::error(fault::NO_COUNTERPART, span, message);
-        self.faults.push(
-            fault.help("docs/from-the-predecessor.md lists the types that have a counterpart"),
+        let diagnostic = Diagnostic::error(codes::NO_COUNTERPART, span, message);
+        self.diagnostics.push(
+            diagnostic.help("docs/from-the-predecessor.md lists the types that have a counterpart"),
         );
     }
 

@@ -7,8 +7,8 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 
 use super::{BuiltOutput, BuiltPrimitive, BuiltValue, Conversion};
+use crate::codes;
 use crate::directionet::flatten::FlatSource;
-use crate::fault;
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::ValuePart;
 use crate::syntax::reference::Reference;
@@ -97,8 +97,8 @@ impl Conversion<'_, '_> {
                     arm.axes.len(),
                     missing.join(", ")
                 );
-                let fault = Diagnostic::error(fault::WRONG_ARM, arm.span, message);
-                self.faults.push(fault.help(
+                let diagnostic = Diagnostic::error(codes::WRONG_ARM, arm.span, message);
+                self.diagnostics.push(diagnostic.help(
                     "command all axes, or name the arm that the net was made for in `# devices:`",
                 ));
                 continue;
@@ -134,8 +134,8 @@ impl Conversion<'_, '_> {
         let Some((key, source)) = terminate.copied() else {
             let message = "the net has no output `outTerminate`".to_string();
             let help = Some("add `outTerminate=PRIMITIVE.PORT`".to_string());
-            self.faults.push(
-                Diagnostic::error(fault::NO_TERMINATION, Span::default(), message)
+            self.diagnostics.push(
+                Diagnostic::error(codes::NO_TERMINATION, Span::default(), message)
                     .anywhere()
                     .help_if(help),
             );
@@ -170,8 +170,8 @@ impl Conversion<'_, '_> {
         }
         if never {
             let message = "the net never terminates: `outTerminate` is always false";
-            let fault = Diagnostic::warning(fault::NEVER_ENDS, span, message);
-            self.faults.push(fault.help(
+            let diagnostic = Diagnostic::warning(codes::NEVER_ENDS, span, message);
+            self.diagnostics.push(diagnostic.help(
                 "the predecessor's application ended it on a result: name these results, `# end: _1, _2`, or abort it",
             ));
         }
@@ -196,8 +196,8 @@ impl Conversion<'_, '_> {
                 keys.iter().take(10).copied().collect::<Vec<_>>().join(", ")
             ),
         };
-        self.faults
-            .push(Diagnostic::error(fault::WRONG_SHAPE, place, message).help(help));
+        self.diagnostics
+            .push(Diagnostic::error(codes::WRONG_SHAPE, place, message).help(help));
     }
 
     fn warn_of_debug(&mut self) {
@@ -209,8 +209,8 @@ impl Conversion<'_, '_> {
             "a debug history is requested here and at {} other inputs, but is not kept",
             count - 1
         );
-        let fault = Diagnostic::warning(fault::NO_HISTORY, *first, message);
-        self.faults.push(fault.help(
+        let diagnostic = Diagnostic::warning(codes::NO_HISTORY, *first, message);
+        self.diagnostics.push(diagnostic.help(
             "the flight recorder keeps all device inputs and set-points, and `rcc-cli watch` shows any port",
         ));
     }

@@ -8,9 +8,9 @@ use rcc_core::primitive::{ChannelKind, ParameterKind, Spec};
 use rcc_core::primitives;
 
 use super::{BuiltOutput, BuiltPrimitive, BuiltValue, Conversion};
+use crate::codes;
 use crate::directionet::table::TypeEntry;
 use crate::directionet::text::{self, AstArgument, AstFragment, AstPrimitive};
-use crate::fault;
 use crate::syntax::literal::{Literal, LiteralShape};
 
 /// The expansion of a row's net for one primitive.
@@ -159,7 +159,7 @@ impl Conversion<'_, '_> {
         };
         if known.is_none() && !matches!(of, BuiltValue::Refused) {
             let message = format!("element {index} is out of range");
-            self.error(fault::BAD_ELEMENT, span, message, None);
+            self.error(codes::BAD_ELEMENT, span, message, None);
         }
         known.unwrap_or(BuiltValue::Refused)
     }
@@ -196,7 +196,7 @@ impl Conversion<'_, '_> {
                 place.entry.name, ty.name
             );
             let help = Some("this version of the catalogue does not have it".to_string());
-            self.error(fault::NO_COUNTERPART, span, message, help);
+            self.error(codes::NO_COUNTERPART, span, message, help);
             return None;
         };
         let spec = &catalogue.spec;
@@ -252,7 +252,7 @@ impl Conversion<'_, '_> {
             entry.name
         );
         let help = Some("set the parameter instead of connecting the input".to_string());
-        self.error(fault::NO_COUNTERPART, span, message, help);
+        self.error(codes::NO_COUNTERPART, span, message, help);
     }
 
     /// Converts a parameter that names a device or counts its channels to the names of the cell.
@@ -310,9 +310,9 @@ impl Conversion<'_, '_> {
                 names.join(", ")
             );
             let code = if found.is_some() {
-                fault::NO_ARM
+                codes::NO_ARM
             } else {
-                fault::UNKNOWN_DEVICE
+                codes::UNKNOWN_DEVICE
             };
             self.error(code, span, message, Some(help));
         }
@@ -350,7 +350,7 @@ impl Conversion<'_, '_> {
             "channels: {}; or name it in a line before the net, `# channels: {device}.{theirs}=NAME`",
             listed.join(", ")
         );
-        self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));
+        self.error(codes::UNKNOWN_CHANNEL, span, message, Some(help));
         None
     }
 }
