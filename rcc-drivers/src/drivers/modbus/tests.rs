@@ -1,6 +1,6 @@
 //! The driver against the simulated I/O station, which runs in a thread of the test.
 
-mod stubborn;
+mod misbehaving_server;
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::mpsc;
