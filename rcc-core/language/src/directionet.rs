@@ -34,13 +34,13 @@ impl Options {
     fn device<'a>(&'a self, name: &'a str) -> &'a str {
         let mut devices = self.devices.iter();
         devices
-            .find(|(theirs, _)| theirs == name)
-            .map_or(name, |(_, ours)| ours)
+            .find(|(foreign, _)| foreign == name)
+            .map_or(name, |(_, rcc_name)| rcc_name)
     }
 
-    fn channel(&self, device: &str, theirs: &str) -> Option<&str> {
+    fn channel(&self, device: &str, foreign: &str) -> Option<&str> {
         let mut channels = self.channels.iter();
-        let found = channels.find(|(of, number, _)| of == device && number == theirs);
+        let found = channels.find(|(of, number, _)| of == device && number == foreign);
         found.map(|(.., name)| name.as_str())
     }
 }
@@ -79,8 +79,8 @@ fn name_of(file: &str) -> String {
 }
 
 /// Converts a name of the predecessor to a valid name of a net.
-fn net_name(theirs: &str) -> String {
-    let mut name: String = theirs
+fn net_name(foreign: &str) -> String {
+    let mut name: String = foreign
         .chars()
         .map(|c| match c.to_ascii_lowercase() {
             c @ ('a'..='z' | '0'..='9') => c,
@@ -124,14 +124,17 @@ fn options(header: &text::HeaderLines, file: &str, diagnostics: &mut Vec<Diagnos
             "devices" | "channels" => {
                 for part in parts() {
                     let pair = part.split_once('=');
-                    let pair = pair.map(|(theirs, ours)| (theirs.trim(), ours.trim().to_string()));
-                    let channel = pair.as_ref().and_then(|(theirs, _)| theirs.split_once('.'));
+                    let pair = pair
+                        .map(|(foreign, rcc_name)| (foreign.trim(), rcc_name.trim().to_string()));
+                    let channel = pair
+                        .as_ref()
+                        .and_then(|(foreign, _)| foreign.split_once('.'));
                     match (pair.clone(), channel) {
-                        (Some((theirs, ours)), _) if key.name == "devices" => {
-                            options.devices.push((theirs.to_string(), ours));
+                        (Some((foreign, rcc_name)), _) if key.name == "devices" => {
+                            options.devices.push((foreign.to_string(), rcc_name));
                         }
-                        (Some((_, ours)), Some((device, number))) => {
-                            let row = (device.to_string(), number.to_string(), ours);
+                        (Some((_, rcc_name)), Some((device, number))) => {
+                            let row = (device.to_string(), number.to_string(), rcc_name);
                             options.channels.push(row);
                         }
                         _ => {
@@ -139,7 +142,7 @@ fn options(header: &text::HeaderLines, file: &str, diagnostics: &mut Vec<Diagnos
                             let diagnostic =
                                 Diagnostic::error(codes::WRONG_SHAPE, value.span, message);
                             diagnostics.push(diagnostic.help(
-                                "write `# devices: theirs=ours` and `# channels: device.InBool.8=name`",
+                                "write `# devices: NAME=DEVICE` and `# channels: device.InBool.8=name`",
                             ));
                         }
                     }

@@ -247,11 +247,11 @@ impl<'t> Conversion<'t, '_> {
             Counterpart::None(_) => {}
         }
         if let Some(active) = active {
-            for ours in self.built.iter_mut().skip(first) {
+            for built in self.built.iter_mut().skip(first) {
                 // A shared primitive is not subject to the condition of one of its users, nor is the primitive that
                 // computes the condition.
-                if ours.made_for == number && ours.active.is_none() {
-                    ours.active = Some(active.clone());
+                if built.made_for == number && built.active.is_none() {
+                    built.active = Some(active.clone());
                 }
             }
         }
@@ -482,12 +482,12 @@ impl<'t> Conversion<'t, '_> {
                     }
                     _ => BuiltValue::Constant(constant),
                 };
-                if let Some(ours) = self
+                if let Some(built) = self
                     .built
                     .get_mut(made)
-                    .filter(|ours| ours.inputs.len() == 1)
+                    .filter(|built| built.inputs.len() == 1)
                 {
-                    ours.inputs.push(("other", other, span));
+                    built.inputs.push(("other", other, span));
                 }
                 self.built_output(made, "out")
             }

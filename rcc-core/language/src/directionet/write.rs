@@ -84,9 +84,9 @@ fn reverse_rows() -> HashMap<&'static str, Vec<ReverseRow>> {
     let mut rows: HashMap<&str, Vec<ReverseRow>> = HashMap::new();
     for entry in entries {
         if let [net] = entry.nets.as_slice()
-            && let Some((ours, row)) = reverse_row(entry, net)
+            && let Some((rcc_name, row)) = reverse_row(entry, net)
         {
-            rows.entry(ours).or_default().push(row);
+            rows.entry(rcc_name).or_default().push(row);
         }
     }
     rows
@@ -203,23 +203,23 @@ impl TextWriter<'_, '_> {
         let id = primitive.id.name.as_str();
         let names = self.names.get(id)?;
         rows.iter().find(|row| {
-            let fits = |ours: &str, ty: ForeignType| {
+            let fits = |rcc_name: &str, ty: ForeignType| {
                 let known = names
                     .inputs
                     .iter()
                     .chain(&names.outputs)
-                    .find(|port| port.name == ours);
-                known.is_none_or(|_| self.type_of(id, ours) == Some(ty))
+                    .find(|port| port.name == rcc_name);
+                known.is_none_or(|_| self.type_of(id, rcc_name) == Some(ty))
             };
-            let inputs = row.arguments.iter().all(|(ours, theirs)| {
+            let inputs = row.arguments.iter().all(|(rcc_name, foreign)| {
                 row.entry
-                    .input(theirs)
-                    .is_none_or(|port| port.array || fits(ours, port.ty))
+                    .input(foreign)
+                    .is_none_or(|port| port.array || fits(rcc_name, port.ty))
             });
-            let outputs = row.outputs.iter().all(|(ours, theirs)| {
+            let outputs = row.outputs.iter().all(|(rcc_name, foreign)| {
                 row.entry
-                    .output(theirs)
-                    .is_none_or(|port| port.array || fits(ours, port.ty))
+                    .output(foreign)
+                    .is_none_or(|port| port.array || fits(rcc_name, port.ty))
             });
             inputs && outputs
         })
@@ -235,12 +235,13 @@ impl TextWriter<'_, '_> {
         let (entry, known) = (row.entry, row.arguments.clone());
         let mut arguments = Vec::new();
         for (name, source) in &primitive.inputs {
-            let Some((_, theirs)) = known.iter().find(|(ours, _)| *ours == name.name) else {
+            let Some((_, foreign)) = known.iter().find(|(rcc_name, _)| *rcc_name == name.name)
+            else {
                 self.refuse(name.span, format!("the input `{}`", name.name));
                 continue;
             };
-            let port = entry.input(theirs);
-            let stem = theirs
+            let port = entry.input(foreign);
+            let stem = foreign
                 .strip_prefix("in")
                 .and_then(|stem| entry.parameter(stem));
             let ty = port.map_or(ForeignType::Any, |port| port.ty);
@@ -257,8 +258,8 @@ impl TextWriter<'_, '_> {
             }
         }
         for (name, literal) in &primitive.parameters {
-            let theirs = known.iter().find(|(ours, _)| *ours == name.name);
-            let port = theirs.and_then(|(_, theirs)| entry.parameter(theirs));
+            let foreign = known.iter().find(|(rcc_name, _)| *rcc_name == name.name);
+            let port = foreign.and_then(|(_, foreign)| entry.parameter(foreign));
             match port {
                 Some(port) if port.name == "Port" => {
                     let number = self.channel(primitive, literal);
@@ -445,8 +446,11 @@ impl TextWriter<'_, '_> {
         }
         let row = self.row(primitive);
         let found = row.and_then(|row| {
-            let (_, theirs) = row.outputs.iter().find(|(ours, _)| *ours == from.port)?;
-            row.entry.output(theirs)
+            let (_, foreign) = row
+                .outputs
+                .iter()
+                .find(|(rcc_name, _)| *rcc_name == from.port)?;
+            row.entry.output(foreign)
         });
         let size = self.names.get(id.as_str()).and_then(|names| {
             let mut outputs = names.outputs.iter();

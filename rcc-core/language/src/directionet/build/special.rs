@@ -234,8 +234,8 @@ impl Conversion<'_, '_> {
             self.publish(number, topic, value.clone(), span, id);
         } else {
             let made = self.one(number, "Monitor", vec![("value", value.clone(), span)]);
-            if let Some(ours) = self.built.get_mut(made) {
-                ours.id = id;
+            if let Some(built) = self.built.get_mut(made) {
+                built.id = id;
             }
         }
         self.keys.push((key, value));
@@ -244,9 +244,9 @@ impl Conversion<'_, '_> {
     fn publish(&mut self, number: usize, topic: String, value: BuiltValue, span: Span, id: String) {
         let made = self.one(number, "Publish", vec![("in", value, span)]);
         let topic = Literal::new(LiteralShape::Text(topic), span);
-        if let Some(ours) = self.built.get_mut(made) {
-            ours.id = id;
-            ours.parameters.push(("topic", topic));
+        if let Some(built) = self.built.get_mut(made) {
+            built.id = id;
+            built.parameters.push(("topic", topic));
         }
     }
 
@@ -331,7 +331,7 @@ impl Conversion<'_, '_> {
             return self.refuse(number, entry);
         };
         let index = BuiltValue::Constant(Literal::new(LiteralShape::Int(i64::from(axis)), span));
-        for (theirs, ty, name, port) in [
+        for (foreign, ty, name, port) in [
             ("outMeasuredPosition", "JointState", "state", "position"),
             ("outCommandedPosition", "JointState", "state", "hold"),
             (
@@ -348,11 +348,11 @@ impl Conversion<'_, '_> {
             ),
         ] {
             // Only outputs that are read are converted: most nets read one of them.
-            if self.is_read(number, theirs) {
+            if self.is_read(number, foreign) {
                 let made = self.of_robot(ty, name, &device, span);
                 let all = self.built_output(made, port);
                 let value = self.element(all, &index, span);
-                self.put(number, theirs, value);
+                self.put(number, foreign, value);
             }
         }
         self.put(number, "outError", constant(LiteralShape::Int(0), span));
@@ -417,12 +417,12 @@ impl Conversion<'_, '_> {
             .zip(0..)
             .all(|(element, index)| match element {
                 BuiltValue::Output(output) => {
-                    self.built.get(output.primitive).is_some_and(|ours| {
-                        let own = ours
+                    self.built.get(output.primitive).is_some_and(|built| {
+                        let own = built
                             .parameters
                             .iter()
                             .any(|(_, it)| it.shape == LiteralShape::Text(device.to_string()));
-                        ours.ty == "JointState" && own && output.index == Some(index)
+                        built.ty == "JointState" && own && output.index == Some(index)
                     })
                 }
                 _ => false,

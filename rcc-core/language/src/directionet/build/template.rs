@@ -54,8 +54,8 @@ impl Conversion<'_, '_> {
         // The last primitive of the expansion takes the id of the primitive in the text.
         if let [.., last] = place.made.as_slice() {
             let id = self.id_of(number);
-            if let Some(ours) = self.built.get_mut(*last) {
-                ours.id = id;
+            if let Some(built) = self.built.get_mut(*last) {
+                built.id = id;
             }
         }
     }
@@ -240,8 +240,8 @@ impl Conversion<'_, '_> {
             .into_iter()
             .map(|(port, value, span)| (port.name, self.fit(value, made, port), span))
             .collect();
-        if let Some(ours) = self.built.get_mut(made) {
-            ours.inputs = inputs;
+        if let Some(built) = self.built.get_mut(made) {
+            built.inputs = inputs;
         }
         Some(made)
     }
@@ -329,8 +329,8 @@ impl Conversion<'_, '_> {
         span: Span,
     ) -> Option<Literal> {
         let (_, row) = self.cell.find(device)?;
-        let theirs = format!("{}.{number}", entry.name.trim_start_matches("IO::"));
-        let named = self.options.channel(device, &theirs);
+        let foreign = format!("{}.{number}", entry.name.trim_start_matches("IO::"));
+        let named = self.options.channel(device, &foreign);
         let channels = row.channels_of(kind);
         let by_name = named.and_then(|name| channels.iter().find(|channel| channel.name == name));
         let by_number = usize::try_from(number)
@@ -347,7 +347,7 @@ impl Conversion<'_, '_> {
             .collect();
         let message = format!("`{device}` has no channel {number} for {}", spec.name);
         let help = format!(
-            "channels: {}; or name it in a line before the net, `# channels: {device}.{theirs}=NAME`",
+            "channels: {}; or name it in a line before the net, `# channels: {device}.{foreign}=NAME`",
             listed.join(", ")
         );
         self.error(codes::UNKNOWN_CHANNEL, span, message, Some(help));
