@@ -53,7 +53,7 @@ pub fn read_named_text(path: &str, max: u64) -> std::io::Result<String> {
 pub fn read_net(path: &str) -> Result<(String, String), Failure> {
     let (name, text) = read_text(path)?;
     let bundled = bundle(&text, &name, &FileLibraries).map_err(|faults| {
-        let what = format!("{name} is not valid");
+        let what = format!("{name} is invalid");
         Failure::invalid(&what, findings(&faults), (name.clone(), text.clone()))
     })?;
     Ok((name, bundled.into_owned()))

@@ -116,9 +116,9 @@ impl CellUnits<'_> {
     }
 
     fn file(&self, unit: &str, text: &str) -> UnitFile {
-        let order = self.path.display();
+        let config = self.path.display();
         let head = format!(
-            "{MARK} written by `rcc-cli install-units {order}`; do not edit; run it again after changing that file.\n"
+            "{MARK} written by `rcc-cli install-units {config}`; do not edit; run it again after changing that file.\n"
         );
         UnitFile {
             path: Path::new(UNITS).join(format!("{unit}.d")).join(DROP_IN),

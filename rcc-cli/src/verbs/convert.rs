@@ -61,7 +61,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = DeviceTable::from(&load_config(&config)?);
     let (name, text) = read_text(&arguments.file)?;
     let text = header(&arguments)? + &text;
-    let invalid = |faults: &_| Failure::from_faults("the net is not valid", faults);
+    let invalid = |faults: &_| Failure::from_faults("invalid net", faults);
     let compiled = compile::compile_for(&text, &name, &cell).map_err(|faults| invalid(&faults))?;
     let mut faults = Vec::new();
     let net = compile::read(&text, &name, &cell, &mut faults);

@@ -168,7 +168,7 @@ impl SimulationScenario {
         let options = self.options(&config)?;
         let source = read_net(&self.file)?;
         let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
-            let what = format!("{} is not valid", source.0);
+            let what = format!("{} is invalid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
         print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::colour()));
