@@ -249,7 +249,7 @@ fn net(count: usize, random: &mut TestRandom) -> String {
         .collect();
     let mut text = String::from("{");
     // Outputs so far, by type: the possible sources of links.
-    let mut outputs: Vec<(Type, String)> = Vec::new();
+    let mut outputs: Vec<(ForeignType, String)> = Vec::new();
     for number in 0..count {
         let entry = usable[random.below(usable.len())];
         let mut arguments = Vec::new();
