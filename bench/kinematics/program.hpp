@@ -1,6 +1,6 @@
-// What the programs of this folder share: reading a chain and configurations, timing in batches, writing what they found.
+// Shared by the programs of this folder: reads a chain and configurations, measures in batches, and writes the results.
 // A program is called with CHAIN CONFIGURATIONS POSES, writes a line `p R J` per configuration to POSES (row-major, base
-// axes, J as rows v w of the flange's origin) and prints one line of JSON with ns a call.
+// axes, J as rows v w of the flange's origin) and prints one line of JSON with ns per call.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -33,7 +33,7 @@ inline std::ifstream opened(const char *path) {
     return file;
 }
 
-// First line: the flange in the last joint's frame, x y z. Then a joint a line: axis, origin, zero, sign.
+// First line: the flange in the last joint's frame, x y z. Then one line per joint: axis, origin, zero, sign.
 inline Chain read_chain(const char *path) {
     std::ifstream file = opened(path);
     Chain chain;
@@ -43,7 +43,7 @@ inline Chain read_chain(const char *path) {
     return chain;
 }
 
-// A configuration a line, rad.
+// One configuration per line, rad.
 inline std::vector<std::vector<double>> read_configurations(const char *path, std::size_t joints) {
     std::ifstream file = opened(path);
     std::vector<std::vector<double>> all;
@@ -57,7 +57,7 @@ inline std::vector<std::vector<double>> read_configurations(const char *path, st
     return all;
 }
 
-// Beside each configuration: a seed for solvers that search. In -1 to 1 by a linear congruential generator
+// Returns a seed near each configuration, for iterative solvers. In -1 to 1 by a linear congruential generator
 // (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
 inline std::vector<std::vector<double>> beside(std::vector<std::vector<double>> all, double by_rad) {
     unsigned long state = 7;
@@ -69,7 +69,7 @@ inline std::vector<std::vector<double>> beside(std::vector<std::vector<double>> 
     return all;
 }
 
-// ns a call: the best of batches, each of which goes through all configurations. What else runs on the machine only adds.
+// Returns ns per call: the best of several batches over all configurations. Other programs on the machine only add time.
 template <class Call> double measure(std::size_t configurations, int batches, Call call) {
     double best_ns = std::numeric_limits<double>::infinity();
     for (int batch = 0; batch < batches; ++batch) {
@@ -81,7 +81,7 @@ template <class Call> double measure(std::size_t configurations, int batches, Ca
     return best_ns;
 }
 
-// Keeps the optimiser from dropping a result.
+// Keeps the optimizer from dropping a result.
 template <class T> inline void keep(T const &value) { asm volatile("" : : "r,m"(value) : "memory"); }
 
 inline void print(const std::string &version, const std::map<std::string, double> &figures) {

@@ -1,4 +1,4 @@
-// Orocos KDL, a chain as its parser of robot descriptions makes one. Built and run by `bench/kinematics/compare`.
+// Measures Orocos KDL with a chain as its robot-description parser builds it. Built and run by `bench/kinematics/compare`.
 #include <kdl/chain.hpp>
 #include <kdl/chainfksolverpos_recursive.hpp>
 #include <kdl/chainiksolverpos_lma.hpp>
@@ -66,7 +66,7 @@ int main(int, char **arguments) {
     JntArray found(joints);
     figures["velocity"] = measure(count, 20, [&](std::size_t k) { velocity.CartToJnt(at[k], twist, found), keep(found); });
 
-    // Levenberg-Marquardt, which is its most reliable solver, with its own tolerance.
+    // Levenberg-Marquardt, its most reliable solver, with its default tolerance.
     KDL::ChainIkSolverPos_LMA inverse(chain);
     for (const auto &[name, by_rad] : {std::pair("inverse", 0.3), std::pair("inverse_near", 0.002)}) {
         const std::vector<JntArray> seeds = arrays(beside(configurations, by_rad));

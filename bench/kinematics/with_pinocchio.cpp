@@ -1,5 +1,5 @@
-// Pinocchio, a model as its parser of robot descriptions makes one. It has no inverse kinematics of position. Built and run
-// by `bench/kinematics/compare`, against the headers that PyPI's `pin` brings.
+// Measures pinocchio with a model as its robot-description parser builds it. It has no inverse kinematics of position. Built
+// and run by `bench/kinematics/compare`, against the headers of the PyPI package `pin`.
 #include <pinocchio/multibody.hpp>
 #include <pinocchio/algorithm/frames.hpp>
 #include <pinocchio/algorithm/jacobian.hpp>

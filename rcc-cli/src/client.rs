@@ -130,7 +130,7 @@ impl LoaderClient {
                 Failure::new(
                     codes::PROCESS_FAILED,
                     error.to_string(),
-                    "close other programs",
+                    "close other programs to free resources",
                 )
             })?;
         Ok(LoaderClient {

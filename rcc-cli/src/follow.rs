@@ -53,7 +53,7 @@ pub fn read_named_text(path: &str, max: u64) -> std::io::Result<String> {
 pub fn read_net(path: &str) -> Result<(String, String), Failure> {
     let (name, text) = read_text(path)?;
     let bundled = bundle(&text, &name, &FileLibraries).map_err(|faults| {
-        let what = format!("{name} is not valid");
+        let what = format!("{name} is invalid");
         Failure::invalid(&what, findings(&faults), (name.clone(), text.clone()))
     })?;
     Ok((name, bundled.into_owned()))
@@ -158,13 +158,8 @@ pub fn switch(
         stop: named(stop),
         start: named(start),
     };
-    let body = serde_json::to_string(&switch).map_err(|error| {
-        Failure::new(
-            codes::BAD_REQUEST,
-            error.to_string(),
-            "write the names as UTF-8",
-        )
-    })?;
+    let body = serde_json::to_string(&switch)
+        .map_err(|error| Failure::new(codes::BAD_REQUEST, error.to_string(), "use UTF-8 names"))?;
     client.post("/switch", body)
 }
 

@@ -130,7 +130,7 @@ impl IncidentNet {
         }
         let place = format!("{:?} slot {}", difference.store, difference.slot);
         match difference.writer {
-            Some(writer) => format!("{net}: a state of a {writer} ({place})"),
+            Some(writer) => format!("{net}: state of {writer} ({place})"),
             None => format!("{net}: {place}"),
         }
     }
@@ -276,7 +276,7 @@ mod tests {
         assert_eq!(named().slot(&at(Store::Real, 5)), "line/move.pose[1]");
         assert_eq!(named().slot(&at(Store::Bool, 3)), "line/move.stop (input)");
         let state = named().slot(&at(Store::Real, 30));
-        assert_eq!(state, "line: a state of a LinearMotion (Real slot 30)");
+        assert_eq!(state, "line: state of LinearMotion (Real slot 30)");
     }
 
     #[test]

@@ -28,7 +28,7 @@ impl Interrupts {
             Failure::new(
                 codes::PROCESS_FAILED,
                 error.to_string(),
-                "close other programs",
+                "close other programs to free resources",
             )
         };
         let runtime = Builder::new_current_thread()

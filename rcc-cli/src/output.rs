@@ -1,7 +1,7 @@
 //! Output of the command line. A verb whose result is its output ends the program when that output cannot be written;
-//! code that supervises something running prints through a [`BackgroundPrinter`], which never ends the program and never blocks.
-//! Control characters in texts of nets, devices and other programs are made harmless before they reach a terminal.
-//! Used by the main thread; a printer has a thread of its own.
+//! code that supervises something running prints through a [`BackgroundPrinter`], which never ends the program and
+//! never blocks. Control characters in texts of nets, devices and other programs are made harmless before they reach a
+//! terminal. Used by the main thread; a printer has a thread of its own.
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};

@@ -76,7 +76,7 @@ pub enum SimulateError {
     #[error("cannot write the values: {0}")]
     Write(#[from] io::Error),
     /// The engine did not answer; this never happens.
-    #[error("the engine gave no answer")]
+    #[error("the engine did not answer")]
     Silent,
 }
 

@@ -116,9 +116,9 @@ impl CellUnits<'_> {
     }
 
     fn file(&self, unit: &str, text: &str) -> UnitFile {
-        let order = self.path.display();
+        let config = self.path.display();
         let head = format!(
-            "{MARK} written by `rcc-cli install-units {order}`; do not edit, run it again after a change of that file.\n"
+            "{MARK} written by `rcc-cli install-units {config}`; do not edit; run it again after changing that file.\n"
         );
         UnitFile {
             path: Path::new(UNITS).join(format!("{unit}.d")).join(DROP_IN),
@@ -279,7 +279,7 @@ fn limits(supervision: &SupervisionConfig) -> String {
 fn listeners(access: &AccessConfig) -> String {
     let group = access.group.as_ref();
     let group = group.map_or(String::new(), |group| {
-        format!("# It gives the socket to this group.\nSupplementaryGroups={group}\n")
+        format!("# The loader gives its socket to this group.\nSupplementaryGroups={group}\n")
     });
     let Some(tcp) = &access.tcp else {
         return group;

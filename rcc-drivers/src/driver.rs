@@ -132,7 +132,7 @@ pub enum DriverError {
         device: String,
         /// Key of the setting.
         key: String,
-        /// What is wrong.
+        /// Cause.
         cause: String,
         /// Valid values, with an example.
         expected: &'static str,
@@ -154,7 +154,7 @@ pub enum DriverError {
         device: String,
         /// Name of the channel.
         channel: String,
-        /// What is wrong.
+        /// Cause.
         cause: String,
         /// Valid values, with an example.
         expected: &'static str,
@@ -164,7 +164,7 @@ pub enum DriverError {
     Robot {
         /// Name of the device.
         device: String,
-        /// What is wrong, and what to do.
+        /// Cause and remedy.
         cause: &'static str,
     },
     /// The operating system refuses what a setting asks for.

@@ -240,7 +240,7 @@ impl ChainFit<'_> {
         // −x.
         let left = l2.axis - up * l2.axis.z;
         if l2.axis.z.abs() > TOLERANCE_AXES {
-            let wanted = "square to axis 1";
+            let wanted = "perpendicular to axis 1";
             let axis = l2.axis.into();
             return Err(self.joint(2, GeometryMismatch::Direction { axis, wanted }));
         }
@@ -248,7 +248,7 @@ impl ChainFit<'_> {
             left.y < -TOLERANCE_AXES || (left.y.abs() <= TOLERANCE_AXES && left.x > 0.0);
         let left = if backwards { -left } else { left }.normalize();
         let forwards = left.cross(&up);
-        let sign2 = self.sign(2, l2, &left, "square to axis 1")?;
+        let sign2 = self.sign(2, l2, &left, "perpendicular to axis 1")?;
         let sign3 = self.sign(3, l3, &left, "parallel to axis 2")?;
 
         // The wrist: axes 4, 5 and 6 meet there.
@@ -260,9 +260,9 @@ impl ChainFit<'_> {
         };
         self.require_through(6, l6, &wrist, "the point where axes 4 and 5 meet")?;
         for (number, a, b, wanted) in [
-            (4, l4, &left, "square to axis 3"),
-            (5, l5, &l4.axis, "square to axis 4"),
-            (6, l6, &l5.axis, "square to axis 5"),
+            (4, l4, &left, "perpendicular to axis 3"),
+            (5, l5, &l4.axis, "perpendicular to axis 4"),
+            (6, l6, &l5.axis, "perpendicular to axis 5"),
         ] {
             if a.axis.dot(b).abs() > TOLERANCE_AXES {
                 let axis = a.axis.into();

@@ -48,7 +48,7 @@ pub enum ImportError {
         links: String,
     },
     /// Several links could be the base or the tip.
-    #[error("several links could be the {what}: {links}; name one")]
+    #[error("several links can be the {what}: {links}; select one with --{what}")]
     Ambiguous {
         /// `base` or `tip`.
         what: &'static str,

@@ -113,7 +113,7 @@ impl GradeRecord {
         let doubt = if self.kernel != kernel {
             format!("; under another kernel ({}): measure again", self.kernel)
         } else if self.boot != boot {
-            "; before the last start of this machine".to_owned()
+            "; before the last boot of this machine".to_owned()
         } else {
             String::new()
         };
@@ -207,7 +207,7 @@ mod tests {
         assert!(
             record
                 .summary_at(1400, "y", "6.1")
-                .ends_with("before the last start of this machine")
+                .ends_with("before the last boot of this machine")
         );
         assert!(
             record

@@ -187,7 +187,7 @@ fn configuration_of(environment: &[u8]) -> Option<(PathBuf, BTreeMap<String, u16
 }
 
 fn load(path: &Path, chosen: &BTreeMap<String, u16>) -> Result<CellConfig, Failure> {
-    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("invalid configuration", &faults);
     let mut ports: BTreeMap<String, u16> = auto_ports(path)
         .map_err(invalid)?
         .into_iter()

@@ -117,7 +117,10 @@ impl ScriptStep {
             (_, value) => {
                 let quantity = quantity::parse(value).map_err(|error| bad(error.to_string()))?;
                 if quantity.unit.is_some_and(|unit| unit != channel.unit) {
-                    return Err(bad(format!("its unit is {}", channel.unit)));
+                    return Err(bad(format!(
+                        "expected a value in the unit {}",
+                        channel.unit
+                    )));
                 }
                 ScriptedValue::Analog(quantity.value)
             }

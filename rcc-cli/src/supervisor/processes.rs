@@ -103,7 +103,7 @@ pub fn prepare(path: &Path) -> Result<PreparedCell, Failure> {
     let path = path
         .canonicalize()
         .map_err(|error| Failure::unreadable(&name, &error))?;
-    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("invalid configuration", &faults);
     let mut ports = BTreeMap::new();
     for (name, protocol) in auto_ports(&path).map_err(invalid)? {
         let port = free_port(protocol).map_err(|error| {

@@ -68,5 +68,5 @@ pub fn read(cell: &Cell) -> Result<CellConfig, Failure> {
         Failure::new(codes::BAD_REQUEST, words, "restart the cell")
     })?;
     CellConfig::load(&running.config, &running.ports)
-        .map_err(|faults| Failure::from_faults("the configuration is not valid", &faults))
+        .map_err(|faults| Failure::from_faults("invalid configuration", &faults))
 }

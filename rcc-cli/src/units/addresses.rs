@@ -30,12 +30,12 @@ fn listening(address: IpAddr) -> String {
         }
         IpAddr::V4(v4) => {
             let [a, b, c, _] = v4.octets();
-            format!("# The subnet it listens in, taken as /24.\nIPAddressAllow={a}.{b}.{c}.0/24\n")
+            format!("# The subnet of its listening address, assumed to be /24.\nIPAddressAllow={a}.{b}.{c}.0/24\n")
         }
         IpAddr::V6(v6) if v6.is_loopback() => "IPAddressAllow=localhost\n".to_owned(),
         IpAddr::V6(v6) => {
             let [a, b, c, d, ..] = v6.segments();
-            format!("# The subnet it listens in, taken as /64.\nIPAddressAllow={a:x}:{b:x}:{c:x}:{d:x}::/64\n")
+            format!("# The subnet of its listening address, assumed to be /64.\nIPAddressAllow={a:x}:{b:x}:{c:x}:{d:x}::/64\n")
         }
     }
 }
@@ -85,7 +85,7 @@ mod tests {
             ),
             (
                 json!({"listen": "192.168.0.1:49938"}),
-                "# The subnet it listens in, taken as /24.\nIPAddressAllow=192.168.0.0/24\n",
+                "# The subnet of its listening address, assumed to be /24.\nIPAddressAllow=192.168.0.0/24\n",
             ),
             (
                 json!({"listen": "127.0.0.1:1"}),

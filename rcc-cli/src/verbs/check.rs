@@ -315,7 +315,7 @@ fn is_net((name, text): &(String, String)) -> bool {
 
 /// Loads a configuration for compiling nets; automatic ports get a dummy number.
 pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
-    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("invalid configuration", &faults);
     let ports = auto_ports(path).map_err(invalid)?;
     let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();
     CellConfig::load(path, &ports).map_err(invalid)

@@ -61,7 +61,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = DeviceTable::from(&load_config(&config)?);
     let (name, text) = read_text(&arguments.file)?;
     let text = header(&arguments)? + &text;
-    let invalid = |faults: &_| Failure::from_faults("the net is not valid", faults);
+    let invalid = |faults: &_| Failure::from_faults("invalid net", faults);
     let compiled = compile::compile_for(&text, &name, &cell).map_err(|faults| invalid(&faults))?;
     let mut faults = Vec::new();
     let net = compile::read(&text, &name, &cell, &mut faults);
@@ -101,7 +101,11 @@ fn header(arguments: &Arguments) -> Result<String, Failure> {
     ] {
         if let Some(bad) = values.iter().find(|value| value.contains('\n')) {
             let message = format!("`{bad}` spans more than one line");
-            return Err(Failure::new(codes::BAD_REQUEST, message, "give names only"));
+            return Err(Failure::new(
+                codes::BAD_REQUEST,
+                message,
+                "pass names without line breaks",
+            ));
         }
         if !values.is_empty() {
             header += &format!("# {key}: {}\n", values.join(", "));

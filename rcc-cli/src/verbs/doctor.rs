@@ -147,7 +147,7 @@ fn collect_facts(
     };
     if context.format == OutputFormat::Human {
         print_note(&format!(
-            "measuring wake-ups for {} s …",
+            "measuring wake-up latency for {} s …",
             length.as_secs_f64()
         ));
     }

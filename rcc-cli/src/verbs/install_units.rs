@@ -63,7 +63,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = arguments.file.display().to_string();
     let path = arguments.file.canonicalize();
     let path = path.map_err(|error| Failure::unreadable(&name, &error))?;
-    let invalid = |faults| Failure::from_faults("the configuration is not valid", &faults);
+    let invalid = |faults| Failure::from_faults("invalid configuration", &faults);
     if arguments.uninstall {
         // Removing needs no ports.
         let config = CellConfig::load_offline(&path).map_err(invalid)?;
@@ -81,7 +81,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     require_visible(&path, "the configuration", elsewhere)?;
     require_no_simulators(&config, &arguments)?;
     let cores = cores(&config, arguments.cpus)?;
-    let order = CellUnits {
+    let cell_units = CellUnits {
         cell: &cell,
         config: &config,
         path: &path,
@@ -91,7 +91,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         simulators: arguments.simulators,
     };
     let mut files = units::shipped(&programs);
-    files.extend(order.drop_ins());
+    files.extend(cell_units.drop_ins());
     let mut done = disk::write(&arguments.root, &files, arguments.dry_run)?;
     done.extend(disk::remove_stale(
         &arguments.root,
@@ -112,7 +112,7 @@ fn chosen_ports(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u
         .map(|port| (port.name.clone(), port.number))
         .collect();
     let automatic = auto_ports(path)
-        .map_err(|faults| Failure::from_faults("the configuration is not valid", &faults))?;
+        .map_err(|faults| Failure::from_faults("invalid configuration", &faults))?;
     let open: Vec<String> = automatic.into_iter().map(|(name, _)| name).collect();
     let missing: Vec<&str> = open
         .iter()

@@ -228,7 +228,7 @@ fn describe_mismatch(mismatch: &Mismatch, result: &NetReplayResult, named: &Inci
         }
     };
     let mut words = format!(
-        "DIFFERS in {} cycles, first in cycle {} (the net's {}th){what}",
+        "DIFFERS in {} cycles, first in cycle {} (net cycle {}){what}",
         grouped(result.different),
         grouped(mismatch.cycle),
         grouped(mismatch.net_cycle)

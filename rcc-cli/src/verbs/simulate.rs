@@ -168,7 +168,7 @@ impl SimulationScenario {
         let options = self.options(&config)?;
         let source = read_net(&self.file)?;
         let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
-            let what = format!("{} is not valid", source.0);
+            let what = format!("{} is invalid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
         print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::colour()));
@@ -303,7 +303,7 @@ fn speed(simulated: &SimulationResult, took: Duration) -> String {
     let rate = simulated.cycles as f64 / seconds;
     let times = rate * simulated.period_ns as f64 / 1e9;
     format!(
-        "{} cycles in {:.1} ms: {} cycles a second, {} times real time",
+        "{} cycles in {:.1} ms: {} cycles per second, {} times real time",
         table::grouped(simulated.cycles),
         1e3 * seconds,
         table::grouped(rate as u64),

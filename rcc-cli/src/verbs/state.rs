@@ -91,7 +91,7 @@ fn human(detail: &CommandDetail) -> String {
         if command.can_cancel {
             "possible"
         } else {
-            "not possible, only abort"
+            "not supported; use abort"
         }
         .into(),
     );

@@ -194,7 +194,7 @@ fn clock(clock: &ClockView) -> String {
     };
     let words = match clock.state.as_str() {
         "locked" => format!(
-            "locked, its period {:.6} ms ({:+.0} ppm), its packets ± {:.0} µs, cycles {:+.1} µs off",
+            "locked, period {:.6} ms ({:+.0} ppm), packet jitter ± {:.0} µs, cycle error {:+.1} µs",
             clock.device_period_ns * 1e-6,
             clock.rate_ppm,
             clock.jitter_ns * 1e-3,
@@ -222,7 +222,7 @@ mod tests {
             rate_ppm: 12.0,
             losses: 1,
         };
-        let words = "clock     lwr: locked, its period 1.000012 ms (+12 ppm), its packets ± 31 µs, cycles -0.4 µs off; \
+        let words = "clock     lwr: locked, period 1.000012 ms (+12 ppm), packet jitter ± 31 µs, cycle error -0.4 µs; \
                      lost 1 times\n";
         assert_eq!(clock(&locked), words);
     }

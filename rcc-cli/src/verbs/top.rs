@@ -78,7 +78,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         let help = "use `rcc-cli top --once` for plain text";
         Failure::new(
             codes::PROCESS_FAILED,
-            format!("the terminal: {error}"),
+            format!("cannot use the terminal: {error}"),
             help,
         )
     })

@@ -51,7 +51,7 @@ pub(crate) fn read(
     };
     let fields = reader.fields(value, key.span, "the recorder", &KEYS)?;
     // Read all keys before returning, so that all faults are reported together.
-    let mut sound = true;
+    let mut valid = true;
     if let Some(node) = fields.get("seconds") {
         let [least, most] = SECONDS;
         let wanted = QuantityRange {
@@ -60,26 +60,26 @@ pub(crate) fn read(
             most,
         };
         let seconds = reader.quantity(node, "seconds", wanted);
-        sound &= seconds.is_some();
+        valid &= seconds.is_some();
         recorder.span_ns = seconds.map_or(0, |seconds| (seconds * 1e9).round() as u64);
     }
     if let Some(node) = fields.get("memory") {
         let memory = memory(reader, node);
-        sound &= memory.is_some();
+        valid &= memory.is_some();
         recorder.memory = memory.unwrap_or(0);
     }
     if let Some(node) = fields.get("files") {
         let [least, most] = FILES;
         let files = reader.integer(node, "files", least, most);
-        sound &= files.is_some();
+        valid &= files.is_some();
         recorder.files = files.map_or(0, |files| usize::try_from(files).unwrap_or(0));
     }
     if let Some(node) = fields.get("folder") {
         let folder = reader.text(node, "folder");
-        sound &= folder.is_some();
+        valid &= folder.is_some();
         recorder.folder = folder.map(|folder| base.join(folder));
     }
-    sound.then_some(recorder)
+    valid.then_some(recorder)
 }
 
 /// Reads `64 MB`, or `0 MB`.

@@ -19,10 +19,10 @@ pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Opt
     };
     let fields = reader.fields(value, key.span, "the workspace", &KEYS)?;
     let mut space = Workspace::ANYWHERE;
-    let mut sound = true;
+    let mut valid = true;
     if let Some(node) = fields.get("point") {
         let point = point(reader, node);
-        sound = point.is_some();
+        valid = point.is_some();
         space.point = point.unwrap_or_default();
     }
     if let Some(node) = fields.get("singularity") {
@@ -32,7 +32,7 @@ pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Opt
         };
         space.singularity_min = reader.quantity(node, "singularity", wanted)?;
         if fields.get("box").is_none() {
-            return sound.then_some(Some(space));
+            return valid.then_some(Some(space));
         }
     }
     let node = reader.require(&fields, "box")?;
@@ -44,7 +44,7 @@ pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Opt
         let Some(node) = axes.get(axis) else { continue };
         bounded = true;
         let read = reader.bounds(node, axis, Unit::METRE);
-        sound &= read.is_some();
+        valid &= read.is_some();
         [*lower, *upper] = read.unwrap_or_default();
     }
     if !bounded {
@@ -52,7 +52,7 @@ pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Opt
         reader.report(fault.help("give the bounds of at least one axis: `box: {z: [50 mm, 1 m]}`"));
         return None;
     }
-    sound.then_some(Some(space))
+    valid.then_some(Some(space))
 }
 
 fn point(reader: &mut ConfigReader, node: &crate::yaml::Node) -> Option<[f64; 3]> {

@@ -52,13 +52,13 @@ impl Announcement {
     /// Returns the announcement of this process, without services.
     #[must_use]
     pub fn of(session: &Session) -> Announcement {
-        let life = session.instance();
+        let instance = session.instance();
         Announcement {
             role: session.role(),
             label: session.label().to_owned(),
-            incarnation: life.incarnation(),
-            pid: life.pid,
-            start_time_ticks: life.start_time_ticks,
+            incarnation: instance.incarnation(),
+            pid: instance.pid,
+            start_time_ticks: instance.start_time_ticks,
             services: BTreeMap::new(),
             note: String::new(),
             configuration: None,

@@ -307,8 +307,8 @@ pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanE
 /// # Errors
 /// Returns an error if the cell is alive, or if files cannot be removed.
 pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
-    let alone = ownership::lock_exclusively(cell, None)?;
-    let report = wipe_locked(cell, &alone)?;
+    let access = ownership::lock_exclusively(cell, None)?;
+    let report = wipe_locked(cell, &access)?;
     cell.make_folders()?;
     Ok(report)
 }
@@ -319,14 +319,14 @@ pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
 /// # Errors
 /// As [`wipe`].
 pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
-    let alone = ownership::lock_exclusively(cell, None)?;
-    let report = wipe_locked(cell, &alone)?;
-    remove_rest(cell, &alone)?;
+    let access = ownership::lock_exclusively(cell, None)?;
+    let report = wipe_locked(cell, &access)?;
+    remove_rest(cell, &access)?;
     Ok(report)
 }
 
 /// Removes the files that [`wipe_locked`] leaves, and the folder.
-pub(crate) fn remove_rest(cell: &Cell, _alone: &ExclusiveAccess) -> Result<(), WipeError> {
+pub(crate) fn remove_rest(cell: &Cell, _access: &ExclusiveAccess) -> Result<(), WipeError> {
     let ours = [
         cell.config_copy(),
         cell.janitor_lock_file(),
@@ -354,9 +354,9 @@ pub(crate) fn remove_rest(cell: &Cell, _alone: &ExclusiveAccess) -> Result<(), W
 }
 
 /// Removes the files of one run of the cell.
-pub(crate) fn wipe_locked(cell: &Cell, alone: &ExclusiveAccess) -> Result<WipeReport, WipeError> {
+pub(crate) fn wipe_locked(cell: &Cell, access: &ExclusiveAccess) -> Result<WipeReport, WipeError> {
     let mut report = WipeReport {
-        announcements: alone.announced.len(),
+        announcements: access.announced.len(),
         shared_memory: 0,
     };
     let shared = cell.shared_memory().map_err(|source| WipeError::File {

@@ -106,15 +106,15 @@ impl EventSource {
     #[must_use]
     pub fn this(role: EventOrigin, label: &str) -> EventSource {
         // `/proc` may be unreadable for a program outside a session: its events still carry the process id.
-        let life = ProcessInstance::current().unwrap_or(ProcessInstance {
+        let instance = ProcessInstance::current().unwrap_or(ProcessInstance {
             pid: std::process::id(),
             start_time_ticks: 0,
         });
         EventSource {
             role,
             label: label.to_owned(),
-            pid: life.pid,
-            incarnation: hex_digits(life.incarnation()),
+            pid: instance.pid,
+            incarnation: hex_digits(instance.incarnation()),
         }
     }
 }

@@ -29,13 +29,13 @@ impl Announcement {
     /// # Errors
     /// Returns an error if the system does not tell the start time of this process.
     pub fn supervisor() -> io::Result<Announcement> {
-        let life = crate::ProcessInstance::current()?;
+        let instance = crate::ProcessInstance::current()?;
         Ok(Announcement {
             role: SUPERVISOR.0,
             label: SUPERVISOR.1.to_owned(),
-            incarnation: life.incarnation(),
-            pid: life.pid,
-            start_time_ticks: life.start_time_ticks,
+            incarnation: instance.incarnation(),
+            pid: instance.pid,
+            start_time_ticks: instance.start_time_ticks,
             services: Default::default(),
             note: "supervisor".to_owned(),
             configuration: None,
@@ -57,8 +57,8 @@ impl Announcement {
 /// # Errors
 /// Returns an error if the cell is alive (then another process owns it), or if files cannot be removed or written.
 pub fn acquire(cell: &Cell, announcement: &Announcement) -> Result<Announced, WipeError> {
-    let alone = lock_exclusively(cell, None)?;
-    wipe_locked(cell, &alone)?;
+    let access = lock_exclusively(cell, None)?;
+    wipe_locked(cell, &access)?;
     cell.make_folders()?;
     Ok(cell.announce(announcement)?)
 }
@@ -70,9 +70,9 @@ pub fn acquire(cell: &Cell, announcement: &Announcement) -> Result<Announced, Wi
 /// Returns an error if another process is still in the cell, or if a file cannot be removed; whoever acquires the cell
 /// next removes the rest.
 pub fn release(cell: &Cell, announced: &Announced) -> Result<WipeReport, WipeError> {
-    let alone = lock_exclusively(cell, Some(announced.announcement()))?;
-    let report = wipe_locked(cell, &alone)?;
-    remove_rest(cell, &alone)?;
+    let access = lock_exclusively(cell, Some(announced.announcement()))?;
+    let report = wipe_locked(cell, &access)?;
+    remove_rest(cell, &access)?;
     Ok(report)
 }
 

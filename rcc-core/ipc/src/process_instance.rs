@@ -43,12 +43,12 @@ impl ProcessInstance {
             return Ok(known);
         }
         let stat = stat_of(pid)?.ok_or(Errno::ESRCH)?;
-        let life = ProcessInstance {
+        let instance = ProcessInstance {
             pid,
             start_time_ticks: stat.start_time_ticks,
         };
-        OWN.store(life.incarnation(), Ordering::Relaxed);
-        Ok(life)
+        OWN.store(instance.incarnation(), Ordering::Relaxed);
+        Ok(instance)
     }
 
     /// Returns the incarnation number: start time and process id in one, displayed as 16 hexadecimal digits.
@@ -191,18 +191,21 @@ mod tests {
 
     #[test]
     fn an_incarnation_number_converts_back() -> io::Result<()> {
-        let life = ProcessInstance::current()?;
-        assert!(life.liveness().is_alive() && life.start_time_ticks > 0);
-        assert_eq!(ProcessInstance::from_incarnation(life.incarnation()), life);
+        let instance = ProcessInstance::current()?;
+        assert!(instance.liveness().is_alive() && instance.start_time_ticks > 0);
+        assert_eq!(
+            ProcessInstance::from_incarnation(instance.incarnation()),
+            instance
+        );
         Ok(())
     }
 
     #[test]
     fn the_same_process_id_with_another_start_time_is_dead() -> io::Result<()> {
-        let life = ProcessInstance::current()?;
+        let instance = ProcessInstance::current()?;
         let other = ProcessInstance {
-            start_time_ticks: life.start_time_ticks + 1,
-            ..life
+            start_time_ticks: instance.start_time_ticks + 1,
+            ..instance
         };
         assert!(other.liveness().is_dead());
         Ok(())
@@ -211,11 +214,11 @@ mod tests {
     #[test]
     fn an_id_that_no_process_can_have_is_dead() {
         for pid in [0, 1 << 31, u32::MAX] {
-            let life = ProcessInstance {
+            let instance = ProcessInstance {
                 pid,
                 start_time_ticks: 0,
             };
-            assert!(life.liveness().is_dead(), "{pid}");
+            assert!(instance.liveness().is_dead(), "{pid}");
         }
     }
 
@@ -223,17 +226,20 @@ mod tests {
     fn a_zombie_is_dead() -> io::Result<()> {
         let mut child = std::process::Command::new("sleep").arg("600").spawn()?;
         let pid = child.id();
-        let life = ProcessInstance {
+        let instance = ProcessInstance {
             pid,
             start_time_ticks: stat_of(pid)?.map_or(0, |stat| stat.start_time_ticks),
         };
-        assert!(life.liveness().is_alive());
+        assert!(instance.liveness().is_alive());
         child.kill()?;
         let limit = std::time::Instant::now() + std::time::Duration::from_secs(20);
-        while life.liveness().is_alive() && std::time::Instant::now() < limit {
+        while instance.liveness().is_alive() && std::time::Instant::now() < limit {
             std::thread::yield_now();
         }
-        assert!(life.liveness().is_dead(), "not yet waited for, so a zombie");
+        assert!(
+            instance.liveness().is_dead(),
+            "not yet waited for, so a zombie"
+        );
         child.wait().map(|_| ())
     }
 
@@ -260,17 +266,17 @@ mod tests {
         }
         let pid = child.id();
         let start_time_ticks = stat_of(pid)?.map_or(0, |stat| stat.start_time_ticks);
-        let life = ProcessInstance {
+        let instance = ProcessInstance {
             pid,
             start_time_ticks,
         };
         let (_, hard) = getrlimit(Resource::RLIMIT_NOFILE)?;
         setrlimit(Resource::RLIMIT_NOFILE, 0, hard)?;
-        let living = life.liveness();
+        let living = instance.liveness();
         let started = started_ns(pid);
         child.kill()?;
         child.wait()?;
-        let dead = life.liveness();
+        let dead = instance.liveness();
         setrlimit(Resource::RLIMIT_NOFILE, hard, hard)?;
         assert!(matches!(living, Liveness::Unknown(_)), "{living:?}");
         assert!(started.is_err(), "{started:?}");

@@ -79,7 +79,7 @@ impl DeadProcesses {
         Ok(DeadProcesses(ids))
     }
 
-    fn made(&self, name: &str) -> bool {
+    fn created(&self, name: &str) -> bool {
         ids_in(name).any(|id| self.0.contains(&id))
     }
 }
@@ -115,17 +115,20 @@ pub(crate) fn is_orphaned(path: &Path) -> bool {
 fn reap_spill_files(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     let mut dead = files_in(&cell.iox_root())?;
     dead.retain(|path| {
-        spill_file::owner_of(&name_of(path)).is_some_and(|life| life.liveness().is_dead())
+        spill_file::owner_of(&name_of(path)).is_some_and(|instance| instance.liveness().is_dead())
     });
     remove_all(dead)
 }
 
 /// Removes shared memory that a dead process took part in and that no process has mapped. Memory still mapped by a live
 /// process is left for that process to clean.
-fn reap_shared_memory(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_shared_memory(
+    cell: &Cell,
+    processes: &DeadProcesses,
+) -> Result<usize, (PathBuf, io::Error)> {
     let here = |error| (PathBuf::from(crate::shm_space::SHM), error);
     let mut dead = cell.shared_memory().map_err(here)?;
-    dead.retain(|path| gone.made(&name_of(path)));
+    dead.retain(|path| processes.created(&name_of(path)));
     if dead.is_empty() {
         return Ok(0);
     }
@@ -135,7 +138,7 @@ fn reap_shared_memory(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathB
 }
 
 /// Removes descriptions of services whose creator is dead and whose shared memory is gone, and unfinished descriptions.
-fn reap_services(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_services(cell: &Cell, processes: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     let shared = cell
         .shared_memory()
         .map_err(|error| (PathBuf::from(crate::shm_space::SHM), error))?;
@@ -148,7 +151,7 @@ fn reap_services(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, i
         {
             Some(value) => {
                 let digits = value.to_string();
-                gone.0.contains(&UniqueId::from_value(value))
+                processes.0.contains(&UniqueId::from_value(value))
                     && !names.iter().any(|name| name.contains(digits.as_str()))
             }
             None => is_unfinished(path),
@@ -158,11 +161,11 @@ fn reap_services(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, i
 }
 
 /// Removes folders and lock files of nodes whose process is dead.
-fn reap_nodes(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_nodes(cell: &Cell, processes: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     let nodes = cell.iox_root().join("nodes");
     let mut removed = 0;
     for path in files_in(&nodes)? {
-        if !gone.made(&name_of(&path)) {
+        if !processes.created(&name_of(&path)) {
             continue;
         }
         if path.is_dir() {

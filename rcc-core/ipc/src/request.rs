@@ -342,7 +342,8 @@ impl Client {
     /// Returns true if the process that created the server is known to be dead.
     #[must_use]
     pub fn server_is_dead(&self) -> bool {
-        self.server.is_some_and(|life| life.liveness().is_dead())
+        self.server
+            .is_some_and(|instance| instance.liveness().is_dead())
     }
 
     fn send(&self, request: &[u8]) -> Result<(Pending, Option<SpillFile>), CallError> {

@@ -72,11 +72,11 @@ impl SpillFile {
         request: &[u8],
     ) -> Result<(Vec<u8>, SpillFile), SpillError> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let life = ProcessInstance::current().map_err(|source| SpillError::File {
+        let instance = ProcessInstance::current().map_err(|source| SpillError::File {
             path: folder.to_owned(),
             source,
         })?;
-        let incarnation = life.incarnation();
+        let incarnation = instance.incarnation();
         // Relaxed: the numbers only need to differ.
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let path = folder.join(name(incarnation, number));

@@ -193,7 +193,7 @@ impl<T: Pod> Subscriber<T> {
     /// Returns true if the process that created the stream is known to be dead; records that it sent can still be read.
     #[must_use]
     pub fn publisher_is_dead(&self) -> bool {
-        owner_of(&self.service).is_some_and(|life| life.liveness().is_dead())
+        owner_of(&self.service).is_some_and(|instance| instance.liveness().is_dead())
     }
 }
 

@@ -63,7 +63,7 @@ fn a_reader_gets_zero_and_then_the_newest_value() {
     assert!(
         reader
             .writer()
-            .is_some_and(|life| life == session.instance())
+            .is_some_and(|instance| instance == session.instance())
     );
 }
 

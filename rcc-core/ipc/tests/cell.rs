@@ -40,13 +40,13 @@ fn peer() {
 }
 
 fn of_this_process(label: &str) -> Announcement {
-    let life = ProcessInstance::current().unwrap();
+    let instance = ProcessInstance::current().unwrap();
     Announcement {
         role: Role::Driver,
         label: label.to_owned(),
-        incarnation: life.incarnation(),
-        pid: life.pid,
-        start_time_ticks: life.start_time_ticks,
+        incarnation: instance.incarnation(),
+        pid: instance.pid,
+        start_time_ticks: instance.start_time_ticks,
         services: [("meas".to_owned(), "driver-lwr/0/meas".to_owned())].into(),
         note: "online".to_owned(),
         configuration: Some(Configuration::new((

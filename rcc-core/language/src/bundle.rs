@@ -20,20 +20,22 @@ pub fn bundle<'a>(
     file: &str,
     libraries: &dyn LibrarySource,
 ) -> Result<Cow<'a, str>, Faults> {
-    let (root, mut faults) = yaml::read(text);
+    let (root, mut diagnostics) = yaml::read(text);
     let Some(root) = root.filter(|root| root.get("use").is_some()) else {
         return Ok(Cow::Borrowed(text));
     };
     let mut sources = SourceMap::new(file, text);
-    let net = syntax::read(&root, &mut faults).map(|mut net| {
+    let net = syntax::read(&root, &mut diagnostics).map(|mut net| {
         let used = std::mem::take(&mut net.uses);
-        let fragments = library::read_all(&used, file, libraries, &mut sources, &mut faults);
+        let fragments = library::read_all(&used, file, libraries, &mut sources, &mut diagnostics);
         net.fragments.extend(fragments);
         net
     });
-    let faulty = faults.iter().any(|fault| fault.severity == Severity::Error);
+    let faulty = diagnostics
+        .iter()
+        .any(|diagnostic| diagnostic.severity == Severity::Error);
     match net {
         Some(net) if !faulty => Ok(Cow::Owned(write::yaml(&net))),
-        _ => Err(sources.finish(faults)),
+        _ => Err(sources.finish(diagnostics)),
     }
 }

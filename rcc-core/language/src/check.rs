@@ -73,8 +73,8 @@ const CHECKS: &[Check] = &[
 ];
 
 /// Checks a net against every rule.
-pub fn check(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn check(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for check in CHECKS {
-        check(net, faults);
+        check(net, diagnostics);
     }
 }

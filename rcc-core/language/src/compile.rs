@@ -7,10 +7,10 @@ use rcc_config::yaml;
 use rcc_ipc::control::PlanData;
 
 use crate::check::{Typed, check};
+use crate::codes;
 use crate::devices::DeviceTable;
 use crate::directionet;
 use crate::expand::{ExpandedNet, expand};
-use crate::fault;
 use crate::infer::infer;
 use crate::library::{self, LibrarySource, NoLibraries};
 use crate::lower::{Lowered, lower};
@@ -86,39 +86,42 @@ fn compile_then<T>(
     libraries: &dyn LibrarySource,
     inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
 ) -> Result<(Compiled, T), Faults> {
-    let mut faults = Vec::new();
-    let (flat, sources) = flatten(text, file, cell, libraries, &mut faults);
+    let mut diagnostics = Vec::new();
+    let (flat, sources) = flatten(text, file, cell, libraries, &mut diagnostics);
     let Some(flat) = flat else {
-        return Err(sources.finish(faults));
+        return Err(sources.finish(diagnostics));
     };
-    let graph = resolve(&flat, cell, &mut faults);
+    let graph = resolve(&flat, cell, &mut diagnostics);
     let inferred = infer(&graph);
     let typed = Typed {
         graph: &graph,
         inferred: &inferred,
     };
-    check(typed, &mut faults);
-    if faults.iter().any(|fault| fault.severity == Severity::Error) {
-        return Err(sources.finish(faults));
+    check(typed, &mut diagnostics);
+    if diagnostics
+        .iter()
+        .any(|diagnostic| diagnostic.severity == Severity::Error)
+    {
+        return Err(sources.finish(diagnostics));
     }
     let lowered = match lower(typed) {
         Ok(lowered) => lowered,
-        Err(fault) => {
-            faults.push(*fault);
-            return Err(sources.finish(faults));
+        Err(diagnostic) => {
+            diagnostics.push(*diagnostic);
+            return Err(sources.finish(diagnostics));
         }
     };
     if let Err(error) = lowered.plan.plan().check(&cell.models(), cell.fingerprint) {
         // A net that passed every rule must lower to a valid plan. If not, this is a bug of the compiler, and it is
         // reported here instead of sending the plan.
         let message = format!("internal error: the plan of this net is invalid: {error:?}");
-        let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
-        faults.push(
-            fault
+        let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, Span::default(), message);
+        diagnostics.push(
+            diagnostic
                 .anywhere()
                 .help("this is a bug of the compiler: report it with the net"),
         );
-        return Err(sources.finish(faults));
+        return Err(sources.finish(diagnostics));
     }
     let seen = inspect(typed, &lowered);
     let compiled = Compiled {
@@ -126,7 +129,7 @@ fn compile_then<T>(
         net: flat.net.name.name.clone(),
         description: flat.net.description.clone(),
         plan: lowered.plan,
-        warnings: sources.finish(faults),
+        warnings: sources.finish(diagnostics),
     };
     Ok((compiled, seen))
 }
@@ -136,14 +139,14 @@ pub fn read(
     text: &str,
     file: &str,
     cell: &DeviceTable,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<syntax::Net> {
     if directionet::looks_like(text) {
-        return directionet::read(text, file, cell, faults);
+        return directionet::read(text, file, cell, diagnostics);
     }
     let (root, found) = yaml::read(text);
-    faults.extend(found);
-    syntax::read(&root?, faults)
+    diagnostics.extend(found);
+    syntax::read(&root?, diagnostics)
 }
 
 /// Reads a text and its libraries and expands the instances of fragments. Returns no net if the text is not one, or if
@@ -153,13 +156,13 @@ pub fn flatten(
     file: &str,
     cell: &DeviceTable,
     libraries: &dyn LibrarySource,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> (Option<ExpandedNet>, SourceMap) {
     let mut sources = SourceMap::new(file, text);
-    let net = read(text, file, cell, faults);
+    let net = read(text, file, cell, diagnostics);
     let flat = net.and_then(|net| {
-        let library = library::read_all(&net.uses, file, libraries, &mut sources, faults);
-        expand(net, &library, &mut sources, faults)
+        let library = library::read_all(&net.uses, file, libraries, &mut sources, diagnostics);
+        expand(net, &library, &mut sources, diagnostics)
     });
     (flat, sources)
 }

@@ -11,8 +11,8 @@ pub mod write;
 
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 
+use crate::codes;
 use crate::devices::DeviceTable;
-use crate::fault;
 use crate::syntax::{NAME_MAX, Net, bad_net_name};
 
 pub use text::looks_like;
@@ -34,13 +34,13 @@ impl Options {
     fn device<'a>(&'a self, name: &'a str) -> &'a str {
         let mut devices = self.devices.iter();
         devices
-            .find(|(theirs, _)| theirs == name)
-            .map_or(name, |(_, ours)| ours)
+            .find(|(foreign, _)| foreign == name)
+            .map_or(name, |(_, rcc_name)| rcc_name)
     }
 
-    fn channel(&self, device: &str, theirs: &str) -> Option<&str> {
+    fn channel(&self, device: &str, foreign: &str) -> Option<&str> {
         let mut channels = self.channels.iter();
-        let found = channels.find(|(of, number, _)| of == device && number == theirs);
+        let found = channels.find(|(of, number, _)| of == device && number == foreign);
         found.map(|(.., name)| name.as_str())
     }
 }
@@ -52,23 +52,23 @@ pub fn read(
     text: &str,
     file: &str,
     cell: &DeviceTable,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Net> {
     let (header, root) = match text::parse(text) {
         Ok(parsed) => parsed,
-        Err(fault) => {
-            faults.push(*fault);
+        Err(diagnostic) => {
+            diagnostics.push(*diagnostic);
             return None;
         }
     };
-    let before = faults.len();
-    let options = options(&header, file, faults);
-    let flat = flatten::flatten(&root, faults);
-    let net = build::build(&flat, &options, cell, faults);
-    let new = faults.get(before..).unwrap_or_default();
+    let before = diagnostics.len();
+    let options = options(&header, file, diagnostics);
+    let flat = flatten::flatten(&root, diagnostics);
+    let net = build::build(&flat, &options, cell, diagnostics);
+    let new = diagnostics.get(before..).unwrap_or_default();
     let failed = new
         .iter()
-        .any(|fault| fault.severity == rcc_config::diagnostic::Severity::Error);
+        .any(|diagnostic| diagnostic.severity == rcc_config::diagnostic::Severity::Error);
     (!failed).then_some(net)
 }
 
@@ -79,8 +79,8 @@ fn name_of(file: &str) -> String {
 }
 
 /// Converts a name of the predecessor to a valid name of a net.
-fn net_name(theirs: &str) -> String {
-    let mut name: String = theirs
+fn net_name(foreign: &str) -> String {
+    let mut name: String = foreign
         .chars()
         .map(|c| match c.to_ascii_lowercase() {
             c @ ('a'..='z' | '0'..='9') => c,
@@ -100,7 +100,7 @@ fn net_name(theirs: &str) -> String {
     name
 }
 
-fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>) -> Options {
+fn options(header: &text::HeaderLines, file: &str, diagnostics: &mut Vec<Diagnostic>) -> Options {
     let mut options = Options {
         name: name_of(file),
         ..Options::default()
@@ -115,7 +115,7 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
         };
         match key.name.as_str() {
             "net" => {
-                faults.extend(bad_net_name(value));
+                diagnostics.extend(bad_net_name(value));
                 options.name.clone_from(&value.name);
             }
             "end" => options
@@ -124,21 +124,25 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
             "devices" | "channels" => {
                 for part in parts() {
                     let pair = part.split_once('=');
-                    let pair = pair.map(|(theirs, ours)| (theirs.trim(), ours.trim().to_string()));
-                    let channel = pair.as_ref().and_then(|(theirs, _)| theirs.split_once('.'));
+                    let pair = pair
+                        .map(|(foreign, rcc_name)| (foreign.trim(), rcc_name.trim().to_string()));
+                    let channel = pair
+                        .as_ref()
+                        .and_then(|(foreign, _)| foreign.split_once('.'));
                     match (pair.clone(), channel) {
-                        (Some((theirs, ours)), _) if key.name == "devices" => {
-                            options.devices.push((theirs.to_string(), ours));
+                        (Some((foreign, rcc_name)), _) if key.name == "devices" => {
+                            options.devices.push((foreign.to_string(), rcc_name));
                         }
-                        (Some((_, ours)), Some((device, number))) => {
-                            let row = (device.to_string(), number.to_string(), ours);
+                        (Some((_, rcc_name)), Some((device, number))) => {
+                            let row = (device.to_string(), number.to_string(), rcc_name);
                             options.channels.push(row);
                         }
                         _ => {
                             let message = format!("invalid mapping `{part}`");
-                            let fault = Diagnostic::error(fault::WRONG_SHAPE, value.span, message);
-                            faults.push(fault.help(
-                                "write `# devices: theirs=ours` and `# channels: device.InBool.8=name`",
+                            let diagnostic =
+                                Diagnostic::error(codes::WRONG_SHAPE, value.span, message);
+                            diagnostics.push(diagnostic.help(
+                                "write `# devices: NAME=DEVICE` and `# channels: device.InBool.8=name`",
                             ));
                         }
                     }
@@ -149,8 +153,8 @@ fn options(header: &text::HeaderLines, file: &str, faults: &mut Vec<Diagnostic>)
                 let near = closest(other, HEADER_KEYS.iter().copied());
                 if let Some(near) = near.filter(|_| !other.contains(' ')) {
                     let message = format!("unknown header key `# {other}:`");
-                    let fault = Diagnostic::error(fault::UNKNOWN_KEY, key.span, message);
-                    faults.push(fault.help(format!("did you mean `# {near}:`?")));
+                    let diagnostic = Diagnostic::error(codes::UNKNOWN_KEY, key.span, message);
+                    diagnostics.push(diagnostic.help(format!("did you mean `# {near}:`?")));
                 }
             }
         }

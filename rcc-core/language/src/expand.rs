@@ -12,7 +12,7 @@ use rcc_config::yaml::Key;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use crate::fault;
+use crate::codes;
 use crate::source_map::{SourceMap, SpanShift};
 use crate::syntax::fragment::{Fragment, FragmentInput};
 use crate::syntax::literal::{Literal, LiteralShape};
@@ -110,7 +110,7 @@ struct Scope<'a> {
 struct Expander<'a, 's> {
     bodies: &'a Bodies<'a>,
     sources: &'s mut SourceMap,
-    faults: &'s mut Vec<Diagnostic>,
+    diagnostics: &'s mut Vec<Diagnostic>,
     flat: ExpandedNet,
     expanded: usize,
     /// Ids of the generated `Constant` primitives that stand for constants read through delayed links.
@@ -123,9 +123,9 @@ pub fn expand(
     mut net: Net,
     library: &[Fragment],
     sources: &mut SourceMap,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<ExpandedNet> {
-    parameters::refuse_in_timing(&mut net.timing, faults);
+    parameters::refuse_in_timing(&mut net.timing, diagnostics);
     let is_plain = |primitive: &Primitive| {
         primitive.kind == PrimitiveKind::Type
             && primitive.active.is_none()
@@ -134,8 +134,8 @@ pub fn expand(
     if net.fragments.is_empty() && library.is_empty() && net.primitives.iter().all(is_plain) {
         return Some(ExpandedNet::plain(net));
     }
-    let bodies = Bodies::of(&net, library, faults);
-    bodies.check(faults);
+    let bodies = Bodies::of(&net, library, diagnostics);
+    bodies.check(diagnostics);
     let empty = Net {
         name: net.name.clone(),
         description: net.description.clone(),
@@ -149,7 +149,7 @@ pub fn expand(
     let mut expander = Expander {
         bodies: &bodies,
         sources,
-        faults,
+        diagnostics,
         flat: ExpandedNet::plain(empty),
         expanded: 0,
         constants: HashSet::new(),
@@ -214,10 +214,10 @@ impl<'a> Expander<'a, '_> {
         if had_room {
             let span = scope.shift.span(primitive.id.span);
             let message = "the net is too large after its fragments are expanded";
-            let fault = Diagnostic::error(fault::NET_TOO_LARGE, span, message);
-            let fault = fault.label("the first one too many");
-            self.faults
-                .push(fault.help("use fewer or smaller instances"));
+            let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, span, message);
+            let diagnostic = diagnostic.label("the first one too many");
+            self.diagnostics
+                .push(diagnostic.help("use fewer or smaller instances"));
         }
         false
     }
@@ -254,7 +254,9 @@ impl<'a> Expander<'a, '_> {
         region: Option<usize>,
     ) {
         let parameters = primitive.parameters.iter().map(|(key, literal)| {
-            let literal = scope.parameters.fill(literal, scope.shift, self.faults);
+            let literal = scope
+                .parameters
+                .fill(literal, scope.shift, self.diagnostics);
             (scope.shift.key(key), literal)
         });
         let parameters = parameters.collect();
@@ -303,8 +305,9 @@ impl<'a> Expander<'a, '_> {
         self.flat.instances.push(id.clone());
         if scope.depth >= DEPTH_MAX {
             let message = format!("instances are nested more than {DEPTH_MAX} deep");
-            let fault = Diagnostic::error(fault::NET_TOO_LARGE, span, message);
-            self.faults.push(fault.help("nest them less deeply"));
+            let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, span, message);
+            self.diagnostics
+                .push(diagnostic.help("nest them less deeply"));
         }
         let inner = self.bodies.body_of(instance);
         let Some((inner, fragment)) = inner.filter(|_| scope.depth < DEPTH_MAX) else {
@@ -317,14 +320,16 @@ impl<'a> Expander<'a, '_> {
         let shift = self.sources.copy(fragment, &id, span);
         let given = instance.parameters.iter();
         let given = given.map(|(key, literal)| {
-            let literal = scope.parameters.fill(literal, scope.shift, self.faults);
+            let literal = scope
+                .parameters
+                .fill(literal, scope.shift, self.diagnostics);
             (key.name.as_str(), literal)
         });
         let given = given.collect();
         let inner_scope = Scope {
             path: format!("{id}/"),
             shift,
-            parameters: Parameters::bind(fragment, given, shift, self.faults),
+            parameters: Parameters::bind(fragment, given, shift, self.diagnostics),
             inputs: self.bind(instance, fragment, shift, body, scope),
             region,
             depth: scope.depth + 1,
@@ -396,7 +401,9 @@ impl<'a> Expander<'a, '_> {
         let link = match source {
             Source::Refused => return (Source::Refused, Vec::new()),
             Source::Literal(literal) => {
-                let literal = scope.parameters.fill(literal, scope.shift, self.faults);
+                let literal = scope
+                    .parameters
+                    .fill(literal, scope.shift, self.diagnostics);
                 let source = match literal.is_refused() {
                     true => Source::Refused,
                     false => Source::Literal(literal),
@@ -413,10 +420,11 @@ impl<'a> Expander<'a, '_> {
                 return (Source::List(list), Vec::new());
             }
             Source::Link(link) => Link {
-                initial: link
-                    .initial
-                    .as_ref()
-                    .map(|literal| scope.parameters.fill(literal, scope.shift, self.faults)),
+                initial: link.initial.as_ref().map(|literal| {
+                    scope
+                        .parameters
+                        .fill(literal, scope.shift, self.diagnostics)
+                }),
                 span: scope.shift.span(link.span),
                 ..link.clone()
             },
@@ -449,9 +457,10 @@ impl<'a> Expander<'a, '_> {
             Source::List(list) => match inside.from.part {
                 None if inside.delayed => {
                     let message = format!("`{}` is a list and cannot be delayed", inside.from);
-                    let fault = Diagnostic::error(fault::WRONG_SHAPE, inside.span, message);
-                    self.faults.push(
-                        fault.help("delay the links in the list that the instance is connected to"),
+                    let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, inside.span, message);
+                    self.diagnostics.push(
+                        diagnostic
+                            .help("delay the links in the list that the instance is connected to"),
                     );
                     Source::Refused
                 }
@@ -482,8 +491,8 @@ impl<'a> Expander<'a, '_> {
                 if link.delayed && inside.delayed {
                     let from = &inside.from;
                     let message = format!("`{from}` is delayed here and at the instance");
-                    let fault = Diagnostic::error(fault::DELAYED_TWICE, inside.span, message);
-                    self.faults.push(fault);
+                    let diagnostic = Diagnostic::error(codes::DELAYED_TWICE, inside.span, message);
+                    self.diagnostics.push(diagnostic);
                     return Source::Refused;
                 }
                 let mut link = link.clone();
@@ -498,9 +507,10 @@ impl<'a> Expander<'a, '_> {
     fn no_element(&mut self, inside: &Link, outside: &str) -> Source {
         let from = &inside.from;
         let message = format!("`{from}` does not exist: the instance is connected to {outside}");
-        let fault = Diagnostic::error(fault::BAD_ELEMENT, inside.span, message);
-        self.faults
-            .push(fault.help("connect the instance to a list or an array that has this element"));
+        let diagnostic = Diagnostic::error(codes::BAD_ELEMENT, inside.span, message);
+        self.diagnostics.push(
+            diagnostic.help("connect the instance to a list or an array that has this element"),
+        );
         Source::Refused
     }
 
@@ -554,8 +564,8 @@ impl<'a> Expander<'a, '_> {
                     "`{}.{}` already selects an element",
                     instance.id.name, output.name.name
                 );
-                let fault = Diagnostic::error(fault::BAD_ELEMENT, found.span, message);
-                self.faults.push(fault.help("remove the index"));
+                let diagnostic = Diagnostic::error(codes::BAD_ELEMENT, found.span, message);
+                self.diagnostics.push(diagnostic.help("remove the index"));
                 return None;
             }
             found.part = found.part.or(output.from.part);

@@ -7,7 +7,7 @@ use rcc_config::yaml::layout::{Tree, TreeBlock, render};
 use rcc_config::yaml::{self, Node};
 use thiserror::Error;
 
-use crate::fault;
+use crate::codes;
 use crate::syntax::{self, fragment};
 
 /// Reason why a text is not formatted.
@@ -39,24 +39,26 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
     {
         return Err(FormatError::Json);
     }
-    let faulty =
-        |faults| FormatError::Faulty(crate::source_map::SourceMap::new(file, text).finish(faults));
+    let faulty = |diagnostics| {
+        FormatError::Faulty(crate::source_map::SourceMap::new(file, text).finish(diagnostics))
+    };
     let root = yaml::parse(text).map_err(faulty)?;
-    let faults = faults_of(&root);
-    if !faults.is_empty() {
-        return Err(faulty(faults));
+    let diagnostics = faults_of(&root);
+    if !diagnostics.is_empty() {
+        return Err(faulty(diagnostics));
     }
     let lost = |place: Option<Span>| {
         let message = "formatting would lose this";
-        let fault = Diagnostic::error(fault::NOT_SUPPORTED, place.unwrap_or_default(), message);
-        let fault =
-            fault.help("write the comment on a line of its own, before the entry that it is about");
-        let fault = if place.is_none() {
-            fault.anywhere()
+        let diagnostic =
+            Diagnostic::error(codes::NOT_SUPPORTED, place.unwrap_or_default(), message);
+        let diagnostic = diagnostic
+            .help("write the comment on a line of its own, before the entry that it is about");
+        let diagnostic = if place.is_none() {
+            diagnostic.anywhere()
         } else {
-            fault
+            diagnostic
         };
-        FormatError::WouldLose(Faults::new(file, text, vec![fault]))
+        FormatError::WouldLose(Faults::new(file, text, vec![diagnostic]))
     };
     let written = laid_out(text, &root).map_err(|place| lost(Some(place)))?;
     let kept = is_the_same(text, &root, &written);
@@ -65,14 +67,14 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
 
 /// Returns the syntax errors of a net or library; names are not resolved.
 fn faults_of(root: &Node) -> Vec<Diagnostic> {
-    let mut faults = Vec::new();
+    let mut diagnostics = Vec::new();
     if root.get("library").is_some() {
-        fragment::read_library(root, &mut faults);
+        fragment::read_library(root, &mut diagnostics);
     } else {
-        syntax::read(root, &mut faults);
+        syntax::read(root, &mut diagnostics);
     }
-    faults.retain(|fault| fault.severity == Severity::Error);
-    faults
+    diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
+    diagnostics
 }
 
 /// Formats without verifying the result.

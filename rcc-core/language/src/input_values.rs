@@ -8,7 +8,7 @@ use rcc_core::unit::Unit;
 use rcc_ipc::control::{InputValue, SET_ELEMENTS_MAX, SET_MAX};
 
 use crate::check::literal_fits;
-use crate::fault;
+use crate::codes;
 use crate::names::{InputNames, Names};
 use crate::syntax::literal::{self, Literal, StoredValue};
 
@@ -17,14 +17,14 @@ use crate::syntax::literal::{self, Literal, StoredValue};
 /// # Errors
 /// Returns all errors of the text.
 pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<InputValue>, Faults> {
-    let (root, mut faults) = yaml::read(text);
+    let (root, mut diagnostics) = yaml::read(text);
     let mut values = Vec::new();
     if let Some(root) = &root {
         match &root.value {
             Value::Map(entries) if !entries.is_empty() => {
                 let read = entries
                     .iter()
-                    .filter_map(|entry| value(entry, names, &mut faults));
+                    .filter_map(|entry| value(entry, names, &mut diagnostics));
                 values.extend(read);
             }
             _ => {
@@ -32,9 +32,10 @@ pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<InputValue>, Fa
                     "expected a mapping from input names to values, found {}",
                     root.kind()
                 );
-                let fault = Diagnostic::error(fault::WRONG_SHAPE, root.span, message);
-                faults.push(
-                    fault.help("write `NAME: VALUE`, or {\"NAME\": VALUE}; null clears a value"),
+                let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, root.span, message);
+                diagnostics.push(
+                    diagnostic
+                        .help("write `NAME: VALUE`, or {\"NAME\": VALUE}; null clears a value"),
                 );
             }
         }
@@ -44,31 +45,35 @@ pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<InputValue>, Fa
                 "{} values with {elements} elements are too many: at most {SET_MAX} values with {SET_ELEMENTS_MAX} elements are allowed",
                 values.len()
             );
-            let fault = Diagnostic::error(fault::WRONG_SHAPE, root.span, message);
-            faults.push(fault.help("set them in several requests"));
+            let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, root.span, message);
+            diagnostics.push(diagnostic.help("set them in several requests"));
         }
     }
-    if faults.iter().any(|fault| fault.severity == Severity::Error) || root.is_none() {
-        for fault in &mut faults {
-            if fault.help.is_none() {
-                fault.help = fault::remedy(fault.code).map(str::to_owned);
+    if diagnostics
+        .iter()
+        .any(|diagnostic| diagnostic.severity == Severity::Error)
+        || root.is_none()
+    {
+        for diagnostic in &mut diagnostics {
+            if diagnostic.help.is_none() {
+                diagnostic.help = codes::remedy(diagnostic.code).map(str::to_owned);
             }
         }
-        return Err(Faults::new(file, text, faults));
+        return Err(Faults::new(file, text, diagnostics));
     }
     Ok(values)
 }
 
-fn value(entry: &Entry, names: &Names, faults: &mut Vec<Diagnostic>) -> Option<InputValue> {
+fn value(entry: &Entry, names: &Names, diagnostics: &mut Vec<Diagnostic>) -> Option<InputValue> {
     let name = &entry.key.name;
     let mut settable = names.settable();
     let Some((index, input)) = settable.find(|(_, input)| input.primitive == *name) else {
-        faults.push(unknown(entry, names));
+        diagnostics.push(unknown(entry, names));
         return None;
     };
-    let before = faults.len();
-    let literal = literal::read(&entry.value, faults);
-    if faults.len() > before {
+    let before = diagnostics.len();
+    let literal = literal::read(&entry.value, diagnostics);
+    if diagnostics.len() > before {
         return None;
     }
     let Some(ty) = type_of(&input.type_name) else {
@@ -76,14 +81,15 @@ fn value(entry: &Entry, names: &Names, faults: &mut Vec<Diagnostic>) -> Option<I
             "`{name}` has the type `{}`, which this program does not know",
             input.type_name
         );
-        let fault = Diagnostic::error(fault::TYPE_MISMATCH, entry.key.span, message);
-        faults.push(fault.help("install loader and executor from one build and restart them"));
+        let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, entry.key.span, message);
+        diagnostics
+            .push(diagnostic.help("install loader and executor from one build and restart them"));
         return None;
     };
     let unit = input.unit.as_deref().and_then(Unit::parse);
-    literal_fits(&literal, ty, unit.map(|(unit, _)| unit), name, faults);
-    within(input, &literal, faults);
-    if faults.len() > before {
+    literal_fits(&literal, ty, unit.map(|(unit, _)| unit), name, diagnostics);
+    within(input, &literal, diagnostics);
+    if diagnostics.len() > before {
         return None;
     }
     let words = words(&literal.stored(ty)?);
@@ -116,11 +122,11 @@ fn unknown(entry: &Entry, names: &Names) -> Diagnostic {
         }
         None => format!("inputs: {}", all.join(", ")),
     };
-    Diagnostic::error(fault::UNKNOWN_PRIMITIVE, entry.key.span, message).help(help)
+    Diagnostic::error(codes::UNKNOWN_PRIMITIVE, entry.key.span, message).help(help)
 }
 
 /// Checks that each element is within the bounds of the input.
-fn within(input: &InputNames, literal: &Literal, faults: &mut Vec<Diagnostic>) {
+fn within(input: &InputNames, literal: &Literal, diagnostics: &mut Vec<Diagnostic>) {
     let unit = input
         .unit
         .as_ref()
@@ -136,8 +142,8 @@ fn within(input: &InputNames, literal: &Literal, faults: &mut Vec<Diagnostic>) {
             let wanted = if least { "at least" } else { "at most" };
             let name = &input.primitive;
             let message = format!("`{name}` must be {wanted} {bound}{unit}, found {value}{unit}");
-            faults.push(Diagnostic::error(
-                fault::OUT_OF_RANGE,
+            diagnostics.push(Diagnostic::error(
+                codes::OUT_OF_RANGE,
                 literal.span,
                 message,
             ));
@@ -217,9 +223,12 @@ mod tests {
         }
     }
 
-    fn faults(text: &str) -> String {
+    fn diagnostics(text: &str) -> String {
         let refused = read(text, "values", &names());
-        refused.map_or_else(|faults| faults.render(false), |values| panic!("{values:?}"))
+        refused.map_or_else(
+            |diagnostics| diagnostics.render(false),
+            |values| panic!("{values:?}"),
+        )
     }
 
     #[test]
@@ -261,7 +270,7 @@ mod tests {
             "values",
             &names(),
         );
-        let values = values.unwrap_or_else(|faults| panic!("{faults}"));
+        let values = values.unwrap_or_else(|diagnostics| panic!("{diagnostics}"));
         assert!(f64::from_bits(values[0].words[0]).is_nan());
         assert_eq!((values[1].words[0], values[2].words[0]), (2, 1 << 63));
         assert_eq!(values[3].words.len(), 7);
@@ -270,7 +279,7 @@ mod tests {
     #[test]
     fn all_errors_are_reported_with_the_names_of_the_inputs() {
         let text = "{sped: 0.2, speed: 0.3 m/s, on: 1, count: 2 N, joints: [1, 2, 3], goal: {xyz: [1, 2]}}";
-        let rendered = faults(text);
+        let rendered = diagnostics(text);
         for words in [
             "no Input `sped`",
             "did you mean `speed`?",
@@ -282,7 +291,7 @@ mod tests {
         ] {
             assert!(rendered.contains(words), "{words} is not in\n{rendered}");
         }
-        assert!(faults("{speed: 0.2 N}").contains("`speed` expects m/s, found N"));
+        assert!(diagnostics("{speed: 0.2 N}").contains("`speed` expects m/s, found N"));
     }
 
     #[test]

@@ -3,13 +3,14 @@
 //!
 //! The passes, in order: [`syntax`], `library` and `expand`, `resolve`, `infer`, `check`, `lower`. `compile` runs them.
 //!
-//! Without the feature `plan` there are only [`syntax`], [`write`](mod@write) and [`fault`], for programs that generate
+//! Without the feature `plan` there are only [`syntax`], [`write`](mod@write) and [`codes`], for programs that generate
 //! or modify nets.
 
 #[cfg(feature = "plan")]
 pub mod bundle;
 #[cfg(feature = "plan")]
 pub mod check;
+pub mod codes;
 #[cfg(feature = "plan")]
 pub mod compile;
 #[cfg(feature = "plan")]
@@ -18,7 +19,6 @@ pub mod devices;
 pub mod directionet;
 #[cfg(feature = "plan")]
 pub mod expand;
-pub mod fault;
 #[cfg(feature = "plan")]
 pub mod format;
 #[cfg(feature = "plan")]

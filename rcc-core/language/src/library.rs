@@ -9,7 +9,7 @@ use std::path::Path;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{self, Key};
 
-use crate::fault;
+use crate::codes;
 use crate::source_map::SourceMap;
 use crate::syntax::fragment::{Fragment, read_library};
 
@@ -77,7 +77,7 @@ pub fn read_all(
     file: &str,
     libraries: &dyn LibrarySource,
     sources: &mut SourceMap,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Vec<Fragment> {
     let mut fragments = Vec::new();
     let mut known = HashSet::from([resolve_path("", file)]);
@@ -93,21 +93,21 @@ pub fn read_all(
         }
         let text = match read_one(&key, &path, libraries, known.len(), &mut bytes) {
             Ok(text) => text,
-            Err(fault) => {
-                faults.push(*fault);
+            Err(diagnostic) => {
+                diagnostics.push(*diagnostic);
                 continue;
             }
         };
         let (root, mut found) = yaml::read(&text);
         let shift = sources.add(&path, text);
-        for fault in &mut found {
-            fault.place = fault.place.map(|span| shift.span(span));
-            fault.file = sources.file_of(shift.span(Span::default()));
+        for diagnostic in &mut found {
+            diagnostic.place = diagnostic.place.map(|span| shift.span(span));
+            diagnostic.file = sources.file_of(shift.span(Span::default()));
         }
-        faults.append(&mut found);
+        diagnostics.append(&mut found);
         let library = root.and_then(|mut root| {
             shift.node(&mut root);
-            read_library(&root, faults)
+            read_library(&root, diagnostics)
         });
         if let Some(library) = library {
             fragments.extend(library.fragments);
@@ -125,8 +125,8 @@ fn read_one(
     bytes: &mut usize,
 ) -> Result<String, Box<Diagnostic>> {
     let refuse = |message: String, help: &str| {
-        let fault = Diagnostic::error(fault::NO_LIBRARY, key.span, message);
-        Box::new(fault.help(help))
+        let diagnostic = Diagnostic::error(codes::NO_LIBRARY, key.span, message);
+        Box::new(diagnostic.help(help))
     };
     let name = &key.name;
     if name.is_empty() || name.starts_with('/') {

@@ -22,7 +22,7 @@ use rcc_core::types::{Store, Type};
 use rcc_ipc::control::PlanData;
 
 use crate::check::{Typed, every, window};
-use crate::fault;
+use crate::codes;
 use crate::resolve::{InputSource, OutputId, ResolvedLink, ResolvedPrimitive};
 use crate::syntax::literal::{Literal, LiteralShape, StoredValue};
 use crate::syntax::part::ListPosition;
@@ -68,7 +68,7 @@ pub struct ItemSlots {
 /// Lowers a net that passed every rule.
 ///
 /// # Errors
-/// Returns [`fault::NET_TOO_LARGE`] if the plan exceeds a limit.
+/// Returns [`codes::NET_TOO_LARGE`] if the plan exceeds a limit.
 pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
     let schedule = schedule::schedule(net);
     let mut lowering = Lowering {
@@ -143,9 +143,9 @@ fn check_size(arena: &ArenaBuilder, operands: usize) -> Result<(), Box<Diagnosti
     let message = format!(
         "the net needs {slots} slots and {operands} operands; the limits are {SLOTS_MAX} and {OPERANDS_MAX}"
     );
-    let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
+    let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, Span::default(), message);
     Err(Box::new(
-        fault.anywhere().help("split it into several nets"),
+        diagnostic.anywhere().help("split it into several nets"),
     ))
 }
 

@@ -4,8 +4,8 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::plan::{EVERY_MAX, Rate};
 use rcc_core::unit::Unit;
 
+use crate::codes;
 use crate::devices::DeviceTable;
-use crate::fault;
 use crate::syntax::Timing;
 use crate::syntax::literal::Literal;
 
@@ -15,13 +15,13 @@ const PERIOD_MAX_S: f64 = 1.0;
 const TOLERANCE: f64 = 1e-9;
 
 /// Returns the rate of a net; if it has errors, the rate of the cell.
-pub fn rate_of(timing: &Timing, cell: &DeviceTable, faults: &mut Vec<Diagnostic>) -> Rate {
+pub fn rate_of(timing: &Timing, cell: &DeviceTable, diagnostics: &mut Vec<Diagnostic>) -> Rate {
     match read(timing, cell) {
         Ok(rate) => rate,
         // Already reported where the literal was read.
         Err(None) => Rate::EVERY_CYCLE,
-        Err(Some(fault)) => {
-            faults.push(*fault);
+        Err(Some(diagnostic)) => {
+            diagnostics.push(*diagnostic);
             Rate::EVERY_CYCLE
         }
     }
@@ -37,7 +37,7 @@ fn read(timing: &Timing, cell: &DeviceTable) -> Result<Rate, RateError> {
         (Some(_), Some(rate)) => {
             let message = "`period` and `rate` exclude each other";
             return Err(refuse(
-                fault::WRONG_SHAPE,
+                codes::WRONG_SHAPE,
                 rate.span,
                 message,
                 "keep one of the two",
@@ -81,7 +81,7 @@ fn every(
             shown(1.0),
             shown(most)
         );
-        return Err(refuse(fault::OUT_OF_RANGE, span, message, help));
+        return Err(refuse(codes::OUT_OF_RANGE, span, message, help));
     }
     match whole(cycles) {
         Some(every) => Ok(every.max(1)),
@@ -93,7 +93,7 @@ fn every(
                 time(base_s)
             );
             let help = format!("the nearest are {} and {}", shown(less), shown(more));
-            Err(refuse(fault::NOT_A_MULTIPLE, span, message, help))
+            Err(refuse(codes::NOT_A_MULTIPLE, span, message, help))
         }
     }
 }
@@ -111,7 +111,7 @@ fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, RateError> {
             1 => "remove it: this net is evaluated in every cycle".to_owned(),
             _ => format!("choose from 0 ms to {}", time(last * base_s)),
         };
-        return Err(refuse(fault::OUT_OF_RANGE, literal.span, message, help));
+        return Err(refuse(codes::OUT_OF_RANGE, literal.span, message, help));
     }
     whole(cycles).ok_or_else(|| {
         let message = format!(
@@ -120,7 +120,7 @@ fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, RateError> {
         );
         let [less, more] = [cycles.floor(), cycles.ceil()].map(|cycles| time(cycles * base_s));
         let help = format!("the nearest are {less} and {more}");
-        refuse(fault::NOT_A_MULTIPLE, literal.span, message, help)
+        refuse(codes::NOT_A_MULTIPLE, literal.span, message, help)
     })
 }
 
@@ -143,7 +143,7 @@ fn positive_number_in_unit(
     }
     let message = format!("`{key}` must be greater than 0");
     Err(refuse(
-        fault::OUT_OF_RANGE,
+        codes::OUT_OF_RANGE,
         literal.span,
         message,
         format!("write `{key}: {example}`"),
@@ -163,11 +163,11 @@ fn number_in_unit(
     let Some(value) = literal.number() else {
         let message =
             format!("type mismatch: `{key}` expects a number with a unit, found {literal}");
-        return Err(refuse(fault::TYPE_MISMATCH, literal.span, message, help));
+        return Err(refuse(codes::TYPE_MISMATCH, literal.span, message, help));
     };
     if let Some((have, _)) = literal.units().into_iter().find(|(have, _)| *have != unit) {
         let message = format!("unit mismatch: `{key}` expects {unit}, found {have}");
-        return Err(refuse(fault::UNIT_MISMATCH, literal.span, message, help));
+        return Err(refuse(codes::UNIT_MISMATCH, literal.span, message, help));
     }
     Ok(value)
 }

@@ -16,9 +16,9 @@ use rcc_core::primitive::{
 use rcc_core::primitives;
 use rcc_core::unit::Unit;
 
+use crate::codes;
 use crate::devices::DeviceTable;
 use crate::expand::{self, ExpandedNet};
-use crate::fault;
 use crate::rate;
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::{ListPosition, ValuePart};
@@ -295,15 +295,15 @@ impl<'a> NetGraph<'a> {
 pub fn resolve<'a>(
     flat: &'a ExpandedNet,
     cell: &'a DeviceTable,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> NetGraph<'a> {
     let net = &flat.net;
-    let rate = rate::rate_of(&net.timing, cell, faults);
+    let rate = rate::rate_of(&net.timing, cell, diagnostics);
     let mut resolver = Resolver {
         net,
         instances: &flat.instances,
         cell,
-        faults,
+        diagnostics,
         ids: HashMap::new(),
         rows: Vec::new(),
         counted_as_read: Vec::new(),
@@ -371,7 +371,7 @@ struct Resolver<'a, 'f> {
     net: &'a Net,
     instances: &'a [String],
     cell: &'a DeviceTable,
-    faults: &'f mut Vec<Diagnostic>,
+    diagnostics: &'f mut Vec<Diagnostic>,
     ids: HashMap<&'a str, IdTarget>,
     rows: Vec<Option<(usize, &'static CatalogueEntry)>>,
     counted_as_read: Vec<OutputId>,
@@ -380,7 +380,7 @@ struct Resolver<'a, 'f> {
 
 impl<'a> Resolver<'a, '_> {
     fn error(&mut self, code: &'static str, span: Span, message: String, help: Option<String>) {
-        self.faults
+        self.diagnostics
             .push(Diagnostic::error(code, span, message).help_if(help));
     }
 
@@ -392,7 +392,7 @@ impl<'a> Resolver<'a, '_> {
             if row.is_none() && !name.name.is_empty() {
                 let message = format!("unknown primitive type `{}`", name.name);
                 let help = self.suggestions.primitive_type(&name.name);
-                self.error(fault::UNKNOWN_TYPE, name.span, message, Some(help));
+                self.error(codes::UNKNOWN_TYPE, name.span, message, Some(help));
             }
             let target = row.map_or(IdTarget::Unknown, |(_, entry)| {
                 IdTarget::Item(count, &entry.spec)
@@ -450,7 +450,7 @@ impl<'a> Resolver<'a, '_> {
                     names,
                     is_input.then_some("an input"),
                 );
-                self.unknown(fault::UNKNOWN_PARAMETER, key, spec, "parameter", help);
+                self.unknown(codes::UNKNOWN_PARAMETER, key, spec, "parameter", help);
             }
         }
         let mut found = Vec::new();
@@ -478,7 +478,7 @@ impl<'a> Resolver<'a, '_> {
         let message = format!("`{id}` needs the parameter `{name}`");
         let help = format!("add `{name}` to its parameters: {}", parameter.doc);
         let span = primitive.type_name.span;
-        self.error(fault::MISSING_PARAMETER, span, message, Some(help));
+        self.error(codes::MISSING_PARAMETER, span, message, Some(help));
     }
 
     fn inputs(&mut self, primitive: &'a Primitive, spec: &'static Spec) -> Vec<InputSource<'a>> {
@@ -492,7 +492,7 @@ impl<'a> Resolver<'a, '_> {
                     names,
                     is_parameter.then_some("a parameter"),
                 );
-                self.unknown(fault::UNKNOWN_INPUT, key, spec, "input", help);
+                self.unknown(codes::UNKNOWN_INPUT, key, spec, "input", help);
             }
         }
         let mut input_sources = Vec::new();
@@ -540,7 +540,7 @@ impl<'a> Resolver<'a, '_> {
                 LiteralShape::Text(text) => {
                     let message =
                         format!("`{}` cannot be connected to the text `{text}`", port.name);
-                    self.error(fault::WRONG_SHAPE, literal.span, message, None);
+                    self.error(codes::WRONG_SHAPE, literal.span, message, None);
                     InputSource::Refused
                 }
                 _ => InputSource::Literal(literal),
@@ -598,7 +598,7 @@ impl<'a> Resolver<'a, '_> {
         for (element, index) in list.elements.iter().zip(0u32..) {
             let Some(position) = position.inside(index, count) else {
                 let message = "lists are nested at most twice: a matrix is a list of rows";
-                self.error(fault::WRONG_SHAPE, list.span, message.to_string(), None);
+                self.error(codes::WRONG_SHAPE, list.span, message.to_string(), None);
                 return false;
             };
             match element {
@@ -632,7 +632,7 @@ impl<'a> Resolver<'a, '_> {
                     (message, reference.port_span)
                 };
                 let help = self.suggestions.output(reference, spec);
-                self.error(fault::UNKNOWN_OUTPUT, span, message, Some(help));
+                self.error(codes::UNKNOWN_OUTPUT, span, message, Some(help));
                 self.count_as_read(item, spec);
                 None
             }
@@ -663,7 +663,7 @@ impl<'a> Resolver<'a, '_> {
         let place = if scope.is_empty() { "net" } else { "fragment" };
         let message = format!("the {place} has no primitive `{}`", reference.primitive);
         let span = reference.primitive_span;
-        self.error(fault::UNKNOWN_PRIMITIVE, span, message, Some(help));
+        self.error(codes::UNKNOWN_PRIMITIVE, span, message, Some(help));
     }
 
     fn count_as_read(&mut self, item: usize, spec: &Spec) {
@@ -696,7 +696,7 @@ impl<'a> Resolver<'a, '_> {
                 (_, None) => "remove it from `discard`".to_string(),
             };
             let help = Some(help);
-            self.error(fault::BAD_DISCARD, reference.span, message, help);
+            self.error(codes::BAD_DISCARD, reference.span, message, help);
         }
         discarded
     }

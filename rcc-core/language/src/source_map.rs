@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use rcc_config::diagnostic::{Diagnostic, Faults, SourceText, Span, UseSite};
 use rcc_config::yaml::{Key, Node, Value};
 
-use crate::fault;
+use crate::codes;
 use crate::syntax::fragment::Fragment;
 use crate::syntax::literal::{Literal, LiteralShape, Notation};
 use crate::syntax::reference::Reference;
@@ -128,34 +128,36 @@ impl SourceMap {
     /// Maps every diagnostic to its file and adds the general help text. An error in a fragment is reported once for
     /// all its instances.
     #[must_use]
-    pub fn finish(&self, faults: Vec<Diagnostic>) -> Faults {
+    pub fn finish(&self, diagnostics: Vec<Diagnostic>) -> Faults {
         let mut kept: Vec<(Diagnostic, Option<&FragmentCopy>, usize)> =
-            Vec::with_capacity(faults.len());
+            Vec::with_capacity(diagnostics.len());
         let mut known = HashMap::new();
-        for mut fault in faults {
-            let copy = fault.place.and_then(|span| self.copy_of(span));
-            if let Some(span) = fault.place {
+        for mut diagnostic in diagnostics {
+            let copy = diagnostic.place.and_then(|span| self.copy_of(span));
+            if let Some(span) = diagnostic.place {
                 let (file, place) = self.location(span);
-                (fault.file, fault.place) = (file, Some(place));
+                (diagnostic.file, diagnostic.place) = (file, Some(place));
             }
             if copy.is_some() {
-                let key = (fault.code, fault.file, fault.place);
+                let key = (diagnostic.code, diagnostic.file, diagnostic.place);
                 let first = *known.entry(key).or_insert(kept.len());
                 if let Some((_, _, count)) = kept.get_mut(first) {
                     *count += 1;
                     continue;
                 }
             }
-            kept.push((fault, copy, 0));
+            kept.push((diagnostic, copy, 0));
         }
-        let finished = kept.into_iter().map(|(fault, copy, others)| match copy {
-            Some(copy) => self.in_instance(fault, copy, others),
-            None => fault,
-        });
-        let finished = finished.map(|fault| {
-            let remedy = || fault::remedy(fault.code).map(str::to_owned);
-            let help = fault.help.clone().or_else(remedy);
-            fault.help_if(help)
+        let finished = kept
+            .into_iter()
+            .map(|(diagnostic, copy, others)| match copy {
+                Some(copy) => self.in_instance(diagnostic, copy, others),
+                None => diagnostic,
+            });
+        let finished = finished.map(|diagnostic| {
+            let remedy = || codes::remedy(diagnostic.code).map(str::to_owned);
+            let help = diagnostic.help.clone().or_else(remedy);
+            diagnostic.help_if(help)
         });
         let (_, main) = &self.files[0];
         let sorted = Faults::new(main.name.as_str(), "", finished.collect());
@@ -166,12 +168,19 @@ impl SourceMap {
     }
 
     /// Converts an error in a copy: names are relative to the fragment, and a label shows where the instance is.
-    fn in_instance(&self, mut fault: Diagnostic, copy: &FragmentCopy, others: usize) -> Diagnostic {
-        if !CODES_WITH_FULL_NAMES.contains(&fault.code) {
+    fn in_instance(
+        &self,
+        mut diagnostic: Diagnostic,
+        copy: &FragmentCopy,
+        others: usize,
+    ) -> Diagnostic {
+        if !CODES_WITH_FULL_NAMES.contains(&diagnostic.code) {
             let prefix = format!("{}/", copy.path);
-            fault.message = strip_name_prefix(&fault.message, &prefix);
-            fault.label = strip_name_prefix(&fault.label, &prefix);
-            fault.help = fault.help.map(|help| strip_name_prefix(&help, &prefix));
+            diagnostic.message = strip_name_prefix(&diagnostic.message, &prefix);
+            diagnostic.label = strip_name_prefix(&diagnostic.label, &prefix);
+            diagnostic.help = diagnostic
+                .help
+                .map(|help| strip_name_prefix(&help, &prefix));
         }
         let (file, place) = self.file(self.outermost(copy));
         let label = match others {
@@ -179,19 +188,19 @@ impl SourceMap {
             1 => format!("in the instance `{}`, and in another one", copy.path),
             _ => format!("in the instance `{}`, and in {others} others", copy.path),
         };
-        fault.used_at = Some(Box::new(UseSite { place, file, label }));
-        fault
+        diagnostic.used_at = Some(Box::new(UseSite { place, file, label }));
+        diagnostic
     }
 }
 
 /// Diagnostics that name primitives inside and outside of a fragment, so their names keep the full path.
 const CODES_WITH_FULL_NAMES: &[&str] = &[
-    fault::LOOP_WITHOUT_DELAY,
-    fault::LOOP_WITHOUT_INITIAL,
-    fault::LOOP_STAYS_NULL,
-    fault::CLAIMED_TWICE,
-    fault::OWN_TOPIC,
-    fault::MANY_TERMINATIONS,
+    codes::LOOP_WITHOUT_DELAY,
+    codes::LOOP_WITHOUT_INITIAL,
+    codes::LOOP_STAYS_NULL,
+    codes::CLAIMED_TWICE,
+    codes::OWN_TOPIC,
+    codes::MANY_TERMINATIONS,
 ];
 
 fn to_original(copy: &FragmentCopy, span: Span) -> Span {

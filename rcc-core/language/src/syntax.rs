@@ -13,7 +13,7 @@ use rcc_config::yaml::{Entry, Key, Node, Value};
 
 use rcc_core::types::ELEMENTS_MAX;
 
-use crate::fault;
+use crate::codes;
 use crate::syntax::fragment::Fragment;
 use crate::syntax::literal::Literal;
 use crate::syntax::reference::Reference;
@@ -154,24 +154,24 @@ const PRIMITIVE_KEYS: &[&str] = &["type", "fragment", "parameters", "inputs", "a
 const LINK_KEYS: &[&str] = &["from", "delayed", "initial"];
 
 /// Reads a net from the tree of its text.
-pub fn read(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Net> {
+pub fn read(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Net> {
     if root.map().is_none() {
         let message = format!(
             "expected a net, a mapping with the keys `net` and `primitives`, found {}",
             root.kind()
         );
-        faults.push(Diagnostic::error(fault::WRONG_SHAPE, root.span, message));
+        diagnostics.push(Diagnostic::error(codes::WRONG_SHAPE, root.span, message));
         return None;
     }
-    report_unknown_keys(root, NET_KEYS, "a net", faults);
-    let name = read_name(root, faults);
-    let description = read_description(root, faults);
+    report_unknown_keys(root, NET_KEYS, "a net", diagnostics);
+    let name = read_name(root, diagnostics);
+    let description = read_description(root, diagnostics);
     let survives_device_loss = match root.get("on_device_loss") {
         None => false,
         Some(node) if node.value == Value::Null => true,
         Some(node) if node.text() == Some("fault") => false,
         Some(node) => {
-            faults.push(shape(
+            diagnostics.push(shape(
                 node,
                 "`on_device_loss`",
                 "`fault` (the default) or `null`",
@@ -183,27 +183,27 @@ pub fn read(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Net> {
         name,
         description,
         survives_device_loss,
-        timing: read_timing(root, faults),
-        uses: fragment::read_uses(root, faults),
-        fragments: fragment::read_all(root, faults),
-        primitives: read_primitives(root, faults),
-        discard: read_discard(root, faults),
+        timing: read_timing(root, diagnostics),
+        uses: fragment::read_uses(root, diagnostics),
+        fragments: fragment::read_all(root, diagnostics),
+        primitives: read_primitives(root, diagnostics),
+        discard: read_discard(root, diagnostics),
     })
 }
 
-fn read_description(node: &Node, faults: &mut Vec<Diagnostic>) -> String {
+fn read_description(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> String {
     match node.get("description").map(|node| (node, node.text())) {
         None => String::new(),
         Some((_, Some(text))) => text.to_string(),
         Some((node, None)) => {
-            faults.push(shape(node, "`description`", "text"));
+            diagnostics.push(shape(node, "`description`", "text"));
             String::new()
         }
     }
 }
 
-fn read_timing(root: &Node, faults: &mut Vec<Diagnostic>) -> Timing {
-    let mut read = |key| root.get(key).map(|node| literal::read(node, faults));
+fn read_timing(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Timing {
+    let mut read = |key| root.get(key).map(|node| literal::read(node, diagnostics));
     Timing {
         period: read("period"),
         rate: read("rate"),
@@ -214,39 +214,40 @@ fn read_timing(root: &Node, faults: &mut Vec<Diagnostic>) -> Timing {
 /// Returns the diagnostic that `what` must be `wanted`.
 fn shape(node: &Node, what: &str, wanted: &str) -> Diagnostic {
     let message = format!("{what} must be {wanted}, not {}", node.kind());
-    Diagnostic::error(fault::WRONG_SHAPE, node.span, message)
+    Diagnostic::error(codes::WRONG_SHAPE, node.span, message)
 }
 
-fn report_unknown_keys(node: &Node, known: &[&str], what: &str, faults: &mut Vec<Diagnostic>) {
+fn report_unknown_keys(node: &Node, known: &[&str], what: &str, diagnostics: &mut Vec<Diagnostic>) {
     for key in node.unknown_keys(known) {
         let message = format!("{what} has no key `{}`", key.name);
         let help = match closest(&key.name, known.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("keys: {}", known.join(", ")),
         };
-        faults.push(Diagnostic::error(fault::UNKNOWN_KEY, key.span, message).help(help));
+        diagnostics.push(Diagnostic::error(codes::UNKNOWN_KEY, key.span, message).help(help));
     }
 }
 
-fn read_name(root: &Node, faults: &mut Vec<Diagnostic>) -> Key {
+fn read_name(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Key {
     let unnamed = Key {
         name: String::new(),
         span: Span::default(),
     };
     let Some(node) = root.get("net") else {
-        let fault = Diagnostic::error(fault::MISSING_KEY, Span::default(), "the net has no name");
-        faults.push(fault.anywhere().help("begin with `net: NAME`"));
+        let diagnostic =
+            Diagnostic::error(codes::MISSING_KEY, Span::default(), "the net has no name");
+        diagnostics.push(diagnostic.anywhere().help("begin with `net: NAME`"));
         return unnamed;
     };
     let Some(name) = node.text() else {
-        faults.push(shape(node, "the name of a net", "text"));
+        diagnostics.push(shape(node, "the name of a net", "text"));
         return unnamed;
     };
     let name = Key {
         name: name.to_string(),
         span: node.span,
     };
-    faults.extend(bad_net_name(&name));
+    diagnostics.extend(bad_net_name(&name));
     name
 }
 
@@ -273,25 +274,25 @@ pub(crate) fn bad_net_name(name: &Key) -> Option<Diagnostic> {
     if is_net_name(&lettered) {
         help = format!("{help}, as in `{lettered}`; a number is the id of a loaded net");
     }
-    Some(Diagnostic::error(fault::BAD_NAME, name.span, message).help(help))
+    Some(Diagnostic::error(codes::BAD_NAME, name.span, message).help(help))
 }
 
-fn read_primitives(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Primitive> {
+fn read_primitives(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<Primitive> {
     let Some(node) = root.get("primitives") else {
-        let fault = Diagnostic::error(
-            fault::MISSING_KEY,
+        let diagnostic = Diagnostic::error(
+            codes::MISSING_KEY,
             Span::default(),
             "the net has no primitives",
         );
-        faults.push(
-            fault
+        diagnostics.push(
+            diagnostic
                 .anywhere()
                 .help("add `primitives:` with at least a Termination"),
         );
         return Vec::new();
     };
     let Some(entries) = node.map() else {
-        faults.push(shape(
+        diagnostics.push(shape(
             node,
             "`primitives`",
             "a mapping from ids to primitives",
@@ -300,7 +301,7 @@ fn read_primitives(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Primitive> 
     };
     entries
         .iter()
-        .map(|entry| read_primitive(entry, faults))
+        .map(|entry| read_primitive(entry, diagnostics))
         .collect()
 }
 
@@ -311,19 +312,19 @@ fn is_id(name: &str) -> bool {
         && name.chars().all(allowed)
 }
 
-fn report_bad_id(id: &Key, what: &str, faults: &mut Vec<Diagnostic>) {
+fn report_bad_id(id: &Key, what: &str, diagnostics: &mut Vec<Diagnostic>) {
     if !is_id(&id.name) {
         let message = format!("`{}` cannot be {what}", id.name);
-        let fault = Diagnostic::error(fault::BAD_NAME, id.span, message);
-        faults.push(fault.help(format!(
+        let diagnostic = Diagnostic::error(codes::BAD_NAME, id.span, message);
+        diagnostics.push(diagnostic.help(format!(
             "use lowercase letters, digits and `_`, at most {NAME_MAX} characters, beginning with a letter"
         )));
     }
 }
 
-fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
+fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primitive {
     let (id, node) = (&entry.key, &entry.value);
-    report_bad_id(id, "the id of a primitive", faults);
+    report_bad_id(id, "the id of a primitive", diagnostics);
     let mut primitive = Primitive {
         id: id.clone(),
         kind: PrimitiveKind::Type,
@@ -337,37 +338,39 @@ fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
     };
     if node.map().is_none() {
         let wanted = "a mapping such as `{type: Time}`";
-        faults.push(shape(node, &format!("primitive `{}`", id.name), wanted));
+        diagnostics.push(shape(node, &format!("primitive `{}`", id.name), wanted));
         return primitive;
     }
-    report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", faults);
-    read_kind(&mut primitive, node, faults);
-    for entry in entries_of(node, "parameters", faults) {
-        let value = literal::read(&entry.value, faults);
+    report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", diagnostics);
+    read_kind(&mut primitive, node, diagnostics);
+    for entry in entries_of(node, "parameters", diagnostics) {
+        let value = literal::read(&entry.value, diagnostics);
         primitive.parameters.push((entry.key.clone(), value));
     }
-    for entry in entries_of(node, "inputs", faults) {
-        let source = read_source(&entry.value, faults);
+    for entry in entries_of(node, "inputs", diagnostics) {
+        let source = read_source(&entry.value, diagnostics);
         primitive.inputs.push((entry.key.clone(), source));
     }
-    primitive.active = node.get("active").map(|node| read_source(node, faults));
+    primitive.active = node
+        .get("active")
+        .map(|node| read_source(node, diagnostics));
     primitive
 }
 
 /// Reads `type: Add` or `fragment: smooth`.
-fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic>) {
+fn read_kind(primitive: &mut Primitive, node: &Node, diagnostics: &mut Vec<Diagnostic>) {
     let (kind, what, given) = match (node.get("type"), node.get("fragment")) {
         (Some(given), None) => (PrimitiveKind::Type, "a primitive type", given),
         (None, Some(given)) => (PrimitiveKind::Fragment, "a fragment", given),
         (None, None) => {
             let message = format!("primitive `{}` has no type", primitive.id.name);
-            let fault = Diagnostic::error(fault::MISSING_KEY, primitive.id.span, message);
-            return faults.push(fault.help("add `type: …`"));
+            let diagnostic = Diagnostic::error(codes::MISSING_KEY, primitive.id.span, message);
+            return diagnostics.push(diagnostic.help("add `type: …`"));
         }
         (Some(_), Some(given)) => {
             let message = format!("`{}` has both `type` and `fragment`", primitive.id.name);
-            let fault = Diagnostic::error(fault::WRONG_SHAPE, given.span, message);
-            return faults.push(fault.help("remove `type` or `fragment`"));
+            let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, given.span, message);
+            return diagnostics.push(diagnostic.help("remove `type` or `fragment`"));
         }
     };
     let Some(name) = given.text() else {
@@ -376,7 +379,7 @@ fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic
         } else {
             "`fragment`"
         };
-        return faults.push(shape(given, key, &format!("the name of {what}")));
+        return diagnostics.push(shape(given, key, &format!("the name of {what}")));
     };
     primitive.kind = kind;
     primitive.type_name = Key {
@@ -386,14 +389,14 @@ fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic
 }
 
 /// Returns the entries of the mapping under `key`; an absent or null value counts as an empty mapping.
-fn entries_of<'a>(node: &'a Node, key: &str, faults: &mut Vec<Diagnostic>) -> &'a [Entry] {
+fn entries_of<'a>(node: &'a Node, key: &str, diagnostics: &mut Vec<Diagnostic>) -> &'a [Entry] {
     match node.get(key) {
         None => &[],
         Some(node) => match (&node.value, node.map()) {
             (_, Some(entries)) => entries,
             (Value::Null, None) => &[],
             (_, None) => {
-                faults.push(shape(
+                diagnostics.push(shape(
                     node,
                     &format!("`{key}`"),
                     "a mapping from names to values",
@@ -419,7 +422,7 @@ fn has_link(node: &Node) -> bool {
 }
 
 /// Reads a list with links; `depth` is the number of enclosing lists.
-fn read_list(node: &Node, nodes: &[Node], depth: u32, faults: &mut Vec<Diagnostic>) -> Source {
+fn read_list(node: &Node, nodes: &[Node], depth: u32, diagnostics: &mut Vec<Diagnostic>) -> Source {
     if nodes.len() > usize::from(ELEMENTS_MAX) || depth > 1 {
         let message = match depth {
             0 | 1 => format!(
@@ -428,12 +431,12 @@ fn read_list(node: &Node, nodes: &[Node], depth: u32, faults: &mut Vec<Diagnosti
             ),
             _ => "lists are nested at most twice: a matrix is a list of rows".to_string(),
         };
-        faults.push(Diagnostic::error(fault::WRONG_SHAPE, node.span, message));
+        diagnostics.push(Diagnostic::error(codes::WRONG_SHAPE, node.span, message));
         return Source::Refused;
     }
     let read = |node: &Node| match node.list() {
-        Some(nodes) if has_link(node) => read_list(node, nodes, depth + 1, faults),
-        _ => read_source(node, faults),
+        Some(nodes) if has_link(node) => read_list(node, nodes, depth + 1, diagnostics),
+        _ => read_source(node, diagnostics),
     };
     Source::List(List {
         elements: nodes.iter().map(read).collect(),
@@ -441,15 +444,15 @@ fn read_list(node: &Node, nodes: &[Node], depth: u32, faults: &mut Vec<Diagnosti
     })
 }
 
-fn read_source(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
+fn read_source(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Source {
     if let Some(nodes) = node.list().filter(|_| has_link(node)) {
-        return read_list(node, nodes, 0, faults);
+        return read_list(node, nodes, 0, diagnostics);
     }
     if let Some(text) = node.text()
         && !rcc_config::quantity::looks_like(text)
         && !literal::is_parameter(text)
     {
-        let from = reference::read(node, text, faults);
+        let from = reference::read(node, text, diagnostics);
         return from.map_or(Source::Refused, |from| {
             Source::Link(Link {
                 from,
@@ -461,9 +464,9 @@ fn read_source(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
     }
     let is_link = LINK_KEYS.iter().any(|key| node.get(key).is_some());
     if is_link {
-        return read_link(node, faults);
+        return read_link(node, diagnostics);
     }
-    let literal = literal::read(node, faults);
+    let literal = literal::read(node, diagnostics);
     if literal.is_refused() {
         Source::Refused
     } else {
@@ -471,32 +474,34 @@ fn read_source(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
     }
 }
 
-fn read_link(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
-    report_unknown_keys(node, LINK_KEYS, "a link", faults);
+fn read_link(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Source {
+    report_unknown_keys(node, LINK_KEYS, "a link", diagnostics);
     let delayed = match node.get("delayed").map(|node| (node, &node.value)) {
         None => false,
         Some((_, Value::Bool(delayed))) => *delayed,
         Some((node, _)) => {
-            faults.push(shape(node, "`delayed`", "true or false"));
+            diagnostics.push(shape(node, "`delayed`", "true or false"));
             true
         }
     };
-    let initial = node.get("initial").map(|node| literal::read(node, faults));
+    let initial = node
+        .get("initial")
+        .map(|node| literal::read(node, diagnostics));
     if let (Some(initial), false) = (&initial, delayed) {
         let message = "only a delayed link has an initial value";
-        let fault = Diagnostic::error(fault::WRONG_SHAPE, initial.span, message);
-        faults.push(fault.help("add `delayed: true`, or remove `initial`"));
+        let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, initial.span, message);
+        diagnostics.push(diagnostic.help("add `delayed: true`, or remove `initial`"));
     }
     let Some(from) = node.get("from") else {
-        let fault = Diagnostic::error(fault::MISSING_KEY, node.span, "a link has no source");
-        faults.push(fault.help("add `from: PRIMITIVE.PORT`"));
+        let diagnostic = Diagnostic::error(codes::MISSING_KEY, node.span, "a link has no source");
+        diagnostics.push(diagnostic.help("add `from: PRIMITIVE.PORT`"));
         return Source::Refused;
     };
     let Some(text) = from.text() else {
-        faults.push(shape(from, "`from`", "an output such as `move.pose`"));
+        diagnostics.push(shape(from, "`from`", "an output such as `move.pose`"));
         return Source::Refused;
     };
-    reference::read(from, text, faults).map_or(Source::Refused, |reference| {
+    reference::read(from, text, diagnostics).map_or(Source::Refused, |reference| {
         Source::Link(Link {
             from: reference,
             delayed,
@@ -506,12 +511,12 @@ fn read_link(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
     })
 }
 
-fn read_discard(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Reference> {
+fn read_discard(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<Reference> {
     let Some(node) = root.get("discard") else {
         return Vec::new();
     };
     let Some(nodes) = node.list() else {
-        faults.push(shape(
+        diagnostics.push(shape(
             node,
             "`discard`",
             "a list of outputs such as `[ft.fx, ft.fy]`",
@@ -521,8 +526,8 @@ fn read_discard(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Reference> {
     let mut outputs = Vec::new();
     for node in nodes {
         match node.text() {
-            Some(text) => outputs.extend(reference::read(node, text, faults)),
-            None => faults.push(shape(
+            Some(text) => outputs.extend(reference::read(node, text, diagnostics)),
+            None => diagnostics.push(shape(
                 node,
                 "an element of `discard`",
                 "an output such as `ft.fx`",

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
+use rcc_language::codes::DESCRIPTIONS;
 use rcc_language::devices::DeviceTable;
-use rcc_language::fault::DESCRIPTIONS;
 use rcc_language::library::{FileLibraries, LibraryError, LibrarySource};
 use rcc_language::{Compiled, Faults, compile_with};
 

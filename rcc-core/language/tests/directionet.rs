@@ -52,7 +52,7 @@ fn unknown_devices_are_reported_once_with_a_remedy() {
     let devices: Vec<_> = faults
         .diagnostics
         .iter()
-        .filter(|fault| fault.code == rcc_language::fault::UNKNOWN_DEVICE)
+        .filter(|fault| fault.code == rcc_language::codes::UNKNOWN_DEVICE)
         .collect();
     assert_eq!(devices.len(), 1);
     let help = devices[0].help.as_ref().unwrap();
@@ -338,14 +338,17 @@ fn a_line_begins_at_the_stated_pose() {
     let (lwr, _) = cell.device("lwr").unwrap();
     let arm = cell.models()[lwr].arm.unwrap();
     // The first vector of flat/lwr_lin-02: computed by the predecessor's own kinematics.
-    let theirs = [
+    let predecessor = [
         -0.5294755315685863,
         -0.16378597519548818,
         0.5145808437891821,
     ];
-    let ours = arm.forward(&harness::eight(&AFTER_PTP)).position;
+    let position = arm.forward(&harness::eight(&AFTER_PTP)).position;
     for axis in 0..3 {
-        assert!((ours[axis] - theirs[axis]).abs() < 1e-12, "{ours:?}");
+        assert!(
+            (position[axis] - predecessor[axis]).abs() < 1e-12,
+            "{position:?}"
+        );
     }
 }
 
@@ -398,7 +401,7 @@ fn every_net_for_the_demos_arm_loads() {
                 assert!(name.contains("/kr_"), "{name}:\n{faults}");
                 let told = |code| faults.diagnostics.iter().any(|fault| fault.code == code);
                 assert!(
-                    told(rcc_language::fault::UNKNOWN_DEVICE),
+                    told(rcc_language::codes::UNKNOWN_DEVICE),
                     "{name}:\n{faults}"
                 );
             }
@@ -412,7 +415,7 @@ fn every_net_for_the_demos_arm_loads() {
 fn a_net_for_six_axes_is_refused_for_an_arm_of_seven() {
     let faults = load("# devices: kr=lwr", "flat/kr_lin-01-kr-ptp.net", &demo()).unwrap_err();
     let codes: Vec<_> = faults.diagnostics.iter().map(|fault| fault.code).collect();
-    assert!(codes.contains(&rcc_language::fault::WRONG_ARM), "{faults}");
+    assert!(codes.contains(&rcc_language::codes::WRONG_ARM), "{faults}");
 }
 
 #[test]
@@ -421,13 +424,13 @@ fn a_net_converted_to_yaml_gives_the_same_plan() {
     let table = rcc_language::devices::DeviceTable::from(&cell);
     for name in all().iter().filter(|name| name.contains("/lwr")) {
         let text = text(name);
-        let theirs = compile(&text, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
+        let original = compile(&text, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
         let mut faults = Vec::new();
         let model = rcc_language::compile::read(&text, name, &table, &mut faults).unwrap();
         let yaml = rcc_language::write::yaml(&model);
-        let ours = compile(&yaml, "yaml", &cell).unwrap_or_else(|faults| panic!("{faults}"));
+        let converted = compile(&yaml, "yaml", &cell).unwrap_or_else(|faults| panic!("{faults}"));
         assert!(
-            format!("{:?}", theirs.plan) == format!("{:?}", ours.plan),
+            format!("{:?}", original.plan) == format!("{:?}", converted.plan),
             "{name}"
         );
     }
@@ -461,7 +464,7 @@ fn a_net_survives_conversion_to_directionet_and_back() {
         "{type: LowPass, parameters: {gain: 0.5}, inputs: {in: 1.5}}",
     );
     let faults = there(&yaml).unwrap_err();
-    assert_eq!(faults[0].code, rcc_language::fault::NO_COUNTERPART);
+    assert_eq!(faults[0].code, rcc_language::codes::NO_COUNTERPART);
 }
 
 /// A value that one net keeps from the application and another one reads, in the predecessor's notation; in RCC it is a
@@ -503,12 +506,16 @@ fn values_between_nets_become_topics() {
         big: {type: Greater, inputs: {a: force.value, b: 1.0}}\n  \
         give: {type: Publish, parameters: {topic: gives/outBig}, inputs: {in: big.out}}\n  \
         end: {type: Termination, inputs: {done: false}}\n";
-    let ours = compiled(yaml, "net");
+    let converted = compiled(yaml, "net");
     let mut faults = Vec::new();
     let model = rcc_language::compile::read(yaml, "net", &table, &mut faults).unwrap();
-    let text = rcc_language::directionet::write::text(&model, &ours.names, &table, &mut faults);
+    let text =
+        rcc_language::directionet::write::text(&model, &converted.names, &table, &mut faults);
     let text = text.unwrap_or_else(|| panic!("{faults:?}"));
     let back = compiled(&text, "gives.net");
-    assert_eq!(back.plan.publishes[0].topic, ours.plan.publishes[0].topic);
-    assert_eq!(back.plan.inputs[0].topic, ours.plan.inputs[0].topic);
+    assert_eq!(
+        back.plan.publishes[0].topic,
+        converted.plan.publishes[0].topic
+    );
+    assert_eq!(back.plan.inputs[0].topic, converted.plan.inputs[0].topic);
 }

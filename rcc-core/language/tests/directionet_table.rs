@@ -205,23 +205,23 @@ impl TestRandom {
 }
 
 /// Returns a constant of a type in the predecessor's notation.
-fn constant(ty: Type, random: &mut TestRandom) -> String {
+fn constant(ty: ForeignType, random: &mut TestRandom) -> String {
     let mut number = || format!("{}.{}", random.below(3), random.below(10));
     match ty {
-        Type::Bool => ["true", "false"][random.below(2)].to_string(),
-        Type::Int => random.below(5).to_string(),
-        Type::Vector => format!("{{x:{},y:{},z:{}}}", number(), number(), number()),
-        Type::Rotation => format!("{{a:{},b:{},c:{}}}", number(), number(), number()),
-        Type::Frame => format!("{{pos:{{x:{}}},rot:{{a:{}}}}}", number(), number()),
-        Type::Twist => format!("{{vel:{{x:{}}},rot:{{y:{}}}}}", number(), number()),
-        Type::Wrench => format!("{{force:{{x:{}}},torque:{{y:{}}}}}", number(), number()),
-        Type::Text => String::new(),
+        ForeignType::Bool => ["true", "false"][random.below(2)].to_string(),
+        ForeignType::Int => random.below(5).to_string(),
+        ForeignType::Vector => format!("{{x:{},y:{},z:{}}}", number(), number(), number()),
+        ForeignType::Rotation => format!("{{a:{},b:{},c:{}}}", number(), number(), number()),
+        ForeignType::Frame => format!("{{pos:{{x:{}}},rot:{{a:{}}}}}", number(), number()),
+        ForeignType::Twist => format!("{{vel:{{x:{}}},rot:{{y:{}}}}}", number(), number()),
+        ForeignType::Wrench => format!("{{force:{{x:{}}},torque:{{y:{}}}}}", number(), number()),
+        ForeignType::Text => String::new(),
         _ => number(),
     }
 }
 
 /// Returns the prefix of the family for a type.
-fn family(ty: Type) -> &'static str {
+fn family(ty: ForeignType) -> &'static str {
     let row = table::FAMILIES.iter().find(|row| row.1 == ty);
     row.map_or("Core::Double", |row| row.0)
 }
@@ -239,7 +239,7 @@ fn net(count: usize, random: &mut TestRandom) -> String {
             let device = entry
                 .parameters
                 .iter()
-                .any(|port| port.ty == Type::Text && port.name != "Key");
+                .any(|port| port.ty == ForeignType::Text && port.name != "Key");
             let whole = entry
                 .nets
                 .iter()
@@ -249,7 +249,7 @@ fn net(count: usize, random: &mut TestRandom) -> String {
         .collect();
     let mut text = String::from("{");
     // Outputs so far, by type: the possible sources of links.
-    let mut outputs: Vec<(Type, String)> = Vec::new();
+    let mut outputs: Vec<(ForeignType, String)> = Vec::new();
     for number in 0..count {
         let entry = usable[random.below(usable.len())];
         let mut arguments = Vec::new();
@@ -265,12 +265,12 @@ fn net(count: usize, random: &mut TestRandom) -> String {
                 .collect();
             if fitting.is_empty() || random.below(6) == 0 {
                 let value = constant(port.ty, random);
-                let ty = if port.ty == Type::Time {
+                let ty = if port.ty == ForeignType::Time {
                     "Core::TimeNet".to_string()
                 } else {
                     format!("{}Value", family(port.ty))
                 };
-                let value = if port.ty == Type::Time {
+                let value = if port.ty == ForeignType::Time {
                     String::new()
                 } else {
                     format!("Value='{value}'")

@@ -6,7 +6,7 @@ use harness::{NetHarness, cell, eight, example, folder};
 use rcc_config::CellConfig;
 use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
-use rcc_language::fault;
+use rcc_language::codes;
 use rcc_motion::stop_time;
 
 /// Start position of the demo's arm, see `configs/cells/demo.yaml`, rad.
@@ -109,7 +109,7 @@ fn only_figure_3_has_a_warning() {
         let warnings = example(&name, &cell).warnings.diagnostics;
         let codes: Vec<&str> = warnings.iter().map(|fault| fault.code).collect();
         let expected = if name == "line" {
-            &[fault::NOT_CANCELABLE][..]
+            &[codes::NOT_CANCELABLE][..]
         } else {
             &[]
         };

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use harness::{NetHarness, cell, folder};
 use proptest::prelude::*;
 use rcc_config::{CellConfig, yaml};
-use rcc_language::{Compiled, compile, fault};
+use rcc_language::{Compiled, codes, compile};
 
 fn golden() -> CellConfig {
     cell("tests/nets/cell.yaml")
@@ -213,7 +213,7 @@ fn answers_sensibly(text: &str, cell: &CellConfig) {
             assert!(faults.has_errors(), "{text}");
             for row in faults.rows() {
                 let of_the_whole =
-                    row.code == fault::MISSING_KEY || row.code == fault::TEXT_TOO_LARGE;
+                    row.code == codes::MISSING_KEY || row.code == codes::TEXT_TOO_LARGE;
                 assert!(row.line > 0 || of_the_whole, "{row:?}\n{text}");
                 assert!(!row.message.contains("internal error"), "{row:?}\n{text}");
             }

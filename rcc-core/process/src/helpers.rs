@@ -200,14 +200,14 @@ impl Helpers {
         }
     }
 
-    /// Creates a watch for helpers that hang. It calls `tell` once per hang.
-    pub fn watch(&self, tell: impl FnMut(&Hang) + Send + 'static) -> HangWatch {
+    /// Creates a watch for helpers that hang. It calls `on_hang` once per hang.
+    pub fn watch(&self, on_hang: impl FnMut(&Hang) + Send + 'static) -> HangWatch {
         HangWatch {
             helpers: self.clone(),
             seen: Vec::new(),
             looked: Instant::now(),
             held: 0,
-            tell: Box::new(tell),
+            on_hang: Box::new(on_hang),
         }
     }
 }
@@ -349,7 +349,7 @@ impl std::fmt::Display for Hang {
 struct HelperProgress {
     turns: u64,
     silent: Duration,
-    told: bool,
+    reported: bool,
 }
 
 /// Detects helpers that hang; see [`Helpers::watch`].
@@ -358,7 +358,7 @@ pub struct HangWatch {
     seen: Vec<HelperProgress>,
     looked: Instant,
     held: u64,
-    tell: Box<dyn FnMut(&Hang) + Send>,
+    on_hang: Box<dyn FnMut(&Hang) + Send>,
 }
 
 /// Maximum time between two checks that counts as silence of a helper: if the watch itself did not run for longer (a
@@ -409,8 +409,8 @@ impl HangWatch {
                 silent: seen.silent,
                 limit,
             };
-            if !std::mem::replace(&mut seen.told, true) {
-                (self.tell)(&hang);
+            if !std::mem::replace(&mut seen.reported, true) {
+                (self.on_hang)(&hang);
             }
             if worst.is_none_or(|worst| worst.silent < hang.silent) {
                 worst = Some(hang);
@@ -437,18 +437,18 @@ mod tests {
     #[test]
     fn helpers_begin_when_all_are_created_and_end_on_request() {
         let helpers = Helpers::default();
-        let (tell, told) = channel();
+        let (sender, receiver) = channel();
         let work = move |helper: &Helper| {
             while !helper.is_over() {
                 helper.turn();
-                let _ = tell.send(());
+                let _ = sender.send(());
             }
         };
         helpers.spawn("one", LIMIT, work).unwrap();
-        assert!(told.try_recv().is_err());
+        assert!(receiver.try_recv().is_err());
         assert_eq!(helpers.beats()[0].state(), HelperState::Waiting);
         helpers.start();
-        told.recv_timeout(LIMIT).unwrap();
+        receiver.recv_timeout(LIMIT).unwrap();
         assert_eq!(helpers.beats()[0].state(), HelperState::Running);
         helpers.end();
         assert!(helpers.join(LIMIT, &[]).is_empty());
@@ -521,9 +521,9 @@ mod tests {
     fn a_hang_stops_the_heartbeat_names_the_helper_and_ends_with_its_next_turn() {
         let helpers = Helpers::default();
         let helper = helpers.helper("pump", Duration::from_secs(2));
-        let (tell, told) = channel();
+        let (sender, receiver) = channel();
         let mut watch = helpers.watch(move |hang| {
-            let _ = tell.send(hang.helper);
+            let _ = sender.send(hang.helper);
         });
         helper.turn();
         let second = Duration::from_secs(1);
@@ -538,7 +538,7 @@ mod tests {
         });
         assert_eq!(report.progress, 0);
         assert!(report.status.contains("`pump` hangs"), "{}", report.status);
-        assert_eq!(told.try_iter().count(), 1, "reported once");
+        assert_eq!(receiver.try_iter().count(), 1, "reported once");
         helper.turn();
         assert_eq!(watch.hang(second), None);
         helpers.end();

@@ -23,11 +23,11 @@ const LOOKS: u32 = 4;
 /// Minimum time between two changes of the status.
 const STATUS_EVERY: Duration = Duration::from_secs(1);
 /// Maximum time to tell the supervisor that the program stops.
-const FAREWELL: Duration = Duration::from_millis(100);
+const STOP_TIMEOUT: Duration = Duration::from_millis(100);
 /// Maximum time that a message waits for a supervisor that does not read.
 const SEND_WAIT: Duration = Duration::from_secs(1);
 /// Minimum time between two log lines about undelivered messages.
-const COMPLAIN_EVERY: Duration = Duration::from_secs(10);
+const LOG_EVERY: Duration = Duration::from_secs(10);
 
 /// State of a program at one moment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub struct HealthReport {
 /// The connection to the supervisor; without one (no `NOTIFY_SOCKET`) it sends nothing.
 #[derive(Debug)]
 pub struct Notifier {
-    farewell: SyncSender<SyncSender<()>>,
+    stop_request: SyncSender<SyncSender<()>>,
 }
 
 impl Notifier {
@@ -55,27 +55,27 @@ impl Notifier {
         helpers: &Helpers,
         look: impl FnMut() -> HealthReport + Send + 'static,
     ) -> io::Result<Notifier> {
-        let line = SupervisorSocket::from_environment()?;
-        let (farewell, farewells) = sync_channel(1);
-        let voice = NotifyThread {
+        let supervisor = SupervisorSocket::from_environment()?;
+        let (stop_request, stop_requests) = sync_channel(1);
+        let thread = NotifyThread {
             look: Box::new(look),
             heart: HeartbeatGate::default(),
-            said: String::new(),
-            said_at: None,
-            line,
+            last_status: String::new(),
+            status_at: None,
+            supervisor,
         };
         helpers.spawn(HELPER, TURN_MAX, move |helper| {
-            voice.run(&farewells, helper)
+            thread.run(&stop_requests, helper)
         })?;
-        Ok(Notifier { farewell })
+        Ok(Notifier { stop_request })
     }
 
     /// Reports that the program stops and sends no further heartbeats.
     pub fn stopping(&self) {
-        let (done, told) = sync_channel(1);
+        let (done, sent) = sync_channel(1);
         // A supervisor that does not read will notice by itself.
-        if self.farewell.try_send(done).is_ok() {
-            let _ = told.recv_timeout(FAREWELL);
+        if self.stop_request.try_send(done).is_ok() {
+            let _ = sent.recv_timeout(STOP_TIMEOUT);
         }
     }
 }
@@ -101,7 +101,7 @@ struct SupervisorSocket {
     connected: bool,
     /// Messages not delivered since the last log line about it.
     lost: u64,
-    complained_at: Option<Instant>,
+    logged_at: Option<Instant>,
 }
 
 impl SupervisorSocket {
@@ -128,7 +128,7 @@ impl SupervisorSocket {
             socket,
             connected: false,
             lost: 0,
-            complained_at: None,
+            logged_at: None,
         }))
     }
 
@@ -145,17 +145,17 @@ impl SupervisorSocket {
             self.socket.send(words.as_bytes())
         });
         if let Err(error) = sent {
-            self.complain(&error);
+            self.log_lost(&error);
         }
     }
 
-    fn complain(&mut self, error: &io::Error) {
+    fn log_lost(&mut self, error: &io::Error) {
         self.lost += 1;
-        let soon = |at: Instant| at.elapsed() < COMPLAIN_EVERY;
-        if self.complained_at.is_some_and(soon) {
+        let soon = |at: Instant| at.elapsed() < LOG_EVERY;
+        if self.logged_at.is_some_and(soon) {
             return;
         }
-        self.complained_at = Some(Instant::now());
+        self.logged_at = Some(Instant::now());
         let lost = std::mem::take(&mut self.lost);
         tracing::warn!(
             "{lost} messages to the supervisor were not delivered ({error}): it may consider this process hung"
@@ -166,55 +166,55 @@ impl SupervisorSocket {
 struct NotifyThread {
     look: Box<dyn FnMut() -> HealthReport + Send>,
     heart: HeartbeatGate,
-    said: String,
-    said_at: Option<Instant>,
-    line: Option<SupervisorSocket>,
+    last_status: String,
+    status_at: Option<Instant>,
+    supervisor: Option<SupervisorSocket>,
 }
 
 impl NotifyThread {
-    fn run(mut self, farewells: &Receiver<SyncSender<()>>, helper: &Helper) {
+    fn run(mut self, stop_requests: &Receiver<SyncSender<()>>, helper: &Helper) {
         let every = watchdog().map_or(LOOK_EVERY, |time| (time / LOOKS).min(LOOK_EVERY));
-        self.tell("READY=1\n");
+        self.report("READY=1\n");
         while !helper.is_over() {
             helper.turn();
-            match farewells.recv_timeout(every) {
-                Err(RecvTimeoutError::Timeout) => self.tell(""),
+            match stop_requests.recv_timeout(every) {
+                Err(RecvTimeoutError::Timeout) => self.report(""),
                 Ok(done) => {
-                    self.part(&done);
+                    self.send_stopping(&done);
                     break;
                 }
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        // On a busy machine the helpers may be asked to end before the farewell was received.
-        if let Ok(done) = farewells.try_recv() {
-            self.part(&done);
+        // On a busy machine the helpers may be asked to end before the request to stop was received.
+        if let Ok(done) = stop_requests.try_recv() {
+            self.send_stopping(&done);
         }
         // Nothing more is sent, but the thread must stay until all helpers are asked to end.
         while !helper.rest(LOOK_EVERY) {}
     }
 
-    fn part(&mut self, done: &SyncSender<()>) {
+    fn send_stopping(&mut self, done: &SyncSender<()>) {
         self.send("STOPPING=1\nSTATUS=stopping\n");
         // The caller may have stopped waiting.
         let _ = done.try_send(());
     }
 
     fn send(&mut self, words: &str) {
-        if let Some(line) = &mut self.line {
-            line.send(words);
+        if let Some(supervisor) = &mut self.supervisor {
+            supervisor.send(words);
         }
     }
 
-    fn tell(&mut self, first: &str) {
+    fn report(&mut self, first: &str) {
         let HealthReport { progress, status } = (self.look)();
         let status = status.replace('\n', " ");
         let mut words = first.to_owned();
         if self.heart.is_due(progress) {
             words.push_str("WATCHDOG=1\n");
         }
-        let due = self.said_at.is_none_or(|at| at.elapsed() >= STATUS_EVERY);
-        let news = due && status != self.said;
+        let due = self.status_at.is_none_or(|at| at.elapsed() >= STATUS_EVERY);
+        let news = due && status != self.last_status;
         if news {
             words.push_str("STATUS=");
             words.push_str(&status);
@@ -224,8 +224,8 @@ impl NotifyThread {
             self.send(&words);
         }
         if news {
-            self.said = status;
-            self.said_at = Some(Instant::now());
+            self.last_status = status;
+            self.status_at = Some(Instant::now());
         }
     }
 }
@@ -258,26 +258,28 @@ mod tests {
         let name = format!("rcc-notify-recreated-{}", std::process::id());
         let path = std::env::temp_dir().join(name);
         let address = SocketAddr::from_pathname(&path).unwrap();
-        let mut line = SupervisorSocket {
+        let mut supervisor = SupervisorSocket {
             address,
             socket: UnixDatagram::unbound().unwrap(),
             connected: false,
             lost: 0,
-            complained_at: None,
+            logged_at: None,
         };
-        let mut heard = [0; 64];
+        let mut buffer = [0; 64];
         for turn in 0..3 {
-            let ear = UnixDatagram::bind(&path).unwrap();
-            ear.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            let receiver = UnixDatagram::bind(&path).unwrap();
+            receiver
+                .set_read_timeout(Some(Duration::from_secs(60)))
+                .unwrap();
             for word in ["one", "two"] {
-                line.send(word);
-                let size = ear.recv(&mut heard).unwrap();
-                assert_eq!(&heard[..size], word.as_bytes(), "turn {turn}");
+                supervisor.send(word);
+                let size = receiver.recv(&mut buffer).unwrap();
+                assert_eq!(&buffer[..size], word.as_bytes(), "turn {turn}");
             }
             std::fs::remove_file(&path).unwrap();
-            drop(ear);
-            line.send("nobody listens");
-            assert!(!line.connected);
+            drop(receiver);
+            supervisor.send("nobody listens");
+            assert!(!supervisor.connected);
         }
     }
 }

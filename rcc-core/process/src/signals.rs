@@ -91,10 +91,10 @@ pub const PARENT: &str = "RCC_PARENT_PID";
 /// # Errors
 /// Returns an error if the system refuses, or if the parent is already dead.
 pub fn end_with_parent() -> Result<(), SignalError> {
-    let told = std::env::var(PARENT)
+    let given = std::env::var(PARENT)
         .ok()
         .and_then(|text| text.parse().ok());
-    let parent = told.map_or_else(getppid, Pid::from_raw);
+    let parent = given.map_or_else(getppid, Pid::from_raw);
     set_pdeathsig(Signal::SIGTERM)?;
     if getppid() != parent {
         return Err(SignalError::Orphan);

@@ -268,7 +268,7 @@ impl<S: Subject> HostedDriver<S> {
             match self.subject.followed(&packet) {
                 Some(position) => {
                     self.checker
-                        .see(self.steps as f64 * CYCLE.as_secs_f64(), &position);
+                        .observe(self.steps as f64 * CYCLE.as_secs_f64(), &position);
                     self.followed.push(position);
                 }
                 None => self.checker.forget(),

@@ -135,7 +135,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
         }
     }
     for thread in copying {
-        // A panic in it has been reported by itself.
+        // A panic of the thread has already been reported.
         drop(thread.join());
     }
 }

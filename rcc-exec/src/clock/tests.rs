@@ -112,7 +112,7 @@ impl ClockTest {
     fn worst_ns(&self, cycles: usize) -> f64 {
         let real_ns = self.device_ns as f64 * (1.0 + self.drift_ppm * 1e-6);
         let step_ns = real_ns / (self.device_ns as f64 / self.period_ns as f64).round();
-        let last = self.begins_ns.iter().rev().track_packet(cycles);
+        let last = self.begins_ns.iter().rev().take(cycles);
         let away = last.map(|begin| {
             let away = *begin as f64 - self.phase_ns - OFFSET_NS as f64;
             (away - step_ns * (away / step_ns).round()).abs()

@@ -660,7 +660,7 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
             ),
             format!(
                 "{}for a `ptp`, choose another goal, `branch` or `turn`; for another path, start in another branch (use a `ptp` to \
-joints first) or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
+                 joints first) or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
                 // No joint can turn twice around: such values are usually degrees.
                 if value.abs() > 4.0 * PI {
                     "bare angles are in rad, write `deg(30)` for degrees; "

@@ -46,7 +46,7 @@ fn cell_findings(cell: &CellFacts) -> Vec<HealthFinding> {
         }
         Some(executor) if executor.late > 0 => {
             let what = format!(
-                "cell {name} runs: cycle {}, {} late (last {}), worst wake-up {}",
+                "cell {name} runs: cycle {}, {} late (last {}), worst wake-up latency {}",
                 grouped(executor.cycle),
                 grouped(executor.late),
                 grouped(executor.last_late.as_ref().map_or(0, |late| late.cycle)),

@@ -100,7 +100,7 @@ fn virtual_machine(system: &SystemRoot) -> Option<String> {
     }
     let named = |path: &str| system.text(path).filter(|text| !text.is_empty());
     let name = named("sys/class/dmi/id/sys_vendor").or_else(|| named("sys/hypervisor/type"));
-    Some(name.unwrap_or_else(|| "it does not say which".to_owned()))
+    Some(name.unwrap_or_else(|| "vendor unknown".to_owned()))
 }
 
 #[cfg(test)]

@@ -99,7 +99,7 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
     }
     if ip.is_loopback() && !facts.simulated {
         return Some(HealthFinding::warn(
-            format!("listens on {ip}, which only this machine reaches"),
+            format!("listens on {ip}, which is reachable from this machine only"),
             "for a real controller, set settings.listen and FRIHOST to the address of the interface that leads to it",
         ));
     }
@@ -208,7 +208,7 @@ fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
     };
     if accepted == 0 {
         let fix = format!(
-            "set settings.peer to {} if that is the controller, or leave it out",
+            "set settings.peer to {} if that is the controller, or remove it",
             text("foreign_last")
         );
         return Some(HealthFinding::fail(others, fix).cause(expected));
@@ -256,7 +256,7 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
         return match id {
             COMMAND => fails(
                 format!("datagrams have the identity {id:#06x}: commands, which a PC sends"),
-                "another PC program sends here; the controller sends measurements",
+                "stop the other PC program that sends here; the controller sends measurements",
             ),
             _ => fails(
                 format!("datagrams have the identity {id:#06x}; FRI 1.0 uses {MEASUREMENT:#06x}"),
@@ -296,7 +296,7 @@ fn order(facts: &LinkFacts) -> Option<HealthFinding> {
     let lost = facts.grown("gaps_datagrams");
     if disordered > 0 && facts.grown("accepted") == 0 {
         let fix =
-            "restart the controller's FRI (friClose, friOpen); is a recording being replayed here?";
+            "restart the controller's FRI (friClose, friOpen), and stop any replay of a recording";
         return Some(HealthFinding::fail(
             "datagrams are repeated, out of order, or hold no numbers",
             fix,
@@ -408,7 +408,7 @@ fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
     let history = status.history();
     let real = |key: &str| wire[key].as_f64().unwrap_or(0.0);
     let what = format!(
-        "quality {word} (last {} s: mean {}, min {}); the controller counts {} answers of 100 in time, delay {}, jitter {}",
+        "quality {word} (last {} s: mean {}, min {}); the controller counts {} of 100 answers in time, delay {}, jitter {}",
         history.seconds,
         percent(history.quality_mean_permille),
         percent(history.quality_min_permille),

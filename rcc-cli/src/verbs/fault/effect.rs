@@ -224,7 +224,7 @@ fn short_command(effect: &FaultEffect) -> (Value, String) {
         ),
         FaultEffect::Delay { time } => (
             json!({"delay_ms": milliseconds(*time)}),
-            format!("answers {time:?} later"),
+            format!("answers {time:?} late"),
         ),
         FaultEffect::Drop { count } => {
             (json!({"drop": count}), format!("ignores {count} requests"))

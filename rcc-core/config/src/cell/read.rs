@@ -252,18 +252,18 @@ impl CellFileReader<'_> {
             ("watchdog", WATCHDOG_NS, &mut supervision.watchdog_ns),
         ];
         // Read all keys before returning, so that all faults are reported together.
-        let mut sound = true;
+        let mut valid = true;
         for (key, [least, most], time) in times {
             if let Some(node) = fields.get(key) {
                 let read = self.reader.nanoseconds(node, key, least, most);
-                sound &= read.is_some();
+                valid &= read.is_some();
                 *time = read.unwrap_or(*time);
             }
         }
         if let Some(restarts) = restarts {
             supervision.restarts = u32::try_from(restarts?).ok()?;
         }
-        if !sound {
+        if !valid {
             return None;
         }
         Some(supervision)

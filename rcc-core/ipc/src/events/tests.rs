@@ -200,16 +200,16 @@ fn a_recorder_writes_in_order_and_counts_what_is_too_much() {
     }
     drop(recorder);
     let (events, _) = place.read();
-    let mut told = 0;
+    let mut written = 0;
     let mut suppressed = 0;
     for event in &events {
         match event.what {
             EventKind::Suppressed { count } => suppressed += count,
-            _ => told += 1,
+            _ => written += 1,
         }
     }
-    assert_eq!(told + suppressed, 2000);
-    assert!(told >= 100, "{told}");
+    assert_eq!(written + suppressed, 2000);
+    assert!(written >= 100, "{written}");
     let cycles: Vec<u64> = events.iter().filter_map(|event| event.cycle).collect();
     assert!(cycles.is_sorted());
 }

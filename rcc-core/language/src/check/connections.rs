@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use rcc_config::diagnostic::Diagnostic;
 
 use super::Typed;
-use crate::fault;
+use crate::codes;
 use crate::resolve::{InputSource, OutputId};
 
 /// Requires that inputs without a default are connected.
-pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn inputs_are_connected(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             if !matches!(input_source, InputSource::Missing) {
@@ -17,9 +17,9 @@ pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             }
             let message = format!("the input `{}.{}` is not connected", item.id(), port.name);
             let span = item.primitive.type_name.span;
-            let fault = Diagnostic::error(fault::NOT_CONNECTED, span, message);
+            let diagnostic = Diagnostic::error(codes::NOT_CONNECTED, span, message);
             let doc = port.doc;
-            faults.push(fault.help(format!(
+            diagnostics.push(diagnostic.help(format!(
                 "add `{}: PRIMITIVE.PORT`, or a constant, to its inputs: {doc}",
                 port.name
             )));
@@ -48,7 +48,7 @@ pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<OutputId> {
 }
 
 /// Requires that an output that nothing reads is listed in `discard`, unless its spec marks it as diagnostic.
-pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let used = read_or_discarded(net);
     for (number, item) in net.graph.items.iter().enumerate() {
         let unread: Vec<String> = item
@@ -71,26 +71,26 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic
             1 => format!("the output `{list}` is neither read nor discarded"),
             _ => format!("the outputs {list} are neither read nor discarded"),
         };
-        let fault = Diagnostic::error(fault::NOT_READ, item.primitive.id.span, message);
-        faults.push(fault.help(format!(
+        let diagnostic = Diagnostic::error(codes::NOT_READ, item.primitive.id.span, message);
+        diagnostics.push(diagnostic.help(format!(
             "connect them, or discard them: `discard: [{list}]`"
         )));
     }
 }
 
 /// Requires that a discarded output is not read, and is listed once.
-pub fn discards_are_unread_and_unique(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn discards_are_unread_and_unique(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let read = read(net);
     let mut seen = BTreeSet::new();
     for (output, span) in &net.graph.discarded {
         let name = net.graph.output_name(*output);
         if !seen.insert(*output) {
             let message = format!("`{name}` is discarded twice");
-            faults.push(Diagnostic::error(fault::BAD_DISCARD, *span, message));
+            diagnostics.push(Diagnostic::error(codes::BAD_DISCARD, *span, message));
         } else if read.contains(output) {
             let message = format!("`{name}` is discarded and read");
-            let fault = Diagnostic::error(fault::DISCARDED_BUT_READ, *span, message);
-            faults.push(fault.help("remove it from `discard`"));
+            let diagnostic = Diagnostic::error(codes::DISCARDED_BUT_READ, *span, message);
+            diagnostics.push(diagnostic.help("remove it from `discard`"));
         }
     }
 }

@@ -6,12 +6,12 @@ use rcc_config::diagnostic::Diagnostic;
 use rcc_core::types::Type;
 
 use super::Typed;
-use crate::fault;
+use crate::codes;
 use crate::resolve::{InputSource, ResolvedLink};
 use crate::syntax::literal::LiteralShape;
 
 /// Requires that the declared type and unit of a fragment's input match the inputs that it feeds.
-pub fn inputs_match_fragment_declarations(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn inputs_match_fragment_declarations(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for declared in &net.graph.declarations {
         let Some(item) = net.graph.items.get(declared.item) else {
             continue;
@@ -27,7 +27,7 @@ pub fn inputs_match_fragment_declarations(net: Typed<'_>, faults: &mut Vec<Diagn
             let message = format!(
                 "type mismatch: `{input}` is declared as {want}, but feeds `{id}.{name}`, which is a {have}"
             );
-            faults.push(Diagnostic::error(fault::TYPE_MISMATCH, span, message));
+            diagnostics.push(Diagnostic::error(codes::TYPE_MISMATCH, span, message));
             continue;
         }
         let unit = net.inferred.port_unit(net.graph, declared.item, port.unit);
@@ -37,13 +37,13 @@ pub fn inputs_match_fragment_declarations(net: Typed<'_>, faults: &mut Vec<Diagn
             let message = format!(
                 "unit mismatch: `{input}` is declared in {want}, but feeds `{id}.{name}`, which is in {have}"
             );
-            faults.push(Diagnostic::error(fault::UNIT_MISMATCH, span, message));
+            diagnostics.push(Diagnostic::error(codes::UNIT_MISMATCH, span, message));
         }
     }
 }
 
 /// Requires that the condition of a region is a Bool.
-pub fn conditions_are_truth_values(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn conditions_are_truth_values(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for region in &net.graph.regions {
         let (span, have) = match &region.condition {
             InputSource::Link(link) => {
@@ -70,14 +70,17 @@ pub fn conditions_are_truth_values(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
             "type mismatch: `active` of `{}` expects Bool, {have}",
             region.id.name
         );
-        let fault = Diagnostic::error(fault::TYPE_MISMATCH, span, message);
-        faults.push(fault.help("compare it: `{type: Greater, inputs: {a: …, b: …}}`"));
+        let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, span, message);
+        diagnostics.push(diagnostic.help("compare it: `{type: Greater, inputs: {a: …, b: …}}`"));
     }
 }
 
 /// Requires that an output that is read outside of its region belongs to a primitive with a kernel. A `Constant` or an
 /// `Input` has none: its value would not become null while the region is inactive.
-pub fn outputs_read_outside_a_region_can_become_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn outputs_read_outside_a_region_can_become_null(
+    net: Typed<'_>,
+    diagnostics: &mut Vec<Diagnostic>,
+) {
     let graph = net.graph;
     let mut check_link = |reader: Option<usize>, link: &ResolvedLink<'_>| {
         let Some(source) = graph.items.get(link.from.item) else {
@@ -97,8 +100,9 @@ pub fn outputs_read_outside_a_region_can_become_null(net: Typed<'_>, faults: &mu
         let message = format!(
             "`{name}` is read outside of its region, and would not become null while `{around}` is not active"
         );
-        let fault = Diagnostic::error(fault::NEVER_NULL, link.span, message);
-        faults.push(fault.help("read it only within the region, or move it out of the region"));
+        let diagnostic = Diagnostic::error(codes::NEVER_NULL, link.span, message);
+        diagnostics
+            .push(diagnostic.help("read it only within the region, or move it out of the region"));
     };
     for item in &graph.items {
         for (_, link) in item.links() {

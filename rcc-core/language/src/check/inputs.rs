@@ -6,7 +6,7 @@ use rcc_core::primitive::Role;
 use rcc_core::types::Type;
 
 use super::Typed;
-use crate::fault;
+use crate::codes;
 use crate::lower::given;
 use crate::names::has_unit;
 use crate::resolve::ResolvedPrimitive;
@@ -24,7 +24,7 @@ fn inputs<'a>(net: Typed<'a>) -> impl Iterator<Item = (&'a ResolvedPrimitive<'a>
 
 /// Requires that bounds are given for ordered types only, and that all inputs together have at most
 /// [`INPUT_ELEMENTS_MAX`] elements.
-pub fn bounds_are_numeric(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn bounds_are_numeric(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut elements = 0u32;
     for (item, ty) in inputs(net) {
         let ordered = matches!(ty, Type::Real | Type::Int | Type::Reals(_) | Type::Ints(_));
@@ -35,9 +35,9 @@ pub fn bounds_are_numeric(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                     "`{}.{name}` is a bound of a {ty}, which has no order",
                     item.id()
                 );
-                let fault = Diagnostic::error(fault::TYPE_MISMATCH, literal.span, message);
-                faults.push(
-                    fault.help("bounds apply to Real, Int and arrays of them only: remove it"),
+                let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, literal.span, message);
+                diagnostics.push(
+                    diagnostic.help("bounds apply to Real, Int and arrays of them only: remove it"),
                 );
             }
         }
@@ -46,14 +46,15 @@ pub fn bounds_are_numeric(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         if before <= INPUT_ELEMENTS_MAX && elements > INPUT_ELEMENTS_MAX {
             let message =
                 format!("the inputs of a net have at most {INPUT_ELEMENTS_MAX} elements together");
-            let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
-            faults.push(fault.help("split it into several nets"));
+            let diagnostic =
+                Diagnostic::error(codes::NET_TOO_LARGE, item.primitive.id.span, message);
+            diagnostics.push(diagnostic.help("split it into several nets"));
         }
     }
 }
 
 /// Requires that the initial value of an input is within its bounds.
-pub fn initial_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn initial_values_are_within_bounds(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (item, _) in inputs(net) {
         let Some(initial) = given(item, "initial") else {
             continue;
@@ -73,8 +74,8 @@ pub fn initial_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnos
                     item.id(),
                     if least { "at least" } else { "at most" }
                 );
-                faults.push(Diagnostic::error(
-                    fault::OUT_OF_RANGE,
+                diagnostics.push(Diagnostic::error(
+                    codes::OUT_OF_RANGE,
                     initial.span,
                     message,
                 ));
@@ -84,7 +85,7 @@ pub fn initial_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnos
 }
 
 /// Requires that a declared unit belongs to a type that has one: other types imply their units, or have none.
-pub fn units_are_given_for_numbers_only(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn units_are_given_for_numbers_only(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (item, ty) in inputs(net) {
         let Some((_, unit)) = item.declared_unit().filter(|_| !has_unit(ty)) else {
             continue;
@@ -93,7 +94,7 @@ pub fn units_are_given_for_numbers_only(net: Typed<'_>, faults: &mut Vec<Diagnos
             "`{}` is a {ty}, to which `unit: {unit}` does not apply",
             item.id()
         );
-        let fault = Diagnostic::error(fault::UNIT_MISMATCH, item.primitive.id.span, message);
-        faults.push(fault.help("remove `unit`: the type implies its unit, or has none"));
+        let diagnostic = Diagnostic::error(codes::UNIT_MISMATCH, item.primitive.id.span, message);
+        diagnostics.push(diagnostic.help("remove `unit`: the type implies its unit, or has none"));
     }
 }

@@ -9,7 +9,7 @@ use rcc_core::primitive::{CYCLES_MAX, ChannelKind, DefaultValue as Default, Para
 use rcc_core::unit::Unit;
 
 use super::Typed;
-use crate::fault;
+use crate::codes;
 use crate::resolve::{InputSource, NetGraph, ResolvedPrimitive};
 
 /// Relative tolerance by which a rate may exceed the rate of evaluation and still count as equal to it.
@@ -21,13 +21,13 @@ fn of_role(net: Typed<'_>, role: Role) -> impl Iterator<Item = &ResolvedPrimitiv
 }
 
 /// Requires exactly one `Termination`.
-pub fn there_is_one_termination(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn there_is_one_termination(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut terminations = of_role(net, Role::Termination);
     let first = terminations.next();
     if first.is_none() && !net.graph.has_unknown_types {
         let message = "the net has no Termination: it could only be aborted";
-        let fault = Diagnostic::error(fault::NO_TERMINATION, net.graph.net.name.span, message);
-        faults.push(fault.help("add `end: {type: Termination, inputs: {done: …}}`"));
+        let diagnostic = Diagnostic::error(codes::NO_TERMINATION, net.graph.net.name.span, message);
+        diagnostics.push(diagnostic.help("add `end: {type: Termination, inputs: {done: …}}`"));
     }
     for item in terminations {
         let first = first.map_or("", ResolvedPrimitive::id);
@@ -35,8 +35,9 @@ pub fn there_is_one_termination(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             "`{}` is a second Termination; `{first}` is the first one",
             item.id()
         );
-        let fault = Diagnostic::error(fault::MANY_TERMINATIONS, item.primitive.id.span, message);
-        faults.push(fault.help("combine their conditions with Or"));
+        let diagnostic =
+            Diagnostic::error(codes::MANY_TERMINATIONS, item.primitive.id.span, message);
+        diagnostics.push(diagnostic.help("combine their conditions with Or"));
     }
 }
 
@@ -63,7 +64,7 @@ fn claim(item: &ResolvedPrimitive<'_>) -> Option<(usize, Option<(ChannelKind, u3
 }
 
 /// Requires that no two primitives of a net command the same resource.
-pub fn resources_are_commanded_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn resources_are_commanded_once(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut holders: BTreeMap<ResourceKey, &ResolvedPrimitive<'_>> = BTreeMap::new();
     for item in &net.graph.items {
         let Some((device, channel)) = claim(item) else {
@@ -85,9 +86,10 @@ pub fn resources_are_commanded_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>
             item.id(),
             holder.id()
         );
-        let fault = Diagnostic::error(fault::CLAIMED_TWICE, item.primitive.id.span, message);
-        faults
-            .push(fault.help("choose between the two values with Select, and command the result"));
+        let diagnostic = Diagnostic::error(codes::CLAIMED_TWICE, item.primitive.id.span, message);
+        diagnostics.push(
+            diagnostic.help("choose between the two values with Select, and command the result"),
+        );
     }
 }
 
@@ -135,7 +137,7 @@ fn window_s(item: &ResolvedPrimitive<'_>) -> Option<(f64, Option<Span>)> {
 }
 
 /// Requires that a window spans 1 to [`CYCLES_MAX`] evaluations.
-pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn windows_are_possible(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let Some((seconds, span)) = window_s(item) else {
             continue;
@@ -150,13 +152,13 @@ pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             item.id()
         );
         let span = span.unwrap_or(item.primitive.id.span);
-        let fault = Diagnostic::error(fault::OUT_OF_RANGE, span, message);
-        faults.push(fault.help(format!("choose a time from {period_s} s to {most_s} s")));
+        let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, span, message);
+        diagnostics.push(diagnostic.help(format!("choose a time from {period_s} s to {most_s} s")));
     }
 }
 
 /// Requires that a monitor's value fits into a record, reads no delayed link, and has a possible rate.
-pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn monitors_are_possible(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         if item.spec().role != Role::Monitor {
             continue;
@@ -164,8 +166,8 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         for (_, link) in item.links().filter(|(_, link)| link.delayed) {
             let message =
                 "a monitor shows the values of its own cycle and cannot read a delayed link";
-            let fault = Diagnostic::error(fault::WRONG_SHAPE, link.span, message);
-            faults.push(fault.help(format!(
+            let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, link.span, message);
+            diagnostics.push(diagnostic.help(format!(
                 "write `value: {}`",
                 net.graph.output_name(link.from)
             )));
@@ -179,10 +181,11 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let message =
                 format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, found a {ty}");
             let span = source_span(input_source).unwrap_or(item.primitive.id.span);
-            let fault = Diagnostic::error(fault::TOO_WIDE, span, message);
-            faults.push(fault.help("monitor single elements: `value: PRIMITIVE.PORT[0]`"));
+            let diagnostic = Diagnostic::error(codes::TOO_WIDE, span, message);
+            diagnostics
+                .push(diagnostic.help("monitor single elements: `value: PRIMITIVE.PORT[0]`"));
         }
-        rate_is_possible(net, item, faults);
+        rate_is_possible(net, item, diagnostics);
     }
 }
 
@@ -195,7 +198,11 @@ fn source_span(input_source: &InputSource<'_>) -> Option<Span> {
     }
 }
 
-fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut Vec<Diagnostic>) {
+fn rate_is_possible(
+    net: Typed<'_>,
+    item: &ResolvedPrimitive<'_>,
+    diagnostics: &mut Vec<Diagnostic>,
+) {
     let rows = item.spec().parameters.iter().zip(&item.parameters);
     let mut rates = rows.filter(|(parameter, _)| parameter.kind == ParameterKind::Rate);
     let Some((_, Some(literal))) = rates.next() else {
@@ -203,7 +210,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
     };
     let cycle_hz = net.graph.evaluations_hz();
     let mut error = |code, message: String, help: String| {
-        faults.push(Diagnostic::error(code, literal.span, message).help(help));
+        diagnostics.push(Diagnostic::error(code, literal.span, message).help(help));
     };
     let id = item.id();
     let has = if net.graph.rate.every > 1 {
@@ -213,7 +220,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
     };
     let Some(rate) = literal.number() else {
         let message = format!("type mismatch: `{id}.rate` expects a number, found {literal}");
-        return error(fault::TYPE_MISMATCH, message, "write `100 Hz`".to_string());
+        return error(codes::TYPE_MISMATCH, message, "write `100 Hz`".to_string());
     };
     if let Some((have, _)) = literal
         .units()
@@ -221,12 +228,12 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
         .find(|(unit, _)| *unit != Unit::HERTZ)
     {
         let message = format!("unit mismatch: `{id}.rate` expects Hz, found {have}");
-        return error(fault::UNIT_MISMATCH, message, "write `100 Hz`".to_string());
+        return error(codes::UNIT_MISMATCH, message, "write `100 Hz`".to_string());
     }
     if rate > cycle_hz * (1.0 + RATE_TOLERANCE) {
         let message = format!("the rate of `{id}` is {rate} Hz, but {has} {cycle_hz} Hz");
         return error(
-            fault::RATE_TOO_HIGH,
+            codes::RATE_TOO_HIGH,
             message,
             format!("use {cycle_hz} Hz or less"),
         );
@@ -238,7 +245,7 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
                 1.0 / rate
             );
             error(
-                fault::OUT_OF_RANGE,
+                codes::OUT_OF_RANGE,
                 message,
                 format!("use at least {} Hz", cycle_hz / f64::from(u32::MAX)),
             );
@@ -248,13 +255,13 @@ fn rate_is_possible(net: Typed<'_>, item: &ResolvedPrimitive<'_>, faults: &mut V
     let real = cycle_hz / f64::from(every);
     if (real - rate).abs() > rate * 1e-6 {
         let message = format!("the rate of `{id}` is rounded from {rate} Hz to {real:.3} Hz");
-        let fault = Diagnostic::warning(fault::RATE_ROUNDED, literal.span, message);
-        faults.push(fault.help(format!("choose a rate that divides {cycle_hz} Hz")));
+        let diagnostic = Diagnostic::warning(codes::RATE_ROUNDED, literal.span, message);
+        diagnostics.push(diagnostic.help(format!("choose a rate that divides {cycle_hz} Hz")));
     }
 }
 
 /// Requires that the numbers of monitors, inputs, motions and topics are within the limits of an executor.
-pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn counts_are_within_limits(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let divide = "split it into several nets";
     let join = "publish related values as one list: `in: [a.out, b.out]`";
     let any: fn(&&ResolvedPrimitive<'_>) -> bool = |_| true;
@@ -282,36 +289,39 @@ pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         if let Some(item) = items.nth(most) {
             let count = most + 1 + items.count();
             let message = format!("the net has {count} {what}, at most {most} are allowed");
-            let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
-            faults.push(fault.label("the first one too many").help(help));
+            let diagnostic =
+                Diagnostic::error(codes::NET_TOO_LARGE, item.primitive.id.span, message);
+            diagnostics.push(diagnostic.label("the first one too many").help(help));
         }
     }
 }
 
 /// Requires that a net that commands joints is evaluated in every cycle: drivers play one set-point a cycle, so a
 /// slower stream would give a staircase.
-pub fn arms_are_commanded_in_every_cycle(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn arms_are_commanded_in_every_cycle(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let every = net.graph.rate.every;
     if let (Some(item), true) = (of_role(net, Role::CommandsArm).next(), every > 1) {
         let id = item.id();
         let message =
             format!("`{id}` commands joints, and the net is evaluated only every {every} cycles");
-        let fault = Diagnostic::error(fault::SLOW_ARM, item.primitive.id.span, message);
-        faults.push(fault.label("an arm needs a set-point in every cycle").help(
+        let diagnostic = Diagnostic::error(codes::SLOW_ARM, item.primitive.id.span, message);
+        diagnostics.push(diagnostic.label("an arm needs a set-point in every cycle").help(
             "remove `period`, `rate` and `phase`, and move the slower part to a net of its own",
         ));
     }
 }
 
 /// Warns if a net commands an arm and has no `Cancel`.
-pub fn commands_can_be_cancelled(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn commands_can_be_cancelled(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let commands = of_role(net, Role::CommandsArm).next();
     let can_cancel = of_role(net, Role::Cancel).next().is_some();
     if let (Some(item), false) = (commands, can_cancel || net.graph.has_unknown_types) {
         let message = "this net commands an arm and has no Cancel: it can only be aborted";
-        let fault = Diagnostic::warning(fault::NOT_CANCELABLE, item.primitive.id.span, message);
-        faults.push(
-            fault.help("add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion"),
+        let diagnostic =
+            Diagnostic::warning(codes::NOT_CANCELABLE, item.primitive.id.span, message);
+        diagnostics.push(
+            diagnostic
+                .help("add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion"),
         );
     }
 }

@@ -14,7 +14,7 @@ use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitive::{DefaultValue as Default, NullRule};
 
 use super::Typed;
-use crate::fault;
+use crate::codes;
 use crate::resolve::{InputSource, ListElement, NetGraph, ResolvedLink, ResolvedPrimitive};
 use crate::syntax::literal::LiteralShape;
 use components::{Components, circle};
@@ -65,7 +65,7 @@ fn describe<'g>(
 }
 
 /// Requires that every loop contains a delayed link.
-pub fn loops_have_a_delay(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn loops_have_a_delay(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let sources = sources(net.graph, |_, link| !link.delayed);
     for component in Components::of(&sources).loops(&sources) {
         let Some((path, link)) = describe(net.graph, &circle(&sources, &component)) else {
@@ -73,15 +73,15 @@ pub fn loops_have_a_delay(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         };
         let message = format!("loop without a delayed link: {path}");
         let from = net.graph.output_name(link.from);
-        let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, link.span, message);
-        faults.push(fault.label("closes the loop").help(format!(
+        let diagnostic = Diagnostic::error(codes::LOOP_WITHOUT_DELAY, link.span, message);
+        diagnostics.push(diagnostic.label("closes the loop").help(format!(
             "delay one of these links by a cycle: `{{from: {from}, delayed: true, initial: …}}`"
         )));
     }
 }
 
 /// Requires that a delayed link within a loop has an initial value.
-pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let sources = sources(net.graph, |_, _| true);
     let components = Components::of(&sources);
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -95,8 +95,8 @@ pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, faults: &mut Vec<Diag
                 "the delayed link `{from}` → `{}.{input}` closes a loop and has no initial value",
                 item.id()
             );
-            let fault = Diagnostic::error(fault::LOOP_WITHOUT_INITIAL, link.span, message);
-            faults.push(fault.help(format!(
+            let diagnostic = Diagnostic::error(codes::LOOP_WITHOUT_INITIAL, link.span, message);
+            diagnostics.push(diagnostic.help(format!(
                 "give its value in the first cycle: `{{from: {from}, delayed: true, initial: …}}`"
             )));
         }
@@ -104,7 +104,7 @@ pub fn delayed_loops_have_an_initial_value(net: Typed<'_>, faults: &mut Vec<Diag
 }
 
 /// Requires that a null value in a loop can be replaced by a known one.
-pub fn loops_can_recover_from_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn loops_can_recover_from_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let all = sources(net.graph, |_, _| true);
     let components = Components::of(&all);
     let is_in_loop = components.in_loops(&all);
@@ -124,9 +124,9 @@ pub fn loops_can_recover_from_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
             continue;
         }
         let message = format!("this loop could never recover from null: {path}");
-        let fault = Diagnostic::error(fault::LOOP_STAYS_NULL, link.span, message);
-        faults.push(
-            fault.help(
+        let diagnostic = Diagnostic::error(codes::LOOP_STAYS_NULL, link.span, message);
+        diagnostics.push(
+            diagnostic.help(
                 "insert an OrElse into the loop: `{type: OrElse, inputs: {in: …, other: 0}}`",
             ),
         );

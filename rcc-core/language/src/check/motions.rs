@@ -9,7 +9,7 @@ use rcc_core::primitive::{ParameterKind, Role};
 use super::Typed;
 use super::connections::read_or_discarded;
 use super::values::constant;
-use crate::fault;
+use crate::codes;
 use crate::resolve::{OutputId, ResolvedPrimitive};
 use crate::syntax::literal::{Literal, LiteralShape};
 
@@ -39,7 +39,7 @@ fn given<'a>(item: &'a ResolvedPrimitive<'_>, name: &str) -> Option<&'a Literal>
 }
 
 /// Requires that at most one of two exclusive parameters is given.
-pub fn parameters_do_not_contradict(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn parameters_do_not_contradict(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let takes = |name: &str| item.spec().parameters.iter().any(|it| it.name == name);
         // `to` of other motions is a pose.
@@ -52,14 +52,14 @@ pub fn parameters_do_not_contradict(net: Typed<'_>, faults: &mut Vec<Diagnostic>
                 continue;
             };
             let message = format!("`{}` has both `{first}` and `{second}`: {why}", item.id());
-            let fault = Diagnostic::error(fault::CONTRADICTION, literal.span, message);
-            faults.push(fault.help(format!("remove `{first}` or `{second}`")));
+            let diagnostic = Diagnostic::error(codes::CONTRADICTION, literal.span, message);
+            diagnostics.push(diagnostic.help(format!("remove `{first}` or `{second}`")));
         }
     }
 }
 
 /// Requires that a `JointMotion` has a goal, `to` or `pose`.
-pub fn joint_motions_have_a_goal(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn joint_motions_have_a_goal(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         if item.spec().name != "JointMotion"
             || ["to", "pose"]
@@ -70,8 +70,9 @@ pub fn joint_motions_have_a_goal(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         }
         let message = format!("`{}` needs the parameter `to` or `pose`", item.id());
         let span = item.primitive.type_name.span;
-        let fault = Diagnostic::error(fault::MISSING_PARAMETER, span, message);
-        faults.push(fault.help("add `to`, the joints at the end, or `pose`, the flange there"));
+        let diagnostic = Diagnostic::error(codes::MISSING_PARAMETER, span, message);
+        diagnostics
+            .push(diagnostic.help("add `to`, the joints at the end, or `pose`, the flange there"));
     }
 }
 
@@ -82,7 +83,7 @@ fn arm<'a>(net: Typed<'a>, item: &ResolvedPrimitive<'_>) -> Option<(&'a str, &'a
 }
 
 /// Requires that KUKA's Turn sets bits only for joints that the arm has.
-pub fn turns_have_a_bit_for_each_joint(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn turns_have_a_bit_for_each_joint(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let Some((name, model)) = arm(net, item) else {
             continue;
@@ -105,8 +106,8 @@ pub fn turns_have_a_bit_for_each_joint(net: Typed<'_>, faults: &mut Vec<Diagnost
                 item.id(),
                 model.joints
             );
-            let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
-            faults.push(fault.help("bit i is set if joint i + 1 is negative at the end"));
+            let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, literal.span, message);
+            diagnostics.push(diagnostic.help("bit i is set if joint i + 1 is negative at the end"));
         }
     }
 }
@@ -122,7 +123,7 @@ fn turn_of_leg(row: &Literal) -> Option<(f64, &Literal)> {
 
 /// Requires that a constant goal lies within the range of every joint: the net would wait for an unreachable goal
 /// forever.
-pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn goals_are_within_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in net
         .graph
         .items
@@ -146,15 +147,16 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 "`{}.goal` is out of range: J{joint} of `{name}` moves from {lower:.3}° to {upper:.3}°, found {value:.3}°",
                 item.id()
             );
-            let fault = Diagnostic::error(fault::OUT_OF_RANGE, goal.span, message);
-            faults.push(fault.help("bare angles are in rad: write `deg(30)` for degrees"));
+            let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, goal.span, message);
+            diagnostics
+                .push(diagnostic.help("bare angles are in rad: write `deg(30)` for degrees"));
         }
     }
 }
 
 /// Requires that the joints or the pose of a motion are read: otherwise the net runs through the motion and no arm
 /// moves.
-pub fn motion_outputs_are_read(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn motion_outputs_are_read(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let used = read_or_discarded(net);
     for (number, item) in net.graph.items.iter().enumerate() {
         let outputs = item.spec().outputs;
@@ -167,15 +169,15 @@ pub fn motion_outputs_are_read(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let id = item.id();
         let message =
             format!("neither `{id}.joints` nor `{id}.pose` is read: the motion moves no arm");
-        let fault = Diagnostic::error(fault::NOT_READ, item.primitive.id.span, message);
-        faults.push(fault.help(format!(
+        let diagnostic = Diagnostic::error(codes::NOT_READ, item.primitive.id.span, message);
+        diagnostics.push(diagnostic.help(format!(
             "add `{{type: JointPositionCommand, parameters: {{device: …}}, inputs: {{position: {id}.joints}}}}`, or discard it: `discard: [{id}.joints]`"
         )));
     }
 }
 
 /// Requires that no command is the constant null: null is no set-point, so the device would never be commanded.
-pub fn commands_are_not_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn commands_are_not_null(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         if !matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel) {
             continue;
@@ -187,8 +189,9 @@ pub fn commands_are_not_null(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             };
             let (id, name) = (item.id(), port.name);
             let message = format!("`{id}.{name}` is always null: nothing would be commanded");
-            let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
-            faults.push(fault.help(format!("give a value other than null: {}", port.doc)));
+            let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, literal.span, message);
+            diagnostics
+                .push(diagnostic.help(format!("give a value other than null: {}", port.doc)));
         }
     }
 }
@@ -202,7 +205,7 @@ fn has_null(literal: &Literal) -> bool {
 }
 
 /// Requires that a constant axis, of a rotation or of a force, has a length other than 0.
-pub fn axes_have_a_direction(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn axes_have_a_direction(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         let input = item
             .spec()
@@ -218,7 +221,8 @@ pub fn axes_have_a_direction(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             continue;
         }
         let message = format!("`{}.axis` has no direction: its length is 0", item.id());
-        let fault = Diagnostic::error(fault::OUT_OF_RANGE, axis.span, message);
-        faults.push(fault.help("give an axis with a length other than 0, such as [0, 0, -1]"));
+        let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, axis.span, message);
+        diagnostics
+            .push(diagnostic.help("give an axis with a length other than 0, such as [0, 0, -1]"));
     }
 }

@@ -9,7 +9,7 @@ use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use super::Typed;
-use crate::fault;
+use crate::codes;
 use crate::resolve::ResolvedPrimitive;
 
 fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&ResolvedPrimitive<'_>, &str)> {
@@ -19,7 +19,7 @@ fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&ResolvedPrimitive
 }
 
 /// Requires that a topic is published once.
-pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn topics_are_published_once(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut publishers: BTreeMap<&str, &ResolvedPrimitive<'_>> = BTreeMap::new();
     for (item, topic) in items(net, Role::Publish) {
         if let Some(first) = publishers.get(topic) {
@@ -28,9 +28,10 @@ pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 item.id(),
                 first.id()
             );
-            let fault = Diagnostic::error(fault::CLAIMED_TWICE, item.primitive.id.span, message);
+            let diagnostic =
+                Diagnostic::error(codes::CLAIMED_TWICE, item.primitive.id.span, message);
             let help = "give one of them another topic; an instance of a fragment gets its topic as a parameter";
-            faults.push(fault.help(help));
+            diagnostics.push(diagnostic.help(help));
             continue;
         }
         publishers.insert(topic, item);
@@ -38,7 +39,7 @@ pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Requires that all uses of a topic agree in type and unit.
-pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn topics_are_of_one_type(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let mut kinds: BTreeMap<&str, (&ResolvedPrimitive<'_>, TopicSignature)> = BTreeMap::new();
     for (number, item) in net.graph.items.iter().enumerate() {
         let (Some(port), Some(topic)) = (item.spec().outputs.first(), item.topic()) else {
@@ -56,8 +57,10 @@ pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 first.id(),
                 describe_signature(other)
             );
-            let fault = Diagnostic::error(fault::TYPE_MISMATCH, item.primitive.id.span, message);
-            faults.push(fault.help("one net publishes a topic, with one type and one unit"));
+            let diagnostic =
+                Diagnostic::error(codes::TYPE_MISMATCH, item.primitive.id.span, message);
+            diagnostics
+                .push(diagnostic.help("one net publishes a topic, with one type and one unit"));
         }
     }
 }
@@ -74,7 +77,7 @@ fn describe_signature((ty, unit): TopicSignature) -> String {
 }
 
 /// Requires that a net does not subscribe to its own topics: within a net there are links.
-pub fn no_net_subscribes_to_itself(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn no_net_subscribes_to_itself(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (item, topic) in items(net, Role::Input) {
         let own = items(net, Role::Publish).find(|(_, own)| *own == topic);
         if let Some((own, _)) = own {
@@ -85,12 +88,12 @@ pub fn no_net_subscribes_to_itself(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
             );
             let span = item.topic_literal().map(|(_, span)| span);
             let span = span.unwrap_or(item.primitive.id.span);
-            let fault = Diagnostic::error(fault::OWN_TOPIC, span, message);
+            let diagnostic = Diagnostic::error(codes::OWN_TOPIC, span, message);
             let help = format!(
                 "within a net, use a link: `{{from: {}.out, delayed: true, initial: …}}`",
                 own.id()
             );
-            faults.push(fault.help(help));
+            diagnostics.push(diagnostic.help(help));
         }
     }
 }

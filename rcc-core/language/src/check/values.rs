@@ -6,13 +6,13 @@ use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use super::Typed;
-use crate::fault;
+use crate::codes;
 use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedList};
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::{ListPosition, ValuePart, parts_of};
 
 /// Requires that the part selected by `port[i]`, `port.x` and the like exists.
-pub fn elements_exist(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn elements_exist(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let links = net.graph.items.iter().flat_map(|item| item.links());
     for (_, link) in links {
         let ty = net.inferred.output_type(net.graph, link.from);
@@ -38,12 +38,12 @@ pub fn elements_exist(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             ),
             (Some(help), _) => (format!("`{name}` is a {ty} and has no `{part}`"), help),
         };
-        faults.push(Diagnostic::error(fault::BAD_ELEMENT, link.port_span, message).help(help));
+        diagnostics.push(Diagnostic::error(codes::BAD_ELEMENT, link.port_span, message).help(help));
     }
 }
 
 /// Requires that a link, its initial value and its input agree in type and unit.
-pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn links_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         for (port, link) in item.links() {
             let Some(port) = item.spec().inputs.get(port) else {
@@ -64,7 +64,7 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 position_name(link.position)
             );
             if have != want {
-                faults.push(other_type(net, link, &input, have, want));
+                diagnostics.push(other_type(net, link, &input, have, want));
                 continue;
             }
             let source = net.inferred.link_unit(net.graph, link);
@@ -77,11 +77,11 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 let output = net.graph.output_name(link.from);
                 let message =
                     format!("unit mismatch: `{input}` expects {want}, but `{output}` is in {have}");
-                let fault = Diagnostic::error(fault::UNIT_MISMATCH, link.span, message);
-                faults.push(fault.label(format!("in {have}")));
+                let diagnostic = Diagnostic::error(codes::UNIT_MISMATCH, link.span, message);
+                diagnostics.push(diagnostic.label(format!("in {have}")));
             }
             if let Some(initial) = link.initial {
-                literal_fits(initial, have, sink, &input, faults);
+                literal_fits(initial, have, sink, &input, diagnostics);
             }
         }
     }
@@ -97,7 +97,7 @@ fn position_name(position: ListPosition) -> String {
 }
 
 /// Requires that a list of links has as many elements as its input, and that the input can be given as a list.
-pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn lists_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             let Some(ty) = net.inferred.port_type(net.graph, number, port.ty) else {
@@ -127,7 +127,7 @@ pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 },
                 _ => continue,
             };
-            faults.push(Diagnostic::error(fault::TYPE_MISMATCH, span, message).help(help));
+            diagnostics.push(Diagnostic::error(codes::TYPE_MISMATCH, span, message).help(help));
         }
     }
 }
@@ -171,10 +171,10 @@ fn other_type(
 ) -> Diagnostic {
     let output = net.graph.output_name(link.from);
     let message = format!("type mismatch: `{input}` expects {want}, but `{output}` is a {have}");
-    let fault =
-        Diagnostic::error(fault::TYPE_MISMATCH, link.span, message).label(format!("a {have}"));
+    let diagnostic =
+        Diagnostic::error(codes::TYPE_MISMATCH, link.span, message).label(format!("a {have}"));
     let is_element = link.part.is_none() && have.element() == Some(want);
-    fault.help_if(match (have, want) {
+    diagnostic.help_if(match (have, want) {
         _ if is_element => Some(format!("pick an element: `{output}[0]`")),
         (Type::Int, Type::Real) | (Type::Real, Type::Int) => Some(WHOLE_AND_REAL.to_string()),
         (Type::Pose, Type::Vector3) => Some(format!("its position: `{output}.position`")),
@@ -186,13 +186,19 @@ fn other_type(
 const WHOLE_AND_REAL: &str = "Int and Real are not converted implicitly: convert the Int with `{type: ToReal, inputs: {in: …}}`";
 
 /// Requires that constants at inputs and parameters have the types and units of their ports.
-pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn literals_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let mut check_literal = |literal: &Literal, name: &str, ty: PortType, unit: UnitRule| {
             let ty = net.inferred.port_type(net.graph, number, ty);
             let unit = net.inferred.port_unit(net.graph, number, unit);
             if let Some(ty) = ty {
-                literal_fits(literal, ty, unit, &format!("{}.{name}", item.id()), faults);
+                literal_fits(
+                    literal,
+                    ty,
+                    unit,
+                    &format!("{}.{name}", item.id()),
+                    diagnostics,
+                );
             }
         };
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
@@ -219,7 +225,7 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                         .inferred
                         .position_unit(net.graph, number, port, *position);
                     let name = format!("{}.{}{}", item.id(), port.name, position_name(*position));
-                    literal_fits(literal, ty, unit, &name, faults);
+                    literal_fits(literal, ty, unit, &name, diagnostics);
                 }
             }
         }
@@ -227,7 +233,7 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Requires that the array lengths that a spec leaves open can be inferred.
-pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn lengths_are_known(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let spec = item.spec();
         let ports = spec.inputs.iter().chain(spec.outputs);
@@ -266,8 +272,8 @@ pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         } else {
             format!("cannot infer the length of `{}.{}`", item.id(), port.name)
         };
-        let fault = Diagnostic::error(fault::TYPE_MISMATCH, item.primitive.id.span, message);
-        faults.push(fault.help(format!("`{}` is {}", port.name, port.doc)));
+        let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, item.primitive.id.span, message);
+        diagnostics.push(diagnostic.help(format!("`{}` is {}", port.name, port.doc)));
     }
 }
 
@@ -277,12 +283,12 @@ pub(crate) fn literal_fits(
     ty: Type,
     unit: Option<Unit>,
     place: &str,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) {
     if literal.stored(ty).is_none() {
         let message = format!("type mismatch: `{place}` expects {ty}, found {literal}");
-        let fault = Diagnostic::error(fault::TYPE_MISMATCH, literal.span, message);
-        faults.push(fault.help_if(example_of(literal, ty)));
+        let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, literal.span, message);
+        diagnostics.push(diagnostic.help_if(example_of(literal, ty)));
         return;
     }
     // The units of a composite are implied by its type, so its constants are bare numbers.
@@ -290,8 +296,8 @@ pub(crate) fn literal_fits(
     for (have, span) in literal.units() {
         if have != want {
             let message = format!("unit mismatch: `{place}` expects {want}, found {have}");
-            let fault = Diagnostic::error(fault::UNIT_MISMATCH, span, message);
-            faults.push(fault.label(format!("in {have}")));
+            let diagnostic = Diagnostic::error(codes::UNIT_MISMATCH, span, message);
+            diagnostics.push(diagnostic.label(format!("in {have}")));
         }
     }
 }
@@ -325,7 +331,7 @@ fn example_of(literal: &Literal, ty: Type) -> Option<String> {
 }
 
 /// Requires that a primitive has a kernel for the type that it is connected to.
-pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn types_suit_their_primitives(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let spec = item.spec();
         let mut ports = spec.inputs.iter().chain(spec.outputs);
@@ -353,14 +359,14 @@ pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
                 .iter()
                 .find_map(|(key, _)| (key.name == port.name).then_some(key.span));
             let span = place.unwrap_or(item.primitive.id.span);
-            faults.push(Diagnostic::error(fault::TYPE_MISMATCH, span, message));
+            diagnostics.push(Diagnostic::error(codes::TYPE_MISMATCH, span, message));
         }
     }
 }
 
 /// Requires that the units at the ports of a primitive are consistent, for example that a product has the unit of the
 /// product.
-pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn units_of_a_primitive_agree(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         let unit = |rule: UnitRule| net.inferred.port_unit(net.graph, number, rule);
         let var = |index: u8| unit(UnitRule::Var(index));
@@ -388,7 +394,7 @@ pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) 
                             item.id()
                         );
                         let span = item.primitive.id.span;
-                        faults.push(Diagnostic::error(fault::UNIT_MISMATCH, span, message));
+                        diagnostics.push(Diagnostic::error(codes::UNIT_MISMATCH, span, message));
                         None
                     }
                     root => root.and_then(|(_, root)| root),
@@ -406,14 +412,14 @@ pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) 
                 let message = format!(
                     "unit mismatch: `{id}.{name}` is in {want} by its inputs and is used in {have}"
                 );
-                faults.push(Diagnostic::error(fault::UNIT_MISMATCH, span, message));
+                diagnostics.push(Diagnostic::error(codes::UNIT_MISMATCH, span, message));
             }
         }
     }
 }
 
 /// Requires that parameters are within the ranges of their specs.
-pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn parameters_are_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
         for (literal, parameter) in item.parameters.iter().zip(item.spec().parameters) {
             let Some(literal) = literal else { continue };
@@ -449,8 +455,8 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 continue;
             };
             let message = format!("`{}.{}` {message}", item.id(), parameter.name);
-            let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
-            faults.push(fault.help(format!("{}: {}", parameter.name, parameter.doc)));
+            let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, literal.span, message);
+            diagnostics.push(diagnostic.help(format!("{}: {}", parameter.name, parameter.doc)));
         }
     }
 }
@@ -470,7 +476,7 @@ pub(super) fn constant<'a>(net: Typed<'a>, input_source: &InputSource<'a>) -> Op
 
 /// Requires that constants at inputs are within the ranges of their specs. A computed value may be limited there, but a
 /// constant out of range is a mistake.
-pub fn constants_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+pub fn constants_are_in_range(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for item in &net.graph.items {
         for (input_source, port) in item.inputs.iter().zip(item.spec().inputs) {
             let (Some(least), Some(greatest)) = (port.least, port.greatest) else {
@@ -484,8 +490,8 @@ pub fn constants_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             };
             let (id, name) = (item.id(), port.name);
             let message = format!("`{id}.{name}` must be {least} to {greatest}, found {value}");
-            let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
-            faults.push(fault.help(format!("{name}: {}", port.doc)));
+            let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, literal.span, message);
+            diagnostics.push(diagnostic.help(format!("{name}: {}", port.doc)));
         }
     }
 }

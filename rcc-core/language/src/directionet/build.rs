@@ -18,8 +18,8 @@ use super::Options;
 use super::flatten::{FlatNet, FlatPrimitive, FlatSource};
 use super::table::{self, Counterpart, ForeignPort, NullReading, TypeEntry};
 use super::values;
+use crate::codes;
 use crate::devices::DeviceTable;
-use crate::fault;
 use crate::syntax::literal::{Literal, LiteralShape};
 
 /// Most suggestions, over all errors: a broken text of a megabyte must not take minutes.
@@ -82,7 +82,7 @@ struct ArmAxes {
 struct Conversion<'t, 'f> {
     options: &'f Options,
     cell: &'f DeviceTable,
-    faults: &'f mut Vec<Diagnostic>,
+    diagnostics: &'f mut Vec<Diagnostic>,
     flat: &'f FlatNet<'t>,
     entries: Vec<Option<&'static TypeEntry>>,
     /// Values of the outputs, by primitive of the text.
@@ -109,12 +109,12 @@ pub fn build(
     flat: &FlatNet<'_>,
     options: &Options,
     cell: &DeviceTable,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> crate::syntax::Net {
     let mut build = Conversion {
         options,
         cell,
-        faults,
+        diagnostics,
         flat,
         entries: Vec::new(),
         values: vec![HashMap::new(); flat.primitives.len()],
@@ -150,7 +150,7 @@ pub fn build(
 
 impl<'t> Conversion<'t, '_> {
     fn error(&mut self, code: &'static str, span: Span, message: String, help: Option<String>) {
-        self.faults
+        self.diagnostics
             .push(Diagnostic::error(code, span, message).help_if(help));
     }
 
@@ -173,26 +173,26 @@ impl<'t> Conversion<'t, '_> {
             let mut names: Vec<&str> = table::all().keys().map(String::as_str).collect();
             names.sort_unstable();
             let help = self.suggest(&primitive.ty.name, names);
-            self.error(fault::UNKNOWN_TYPE, primitive.ty.span, message, help);
+            self.error(codes::UNKNOWN_TYPE, primitive.ty.span, message, help);
             return None;
         };
         for (key, ..) in &primitive.parameters {
             if entry.parameter(&key.name).is_none() {
                 let known = entry.parameters.iter().map(|port| port.name);
-                self.no_such(fault::UNKNOWN_PARAMETER, "parameter", key, entry, known);
+                self.no_such(codes::UNKNOWN_PARAMETER, "parameter", key, entry, known);
             }
         }
         for (key, _) in &primitive.inputs {
             if entry.input(&key.name).is_none() {
                 let known = entry.inputs.iter().map(|port| port.name);
-                self.no_such(fault::UNKNOWN_INPUT, "input", key, entry, known);
+                self.no_such(codes::UNKNOWN_INPUT, "input", key, entry, known);
             }
         }
         if let Counterpart::None(_) = entry.row.to {
             let message = format!("`{}` has no counterpart: {}", entry.name, entry.row.note);
             let help =
                 Some("docs/from-the-predecessor.md lists the counterpart of each type".into());
-            self.error(fault::NO_COUNTERPART, primitive.ty.span, message, help);
+            self.error(codes::NO_COUNTERPART, primitive.ty.span, message, help);
             return None;
         }
         Some(entry)
@@ -247,11 +247,11 @@ impl<'t> Conversion<'t, '_> {
             Counterpart::None(_) => {}
         }
         if let Some(active) = active {
-            for ours in self.built.iter_mut().skip(first) {
+            for built in self.built.iter_mut().skip(first) {
                 // A shared primitive is not subject to the condition of one of its users, nor is the primitive that
                 // computes the condition.
-                if ours.made_for == number && ours.active.is_none() {
-                    ours.active = Some(active.clone());
+                if built.made_for == number && built.active.is_none() {
+                    built.active = Some(active.clone());
                 }
             }
         }
@@ -265,14 +265,14 @@ impl<'t> Conversion<'t, '_> {
         };
         if entry.input(input).is_some() && !mentioned && !self.is_pre(number) {
             let message = format!("the input `{input}` of {} has no counterpart", entry.name);
-            self.error(fault::NO_COUNTERPART, key.span, message, None);
+            self.error(codes::NO_COUNTERPART, key.span, message, None);
         }
     }
 
     fn not_connected(&mut self, number: usize, port: &str, entry: &TypeEntry) {
         let message = format!("the input `{port}` of {} is not connected", entry.name);
         let span = self.flat.primitives[number].ty.span;
-        self.error(fault::NOT_CONNECTED, span, message, None);
+        self.error(codes::NOT_CONNECTED, span, message, None);
     }
 
     fn span(&self, number: usize) -> Span {
@@ -306,14 +306,14 @@ impl<'t> Conversion<'t, '_> {
                 entry.name, port.name
             );
             let near = self.suggest(&port.name, names);
-            self.error(fault::UNKNOWN_OUTPUT, port.span, message, near);
+            self.error(codes::UNKNOWN_OUTPUT, port.span, message, near);
         } else {
             let message = format!(
                 "the output `{}` of {} has no counterpart",
                 port.name, entry.name
             );
             let note = (!entry.row.note.is_empty()).then(|| entry.row.note.to_string());
-            self.error(fault::NO_COUNTERPART, port.span, message, note);
+            self.error(codes::NO_COUNTERPART, port.span, message, note);
         }
         BuiltValue::Refused
     }
@@ -359,10 +359,10 @@ impl<'t> Conversion<'t, '_> {
         };
         match read {
             Ok(literal) => Some(literal),
-            Err(fault) => {
+            Err(diagnostic) => {
                 // The same parameter may be read more than once.
-                if !self.faults.contains(&fault) {
-                    self.faults.push(*fault);
+                if !self.diagnostics.contains(&diagnostic) {
+                    self.diagnostics.push(*diagnostic);
                 }
                 None
             }
@@ -378,7 +378,7 @@ impl<'t> Conversion<'t, '_> {
         let count = u32::try_from(value).ok();
         if count.is_none() {
             let message = format!("`{name}` is {value}");
-            self.error(fault::OUT_OF_RANGE, literal.span, message, None);
+            self.error(codes::OUT_OF_RANGE, literal.span, message, None);
         }
         count
     }
@@ -482,12 +482,12 @@ impl<'t> Conversion<'t, '_> {
                     }
                     _ => BuiltValue::Constant(constant),
                 };
-                if let Some(ours) = self
+                if let Some(built) = self
                     .built
                     .get_mut(made)
-                    .filter(|ours| ours.inputs.len() == 1)
+                    .filter(|built| built.inputs.len() == 1)
                 {
-                    ours.inputs.push(("other", other, span));
+                    built.inputs.push(("other", other, span));
                 }
                 self.built_output(made, "out")
             }

@@ -7,7 +7,7 @@ use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_config::yaml::Key;
 
 use super::text::{self, AstArgument, AstFragment, AstItem, AstValue};
-use crate::fault;
+use crate::codes;
 
 /// Most fragment boundaries that one link may cross; beyond that it is a cycle.
 const BORDERS_MAX: usize = 4 * text::DEPTH_MAX;
@@ -93,7 +93,7 @@ enum NameTarget {
 }
 
 struct Flattener<'t, 'f> {
-    faults: &'f mut Vec<Diagnostic>,
+    diagnostics: &'f mut Vec<Diagnostic>,
     scopes: Vec<FragmentScope<'t>>,
     flat: FlatNet<'t>,
     /// Arguments of each primitive with the scope that contains them.
@@ -105,9 +105,9 @@ struct Flattener<'t, 'f> {
 }
 
 /// Flattens a net. Reports every name that does not resolve.
-pub fn flatten<'t>(root: &'t AstFragment, faults: &mut Vec<Diagnostic>) -> FlatNet<'t> {
+pub fn flatten<'t>(root: &'t AstFragment, diagnostics: &mut Vec<Diagnostic>) -> FlatNet<'t> {
     let mut flattener = Flattener {
-        faults,
+        diagnostics,
         scopes: Vec::new(),
         flat: FlatNet::default(),
         arguments: Vec::new(),
@@ -160,9 +160,9 @@ impl<'t> Flattener<'t, '_> {
             match &argument.value {
                 AstValue::Text(_, span) => {
                     let message = format!("a fragment has no parameter `{}`", argument.name.name);
-                    let fault = Diagnostic::error(fault::UNKNOWN_PARAMETER, *span, message);
-                    self.faults
-                        .push(fault.help("fragments have inputs and outputs only"));
+                    let diagnostic = Diagnostic::error(codes::UNKNOWN_PARAMETER, *span, message);
+                    self.diagnostics
+                        .push(diagnostic.help("fragments have inputs and outputs only"));
                 }
                 AstValue::Link(primitive, _) => {
                     let around = parent.unwrap_or(scope);
@@ -192,8 +192,8 @@ impl<'t> Flattener<'t, '_> {
         let target = match &item.primitive {
             text::AstPrimitive::Named(other) => {
                 let message = format!("`{}` is another name for `{}`", item.name.name, other.name);
-                let fault = Diagnostic::error(fault::WRONG_SHAPE, other.span, message);
-                self.faults.push(fault.help(format!(
+                let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, other.span, message);
+                self.diagnostics.push(diagnostic.help(format!(
                     "name an output, `{}={}.outPort`, or remove it",
                     item.name.name, other.name
                 )));
@@ -205,8 +205,8 @@ impl<'t> Flattener<'t, '_> {
         if let Some((_, first)) = self.scope_of(scope).names.get(name).copied() {
             self.twice(&item.name, "primitive");
             let message = format!("the first definition of `{name}`");
-            let first = Diagnostic::error(fault::DUPLICATE_KEY, first, message);
-            self.faults.push(first.help("rename one of the two"));
+            let first = Diagnostic::error(codes::DUPLICATE_KEY, first, message);
+            self.diagnostics.push(first.help("rename one of the two"));
         } else if let Some(scope) = self.scopes.get_mut(scope) {
             scope.names.insert(name, (target, item.name.span));
         }
@@ -214,9 +214,9 @@ impl<'t> Flattener<'t, '_> {
 
     fn twice(&mut self, name: &Key, what: &str) {
         let message = format!("a second {what} `{}` in the same fragment", name.name);
-        let fault = Diagnostic::error(fault::DUPLICATE_KEY, name.span, message);
-        self.faults
-            .push(fault.help("rename one: the predecessor silently took the last one"));
+        let diagnostic = Diagnostic::error(codes::DUPLICATE_KEY, name.span, message);
+        self.diagnostics
+            .push(diagnostic.help("rename one: the predecessor silently took the last one"));
     }
 
     fn scope_of(&self, number: usize) -> &FragmentScope<'t> {
@@ -294,8 +294,8 @@ impl<'t> Flattener<'t, '_> {
             if earlier.is_some() {
                 let message = format!("`{}` is given twice", argument.name.name);
                 let span = argument.name.span;
-                self.faults
-                    .push(Diagnostic::error(fault::DUPLICATE_KEY, span, message));
+                self.diagnostics
+                    .push(Diagnostic::error(codes::DUPLICATE_KEY, span, message));
             }
             match &argument.value {
                 AstValue::Text(text, span) => {
@@ -387,15 +387,15 @@ impl<'t> Flattener<'t, '_> {
             }
         }
         let message = "this link forms a cycle through fragments";
-        let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, port.span, message);
-        self.faults
-            .push(fault.help("connect one of the fragments' outputs to a primitive"));
+        let diagnostic = Diagnostic::error(codes::LOOP_WITHOUT_DELAY, port.span, message);
+        self.diagnostics
+            .push(diagnostic.help("connect one of the fragments' outputs to a primitive"));
         Some(FlatSource::Refused)
     }
 
     fn not_there(&mut self, span: &Span, message: &str) -> Option<FlatSource<'t>> {
-        self.faults.push(Diagnostic::error(
-            fault::UNKNOWN_PRIMITIVE,
+        self.diagnostics.push(Diagnostic::error(
+            codes::UNKNOWN_PRIMITIVE,
             *span,
             message.to_string(),
         ));
@@ -415,8 +415,8 @@ impl<'t> Flattener<'t, '_> {
         let names = self.scope_of(scope).names.keys().copied().collect();
         let help = self.suggest(&name.name, names);
         let message = format!("this fragment has no primitive `{}`", name.name);
-        self.faults
-            .push(Diagnostic::error(fault::UNKNOWN_PRIMITIVE, name.span, message).help_if(help));
+        self.diagnostics
+            .push(Diagnostic::error(codes::UNKNOWN_PRIMITIVE, name.span, message).help_if(help));
         Some(FlatSource::Refused)
     }
 
@@ -424,8 +424,8 @@ impl<'t> Flattener<'t, '_> {
         let names = self.scope_of(scope).outputs.keys().copied().collect();
         let help = self.suggest(&port.name, names);
         let message = format!("the fragment has no output `{}`", port.name);
-        self.faults
-            .push(Diagnostic::error(fault::UNKNOWN_OUTPUT, port.span, message).help_if(help));
+        self.diagnostics
+            .push(Diagnostic::error(codes::UNKNOWN_OUTPUT, port.span, message).help_if(help));
         Some(FlatSource::Refused)
     }
 }

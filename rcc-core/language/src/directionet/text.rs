@@ -13,7 +13,7 @@
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{BYTES_MAX, Key, TOO_LARGE};
 
-use crate::fault;
+use crate::codes;
 
 /// Deepest nesting of fragments and inline primitives.
 pub const DEPTH_MAX: usize = 64;
@@ -205,8 +205,8 @@ impl<'t> TextParser<'t> {
             None => (format!("expected {what}, found the end of the text"), 0),
         };
         let span = Span::new(self.at, self.at + length);
-        let fault = Diagnostic::error(fault::BROKEN, span, message);
-        Box::new(fault.help("DirectIONet: `{name=Type(inPort=other.outPort,Parameter='text'),outTerminate=name.outPort}`"))
+        let diagnostic = Diagnostic::error(codes::BROKEN, span, message);
+        Box::new(diagnostic.help("DirectIONet: `{name=Type(inPort=other.outPort,Parameter='text'),outTerminate=name.outPort}`"))
     }
 
     fn want(&mut self, byte: u8, what: &str) -> ParseResult<()> {
@@ -384,9 +384,9 @@ mod tests {
     use super::*;
 
     fn place(text: &str) -> (usize, String) {
-        let fault = parse(text).unwrap_err();
-        assert_eq!(fault.code, fault::BROKEN, "{text}");
-        (fault.place.unwrap().start, fault.message)
+        let diagnostic = parse(text).unwrap_err();
+        assert_eq!(diagnostic.code, codes::BROKEN, "{text}");
+        (diagnostic.place.unwrap().start, diagnostic.message)
     }
 
     #[test]
@@ -436,11 +436,11 @@ mod tests {
     #[test]
     fn nesting_has_a_limit_and_no_text_overflows_the_stack() {
         for open in ["{a=", "{a=b(c="] {
-            let fault = parse(&open.repeat(100_000)).unwrap_err();
-            assert_eq!(fault.code, TOO_LARGE, "{open}");
+            let diagnostic = parse(&open.repeat(100_000)).unwrap_err();
+            assert_eq!(diagnostic.code, TOO_LARGE, "{open}");
         }
-        let fault = parse(&format!("{{x={}", "a(b=".repeat(1000))).unwrap_err();
-        assert_eq!(fault.code, TOO_LARGE);
+        let diagnostic = parse(&format!("{{x={}", "a(b=".repeat(1000))).unwrap_err();
+        assert_eq!(diagnostic.code, TOO_LARGE);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::pose::Pose;
 use rcc_core::types::Type as RccType;
 
-use crate::fault;
+use crate::codes;
 use crate::syntax::literal::{Literal, LiteralShape};
 
 /// A type of the predecessor's ports and parameters.
@@ -140,8 +140,10 @@ impl<'t> ValueParser<'t> {
             _ => "a number",
         };
         let message = format!("`{}` is not {wanted}", shortened(self.text));
-        let fault = Diagnostic::error(fault::BAD_QUANTITY, self.span, message);
-        Box::new(fault.help("correct it: the predecessor silently read 0, false or a part of it"))
+        let diagnostic = Diagnostic::error(codes::BAD_QUANTITY, self.span, message);
+        Box::new(
+            diagnostic.help("correct it: the predecessor silently read 0, false or a part of it"),
+        )
     }
 
     fn blanks(&mut self) {
@@ -372,10 +374,10 @@ mod tests {
             ("{x:1", ForeignType::Vector),
             ("{{", ForeignType::Frame),
         ] {
-            let fault = read(text, Span::new(3, 4), ty, false).unwrap_err();
+            let diagnostic = read(text, Span::new(3, 4), ty, false).unwrap_err();
             assert_eq!(
-                (fault.code, fault.place),
-                (fault::BAD_QUANTITY, Some(Span::new(3, 4)))
+                (diagnostic.code, diagnostic.place),
+                (codes::BAD_QUANTITY, Some(Span::new(3, 4)))
             );
         }
         for text in ["[1", "[,]", "[:]", "1"] {

@@ -12,8 +12,8 @@ use rcc_core::primitive::ChannelKind;
 use super::table::{self, FAMILIES, PrimitiveClass, TypeEntry};
 use super::text::{self, AstArgument};
 use super::values::ForeignType;
+use crate::codes;
 use crate::devices::DeviceTable;
-use crate::fault;
 use crate::names::{Names, PrimitiveNames};
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::ValuePart;
@@ -33,7 +33,7 @@ struct TextWriter<'n, 'f> {
     names: HashMap<&'n str, &'n PrimitiveNames>,
     cell: &'n DeviceTable,
     rows: HashMap<&'static str, Vec<ReverseRow>>,
-    faults: &'f mut Vec<Diagnostic>,
+    diagnostics: &'f mut Vec<Diagnostic>,
 }
 
 /// Writes a net that compiles; `names` are those of its plan. Returns `None` if something has no counterpart.
@@ -42,16 +42,16 @@ pub fn text(
     net: &Net,
     names: &Names,
     cell: &DeviceTable,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<String> {
-    let before = faults.len();
+    let before = diagnostics.len();
     let names = names.primitives.iter().map(|row| (row.id.as_str(), row));
     let mut writer = TextWriter {
         net,
         names: names.collect(),
         cell,
         rows: reverse_rows(),
-        faults,
+        diagnostics,
     };
     if let Some(key) = net.uses.first() {
         writer.refuse(key.span, "libraries of fragments".to_string());
@@ -73,7 +73,7 @@ pub fn text(
         .iter()
         .flat_map(|it| writer.primitive(it))
         .collect();
-    (writer.faults.len() == before).then(|| format!("{{{}}}", items.join(",")))
+    (writer.diagnostics.len() == before).then(|| format!("{{{}}}", items.join(",")))
 }
 
 /// Returns, by RCC type, all rows that consist of one primitive with only `parent`'s inputs and parameters as
@@ -84,9 +84,9 @@ fn reverse_rows() -> HashMap<&'static str, Vec<ReverseRow>> {
     let mut rows: HashMap<&str, Vec<ReverseRow>> = HashMap::new();
     for entry in entries {
         if let [net] = entry.nets.as_slice()
-            && let Some((ours, row)) = reverse_row(entry, net)
+            && let Some((rcc_name, row)) = reverse_row(entry, net)
         {
-            rows.entry(ours).or_default().push(row);
+            rows.entry(rcc_name).or_default().push(row);
         }
     }
     rows
@@ -160,9 +160,9 @@ fn comes_from_outside(ty: &str) -> bool {
 impl TextWriter<'_, '_> {
     fn refuse(&mut self, span: Span, what: String) {
         let message = format!("DirectIONet has no counterpart for {what}");
-        let fault = Diagnostic::error(fault::NO_COUNTERPART, span, message);
-        self.faults.push(
-            fault.help("docs/from-the-predecessor.md lists the types that have a counterpart"),
+        let diagnostic = Diagnostic::error(codes::NO_COUNTERPART, span, message);
+        self.diagnostics.push(
+            diagnostic.help("docs/from-the-predecessor.md lists the types that have a counterpart"),
         );
     }
 
@@ -203,23 +203,23 @@ impl TextWriter<'_, '_> {
         let id = primitive.id.name.as_str();
         let names = self.names.get(id)?;
         rows.iter().find(|row| {
-            let fits = |ours: &str, ty: ForeignType| {
+            let fits = |rcc_name: &str, ty: ForeignType| {
                 let known = names
                     .inputs
                     .iter()
                     .chain(&names.outputs)
-                    .find(|port| port.name == ours);
-                known.is_none_or(|_| self.type_of(id, ours) == Some(ty))
+                    .find(|port| port.name == rcc_name);
+                known.is_none_or(|_| self.type_of(id, rcc_name) == Some(ty))
             };
-            let inputs = row.arguments.iter().all(|(ours, theirs)| {
+            let inputs = row.arguments.iter().all(|(rcc_name, foreign)| {
                 row.entry
-                    .input(theirs)
-                    .is_none_or(|port| port.array || fits(ours, port.ty))
+                    .input(foreign)
+                    .is_none_or(|port| port.array || fits(rcc_name, port.ty))
             });
-            let outputs = row.outputs.iter().all(|(ours, theirs)| {
+            let outputs = row.outputs.iter().all(|(rcc_name, foreign)| {
                 row.entry
-                    .output(theirs)
-                    .is_none_or(|port| port.array || fits(ours, port.ty))
+                    .output(foreign)
+                    .is_none_or(|port| port.array || fits(rcc_name, port.ty))
             });
             inputs && outputs
         })
@@ -235,12 +235,13 @@ impl TextWriter<'_, '_> {
         let (entry, known) = (row.entry, row.arguments.clone());
         let mut arguments = Vec::new();
         for (name, source) in &primitive.inputs {
-            let Some((_, theirs)) = known.iter().find(|(ours, _)| *ours == name.name) else {
+            let Some((_, foreign)) = known.iter().find(|(rcc_name, _)| *rcc_name == name.name)
+            else {
                 self.refuse(name.span, format!("the input `{}`", name.name));
                 continue;
             };
-            let port = entry.input(theirs);
-            let stem = theirs
+            let port = entry.input(foreign);
+            let stem = foreign
                 .strip_prefix("in")
                 .and_then(|stem| entry.parameter(stem));
             let ty = port.map_or(ForeignType::Any, |port| port.ty);
@@ -257,8 +258,8 @@ impl TextWriter<'_, '_> {
             }
         }
         for (name, literal) in &primitive.parameters {
-            let theirs = known.iter().find(|(ours, _)| *ours == name.name);
-            let port = theirs.and_then(|(_, theirs)| entry.parameter(theirs));
+            let foreign = known.iter().find(|(rcc_name, _)| *rcc_name == name.name);
+            let port = foreign.and_then(|(_, foreign)| entry.parameter(foreign));
             match port {
                 Some(port) if port.name == "Port" => {
                     let number = self.channel(primitive, literal);
@@ -445,8 +446,11 @@ impl TextWriter<'_, '_> {
         }
         let row = self.row(primitive);
         let found = row.and_then(|row| {
-            let (_, theirs) = row.outputs.iter().find(|(ours, _)| *ours == from.port)?;
-            row.entry.output(theirs)
+            let (_, foreign) = row
+                .outputs
+                .iter()
+                .find(|(rcc_name, _)| *rcc_name == from.port)?;
+            row.entry.output(foreign)
         });
         let size = self.names.get(id.as_str()).and_then(|names| {
             let mut outputs = names.outputs.iter();

@@ -11,7 +11,7 @@ use rcc_core::types::Type;
 
 use super::parameters::{constants, named_in, unknown};
 use crate::check::components::{Components, circle};
-use crate::fault;
+use crate::codes;
 use crate::syntax::fragment::{Fragment, FragmentInput, FragmentOutput};
 use crate::syntax::reference::Reference;
 use crate::syntax::{Net, Primitive, PrimitiveKind};
@@ -100,15 +100,19 @@ impl<'a> Body<'a> {
 
 impl<'a> Bodies<'a> {
     /// Collects a net and the fragments of its libraries. Of several fragments with one name, the first is used.
-    pub fn of(net: &'a Net, library: &'a [Fragment], faults: &mut Vec<Diagnostic>) -> Bodies<'a> {
+    pub fn of(
+        net: &'a Net,
+        library: &'a [Fragment],
+        diagnostics: &mut Vec<Diagnostic>,
+    ) -> Bodies<'a> {
         let mut by_name = HashMap::new();
         let mut fragments = Vec::new();
         for fragment in net.fragments.iter().chain(library) {
             let name = &fragment.name;
             if by_name.contains_key(name.name.as_str()) {
                 let message = format!("fragment `{}` is defined more than once", name.name);
-                let fault = Diagnostic::error(fault::DUPLICATE_FRAGMENT, name.span, message);
-                faults.push(fault);
+                let diagnostic = Diagnostic::error(codes::DUPLICATE_FRAGMENT, name.span, message);
+                diagnostics.push(diagnostic);
                 continue;
             }
             by_name.insert(name.name.as_str(), fragments.len());
@@ -123,13 +127,13 @@ impl<'a> Bodies<'a> {
             by_name,
             unresolved_outputs: HashSet::new(),
         };
-        bodies.find_recursion(faults);
+        bodies.find_recursion(diagnostics);
         bodies.find_unresolved_outputs();
         bodies
     }
 
     /// Finds fragments that contain themselves.
-    fn find_recursion(&mut self, faults: &mut Vec<Diagnostic>) {
+    fn find_recursion(&mut self, diagnostics: &mut Vec<Diagnostic>) {
         let contained = self.fragments.iter().map(|(body, _)| {
             let instances = body.primitives.iter();
             let instances = instances.filter(|primitive| primitive.kind == PrimitiveKind::Fragment);
@@ -154,8 +158,8 @@ impl<'a> Bodies<'a> {
                 continue;
             };
             let message = format!("a fragment contains itself: {}", names.join(" → "));
-            let fault = Diagnostic::error(fault::RECURSIVE_FRAGMENT, first.name.span, message);
-            faults.push(fault);
+            let diagnostic = Diagnostic::error(codes::RECURSIVE_FRAGMENT, first.name.span, message);
+            diagnostics.push(diagnostic);
         }
     }
 
@@ -226,21 +230,21 @@ impl<'a> Bodies<'a> {
     }
 
     /// Reports everything that is wrong in the net and its fragments as they are written.
-    pub fn check(&self, faults: &mut Vec<Diagnostic>) {
+    pub fn check(&self, diagnostics: &mut Vec<Diagnostic>) {
         let fragments = self.fragments.iter().map(|(body, _)| body);
         for body in std::iter::once(&self.net).chain(fragments) {
-            self.references_lead_somewhere(body, faults);
-            self.instances_fit_their_fragments(body, faults);
-            self.outputs_of_instances_are_read(body, faults);
-            parameters_are_known_and_used(body, faults);
+            self.references_lead_somewhere(body, diagnostics);
+            self.instances_fit_their_fragments(body, diagnostics);
+            self.outputs_of_instances_are_read(body, diagnostics);
+            parameters_are_known_and_used(body, diagnostics);
             if let Some(fragment) = body.fragment {
-                inputs_are_used(body, fragment, faults);
+                inputs_are_used(body, fragment, diagnostics);
             }
         }
-        self.own_fragments_are_used(faults);
+        self.own_fragments_are_used(diagnostics);
     }
 
-    fn references_lead_somewhere(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
+    fn references_lead_somewhere(&self, body: &Body<'a>, diagnostics: &mut Vec<Diagnostic>) {
         let outputs = body.fragment.map_or(&[][..], |fragment| &fragment.outputs);
         for FragmentOutput { name, from, .. } in outputs {
             if let ReferenceTarget::Input(input) = self.target(body, from) {
@@ -248,8 +252,10 @@ impl<'a> Bodies<'a> {
                     "the output `{}` is the input `{}`: an output must come from a primitive of the fragment",
                     name.name, input.name.name
                 );
-                let fault = Diagnostic::error(fault::WRONG_SHAPE, from.span, message);
-                faults.push(fault.help("connect the reader to the source of the instance's input"));
+                let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, from.span, message);
+                diagnostics.push(
+                    diagnostic.help("connect the reader to the source of the instance's input"),
+                );
             }
         }
         for reference in body.references().chain(body.discard) {
@@ -258,7 +264,7 @@ impl<'a> Bodies<'a> {
             }
             let id = reference.primitive.as_str();
             let Some(instance) = body.members.get(id) else {
-                faults.push(unknown_input(body, reference));
+                diagnostics.push(unknown_input(body, reference));
                 continue;
             };
             // An unknown fragment is reported at the instance, an unresolved output in its fragment.
@@ -285,11 +291,11 @@ impl<'a> Bodies<'a> {
             };
             let names = fragment.outputs.iter().map(|output| &output.name);
             let help = nearest(&reference.port, "outputs", names);
-            faults.push(Diagnostic::error(fault::UNKNOWN_OUTPUT, span, message).help(help));
+            diagnostics.push(Diagnostic::error(codes::UNKNOWN_OUTPUT, span, message).help(help));
         }
     }
 
-    fn instances_fit_their_fragments(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
+    fn instances_fit_their_fragments(&self, body: &Body<'a>, diagnostics: &mut Vec<Diagnostic>) {
         let instances = body.primitives.iter();
         for instance in instances.filter(|primitive| primitive.kind == PrimitiveKind::Fragment) {
             let (id, of) = (&instance.id.name, &instance.type_name);
@@ -297,8 +303,8 @@ impl<'a> Bodies<'a> {
                 let names = self.fragments.iter().map(|(_, fragment)| &fragment.name);
                 let help = nearest(&of.name, "fragments", names);
                 let message = format!("unknown fragment `{}`", of.name);
-                let fault = Diagnostic::error(fault::UNKNOWN_FRAGMENT, of.span, message);
-                faults.push(fault.help(help));
+                let diagnostic = Diagnostic::error(codes::UNKNOWN_FRAGMENT, of.span, message);
+                diagnostics.push(diagnostic.help(help));
                 continue;
             };
             let parameters = fragment.parameters.iter();
@@ -312,25 +318,25 @@ impl<'a> Bodies<'a> {
                     id,
                     of,
                     what: "parameter",
-                    unknown: fault::UNKNOWN_PARAMETER,
+                    unknown: codes::UNKNOWN_PARAMETER,
                 },
                 (given.collect(), parameters.collect()),
-                faults,
+                diagnostics,
             );
             check_members(
                 InstanceMembers {
                     id,
                     of,
                     what: "input",
-                    unknown: fault::UNKNOWN_INPUT,
+                    unknown: codes::UNKNOWN_INPUT,
                 },
                 (fed.collect(), inputs.collect()),
-                faults,
+                diagnostics,
             );
         }
     }
 
-    fn outputs_of_instances_are_read(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
+    fn outputs_of_instances_are_read(&self, body: &Body<'a>, diagnostics: &mut Vec<Diagnostic>) {
         let names =
             |reference: &'a Reference| (reference.primitive.as_str(), reference.port.as_str());
         let read: HashSet<(&str, &str)> = body.references().map(names).collect();
@@ -342,19 +348,19 @@ impl<'a> Bodies<'a> {
             let twice = !discarded.insert(names(reference));
             let (code, message) = if twice {
                 (
-                    fault::BAD_DISCARD,
+                    codes::BAD_DISCARD,
                     format!("`{reference}` is discarded twice"),
                 )
             } else if reference.part.is_some() {
                 let message = "an output can only be discarded as a whole";
-                (fault::BAD_DISCARD, message.to_owned())
+                (codes::BAD_DISCARD, message.to_owned())
             } else if read.contains(&names(reference)) {
                 let message = format!("`{reference}` is discarded and read");
-                (fault::DISCARDED_BUT_READ, message)
+                (codes::DISCARDED_BUT_READ, message)
             } else {
                 continue;
             };
-            faults.push(Diagnostic::error(code, reference.span, message));
+            diagnostics.push(Diagnostic::error(code, reference.span, message));
         }
         for instance in body
             .primitives
@@ -383,14 +389,14 @@ impl<'a> Bodies<'a> {
                 1 => format!("the output `{list}` is neither read nor discarded"),
                 _ => format!("the outputs {list} are neither read nor discarded"),
             };
-            let fault = Diagnostic::error(fault::NOT_READ, instance.id.span, message);
-            faults.push(fault.help(format!(
+            let diagnostic = Diagnostic::error(codes::NOT_READ, instance.id.span, message);
+            diagnostics.push(diagnostic.help(format!(
                 "connect them, or discard them: `discard: [{list}]`"
             )));
         }
     }
 
-    fn own_fragments_are_used(&self, faults: &mut Vec<Diagnostic>) {
+    fn own_fragments_are_used(&self, diagnostics: &mut Vec<Diagnostic>) {
         let fragments = self.fragments.iter().map(|(body, _)| body);
         let all = std::iter::once(&self.net).chain(fragments);
         let instances = all.flat_map(|body| body.primitives);
@@ -400,8 +406,8 @@ impl<'a> Bodies<'a> {
             let name = &fragment.name;
             if !used.contains(name.name.as_str()) {
                 let message = format!("the fragment `{}` is not used", name.name);
-                faults.push(Diagnostic::warning(
-                    fault::FRAGMENT_NOT_USED,
+                diagnostics.push(Diagnostic::warning(
+                    codes::FRAGMENT_NOT_USED,
                     name.span,
                     message,
                 ));
@@ -424,7 +430,7 @@ type DeclaredMember<'a> = (&'a Key, &'a String, bool);
 fn check_members(
     ports: InstanceMembers<'_>,
     (given, known): (Vec<&Key>, Vec<DeclaredMember<'_>>),
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) {
     let InstanceMembers {
         id,
@@ -443,7 +449,7 @@ fn check_members(
             &format!("{what}s"),
             known.iter().map(|(name, ..)| *name),
         );
-        faults.push(Diagnostic::error(unknown, key.span, message).help(help));
+        diagnostics.push(Diagnostic::error(unknown, key.span, message).help(help));
     }
     let given: HashSet<&str> = given.iter().map(|key| key.name.as_str()).collect();
     for (name, description, has_default) in known {
@@ -453,11 +459,11 @@ fn check_members(
         let name = &name.name;
         let (code, message) = match what {
             "input" => (
-                fault::NOT_CONNECTED,
+                codes::NOT_CONNECTED,
                 format!("the input `{id}.{name}` is not connected"),
             ),
             _ => (
-                fault::MISSING_PARAMETER,
+                codes::MISSING_PARAMETER,
                 format!("`{id}` needs the parameter `{name}`"),
             ),
         };
@@ -466,7 +472,7 @@ fn check_members(
             description => format!(": {description}"),
         };
         let help = format!("add `{name}` to its {what}s{about}");
-        faults.push(Diagnostic::error(code, of.span, message).help(help));
+        diagnostics.push(Diagnostic::error(code, of.span, message).help(help));
     }
 }
 
@@ -480,8 +486,8 @@ fn unknown_input(body: &Body<'_>, reference: &Reference) -> Diagnostic {
             "`{primitive}` is an input of {}: it has no `{port}`",
             body.describe()
         );
-        let fault = Diagnostic::error(fault::UNKNOWN_OUTPUT, reference.span, message);
-        return fault.help(format!(
+        let diagnostic = Diagnostic::error(codes::UNKNOWN_OUTPUT, reference.span, message);
+        return diagnostic.help(format!(
             "write `{primitive}`, or `{primitive}[0]` for an element"
         ));
     }
@@ -494,10 +500,10 @@ fn unknown_input(body: &Body<'_>, reference: &Reference) -> Diagnostic {
             "write an input as one word, an output of a primitive as `primitive.port`".to_owned()
         }
     };
-    Diagnostic::error(fault::UNKNOWN_PRIMITIVE, reference.span, message).help(help)
+    Diagnostic::error(codes::UNKNOWN_PRIMITIVE, reference.span, message).help(help)
 }
 
-fn parameters_are_known_and_used(body: &Body<'_>, faults: &mut Vec<Diagnostic>) {
+fn parameters_are_known_and_used(body: &Body<'_>, diagnostics: &mut Vec<Diagnostic>) {
     let parameters = body
         .fragment
         .map_or(&[][..], |fragment| &fragment.parameters);
@@ -515,7 +521,7 @@ fn parameters_are_known_and_used(body: &Body<'_>, faults: &mut Vec<Diagnostic>) 
                 Some(_) => nearest(name, "parameters", parameters.iter().map(|it| &it.name)),
                 None => "a net has no parameters: write the value".to_owned(),
             };
-            faults.push(unknown(name, span, help));
+            diagnostics.push(unknown(name, span, help));
         }
     }
     let defaults = parameters.iter().map(|it| &it.default);
@@ -526,17 +532,17 @@ fn parameters_are_known_and_used(body: &Body<'_>, faults: &mut Vec<Diagnostic>) 
         named_in(default, &mut names);
     }
     for (name, span) in names {
-        faults.push(unknown(name, span, "a default must be a value".to_owned()));
+        diagnostics.push(unknown(name, span, "a default must be a value".to_owned()));
     }
     for parameter in parameters {
         let name = &parameter.name;
         if !used.contains(name.name.as_str()) {
-            faults.push(not_used(body, "parameter", name));
+            diagnostics.push(not_used(body, "parameter", name));
         }
     }
 }
 
-fn inputs_are_used(body: &Body<'_>, fragment: &Fragment, faults: &mut Vec<Diagnostic>) {
+fn inputs_are_used(body: &Body<'_>, fragment: &Fragment, diagnostics: &mut Vec<Diagnostic>) {
     let references = body
         .references()
         .filter(|reference| reference.port.is_empty());
@@ -547,21 +553,21 @@ fn inputs_are_used(body: &Body<'_>, fragment: &Fragment, faults: &mut Vec<Diagno
         let name = &input.name;
         if let Some(primitive) = body.members.get(name.name.as_str()) {
             let message = format!("`{}` is the name of an input and of a primitive", name.name);
-            let fault = Diagnostic::error(fault::BAD_NAME, primitive.id.span, message);
-            faults.push(fault.help("rename one of them"));
+            let diagnostic = Diagnostic::error(codes::BAD_NAME, primitive.id.span, message);
+            diagnostics.push(diagnostic.help("rename one of them"));
         }
         if !used.contains(name.name.as_str()) {
-            faults.push(not_used(body, "input", name));
+            diagnostics.push(not_used(body, "input", name));
         }
         if let Some((Type::Text, span)) = input.ty {
-            faults.push(no_text(span));
+            diagnostics.push(no_text(span));
         }
     }
 }
 
 fn no_text(span: Span) -> Diagnostic {
     let message = "an input cannot be of type Text";
-    Diagnostic::error(fault::WRONG_SHAPE, span, message).help("make it a parameter of the fragment")
+    Diagnostic::error(codes::WRONG_SHAPE, span, message).help("make it a parameter of the fragment")
 }
 
 fn not_used(body: &Body<'_>, what: &str, name: &Key) -> Diagnostic {
@@ -570,7 +576,7 @@ fn not_used(body: &Body<'_>, what: &str, name: &Key) -> Diagnostic {
         name.name,
         body.describe()
     );
-    Diagnostic::error(fault::NOT_USED, name.span, message)
+    Diagnostic::error(codes::NOT_USED, name.span, message)
 }
 
 /// Returns `did you mean …?`, or the known names.

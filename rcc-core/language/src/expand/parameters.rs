@@ -7,7 +7,7 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{Entry, Key, Node, Value};
 use rcc_core::types::Type;
 
-use crate::fault;
+use crate::codes;
 use crate::source_map::SpanShift;
 use crate::syntax::fragment::{Fragment, FragmentParameter};
 use crate::syntax::literal::{self, Literal, LiteralShape};
@@ -26,7 +26,7 @@ impl<'a> Parameters<'a> {
         fragment: &'a Fragment,
         mut given: HashMap<&str, Literal>,
         shift: SpanShift,
-        faults: &mut Vec<Diagnostic>,
+        diagnostics: &mut Vec<Diagnostic>,
     ) -> Parameters<'a> {
         let mut values = HashMap::new();
         for parameter in &fragment.parameters {
@@ -36,8 +36,8 @@ impl<'a> Parameters<'a> {
             let Some(mut value) = given.remove(name).or_else(default) else {
                 continue;
             };
-            if let Err(fault) = fit(fragment, parameter, &mut value) {
-                faults.push(*fault);
+            if let Err(diagnostic) = fit(fragment, parameter, &mut value) {
+                diagnostics.push(*diagnostic);
                 value.shape = LiteralShape::Refused;
             }
             values.insert(name, value);
@@ -51,7 +51,7 @@ impl<'a> Parameters<'a> {
         &self,
         constant: &Literal,
         shift: SpanShift,
-        faults: &mut Vec<Diagnostic>,
+        diagnostics: &mut Vec<Diagnostic>,
     ) -> Literal {
         let LiteralShape::Parameterised(node) = &constant.shape else {
             return shift.literal(constant);
@@ -63,7 +63,7 @@ impl<'a> Parameters<'a> {
         let mut node = node.clone();
         shift.node(&mut node);
         match self.fill_node(&mut node) {
-            Some(()) => literal::read(&node, faults),
+            Some(()) => literal::read(&node, diagnostics),
             None => refused,
         }
     }
@@ -147,9 +147,9 @@ fn fit(
         };
         if !fits {
             let message = format!("type mismatch: {what} expects {ty}, found {value}");
-            let fault = Diagnostic::error(fault::TYPE_MISMATCH, value.span, message);
+            let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, value.span, message);
             return Err(Box::new(
-                fault.help_if(description_as_help(&parameter.description)),
+                diagnostic.help_if(description_as_help(&parameter.description)),
             ));
         }
     }
@@ -158,9 +158,9 @@ fn fit(
     };
     if let Some((have, span)) = value.units().into_iter().find(|(have, _)| *have != unit) {
         let message = format!("unit mismatch: {what} expects {unit}, found {have}");
-        let fault = Diagnostic::error(fault::UNIT_MISMATCH, span, message);
+        let diagnostic = Diagnostic::error(codes::UNIT_MISMATCH, span, message);
         return Err(Box::new(
-            fault.help_if(description_as_help(&parameter.description)),
+            diagnostic.help_if(description_as_help(&parameter.description)),
         ));
     }
     if let Some(number) = value.number() {
@@ -211,11 +211,11 @@ fn named_in_node<'n>(node: &'n Node, names: &mut Vec<(&'n str, Span)>) {
 /// Returns the diagnostic of an unknown parameter.
 pub fn unknown(name: &str, span: Span, help: String) -> Diagnostic {
     let message = format!("unknown parameter `${name}`: no enclosing fragment declares it");
-    Diagnostic::error(fault::NO_SUCH_PARAMETER, span, message).help(help)
+    Diagnostic::error(codes::NO_SUCH_PARAMETER, span, message).help(help)
 }
 
 /// Refuses parameters in `period`, `rate` and `phase`: a net has no parameters.
-pub fn refuse_in_timing(timing: &mut Timing, faults: &mut Vec<Diagnostic>) {
+pub fn refuse_in_timing(timing: &mut Timing, diagnostics: &mut Vec<Diagnostic>) {
     for place in [&mut timing.period, &mut timing.rate, &mut timing.phase] {
         let mut names = Vec::new();
         let Some(literal) = place else { continue };
@@ -223,9 +223,9 @@ pub fn refuse_in_timing(timing: &mut Timing, faults: &mut Vec<Diagnostic>) {
         let found = names
             .iter()
             .map(|(name, span)| unknown(name, *span, "write the value".to_owned()));
-        let before = faults.len();
-        faults.extend(found);
-        if faults.len() > before {
+        let before = diagnostics.len();
+        diagnostics.extend(found);
+        if diagnostics.len() > before {
             *place = None;
         }
     }

@@ -8,8 +8,8 @@ use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use super::{ResolvedPrimitive, Resolver};
+use crate::codes;
 use crate::devices::CellDevice;
-use crate::fault;
 use crate::syntax::fragment::{self, parse_type};
 use crate::syntax::literal::{Literal, LiteralShape};
 
@@ -111,7 +111,7 @@ impl<'a> Resolver<'a, '_> {
         }
         let message = format!("`{}` must be a name, not {literal}", parameter.name);
         let help = parameter.doc.to_string();
-        self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
+        self.error(codes::WRONG_SHAPE, literal.span, message, Some(help));
         None
     }
 
@@ -129,7 +129,7 @@ impl<'a> Resolver<'a, '_> {
             LiteralShape::Text(name) => format!("`{}` cannot be `{name}`", parameter.name),
             _ => message,
         };
-        self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
+        self.error(codes::WRONG_SHAPE, literal.span, message, Some(help));
     }
 
     fn topic(&mut self, parameter: &Parameter, literal: &'a Literal) {
@@ -143,7 +143,7 @@ impl<'a> Resolver<'a, '_> {
             let help = format!(
                 "use a letter followed by letters, digits and `_ - . /`, at most {TOPIC_MAX} characters, as in `tool/force`"
             );
-            self.error(fault::BAD_NAME, literal.span, message, Some(help));
+            self.error(codes::BAD_NAME, literal.span, message, Some(help));
         }
     }
 
@@ -155,7 +155,7 @@ impl<'a> Resolver<'a, '_> {
         };
         if !is_valid && literal.shape != LiteralShape::Null {
             let message = format!("invalid {}: {literal}", parameter.name);
-            self.error(fault::WRONG_SHAPE, literal.span, message, Some(help.into()));
+            self.error(codes::WRONG_SHAPE, literal.span, message, Some(help.into()));
         }
     }
 
@@ -165,7 +165,7 @@ impl<'a> Resolver<'a, '_> {
             let names = self.cell.devices.iter().map(|device| device.name.as_str());
             let help = self.suggestions.word(name, "devices", names, None);
             let message = format!("the cell has no device `{name}`");
-            self.error(fault::UNKNOWN_DEVICE, span, message, Some(help));
+            self.error(codes::UNKNOWN_DEVICE, span, message, Some(help));
         }
         found
     }
@@ -187,7 +187,7 @@ impl<'a> Resolver<'a, '_> {
                 "{} needs an arm, and `{}` is not one",
                 spec.name, device.name
             );
-            self.error(fault::NO_ARM, span, message, Some(help));
+            self.error(codes::NO_ARM, span, message, Some(help));
         }
         is_arm
     }
@@ -217,7 +217,7 @@ impl<'a> Resolver<'a, '_> {
             other.map(|kind| format!("a {}", kind_name(kind)).replace("a analog", "an analog"));
         let help = self.suggestions.word(name, &what, names, other.as_deref());
         let message = format!("`{}` has no {} `{name}`", device.name, kind_name(kind));
-        self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));
+        self.error(codes::UNKNOWN_CHANNEL, span, message, Some(help));
         None
     }
 }

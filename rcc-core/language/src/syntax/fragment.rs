@@ -9,7 +9,7 @@ use rcc_core::unit::Unit;
 use super::literal::{self, Literal};
 use super::reference::{self, Reference};
 use super::{Primitive, entries_of, report_bad_id, report_unknown_keys, shape};
-use crate::fault;
+use crate::codes;
 
 /// A sub-net that instances refer to.
 #[derive(Clone, Debug)]
@@ -99,48 +99,48 @@ const PORT_KEYS: &[&str] = &["type", "unit", "default", "description"];
 const OUTPUT_KEYS: &[&str] = &["from", "description"];
 
 /// Reads a library from the tree of its text.
-pub fn read_library(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Library> {
+pub fn read_library(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Library> {
     if root.map().is_none() {
         let message = format!(
             "expected a library, a mapping with the keys `library` and `fragments`, found {}",
             root.kind()
         );
-        faults.push(Diagnostic::error(fault::WRONG_SHAPE, root.span, message));
+        diagnostics.push(Diagnostic::error(codes::WRONG_SHAPE, root.span, message));
         return None;
     }
-    report_unknown_keys(root, LIBRARY_KEYS, "a library", faults);
+    report_unknown_keys(root, LIBRARY_KEYS, "a library", diagnostics);
     let name = match root.get("library").map(|node| (node, node.text())) {
         Some((node, Some(name))) => Key {
             name: name.to_string(),
             span: node.span,
         },
         Some((node, None)) => {
-            faults.push(shape(node, "the name of a library", "text"));
+            diagnostics.push(shape(node, "the name of a library", "text"));
             return None;
         }
         None => {
             let message = "the library has no name";
-            let fault = Diagnostic::error(fault::MISSING_KEY, root.span, message);
-            faults.push(fault.help("begin with `library: NAME`"));
+            let diagnostic = Diagnostic::error(codes::MISSING_KEY, root.span, message);
+            diagnostics.push(diagnostic.help("begin with `library: NAME`"));
             return None;
         }
     };
     Some(Library {
         name,
-        description: super::read_description(root, faults),
-        uses: read_uses(root, faults),
-        fragments: read_all(root, faults),
+        description: super::read_description(root, diagnostics),
+        uses: read_uses(root, diagnostics),
+        fragments: read_all(root, diagnostics),
     })
 }
 
 /// Reads the paths of the libraries that a file uses.
-pub fn read_uses(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Key> {
+pub fn read_uses(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<Key> {
     let Some(node) = root.get("use") else {
         return Vec::new();
     };
     let wanted = "a list of library files such as `[library/filters.yaml]`";
     let Some(nodes) = node.list() else {
-        faults.push(shape(node, "`use`", wanted));
+        diagnostics.push(shape(node, "`use`", wanted));
         return Vec::new();
     };
     let mut uses = Vec::new();
@@ -150,47 +150,47 @@ pub fn read_uses(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Key> {
                 name: path.to_string(),
                 span: node.span,
             }),
-            None => faults.push(shape(node, "an element of `use`", "the path of a library")),
+            None => diagnostics.push(shape(node, "an element of `use`", "the path of a library")),
         }
     }
     uses
 }
 
 /// Reads the fragments of a file.
-pub fn read_all(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Fragment> {
-    let entries = entries_of(root, "fragments", faults).iter();
+pub fn read_all(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<Fragment> {
+    let entries = entries_of(root, "fragments", diagnostics).iter();
     entries
-        .filter_map(|entry| read_fragment(entry, faults))
+        .filter_map(|entry| read_fragment(entry, diagnostics))
         .collect()
 }
 
-fn read_fragment(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Option<Fragment> {
+fn read_fragment(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Option<Fragment> {
     let (name, node) = (&entry.key, &entry.value);
-    report_bad_id(name, "the name of a fragment", faults);
+    report_bad_id(name, "the name of a fragment", diagnostics);
     if node.map().is_none() {
         let what = format!("fragment `{}`", name.name);
         let wanted = "a mapping with `primitives` and its ports";
-        faults.push(shape(node, &what, wanted));
+        diagnostics.push(shape(node, &what, wanted));
         return None;
     }
-    report_unknown_keys(node, FRAGMENT_KEYS, "a fragment", faults);
+    report_unknown_keys(node, FRAGMENT_KEYS, "a fragment", diagnostics);
     if node.get("primitives").is_none() {
         let message = format!("the fragment `{}` has no primitives", name.name);
-        let fault = Diagnostic::error(fault::MISSING_KEY, name.span, message);
-        faults.push(fault.help("add `primitives:`"));
+        let diagnostic = Diagnostic::error(codes::MISSING_KEY, name.span, message);
+        diagnostics.push(diagnostic.help("add `primitives:`"));
     }
-    let primitives = entries_of(node, "primitives", faults).iter();
+    let primitives = entries_of(node, "primitives", diagnostics).iter();
     let primitives = primitives
-        .map(|entry| super::read_primitive(entry, faults))
+        .map(|entry| super::read_primitive(entry, diagnostics))
         .collect();
     Some(Fragment {
         name: name.clone(),
-        description: super::read_description(node, faults),
-        parameters: read_parameters(node, faults),
-        inputs: read_inputs(node, faults),
-        outputs: read_outputs(node, faults),
+        description: super::read_description(node, diagnostics),
+        parameters: read_parameters(node, diagnostics),
+        inputs: read_inputs(node, diagnostics),
+        outputs: read_outputs(node, diagnostics),
         primitives,
-        discard: super::read_discard(node, faults),
+        discard: super::read_discard(node, diagnostics),
         span: Span::new(name.span.start, node.span.end.max(name.span.end)),
     })
 }
@@ -204,8 +204,9 @@ struct Port {
     default: Option<Literal>,
 }
 
-fn read_parameters(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentParameter> {
-    let ports = read_ports(node, "parameters", "a parameter of a fragment", faults).into_iter();
+fn read_parameters(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<FragmentParameter> {
+    let ports =
+        read_ports(node, "parameters", "a parameter of a fragment", diagnostics).into_iter();
     ports
         .map(|port| FragmentParameter {
             name: port.name,
@@ -217,8 +218,8 @@ fn read_parameters(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentPar
         .collect()
 }
 
-fn read_inputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentInput> {
-    let ports = read_ports(node, "inputs", "an input of a fragment", faults).into_iter();
+fn read_inputs(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<FragmentInput> {
+    let ports = read_ports(node, "inputs", "an input of a fragment", diagnostics).into_iter();
     ports
         .map(|port| FragmentInput {
             name: port.name,
@@ -230,38 +231,42 @@ fn read_inputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentInput> 
         .collect()
 }
 
-fn read_ports(node: &Node, key: &str, what: &str, faults: &mut Vec<Diagnostic>) -> Vec<Port> {
+fn read_ports(node: &Node, key: &str, what: &str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Port> {
     let mut ports = Vec::new();
-    for Entry { key: name, value } in entries_of(node, key, faults) {
-        report_bad_id(name, what, faults);
+    for Entry { key: name, value } in entries_of(node, key, diagnostics) {
+        report_bad_id(name, what, diagnostics);
         if value.map().is_none() && value.value != Value::Null {
             let what = format!("`{}`", name.name);
             let wanted = "a mapping such as `{type: Real, unit: m, default: 0}`, or nothing";
-            faults.push(shape(value, &what, wanted));
+            diagnostics.push(shape(value, &what, wanted));
             continue;
         }
-        report_unknown_keys(value, PORT_KEYS, what, faults);
+        report_unknown_keys(value, PORT_KEYS, what, diagnostics);
         ports.push(Port {
             name: name.clone(),
-            description: super::read_description(value, faults),
-            ty: value.get("type").and_then(|node| read_type(node, faults)),
-            unit: value.get("unit").and_then(|node| read_unit(node, faults)),
+            description: super::read_description(value, diagnostics),
+            ty: value
+                .get("type")
+                .and_then(|node| read_type(node, diagnostics)),
+            unit: value
+                .get("unit")
+                .and_then(|node| read_unit(node, diagnostics)),
             default: value
                 .get("default")
-                .map(|node| literal::read(node, faults))
+                .map(|node| literal::read(node, diagnostics))
                 .filter(|literal| !literal.is_refused()),
         });
     }
     ports
 }
 
-fn read_outputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentOutput> {
+fn read_outputs(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<FragmentOutput> {
     let mut outputs = Vec::new();
-    for Entry { key: name, value } in entries_of(node, "outputs", faults) {
-        report_bad_id(name, "an output of a fragment", faults);
+    for Entry { key: name, value } in entries_of(node, "outputs", diagnostics) {
+        report_bad_id(name, "an output of a fragment", diagnostics);
         let is_map = value.map().is_some();
         if is_map {
-            report_unknown_keys(value, OUTPUT_KEYS, "an output of a fragment", faults);
+            report_unknown_keys(value, OUTPUT_KEYS, "an output of a fragment", diagnostics);
         }
         let from = if is_map {
             value.get("from")
@@ -271,13 +276,13 @@ fn read_outputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentOutput
         let Some((from, text)) = from.and_then(|node| Some((node, node.text()?))) else {
             let what = format!("the output `{}`", name.name);
             let wanted = "an output within the fragment such as `filter.out`";
-            faults.push(shape(value, &what, wanted));
+            diagnostics.push(shape(value, &what, wanted));
             continue;
         };
-        if let Some(from) = reference::read(from, text, faults) {
+        if let Some(from) = reference::read(from, text, diagnostics) {
             outputs.push(FragmentOutput {
                 name: name.clone(),
-                description: super::read_description(value, faults),
+                description: super::read_description(value, diagnostics),
                 from,
             });
         }
@@ -290,15 +295,15 @@ pub const TYPES: &str = "types: Bool, Int, Real, Vector3, Rotation, Pose, Twist,
 /// Units, as help text.
 pub const UNITS: &str = "write an SI unit such as `m/s`, `N`, `rad`, or `1`";
 
-fn read_type(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Type, Span)> {
+fn read_type(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<(Type, Span)> {
     let ty = node.text().and_then(parse_type);
     if ty.is_none() {
         let what = match node.text() {
             Some(text) => format!("unknown type `{text}`"),
             None => format!("a type must be a name, not {}", node.kind()),
         };
-        let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, what);
-        faults.push(fault.help(format!("{TYPES}, and Text")));
+        let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, node.span, what);
+        diagnostics.push(diagnostic.help(format!("{TYPES}, and Text")));
     }
     Some((ty?, node.span))
 }
@@ -345,7 +350,7 @@ pub fn si_unit(text: &str) -> Option<Unit> {
     is_si.then_some(unit)
 }
 
-fn read_unit(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Unit, Span)> {
+fn read_unit(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<(Unit, Span)> {
     let text = match &node.value {
         Value::Text(text) => Some(text.as_str()),
         Value::Int(1) => Some("1"),
@@ -364,8 +369,8 @@ fn read_unit(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Unit, Span)> 
                 UNITS.to_string(),
             ),
         };
-        let fault = Diagnostic::error(fault::BAD_QUANTITY, node.span, message);
-        faults.push(fault.help(help));
+        let diagnostic = Diagnostic::error(codes::BAD_QUANTITY, node.span, message);
+        diagnostics.push(diagnostic.help(help));
         return None;
     }
     Some((unit?.0, node.span))
@@ -420,9 +425,9 @@ fragments:
     discard: [filter.other]
 ";
         let root = rcc_config::yaml::parse(text).unwrap();
-        let mut faults = Vec::new();
-        let fragments = read_all(&root, &mut faults);
-        assert_eq!(faults, []);
+        let mut diagnostics = Vec::new();
+        let fragments = read_all(&root, &mut diagnostics);
+        assert_eq!(diagnostics, []);
         let [fragment] = fragments.as_slice() else {
             panic!("one fragment")
         };

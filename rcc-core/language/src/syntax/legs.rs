@@ -9,7 +9,7 @@ use rcc_core::unit::Unit;
 
 use super::literal::{Literal, LiteralShape};
 use super::{report_unknown_keys, shape};
-use crate::fault;
+use crate::codes;
 
 /// Kinds of legs; each leg has exactly one of these keys.
 const KINDS: [&str; 4] = ["ptp", "lin", "circ", "spline"];
@@ -53,11 +53,11 @@ pub(super) fn are_legs(nodes: &[Node]) -> bool {
 }
 
 /// Reads legs as rows; `None` if one is refused, with its diagnostic.
-pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<Literal>> {
-    let before = faults.len();
+pub(super) fn read(nodes: &[Node], diagnostics: &mut Vec<Diagnostic>) -> Option<Vec<Literal>> {
+    let before = diagnostics.len();
     let mut rows = Vec::new();
     for node in nodes {
-        leg(node, &mut rows, faults);
+        leg(node, &mut rows, diagnostics);
     }
     let blend = nodes.last().and_then(|node| node.get("blend"));
     // An invalid value is already reported.
@@ -67,10 +67,10 @@ pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<L
     };
     if let Some(blend) = blend.filter(is_zone) {
         let message = "the last leg has a `blend`, but no leg follows to blend into";
-        let fault = Diagnostic::error(fault::CONTRADICTION, blend.span, message);
-        faults.push(fault.help("remove `blend`: the path ends at rest"));
+        let diagnostic = Diagnostic::error(codes::CONTRADICTION, blend.span, message);
+        diagnostics.push(diagnostic.help("remove `blend`: the path ends at rest"));
     }
-    (faults.len() == before).then_some(rows)
+    (diagnostics.len() == before).then_some(rows)
 }
 
 /// Returns a row as a constant; elements that are not given are null.
@@ -89,12 +89,12 @@ fn row_literal(row: &LegRow, node: &Node) -> Literal {
     )
 }
 
-fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
+fn leg(node: &Node, rows: &mut Vec<Literal>, diagnostics: &mut Vec<Diagnostic>) {
     let mut kinds = KINDS
         .iter()
         .filter_map(|kind| Some((*kind, node.get(kind)?)));
     let (Some((kind, what)), None) = (kinds.next(), kinds.next()) else {
-        faults.push(
+        diagnostics.push(
             shape(
                 node,
                 "a leg",
@@ -109,121 +109,121 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
     } else {
         FLANGE_KEYS
     };
-    report_unknown_keys(node, keys, &format!("a `{kind}`"), faults);
+    report_unknown_keys(node, keys, &format!("a `{kind}`"), diagnostics);
     let mut row = [f64::NAN; WIDTH];
     for (key, column, unit) in LIMITS {
         if let Some(node) = node.get(key) {
             let above = key != "blend";
-            row[column] = quantity(node, key, unit, above, faults);
+            row[column] = quantity(node, key, unit, above, diagnostics);
         }
     }
     if let Some(node) = node.get("scale") {
-        row[SCALE] = quantity(node, "scale", Unit::ONE, true, faults);
+        row[SCALE] = quantity(node, "scale", Unit::ONE, true, diagnostics);
         if row[SCALE] > 1.0 {
-            faults.push(out_of_range(node, "`scale` must be at most 1"));
+            diagnostics.push(out_of_range(node, "`scale` must be at most 1"));
         }
     }
     if let Some(node) = node.get("relative") {
-        row[23] = word(node, "relative", &["", "tool", "base"], faults);
+        row[23] = word(node, "relative", &["", "tool", "base"], diagnostics);
     }
     if let Some(node) = node.get("arm_angle") {
-        row[24] = number(node, "`arm_angle`", Unit::RADIAN, faults);
+        row[24] = number(node, "`arm_angle`", Unit::RADIAN, diagnostics);
     }
     if let Some(node) = node.get("elbow") {
-        row[25] = word(node, "elbow", leg_row::ELBOWS, faults);
+        row[25] = word(node, "elbow", leg_row::ELBOWS, diagnostics);
     }
-    either(node, ["arm_angle", "elbow"], faults);
+    either(node, ["arm_angle", "elbow"], diagnostics);
     match kind {
         "ptp" => {
-            ptp(what, &mut row, faults);
+            ptp(what, &mut row, diagnostics);
             if let (Some(_), Some(relative)) = (what.get("joints"), node.get("relative")) {
                 let message = "`relative` applies to poses only: joint angles are absolute";
-                let fault = Diagnostic::error(fault::CONTRADICTION, relative.span, message);
-                faults.push(fault.help("remove `relative`, or give a pose"));
+                let diagnostic = Diagnostic::error(codes::CONTRADICTION, relative.span, message);
+                diagnostics.push(diagnostic.help("remove `relative`, or give a pose"));
             }
         }
         "lin" => {
             row[0] = leg_row::LIN;
-            pose(what, &mut row, faults);
+            pose(what, &mut row, diagnostics);
         }
-        "circ" => circ(what, &mut row, faults),
-        _ => return spline(what, &row, rows, faults),
+        "circ" => circ(what, &mut row, diagnostics),
+        _ => return spline(what, &row, rows, diagnostics),
     }
     rows.push(row_literal(&row, node));
 }
 
-fn ptp(node: &Node, row: &mut LegRow, faults: &mut Vec<Diagnostic>) {
+fn ptp(node: &Node, row: &mut LegRow, diagnostics: &mut Vec<Diagnostic>) {
     let Some(joints) = node.get("joints") else {
         row[0] = leg_row::PTP_POSE;
         let keys = &["xyz", "rpy", "quat", "branch", "status", "turn"];
-        report_unknown_keys(node, keys, "a `ptp`", faults);
-        either(node, ["branch", "status"], faults);
+        report_unknown_keys(node, keys, "a `ptp`", diagnostics);
+        either(node, ["branch", "status"], diagnostics);
         for (key, column, most) in [
             ("branch", 22, 7),
             ("status", 9, 31),
             ("turn", leg_row::TURN, 255),
         ] {
             if let Some(node) = node.get(key) {
-                row[column] = whole(node, key, most, faults);
+                row[column] = whole(node, key, most, diagnostics);
             }
         }
-        return pose(&only(node, &["xyz", "rpy", "quat"]), row, faults);
+        return pose(&only(node, &["xyz", "rpy", "quat"]), row, diagnostics);
     };
     row[0] = leg_row::PTP_JOINTS;
-    report_unknown_keys(node, &["joints"], "a `ptp` to joints", faults);
+    report_unknown_keys(node, &["joints"], "a `ptp` to joints", diagnostics);
     let Some(joints) = joints.list().filter(|all| all.len() <= JOINTS_MAX) else {
-        faults.push(shape(joints, "`joints`", "a list of angles, A1 first"));
+        diagnostics.push(shape(joints, "`joints`", "a list of angles, A1 first"));
         return;
     };
     for (place, node) in row[1..].iter_mut().zip(joints) {
-        *place = number(node, "a joint", Unit::RADIAN, faults);
+        *place = number(node, "a joint", Unit::RADIAN, diagnostics);
     }
 }
 
-fn circ(node: &Node, row: &mut LegRow, faults: &mut Vec<Diagnostic>) {
+fn circ(node: &Node, row: &mut LegRow, diagnostics: &mut Vec<Diagnostic>) {
     row[0] = leg_row::CIRC;
     report_unknown_keys(
         node,
         &["via", "to", "angle", "orientation"],
         "a `circ`",
-        faults,
+        diagnostics,
     );
     let (Some(via), Some(to)) = (node.get("via"), node.get("to")) else {
-        faults.push(
+        diagnostics.push(
             shape(node, "a `circ`", "`via` and `to`")
                 .help("write `circ: {via: {xyz: [...]}, to: {xyz: [...], rpy: [...]}}`"),
         );
         return;
     };
-    pose(to, row, faults);
+    pose(to, row, diagnostics);
     if via.list().is_none() {
-        report_unknown_keys(via, &["xyz"], "a `via`", faults);
+        report_unknown_keys(via, &["xyz"], "a `via`", diagnostics);
     }
     let point = via.get("xyz").unwrap_or(via);
     match point.list().filter(|all| all.len() == 3) {
         Some(point) => {
             for (place, node) in row[9..].iter_mut().zip(point) {
-                *place = number(node, "`via`", Unit::METRE, faults);
+                *place = number(node, "`via`", Unit::METRE, diagnostics);
             }
         }
-        None => faults.push(shape(via, "`via`", "a point, `{xyz: [x, y, z]}`")),
+        None => diagnostics.push(shape(via, "`via`", "a point, `{xyz: [x, y, z]}`")),
     }
     if let Some(node) = node.get("angle") {
-        row[13] = number(node, "`angle`", Unit::RADIAN, faults);
+        row[13] = number(node, "`angle`", Unit::RADIAN, diagnostics);
     }
     if let Some(node) = node.get("orientation") {
-        row[12] = word(node, "orientation", leg_row::ORIENTATIONS, faults);
+        row[12] = word(node, "orientation", leg_row::ORIENTATIONS, diagnostics);
     }
 }
 
 /// Adds a row for each point.
-fn spline(node: &Node, row: &LegRow, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
+fn spline(node: &Node, row: &LegRow, rows: &mut Vec<Literal>, diagnostics: &mut Vec<Diagnostic>) {
     let points = node.get("through").unwrap_or(node);
     if points.list().is_none() {
-        report_unknown_keys(node, &["through"], "a `spline`", faults);
+        report_unknown_keys(node, &["through"], "a `spline`", diagnostics);
     }
     let Some(points) = points.list().filter(|points| !points.is_empty()) else {
-        faults.push(shape(node, "a `spline`", "a list of poses"));
+        diagnostics.push(shape(node, "a `spline`", "a list of poses"));
         return;
     };
     for (number, point) in (1..).zip(points) {
@@ -233,7 +233,7 @@ fn spline(node: &Node, row: &LegRow, rows: &mut Vec<Literal>, faults: &mut Vec<D
         } else {
             leg_row::THROUGH
         };
-        pose(point, &mut row, faults);
+        pose(point, &mut row, diagnostics);
         rows.push(row_literal(&row, point));
     }
 }
@@ -247,16 +247,16 @@ fn only(node: &Node, keys: &[&str]) -> Node {
     node
 }
 
-fn pose(node: &Node, row: &mut LegRow, faults: &mut Vec<Diagnostic>) {
-    let before = faults.len();
-    match super::literal::read(node, faults).shape {
+fn pose(node: &Node, row: &mut LegRow, diagnostics: &mut Vec<Diagnostic>) {
+    let before = diagnostics.len();
+    match super::literal::read(node, diagnostics).shape {
         LiteralShape::Pose(elements) => {
             for (place, element) in row[1..].iter_mut().zip(elements) {
                 *place = element;
             }
         }
-        _ if faults.len() > before => {}
-        _ => faults.push(
+        _ if diagnostics.len() > before => {}
+        _ => diagnostics.push(
             shape(node, "a goal", "a pose")
                 .help("write `{xyz: [x, y, z], rpy: [roll, pitch, yaw]}`"),
         ),
@@ -264,46 +264,52 @@ fn pose(node: &Node, row: &mut LegRow, faults: &mut Vec<Diagnostic>) {
 }
 
 /// Reads a number, bare or in the given unit.
-fn number(node: &Node, what: &str, unit: Unit, faults: &mut Vec<Diagnostic>) -> f64 {
-    let Some(quantity) = super::literal::read_quantity(node, faults) else {
+fn number(node: &Node, what: &str, unit: Unit, diagnostics: &mut Vec<Diagnostic>) -> f64 {
+    let Some(quantity) = super::literal::read_quantity(node, diagnostics) else {
         return f64::NAN;
     };
     if let Some(have) = quantity.unit.filter(|have| *have != unit) {
         let message = format!("unit mismatch: {what} expects {unit}, found {have}");
-        faults.push(Diagnostic::error(fault::UNIT_MISMATCH, node.span, message));
+        diagnostics.push(Diagnostic::error(codes::UNIT_MISMATCH, node.span, message));
     }
     quantity.value
 }
 
 /// Reports if both of two exclusive keys are given.
-fn either(node: &Node, keys: [&str; 2], faults: &mut Vec<Diagnostic>) {
+fn either(node: &Node, keys: [&str; 2], diagnostics: &mut Vec<Diagnostic>) {
     let [first, second] = keys;
     if let (Some(_), Some(other)) = (node.get(first), node.get(second)) {
         let message = format!("`{first}` and `{second}` exclude each other");
-        let fault = Diagnostic::error(fault::CONTRADICTION, other.span, message);
-        faults.push(fault.help(format!("remove `{first}` or `{second}`")));
+        let diagnostic = Diagnostic::error(codes::CONTRADICTION, other.span, message);
+        diagnostics.push(diagnostic.help(format!("remove `{first}` or `{second}`")));
     }
 }
 
 /// Reads a number greater than 0, or at least 0 unless `above`.
-fn quantity(node: &Node, key: &str, unit: Unit, above: bool, faults: &mut Vec<Diagnostic>) -> f64 {
-    let value = number(node, &format!("`{key}`"), unit, faults);
+fn quantity(
+    node: &Node,
+    key: &str,
+    unit: Unit,
+    above: bool,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> f64 {
+    let value = number(node, &format!("`{key}`"), unit, diagnostics);
     if value < 0.0 || (above && value == 0.0) {
         let wanted = if above { "greater than 0" } else { "0 or more" };
-        faults.push(out_of_range(node, &format!("`{key}` must be {wanted}")));
+        diagnostics.push(out_of_range(node, &format!("`{key}` must be {wanted}")));
     }
     value
 }
 
 fn out_of_range(node: &Node, message: &str) -> Diagnostic {
-    Diagnostic::error(fault::OUT_OF_RANGE, node.span, message.to_owned())
+    Diagnostic::error(codes::OUT_OF_RANGE, node.span, message.to_owned())
 }
 
-fn whole(node: &Node, key: &str, most: i64, faults: &mut Vec<Diagnostic>) -> f64 {
+fn whole(node: &Node, key: &str, most: i64, diagnostics: &mut Vec<Diagnostic>) -> f64 {
     match node.value {
         Value::Int(value) if (0..=most).contains(&value) => value as f64,
         _ => {
-            faults.push(shape(
+            diagnostics.push(shape(
                 node,
                 &format!("`{key}`"),
                 &format!("a whole number from 0 to {most}"),
@@ -314,7 +320,7 @@ fn whole(node: &Node, key: &str, most: i64, faults: &mut Vec<Diagnostic>) -> f64
 }
 
 /// Reads one of `words` and returns its index; an empty word is a placeholder.
-fn word(node: &Node, key: &str, words: &[&str], faults: &mut Vec<Diagnostic>) -> f64 {
+fn word(node: &Node, key: &str, words: &[&str], diagnostics: &mut Vec<Diagnostic>) -> f64 {
     let given = node.text().unwrap_or("");
     let found = (0u8..)
         .zip(words)
@@ -327,7 +333,7 @@ fn word(node: &Node, key: &str, words: &[&str], faults: &mut Vec<Diagnostic>) ->
         .copied()
         .filter(|word| !word.is_empty())
         .collect();
-    faults.push(shape(
+    diagnostics.push(shape(
         node,
         &format!("`{key}`"),
         &format!("one of {}", words.join(", ")),
@@ -344,15 +350,18 @@ mod tests {
 
     fn literal(text: &str) -> (Literal, Vec<&'static str>) {
         let root = rcc_config::yaml::parse(&format!("x: {text}\n")).unwrap();
-        let mut faults = Vec::new();
-        let literal = super::super::literal::read(root.get("x").unwrap(), &mut faults);
-        let codes = faults.iter().map(|fault| fault.code).collect();
+        let mut diagnostics = Vec::new();
+        let literal = super::super::literal::read(root.get("x").unwrap(), &mut diagnostics);
+        let codes = diagnostics
+            .iter()
+            .map(|diagnostic| diagnostic.code)
+            .collect();
         (literal, codes)
     }
 
     fn rows(text: &str) -> Vec<LegRow> {
-        let (literal, faults) = literal(text);
-        assert_eq!(faults, Vec::<&str>::new(), "{text}");
+        let (literal, diagnostics) = literal(text);
+        assert_eq!(diagnostics, Vec::<&str>::new(), "{text}");
         let LiteralShape::List(rows) = &literal.shape else {
             panic!("{literal}")
         };
@@ -419,8 +428,8 @@ mod tests {
     #[test]
     fn a_list_of_poses_becomes_rows_and_is_written_as_it_was() {
         let text = format!("[{{{GOAL}}}, {{{GOAL}}}]");
-        let (literal, faults) = literal(&text);
-        assert!(faults.is_empty());
+        let (literal, diagnostics) = literal(&text);
+        assert!(diagnostics.is_empty());
         assert!(literal.stored(Type::Matrix(2, 7)).is_some());
         let written = crate::write::constant(&literal);
         assert!(
@@ -432,66 +441,66 @@ mod tests {
     #[test]
     fn malformed_legs_are_refused_with_their_codes() {
         for (text, code) in [
-            ("[{lin: {xyz: [0, 0, 0]}}]", fault::WRONG_SHAPE),
-            ("[{lin: 3}]", fault::WRONG_SHAPE),
+            ("[{lin: {xyz: [0, 0, 0]}}]", codes::WRONG_SHAPE),
+            ("[{lin: 3}]", codes::WRONG_SHAPE),
             (
                 &format!("[{{lin: {{{GOAL}}}}}, {{line: {{{GOAL}}}}}]"),
-                fault::WRONG_SHAPE,
+                codes::WRONG_SHAPE,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, blend: 20 N}}, {{lin: {{{GOAL}}}}}]"),
-                fault::UNIT_MISMATCH,
+                codes::UNIT_MISMATCH,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, blend: -1 mm}}, {{lin: {{{GOAL}}}}}]"),
-                fault::OUT_OF_RANGE,
+                codes::OUT_OF_RANGE,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, velocity: 0}}]"),
-                fault::OUT_OF_RANGE,
+                codes::OUT_OF_RANGE,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, scale: 2}}]"),
-                fault::OUT_OF_RANGE,
+                codes::OUT_OF_RANGE,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, speed: 2}}]"),
-                fault::UNKNOWN_KEY,
+                codes::UNKNOWN_KEY,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, relative: world}}]"),
-                fault::WRONG_SHAPE,
+                codes::WRONG_SHAPE,
             ),
             (
                 &format!("[{{circ: {{to: {{{GOAL}}}}}}}]"),
-                fault::WRONG_SHAPE,
+                codes::WRONG_SHAPE,
             ),
-            ("[{ptp: {joints: 3}}]", fault::WRONG_SHAPE),
-            ("[{ptp: {joints: [0]}, velocity: 1}]", fault::UNKNOWN_KEY),
+            ("[{ptp: {joints: 3}}]", codes::WRONG_SHAPE),
+            ("[{ptp: {joints: [0]}, velocity: 1}]", codes::UNKNOWN_KEY),
             (
                 "[{ptp: {joints: [0]}, relative: base}]",
-                fault::CONTRADICTION,
+                codes::CONTRADICTION,
             ),
             (
                 &format!("[{{ptp: {{{GOAL}, branch: 2, status: 6}}}}]"),
-                fault::CONTRADICTION,
+                codes::CONTRADICTION,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, arm_angle: 1, elbow: middle}}]"),
-                fault::CONTRADICTION,
+                codes::CONTRADICTION,
             ),
             (
                 &format!("[{{circ: {{via: {{xyz: [0, 0, 1], rpy: [0, 0, 0]}}, to: {{{GOAL}}}}}}}]"),
-                fault::UNKNOWN_KEY,
+                codes::UNKNOWN_KEY,
             ),
             (
                 &format!("[{{lin: {{{GOAL}}}, blend: 20 mm}}]"),
-                fault::CONTRADICTION,
+                codes::CONTRADICTION,
             ),
-            ("[{spline: []}]", fault::WRONG_SHAPE),
+            ("[{spline: []}]", codes::WRONG_SHAPE),
             (
                 &format!("[{{ptp: {{{GOAL}, branch: 9}}}}]"),
-                fault::WRONG_SHAPE,
+                codes::WRONG_SHAPE,
             ),
         ] {
             assert_eq!(literal(text).1, vec![code], "{text}");

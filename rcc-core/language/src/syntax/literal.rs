@@ -11,7 +11,7 @@ use rcc_core::types::{ELEMENTS_MAX, NULL_BOOL, NULL_INT, NULL_REAL, Store, Type}
 use rcc_core::unit::Unit;
 
 use super::{legs, report_unknown_keys, shape};
-use crate::fault;
+use crate::codes;
 use crate::write;
 
 /// A quaternion whose length deviates from 1 by more is refused as a mistake.
@@ -343,7 +343,7 @@ fn has_parameters(node: &Node) -> bool {
 }
 
 /// Reads a constant; text that is not a quantity is a name.
-pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
+pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
     let shape = match &node.value {
         _ if has_parameters(node) => LiteralShape::Parameterised(node.clone()),
         Value::Null => LiteralShape::Null,
@@ -351,11 +351,12 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
         Value::Int(value) => LiteralShape::Int(*value),
         Value::Real(value) => LiteralShape::Real(*value, None),
         Value::Text(text) if !quantity::looks_like(text) => LiteralShape::Text(text.clone()),
-        Value::Text(_) => read_quantity(node, faults).map_or(LiteralShape::Refused, |quantity| {
-            LiteralShape::Real(quantity.value, quantity.unit)
-        }),
-        Value::List(nodes) => read_list(node, nodes, faults),
-        Value::Map(_) => read_pose(node, faults).unwrap_or(LiteralShape::Refused),
+        Value::Text(_) => read_quantity(node, diagnostics)
+            .map_or(LiteralShape::Refused, |quantity| {
+                LiteralShape::Real(quantity.value, quantity.unit)
+            }),
+        Value::List(nodes) => read_list(node, nodes, diagnostics),
+        Value::Map(_) => read_pose(node, diagnostics).unwrap_or(LiteralShape::Refused),
     };
     let canonical = Literal::new(shape, node.span);
     let notation = match &node.value {
@@ -393,11 +394,11 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
     literal
 }
 
-pub(super) fn read_quantity(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<Quantity> {
+pub(super) fn read_quantity(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Quantity> {
     quantity::of(node)
         .map_err(|error| {
-            faults.push(Diagnostic::error(
-                fault::BAD_QUANTITY,
+            diagnostics.push(Diagnostic::error(
+                codes::BAD_QUANTITY,
                 node.span,
                 error.to_string(),
             ));
@@ -405,19 +406,19 @@ pub(super) fn read_quantity(node: &Node, faults: &mut Vec<Diagnostic>) -> Option
         .ok()
 }
 
-fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> LiteralShape {
+fn read_list(node: &Node, nodes: &[Node], diagnostics: &mut Vec<Diagnostic>) -> LiteralShape {
     if nodes.is_empty() || nodes.len() > usize::from(ELEMENTS_MAX) {
         let message = format!(
             "a list has 1 to {ELEMENTS_MAX} elements, this one has {}",
             nodes.len()
         );
-        faults.push(Diagnostic::error(fault::WRONG_SHAPE, node.span, message));
+        diagnostics.push(Diagnostic::error(codes::WRONG_SHAPE, node.span, message));
         return LiteralShape::Refused;
     }
     if legs::are_legs(nodes) {
-        return legs::read(nodes, faults).map_or(LiteralShape::Refused, LiteralShape::List);
+        return legs::read(nodes, diagnostics).map_or(LiteralShape::Refused, LiteralShape::List);
     }
-    let elements: Vec<Literal> = nodes.iter().map(|node| read(node, faults)).collect();
+    let elements: Vec<Literal> = nodes.iter().map(|node| read(node, diagnostics)).collect();
     if elements.iter().any(Literal::is_refused) {
         return LiteralShape::Refused;
     }
@@ -452,7 +453,7 @@ fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Liter
             ElementKind::Rows(length) => format!("a row of {length} numbers as the first one"),
             _ => "a number".to_string(),
         };
-        faults.push(shape(node, "an element of a list", &wanted));
+        diagnostics.push(shape(node, "an element of a list", &wanted));
         return LiteralShape::Refused;
     }
     LiteralShape::List(elements)
@@ -486,39 +487,40 @@ enum ElementKind {
 
 const POSE_KEYS: &[&str] = &["xyz", "rpy", "quat"];
 
-fn read_pose(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<LiteralShape> {
-    let before = faults.len();
-    report_unknown_keys(node, POSE_KEYS, "a pose", faults);
-    if faults.len() > before {
+fn read_pose(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<LiteralShape> {
+    let before = diagnostics.len();
+    report_unknown_keys(node, POSE_KEYS, "a pose", diagnostics);
+    if diagnostics.len() > before {
         return None;
     }
     let rotation = match (node.get("rpy"), node.get("quat")) {
         (Some(rpy), None) => {
-            let angles = read_numbers::<3>(rpy, "`rpy`", Unit::RADIAN, faults);
+            let angles = read_numbers::<3>(rpy, "`rpy`", Unit::RADIAN, diagnostics);
             angles.map(|rpy| Pose::from_xyz_rpy([0.0; 3], rpy).orientation)
         }
-        (None, Some(quat)) => read_quaternion(quat, faults),
+        (None, Some(quat)) => read_quaternion(quat, diagnostics),
         (given, _) => {
             let message = match given {
                 Some(_) => "the rotation is given twice",
                 None => "the rotation is missing",
             };
-            let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, message);
-            faults
-                .push(fault.help("give either `rpy: [roll, pitch, yaw]` or `quat: [x, y, z, w]`"));
+            let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, node.span, message);
+            diagnostics.push(
+                diagnostic.help("give either `rpy: [roll, pitch, yaw]` or `quat: [x, y, z, w]`"),
+            );
             None
         }
     };
     let Some(xyz) = node.get("xyz") else {
         return rotation.map(LiteralShape::Rotation);
     };
-    let position = read_numbers::<3>(xyz, "`xyz`", Unit::METRE, faults);
+    let position = read_numbers::<3>(xyz, "`xyz`", Unit::METRE, diagnostics);
     let ([x, y, z], [qx, qy, qz, qw]) = (position?, rotation?);
     Some(LiteralShape::Pose([x, y, z, qx, qy, qz, qw]))
 }
 
-fn read_quaternion(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<[f64; 4]> {
-    let elements = read_numbers::<4>(node, "`quat`", Unit::ONE, faults)?;
+fn read_quaternion(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<[f64; 4]> {
+    let elements = read_numbers::<4>(node, "`quat`", Unit::ONE, diagnostics)?;
     let length = elements.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (length - 1.0).abs() <= LENGTH_NOISE {
         return Some(elements);
@@ -527,8 +529,8 @@ fn read_quaternion(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<[f64; 4]
         return Some(elements.map(|x| x / length));
     }
     let message = format!("the quaternion has length {length:.4}, not 1");
-    let fault = Diagnostic::error(fault::NOT_NORMALISED, node.span, message);
-    faults.push(fault.help("the order is x, y, z, w; or use `rpy: [roll, pitch, yaw]`"));
+    let diagnostic = Diagnostic::error(codes::NOT_NORMALISED, node.span, message);
+    diagnostics.push(diagnostic.help("the order is x, y, z, w; or use `rpy: [roll, pitch, yaw]`"));
     None
 }
 
@@ -537,23 +539,23 @@ fn read_numbers<const N: usize>(
     node: &Node,
     what: &str,
     unit: Unit,
-    faults: &mut Vec<Diagnostic>,
+    diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<[f64; N]> {
     let Some(nodes) = node.list().filter(|nodes| nodes.len() == N) else {
         let message = format!("{what} must be a list of {N} numbers");
-        faults.push(Diagnostic::error(fault::WRONG_SHAPE, node.span, message));
+        diagnostics.push(Diagnostic::error(codes::WRONG_SHAPE, node.span, message));
         return None;
     };
     let mut values = [0.0; N];
     let mut good = true;
     for (place, node) in values.iter_mut().zip(nodes) {
-        let Some(quantity) = read_quantity(node, faults) else {
+        let Some(quantity) = read_quantity(node, diagnostics) else {
             good = false;
             continue;
         };
         if let Some(have) = quantity.unit.filter(|have| *have != unit) {
             let message = format!("unit mismatch: {what} expects {unit}, found {have}");
-            faults.push(Diagnostic::error(fault::UNIT_MISMATCH, node.span, message));
+            diagnostics.push(Diagnostic::error(codes::UNIT_MISMATCH, node.span, message));
             good = false;
         }
         *place = quantity.value;
@@ -567,13 +569,16 @@ mod tests {
 
     fn literal(text: &str) -> Result<Literal, Vec<&'static str>> {
         let root = rcc_config::yaml::parse(&format!("x: {text}\n")).unwrap();
-        let mut faults = Vec::new();
-        let literal = read(root.get("x").unwrap(), &mut faults);
-        if faults.is_empty() {
+        let mut diagnostics = Vec::new();
+        let literal = read(root.get("x").unwrap(), &mut diagnostics);
+        if diagnostics.is_empty() {
             Ok(literal)
         } else {
             assert!(literal.is_refused(), "{text}");
-            Err(faults.iter().map(|fault| fault.code).collect())
+            Err(diagnostics
+                .iter()
+                .map(|diagnostic| diagnostic.code)
+                .collect())
         }
     }
 
@@ -608,8 +613,8 @@ mod tests {
             bools.stored(Type::Bools(2)),
             Some(StoredValue::Bools(vec![1, 0]))
         );
-        assert_eq!(literal("[true, 1]"), Err(vec![fault::WRONG_SHAPE]));
-        assert_eq!(literal("[]"), Err(vec![fault::WRONG_SHAPE]));
+        assert_eq!(literal("[true, 1]"), Err(vec![codes::WRONG_SHAPE]));
+        assert_eq!(literal("[]"), Err(vec![codes::WRONG_SHAPE]));
     }
 
     #[test]
@@ -632,7 +637,7 @@ mod tests {
             "[[[1]]]",
             "[1, [2]]",
         ] {
-            assert_eq!(literal(bad), Err(vec![fault::WRONG_SHAPE]), "{bad}");
+            assert_eq!(literal(bad), Err(vec![codes::WRONG_SHAPE]), "{bad}");
         }
     }
 
@@ -652,19 +657,19 @@ mod tests {
     #[test]
     fn bad_poses_are_refused() {
         for (text, code) in [
-            ("{xyz: [0, 0], rpy: [0, 0, 0]}", fault::WRONG_SHAPE),
-            ("{xyz: [0, 0, 0]}", fault::WRONG_SHAPE),
+            ("{xyz: [0, 0], rpy: [0, 0, 0]}", codes::WRONG_SHAPE),
+            ("{xyz: [0, 0, 0]}", codes::WRONG_SHAPE),
             (
                 "{xyz: [0, 0, 0], rpy: [0, 0, 0], quat: [0, 0, 0, 1]}",
-                fault::WRONG_SHAPE,
+                codes::WRONG_SHAPE,
             ),
             (
                 "{xyz: [0, 0, 0], quat: [0, 0, 1, 1]}",
-                fault::NOT_NORMALISED,
+                codes::NOT_NORMALISED,
             ),
-            ("{xyz: [0, 0, 1 s], rpy: [0, 0, 0]}", fault::UNIT_MISMATCH),
-            ("{xyz: [0, 0, 1 x], rpy: [0, 0, 0]}", fault::BAD_QUANTITY),
-            ("{xzy: [0, 0, 0], rpy: [0, 0, 0]}", fault::UNKNOWN_KEY),
+            ("{xyz: [0, 0, 1 s], rpy: [0, 0, 0]}", codes::UNIT_MISMATCH),
+            ("{xyz: [0, 0, 1 x], rpy: [0, 0, 0]}", codes::BAD_QUANTITY),
+            ("{xzy: [0, 0, 0], rpy: [0, 0, 0]}", codes::UNKNOWN_KEY),
         ] {
             assert_eq!(literal(text), Err(vec![code]), "{text}");
         }

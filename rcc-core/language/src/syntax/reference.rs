@@ -7,7 +7,7 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Node;
 
 use super::part::{self, ValuePart};
-use crate::fault;
+use crate::codes;
 
 /// A reference to an output or a part of its value; in a fragment also to an input of the fragment or a part of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,12 +41,12 @@ impl fmt::Display for Reference {
 }
 
 /// Reads `text`, the text of `node`.
-pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Reference> {
+pub fn read(node: &Node, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Option<Reference> {
     let parsed = parse(text, node.span);
     if parsed.is_none() {
         let message = format!("`{text}` is not a reference to an output");
-        let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, message);
-        faults.push(fault.help(
+        let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, node.span, message);
+        diagnostics.push(diagnostic.help(
             "write an output as `primitive.port`, a part of it as `primitive.port[index]`, `[from..to]`, `[row,column]`, `[row,..]`, `.x` or `.position`",
         ));
     }

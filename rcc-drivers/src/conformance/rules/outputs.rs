@@ -45,7 +45,7 @@ pub fn releases_outputs_on_termination<S: Subject>() {
     bench.driver.release();
 }
 
-/// The executor's announcement goes away.
+/// The executor's announcement disappears.
 pub fn releases_outputs_when_the_executor_vanishes<S: Subject>() {
     are_released(&mut all_on::<S>(), ExecutorAction::Absent);
 }

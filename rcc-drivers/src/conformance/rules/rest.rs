@@ -14,7 +14,7 @@ const WATCHED: usize = 300;
 /// Share of each limit that a motion of the suite uses.
 const SHARE: f64 = 0.6;
 
-/// A rest-to-rest motion of joint 1, a quintic within [`SHARE`] of the limits, one row a cycle of 1 ms.
+/// A rest-to-rest motion of joint 1, a quintic within [`SHARE`] of the limits, one row per cycle of 1 ms.
 #[derive(Clone, Debug)]
 pub struct TestMotion {
     hold: Joints,

@@ -11,13 +11,13 @@ use rcc_core::primitive::ChannelKind::{
 use serde_json::json;
 
 use super::{FriLwr, REASONS};
-use crate::conformance::capture::{Capture, From};
+use crate::conformance::capture::{Capture, PacketSource};
 use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance};
 use crate::driver::Inputs;
 use crate::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState};
 use crate::host::reason::Reason;
 use crate::sim::lwr::krc::Krc;
-use crate::sim::lwr::settings::{Settings as KrcSettings, Transport as KrlWire};
+use crate::sim::lwr::settings::{KrlLoopback, Settings as KrcSettings};
 
 /// Faults of the simulated controller that losses on the wire cause: missed answers, connection quality.
 const OF_THE_WIRE: [i32; 2] = [1, 2];
@@ -33,8 +33,8 @@ pub(super) fn lwr(at: SocketAddr) -> DeviceConfig {
 /// Returns a controller with output 1 of each type looped back to input 1.
 pub(super) fn krc() -> Krc {
     Krc::new(KrcSettings {
-        boolean_wires: vec![KrlWire { from: 1, to: 1 }],
-        real_wires: vec![KrlWire { from: 1, to: 1 }],
+        boolean_wires: vec![KrlLoopback { from: 1, to: 1 }],
+        real_wires: vec![KrlLoopback { from: 1, to: 1 }],
         ..KrcSettings::default()
     })
 }
@@ -177,7 +177,7 @@ impl Subject for Controller {
         let bytes = include_bytes!("../../../../tests/data/fri/cap_lwr.msr");
         Some(Capture {
             device: lwr,
-            packets: vec![(From::Device, bytes.to_vec())],
+            packets: vec![(PacketSource::Device, bytes.to_vec())],
             exchanges: 1,
             check: |inputs: &[Inputs]| {
                 let [j2, j4, j6] = [

@@ -1,6 +1,6 @@
 //! The driver against the simulated I/O station, which runs in a thread of the test.
 
-mod stubborn;
+mod misbehaving_server;
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::mpsc;
@@ -9,13 +9,13 @@ use rcc_config::OnRelease;
 use rcc_core::primitive::ChannelKind::{AnalogInput, AnalogOutput, DigitalInput, DigitalOutput};
 
 use super::*;
-use crate::conformance::{self, Peer, SafeValueState};
+use crate::conformance::{self, ChannelRow, Peer};
 use crate::sim::control_socket::tests::TestFolder;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::line_server::ControlClient;
 
-fn rows() -> [SafeValueState<'static>; 6] {
+fn rows() -> [ChannelRow<'static>; 6] {
     let safe = Some(OnRelease::Safe(0.0));
     [
         ("lamp", DigitalOutput, "coil 0".into(), safe, None),

@@ -6,7 +6,7 @@ mod exchange;
 mod impedance;
 mod stops;
 
-use super::control::Command;
+use super::control::KrcCommand;
 use super::fault::KrcFault;
 use super::krc::Krc;
 use super::settings::{Acknowledge, KrlLoopback, KrlProgram, Settings};
@@ -76,7 +76,12 @@ impl Pc {
     fn commanding(settings: Settings) -> Self {
         let mut pc = Self::new(settings);
         pc.mirror_for(200);
-        assert_eq!(pc.seen.state, SessionState::Command, "{:?}", pc.krc.waiting);
+        assert_eq!(
+            pc.seen.state,
+            SessionState::Command,
+            "{:?}",
+            pc.krc.monitor_reason
+        );
         pc
     }
 
@@ -109,7 +114,7 @@ impl Pc {
     }
 
     fn execute(&mut self, line: &str) {
-        let command: Command = serde_json::from_str(line).unwrap();
+        let command: KrcCommand = serde_json::from_str(line).unwrap();
         self.krc.execute(command).unwrap();
     }
 

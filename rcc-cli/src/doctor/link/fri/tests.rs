@@ -223,7 +223,7 @@ fn garbage_other_versions_and_sunrise_are_distinguished() {
     assert_fails(
         &none("wrong_identity", command),
         "version",
-        &["another PC program"],
+        &["the other PC program"],
     );
     assert_fails(
         &none("malformed", json!({})),
@@ -292,7 +292,7 @@ fn bad_quality_names_the_cause() {
     assert_fails(
         &late(json!({"quality": "bad"})),
         "quality",
-        &["quality bad", "61 answers", "on the way to the controller"],
+        &["quality bad", "61 late or lost answers", "on the way to the controller"],
     );
     assert_fails(
         &late(json!({"quality": "bad", "answer_max_ns": 12_000_000})),

@@ -7,8 +7,8 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 
 use super::{BuiltOutput, BuiltPrimitive, BuiltValue, Conversion};
+use crate::codes;
 use crate::directionet::flatten::FlatSource;
-use crate::fault;
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::ValuePart;
 use crate::syntax::reference::Reference;
@@ -50,14 +50,14 @@ impl Conversion<'_, '_> {
         let mut read = HashSet::new();
         let mut primitives = Vec::new();
         for made in &order {
-            let Some(ours) = self.built.get(*made) else {
+            let Some(built) = self.built.get(*made) else {
                 continue;
             };
             let writer = NetWriter {
                 ids: &ids,
                 delayed: &delayed,
             };
-            primitives.push(writer.primitive(*made, ours, &mut read));
+            primitives.push(writer.primitive(*made, built, &mut read));
         }
         let discard = self.discard(&order, &ids, &read);
         Net {
@@ -75,8 +75,8 @@ impl Conversion<'_, '_> {
         }
     }
 
-    fn add(&mut self, ours: BuiltPrimitive) -> usize {
-        self.built.push(ours);
+    fn add(&mut self, built: BuiltPrimitive) -> usize {
+        self.built.push(built);
         self.built.len() - 1
     }
 
@@ -97,8 +97,8 @@ impl Conversion<'_, '_> {
                     arm.axes.len(),
                     missing.join(", ")
                 );
-                let fault = Diagnostic::error(fault::WRONG_ARM, arm.span, message);
-                self.faults.push(fault.help(
+                let diagnostic = Diagnostic::error(codes::WRONG_ARM, arm.span, message);
+                self.diagnostics.push(diagnostic.help(
                     "command all axes, or name the arm that the net was made for in `# devices:`",
                 ));
                 continue;
@@ -120,8 +120,8 @@ impl Conversion<'_, '_> {
                 Some((_, port)) => self.fit(list, made, port),
                 None => BuiltValue::Refused,
             };
-            if let Some(ours) = self.built.get_mut(made) {
-                ours.inputs = vec![("position", value, span)];
+            if let Some(built) = self.built.get_mut(made) {
+                built.inputs = vec![("position", value, span)];
             }
         }
     }
@@ -134,8 +134,8 @@ impl Conversion<'_, '_> {
         let Some((key, source)) = terminate.copied() else {
             let message = "the net has no output `outTerminate`".to_string();
             let help = Some("add `outTerminate=PRIMITIVE.PORT`".to_string());
-            self.faults.push(
-                Diagnostic::error(fault::NO_TERMINATION, Span::default(), message)
+            self.diagnostics.push(
+                Diagnostic::error(codes::NO_TERMINATION, Span::default(), message)
                     .anywhere()
                     .help_if(help),
             );
@@ -170,8 +170,8 @@ impl Conversion<'_, '_> {
         }
         if never {
             let message = "the net never terminates: `outTerminate` is always false";
-            let fault = Diagnostic::warning(fault::NEVER_ENDS, span, message);
-            self.faults.push(fault.help(
+            let diagnostic = Diagnostic::warning(codes::NEVER_ENDS, span, message);
+            self.diagnostics.push(diagnostic.help(
                 "the predecessor's application ended it on a result: name these results, `# end: _1, _2`, or abort it",
             ));
         }
@@ -196,8 +196,8 @@ impl Conversion<'_, '_> {
                 keys.iter().take(10).copied().collect::<Vec<_>>().join(", ")
             ),
         };
-        self.faults
-            .push(Diagnostic::error(fault::WRONG_SHAPE, place, message).help(help));
+        self.diagnostics
+            .push(Diagnostic::error(codes::WRONG_SHAPE, place, message).help(help));
     }
 
     fn warn_of_debug(&mut self) {
@@ -209,8 +209,8 @@ impl Conversion<'_, '_> {
             "a debug history is requested here and at {} other inputs, but is not kept",
             count - 1
         );
-        let fault = Diagnostic::warning(fault::NO_HISTORY, *first, message);
-        self.faults.push(fault.help(
+        let diagnostic = Diagnostic::warning(codes::NO_HISTORY, *first, message);
+        self.diagnostics.push(diagnostic.help(
             "the flight recorder keeps all device inputs and set-points, and `rcc-cli watch` shows any port",
         ));
     }
@@ -245,12 +245,12 @@ impl Conversion<'_, '_> {
 
     /// Returns the primitives in the order of the text; a shared primitive comes before its first user.
     fn order_of_the_text(&self) -> Vec<usize> {
-        let mut place: Vec<usize> = self.built.iter().map(|ours| ours.made_for).collect();
-        for (made, ours) in self.built.iter().enumerate().rev() {
+        let mut place: Vec<usize> = self.built.iter().map(|built| built.made_for).collect();
+        for (made, built) in self.built.iter().enumerate().rev() {
             let Some(at) = place.get(made).copied() else {
                 continue;
             };
-            for (_, value, _) in &ours.inputs {
+            for (_, value, _) in &built.inputs {
                 for output in outputs_in(value) {
                     let is_shared = self
                         .built
@@ -272,14 +272,14 @@ impl Conversion<'_, '_> {
         let mut ids = vec![String::new(); self.built.len()];
         let mut taken: HashMap<String, usize> = HashMap::new();
         for made in order {
-            let Some(ours) = self.built.get(*made) else {
+            let Some(built) = self.built.get(*made) else {
                 continue;
             };
-            let mut name: String = ours.id.chars().take(NAME_MAX).collect();
+            let mut name: String = built.id.chars().take(NAME_MAX).collect();
             while let Some(count) = taken.get_mut(&name) {
                 *count += 1;
                 let tail = format!("_{count}");
-                name = ours.id.chars().take(NAME_MAX - tail.len()).collect();
+                name = built.id.chars().take(NAME_MAX - tail.len()).collect();
                 name.push_str(&tail);
             }
             taken.insert(name.clone(), 1);
@@ -299,13 +299,13 @@ impl Conversion<'_, '_> {
     ) -> Vec<Reference> {
         let mut discard = Vec::new();
         for made in order {
-            let (Some(spec), Some(ours)) = (self.spec(*made), self.built.get(*made)) else {
+            let (Some(spec), Some(built)) = (self.spec(*made), self.built.get(*made)) else {
                 continue;
             };
             for port in spec.outputs {
                 if !port.diagnostic && !read.contains(&(*made, port.name)) {
                     let output = (*made, port.name, None);
-                    discard.push(reference(ids, output, ours.span));
+                    discard.push(reference(ids, output, built.span));
                 }
             }
         }
@@ -350,7 +350,7 @@ impl NetWriter<'_> {
     fn primitive(
         &self,
         made: usize,
-        ours: &BuiltPrimitive,
+        built: &BuiltPrimitive,
         read: &mut HashSet<(usize, &'static str)>,
     ) -> Primitive {
         let key = |name: &str, span: Span| Key {
@@ -358,24 +358,24 @@ impl NetWriter<'_> {
             span,
         };
         let mut inputs = Vec::new();
-        for (name, value, span) in &ours.inputs {
+        for (name, value, span) in &built.inputs {
             inputs.push((
                 key(name, *span),
                 self.link_source(value, *span, false, read),
             ));
         }
-        let active = ours.active.as_ref();
+        let active = built.active.as_ref();
         Primitive {
-            id: key(self.ids.get(made).map_or("", String::as_str), ours.span),
+            id: key(self.ids.get(made).map_or("", String::as_str), built.span),
             kind: PrimitiveKind::Type,
-            type_name: key(ours.ty, ours.span),
-            parameters: ours
+            type_name: key(built.ty, built.span),
+            parameters: built
                 .parameters
                 .iter()
                 .map(|(name, literal)| (key(name, literal.span), literal.clone()))
                 .collect(),
             inputs,
-            active: active.map(|value| self.link_source(value, ours.span, false, read)),
+            active: active.map(|value| self.link_source(value, built.span, false, read)),
         }
     }
 

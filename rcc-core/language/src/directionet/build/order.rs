@@ -6,9 +6,9 @@ use std::collections::VecDeque;
 use rcc_config::diagnostic::Diagnostic;
 
 use super::Conversion;
+use crate::codes;
 use crate::directionet::flatten::FlatSource;
 use crate::directionet::table::{Counterpart, SpecialConversion};
-use crate::fault;
 
 /// Most primitives of a cycle that a message names.
 const NAMED_MAX: usize = 8;
@@ -100,9 +100,9 @@ impl Conversion<'_, '_> {
         };
         let message = format!("loop without a `Pre`: {}{more}", names.join(" → "));
         let span = self.span(number);
-        let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, span, message);
-        self.faults.push(
-            fault.help("insert a `Pre` into one link of the loop, such as `Core::DoublePre`"),
+        let diagnostic = Diagnostic::error(codes::LOOP_WITHOUT_DELAY, span, message);
+        self.diagnostics.push(
+            diagnostic.help("insert a `Pre` into one link of the loop, such as `Core::DoublePre`"),
         );
     }
 }

@@ -5,8 +5,8 @@ use rcc_config::diagnostic::Span;
 use rcc_core::unit::Unit;
 
 use super::{BuiltPrimitive, BuiltValue, Conversion};
+use crate::codes;
 use crate::directionet::table::{SpecialConversion, TypeEntry};
-use crate::fault;
 use crate::syntax::literal::{Literal, LiteralShape};
 
 impl Conversion<'_, '_> {
@@ -103,7 +103,7 @@ impl Conversion<'_, '_> {
                         let message = format!(
                             "element {index} is out of range: the array has {size} elements"
                         );
-                        self.error(fault::BAD_ELEMENT, span, message, None);
+                        self.error(codes::BAD_ELEMENT, span, message, None);
                     }
                 }
                 self.put(number, "outArray", BuiltValue::List(elements));
@@ -120,7 +120,7 @@ impl Conversion<'_, '_> {
     fn bad_size(&mut self, number: usize, size: u32) {
         let most = rcc_core::types::ELEMENTS_MAX;
         let message = format!("an array has 1 to {most} elements, not {size}");
-        self.error(fault::OUT_OF_RANGE, self.span(number), message, None);
+        self.error(codes::OUT_OF_RANGE, self.span(number), message, None);
     }
 
     fn array_is_null(&mut self, number: usize, entry: &'static TypeEntry) {
@@ -177,7 +177,7 @@ impl Conversion<'_, '_> {
             LiteralShape::Text(text) if !text.is_empty() => Some((text, literal.span)),
             _ => {
                 let message = format!("{} needs a `{name}`", entry.name);
-                self.error(fault::MISSING_PARAMETER, self.span(number), message, None);
+                self.error(codes::MISSING_PARAMETER, self.span(number), message, None);
                 None
             }
         }
@@ -195,7 +195,7 @@ impl Conversion<'_, '_> {
             let message = "an array input of length 0 never gets a value".to_string();
             let help =
                 Some("give `Value` one element for each of the array's: `[0,0,0]`".to_string());
-            return self.error(fault::OUT_OF_RANGE, initial.span, message, help);
+            return self.error(codes::OUT_OF_RANGE, initial.span, message, help);
         }
         let name = super::finish::id(&format!("in{key}"));
         let shared = format!("input {key}");
@@ -234,8 +234,8 @@ impl Conversion<'_, '_> {
             self.publish(number, topic, value.clone(), span, id);
         } else {
             let made = self.one(number, "Monitor", vec![("value", value.clone(), span)]);
-            if let Some(ours) = self.built.get_mut(made) {
-                ours.id = id;
+            if let Some(built) = self.built.get_mut(made) {
+                built.id = id;
             }
         }
         self.keys.push((key, value));
@@ -244,9 +244,9 @@ impl Conversion<'_, '_> {
     fn publish(&mut self, number: usize, topic: String, value: BuiltValue, span: Span, id: String) {
         let made = self.one(number, "Publish", vec![("in", value, span)]);
         let topic = Literal::new(LiteralShape::Text(topic), span);
-        if let Some(ours) = self.built.get_mut(made) {
-            ours.id = id;
-            ours.parameters.push(("topic", topic));
+        if let Some(built) = self.built.get_mut(made) {
+            built.id = id;
+            built.parameters.push(("topic", topic));
         }
     }
 
@@ -311,7 +311,7 @@ impl Conversion<'_, '_> {
             let span = self
                 .parameter(number, entry, "Axis")
                 .map_or(robot.span, |it| it.span);
-            self.error(fault::WRONG_ARM, span, message, None);
+            self.error(codes::WRONG_ARM, span, message, None);
             return None;
         }
         Some((device, axis, robot.span))
@@ -331,7 +331,7 @@ impl Conversion<'_, '_> {
             return self.refuse(number, entry);
         };
         let index = BuiltValue::Constant(Literal::new(LiteralShape::Int(i64::from(axis)), span));
-        for (theirs, ty, name, port) in [
+        for (foreign, ty, name, port) in [
             ("outMeasuredPosition", "JointState", "state", "position"),
             ("outCommandedPosition", "JointState", "state", "hold"),
             (
@@ -348,11 +348,11 @@ impl Conversion<'_, '_> {
             ),
         ] {
             // Only outputs that are read are converted: most nets read one of them.
-            if self.is_read(number, theirs) {
+            if self.is_read(number, foreign) {
                 let made = self.of_robot(ty, name, &device, span);
                 let all = self.built_output(made, port);
                 let value = self.element(all, &index, span);
-                self.put(number, theirs, value);
+                self.put(number, foreign, value);
             }
         }
         self.put(number, "outError", constant(LiteralShape::Int(0), span));
@@ -417,12 +417,12 @@ impl Conversion<'_, '_> {
             .zip(0..)
             .all(|(element, index)| match element {
                 BuiltValue::Output(output) => {
-                    self.built.get(output.primitive).is_some_and(|ours| {
-                        let own = ours
+                    self.built.get(output.primitive).is_some_and(|built| {
+                        let own = built
                             .parameters
                             .iter()
                             .any(|(_, it)| it.shape == LiteralShape::Text(device.to_string()));
-                        ours.ty == "JointState" && own && output.index == Some(index)
+                        built.ty == "JointState" && own && output.index == Some(index)
                     })
                 }
                 _ => false,
@@ -469,12 +469,12 @@ impl Conversion<'_, '_> {
         if earlier {
             let message = format!("axis {axis} of `{device}` is commanded twice");
             let help = Some("choose between the two values with `Core::DoubleConditional`".into());
-            self.error(fault::CLAIMED_TWICE, span, message, help);
+            self.error(codes::CLAIMED_TWICE, span, message, help);
         } else if !same {
             let message =
                 format!("axis {axis} of `{device}` has a different condition than the other axes");
             let help = Some("move all axes of a robot to one fragment".to_string());
-            self.error(fault::NO_COUNTERPART, span, message, help);
+            self.error(codes::NO_COUNTERPART, span, message, help);
         }
     }
 }

@@ -8,9 +8,9 @@ use rcc_core::primitive::{ChannelKind, ParameterKind, Spec};
 use rcc_core::primitives;
 
 use super::{BuiltOutput, BuiltPrimitive, BuiltValue, Conversion};
+use crate::codes;
 use crate::directionet::table::TypeEntry;
 use crate::directionet::text::{self, AstArgument, AstFragment, AstPrimitive};
-use crate::fault;
 use crate::syntax::literal::{Literal, LiteralShape};
 
 /// The expansion of a row's net for one primitive.
@@ -54,8 +54,8 @@ impl Conversion<'_, '_> {
         // The last primitive of the expansion takes the id of the primitive in the text.
         if let [.., last] = place.made.as_slice() {
             let id = self.id_of(number);
-            if let Some(ours) = self.built.get_mut(*last) {
-                ours.id = id;
+            if let Some(built) = self.built.get_mut(*last) {
+                built.id = id;
             }
         }
     }
@@ -159,7 +159,7 @@ impl Conversion<'_, '_> {
         };
         if known.is_none() && !matches!(of, BuiltValue::Refused) {
             let message = format!("element {index} is out of range");
-            self.error(fault::BAD_ELEMENT, span, message, None);
+            self.error(codes::BAD_ELEMENT, span, message, None);
         }
         known.unwrap_or(BuiltValue::Refused)
     }
@@ -196,7 +196,7 @@ impl Conversion<'_, '_> {
                 place.entry.name, ty.name
             );
             let help = Some("this version of the catalogue does not have it".to_string());
-            self.error(fault::NO_COUNTERPART, span, message, help);
+            self.error(codes::NO_COUNTERPART, span, message, help);
             return None;
         };
         let spec = &catalogue.spec;
@@ -240,8 +240,8 @@ impl Conversion<'_, '_> {
             .into_iter()
             .map(|(port, value, span)| (port.name, self.fit(value, made, port), span))
             .collect();
-        if let Some(ours) = self.built.get_mut(made) {
-            ours.inputs = inputs;
+        if let Some(built) = self.built.get_mut(made) {
+            built.inputs = inputs;
         }
         Some(made)
     }
@@ -252,7 +252,7 @@ impl Conversion<'_, '_> {
             entry.name
         );
         let help = Some("set the parameter instead of connecting the input".to_string());
-        self.error(fault::NO_COUNTERPART, span, message, help);
+        self.error(codes::NO_COUNTERPART, span, message, help);
     }
 
     /// Converts a parameter that names a device or counts its channels to the names of the cell.
@@ -310,9 +310,9 @@ impl Conversion<'_, '_> {
                 names.join(", ")
             );
             let code = if found.is_some() {
-                fault::NO_ARM
+                codes::NO_ARM
             } else {
-                fault::UNKNOWN_DEVICE
+                codes::UNKNOWN_DEVICE
             };
             self.error(code, span, message, Some(help));
         }
@@ -329,8 +329,8 @@ impl Conversion<'_, '_> {
         span: Span,
     ) -> Option<Literal> {
         let (_, row) = self.cell.find(device)?;
-        let theirs = format!("{}.{number}", entry.name.trim_start_matches("IO::"));
-        let named = self.options.channel(device, &theirs);
+        let foreign = format!("{}.{number}", entry.name.trim_start_matches("IO::"));
+        let named = self.options.channel(device, &foreign);
         let channels = row.channels_of(kind);
         let by_name = named.and_then(|name| channels.iter().find(|channel| channel.name == name));
         let by_number = usize::try_from(number)
@@ -347,10 +347,10 @@ impl Conversion<'_, '_> {
             .collect();
         let message = format!("`{device}` has no channel {number} for {}", spec.name);
         let help = format!(
-            "channels: {}; or name it in a line before the net, `# channels: {device}.{theirs}=NAME`",
+            "channels: {}; or name it in a line before the net, `# channels: {device}.{foreign}=NAME`",
             listed.join(", ")
         );
-        self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));
+        self.error(codes::UNKNOWN_CHANNEL, span, message, Some(help));
         None
     }
 }

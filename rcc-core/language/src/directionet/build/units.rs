@@ -13,8 +13,8 @@ use crate::syntax::literal::{Literal, LiteralShape};
 
 impl Conversion<'_, '_> {
     pub(super) fn spec(&self, made: usize) -> Option<&'static Spec> {
-        let ours = self.built.get(made)?;
-        Some(&primitives::find(ours.ty)?.1.spec)
+        let built = self.built.get(made)?;
+        Some(&primitives::find(built.ty)?.1.spec)
     }
 
     /// Returns an output of an RCC primitive.
@@ -61,9 +61,9 @@ impl Conversion<'_, '_> {
             PortType::Is(ty) => matches!(ty, Type::Vector3 | Type::Twist | Type::Wrench),
             PortType::Joints | PortType::JointColumns(_) => false,
             // It has the type of its sources, or of its initial value.
-            _ => self.built.get(primitive).is_some_and(|ours| {
-                let inputs = ours.inputs.iter().map(|(_, value, _)| value);
-                let begins = ours.parameters.iter().map(|(_, literal)| literal);
+            _ => self.built.get(primitive).is_some_and(|built| {
+                let inputs = built.inputs.iter().map(|(_, value, _)| value);
+                let begins = built.parameters.iter().map(|(_, literal)| literal);
                 inputs.into_iter().any(|value| self.is_vector_value(value))
                     || begins.into_iter().any(is_vector_literal)
             }),

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::super::points::{self, Points};
 use super::super::settings::ModbusSettings;
 use super::*;
-use crate::conformance::{self, SafeValueState};
+use crate::conformance::{self, ChannelRow};
 
 mod safe_values;
 
@@ -116,7 +116,7 @@ struct ServerFixture {
 }
 
 impl ServerFixture {
-    fn new(mut settings: serde_json::Value, rows: &[SafeValueState<'_>]) -> Self {
+    fn new(mut settings: serde_json::Value, rows: &[ChannelRow<'_>]) -> Self {
         settings["server"] = "127.0.0.1:502".into();
         let device = conformance::device("modbus", settings, rows);
         let mut settings = ModbusSettings::new(&device).unwrap();
@@ -258,7 +258,7 @@ fn inputs_that_follow_each_other_come_in_one_request_and_a_hole_makes_two() {
 #[test]
 fn a_request_is_never_larger_than_the_server_takes() {
     let names: Vec<String> = (0..12).map(|number| format!("n{number}")).collect();
-    let rows: Vec<SafeValueState<'_>> = names
+    let rows: Vec<ChannelRow<'_>> = names
         .iter()
         .zip(0..)
         .map(|(name, number)| {
@@ -347,7 +347,7 @@ fn a_register_whose_bits_are_all_ours_is_written_whole() {
         (name, DigitalOutput, address.into(), safe(0.0), None)
     };
     let names: Vec<&'static str> = names.iter().map(|name| &*name.clone().leak()).collect();
-    let rows: Vec<SafeValueState<'_>> = names.into_iter().zip(0..).map(row).collect();
+    let rows: Vec<ChannelRow<'_>> = names.into_iter().zip(0..).map(row).collect();
     let mut bench = ServerFixture::new(json!({}), &rows);
     bench.round(&outputs(0x8001, 0xFFFF, &[])).unwrap();
     assert_eq!(bench.device.asked, [(6, 7), (6, 7)]);

@@ -63,7 +63,7 @@ fn command_state_is_not_entered_without_mirroring_flags_or_drives() {
             pc.answer(&answer);
             assert_eq!(pc.state(), SessionState::Monitor);
         }
-        let waiting = pc.krc.waiting.unwrap().to_string();
+        let waiting = pc.krc.monitor_reason.unwrap().to_string();
         assert!(waiting.contains(reason), "{waiting}");
     };
     refused(|answer| answer.joint_position[2] += 0.02, |_| {}, "joint 3");

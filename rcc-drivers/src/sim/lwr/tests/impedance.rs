@@ -2,7 +2,7 @@
 //! Runs in the test harness.
 
 use super::*;
-use crate::sim::lwr::impedance::Springs;
+use crate::sim::lwr::impedance::ImpedanceSettings;
 use crate::sim::lwr::settings::KrlStrategy;
 
 fn settings(strategy: KrlStrategy) -> Settings {
@@ -41,7 +41,12 @@ impl Pc {
     fn soft_commanding(strategy: KrlStrategy) -> Self {
         let mut pc = Self::new(settings(strategy));
         pc.soft_for(200, |_| {});
-        assert_eq!(pc.seen.state, SessionState::Command, "{:?}", pc.krc.waiting);
+        assert_eq!(
+            pc.seen.state,
+            SessionState::Command,
+            "{:?}",
+            pc.krc.monitor_reason
+        );
         pc
     }
 }
@@ -56,7 +61,7 @@ fn the_strategy_is_reported_and_its_flags_are_required() {
         let mut pc = Pc::new(settings(strategy));
         pc.mirror_for(300);
         assert_eq!(pc.state(), SessionState::Monitor);
-        let waiting = pc.krc.waiting.expect("flags").to_string();
+        let waiting = pc.krc.monitor_reason.expect("flags").to_string();
         assert!(waiting.contains("command flags are 0x0001"), "{waiting}");
         let mut pc = Pc::soft_commanding(strategy);
         pc.soft_for(1, |answer| answer.flags = flags::JOINT_POSITION);

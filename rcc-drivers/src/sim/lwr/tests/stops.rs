@@ -78,7 +78,10 @@ fn with_manual_acknowledgement_only_the_control_port_ends_a_fault() {
         0.5,
     );
     (0..6).for_each(|_| pc.miss());
-    assert!(pc.krc.execute(Command::Ack).is_err(), "the arm still moves");
+    assert!(
+        pc.krc.execute(KrcCommand::Ack).is_err(),
+        "the arm still moves"
+    );
     pc.mirror_for(2000);
     assert_eq!((pc.state(), pc.seen.power), (SessionState::Monitor, 0));
     pc.execute(r#"{"ack":null}"#);

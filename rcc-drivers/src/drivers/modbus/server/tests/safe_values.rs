@@ -2,7 +2,7 @@
 
 use super::*;
 
-fn lamps() -> [SafeValueState<'static>; 4] {
+fn lamps() -> [ChannelRow<'static>; 4] {
     let row = |name, address: &str| (name, DigitalOutput, address.into(), safe(0.0), None);
     [
         row("a", "coil 0"),

@@ -122,7 +122,7 @@ descriptions! {
     NO_COUNTERPART = "RCC1601", "A part of a net of the predecessor has no counterpart.",
         "docs/from-the-predecessor.md lists the counterpart of each type";
     WRONG_ARM = "RCC1602", "A net of the predecessor was made for another arm.",
-        "name the arm that it was made for: `# devices: theirs=ours` before the net";
+        "name the arm that it was made for: `# devices: NAME=DEVICE` before the net";
     NOT_CANCELABLE = "RCC1901", "The net commands devices and cannot be cancelled (warning).",
         "add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion";
     RATE_ROUNDED = "RCC1902", "A rate does not divide the cycle rate and was rounded (warning).",

@@ -10,12 +10,12 @@ use rcc_config::{DeviceConfig, OnRelease};
 use rcc_core::primitive::ChannelKind::{AnalogOutput, DigitalInput, DigitalOutput};
 
 use super::super::Modbus;
-use crate::conformance::{self, SafeValueState};
+use crate::conformance::{self, ChannelRow};
 use crate::driver::{Driver, Inputs, LinkError, Outputs};
 
 /// How the server answers; it executes at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Manner {
+enum Misbehavior {
     Well,
     /// After this delay, each response by itself.
     Late(Duration),
@@ -37,7 +37,7 @@ enum Manner {
 }
 
 struct State {
-    manner: Manner,
+    misbehavior: Misbehavior,
     /// Coils and holding registers.
     points: [[u16; 32]; 2],
     /// Written points in order: table, number.
@@ -46,18 +46,18 @@ struct State {
 
 /// A server with 32 coils and 32 holding registers; discrete inputs are off.
 #[derive(Clone)]
-struct Stubborn {
+struct MisbehavingServer {
     address: SocketAddr,
     state: Arc<Mutex<State>>,
 }
 
-impl Stubborn {
+impl MisbehavingServer {
     fn start() -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
         let server = Self {
             address: listener.local_addr().expect("an address"),
             state: Arc::new(Mutex::new(State {
-                manner: Manner::Well,
+                misbehavior: Misbehavior::Well,
                 points: [[0; 32]; 2],
                 written: Vec::new(),
             })),
@@ -72,9 +72,9 @@ impl Stubborn {
         server
     }
 
-    fn behave(&self, manner: Manner) {
+    fn behave(&self, misbehavior: Misbehavior) {
         let mut state = self.state.lock().expect("no panic");
-        state.manner = manner;
+        state.misbehavior = misbehavior;
         state.written.clear();
     }
 
@@ -90,15 +90,15 @@ impl Stubborn {
             if stream.read_exact(&mut rest).is_err() {
                 return;
             }
-            let manner = self.state.lock().expect("no panic").manner;
+            let misbehavior = self.state.lock().expect("no panic").misbehavior;
             let body = self.act(&rest[1..]);
             let mut answer = head[..4].to_vec();
             answer.extend((body.len() as u16 + 1).to_be_bytes());
             answer.push(rest[0]);
             answer.extend(body);
-            match manner {
-                Manner::Well | Manner::Closes => {}
-                Manner::Late(time) => {
+            match misbehavior {
+                Misbehavior::Well | Misbehavior::Closes => {}
+                Misbehavior::Late(time) => {
                     let mut own = stream.try_clone().expect("a socket");
                     std::thread::spawn(move || {
                         std::thread::sleep(time);
@@ -107,18 +107,18 @@ impl Stubborn {
                     });
                     continue;
                 }
-                Manner::OtherUnit => answer[6] ^= 1,
-                Manner::Half => answer.truncate(answer.len() / 2),
-                Manner::Never => continue,
-                Manner::Nonsense => answer[7] = 43,
-                Manner::Garbage => answer.fill(0x55),
-                Manner::Exception(code) => {
+                Misbehavior::OtherUnit => answer[6] ^= 1,
+                Misbehavior::Half => answer.truncate(answer.len() / 2),
+                Misbehavior::Never => continue,
+                Misbehavior::Nonsense => answer[7] = 43,
+                Misbehavior::Garbage => answer.fill(0x55),
+                Misbehavior::Exception(code) => {
                     answer.truncate(7);
                     answer[5] = 3;
                     answer.extend([rest[1] | 0x80, code]);
                 }
-                Manner::Hangs => return,
-                Manner::OneAtATime(time) => {
+                Misbehavior::Hangs => return,
+                Misbehavior::OneAtATime(time) => {
                     std::thread::sleep(time);
                     stream.set_nonblocking(true).expect("a socket");
                     // Requests that arrived meanwhile.
@@ -126,7 +126,7 @@ impl Stubborn {
                     stream.set_nonblocking(false).expect("a socket");
                 }
             }
-            if stream.write_all(&answer).is_err() || manner == Manner::Closes {
+            if stream.write_all(&answer).is_err() || misbehavior == Misbehavior::Closes {
                 return;
             }
         }
@@ -158,7 +158,7 @@ impl Stubborn {
             .all(|&(table, number)| state.points[table][number] == value)
     }
 
-    /// Returns how often each output has been written since [`Stubborn::behave`].
+    /// Returns how often each output has been written since [`MisbehavingServer::behave`].
     fn tries(&self, outputs: &[(usize, usize)]) -> Vec<usize> {
         let state = self.state.lock().expect("no panic");
         let count = |output| state.written.iter().filter(|one| *one == output).count();
@@ -180,7 +180,7 @@ const OUTPUTS: [(usize, usize); 8] = [
 
 fn device(server: SocketAddr, settings: &serde_json::Value) -> DeviceConfig {
     let names: Vec<String> = (0..8).map(|number| format!("o{number}")).collect();
-    let mut rows: Vec<SafeValueState<'_>> = Vec::new();
+    let mut rows: Vec<ChannelRow<'_>> = Vec::new();
     for (name, (table, number)) in names.iter().zip(OUTPUTS) {
         rows.push(match table {
             0 => (
@@ -222,7 +222,7 @@ fn exchange(driver: &mut Modbus, outputs: &Outputs) -> Result<(), LinkError> {
 }
 
 /// Returns a driver with all outputs on.
-fn running(server: &Stubborn, settings: &serde_json::Value) -> Modbus {
+fn running(server: &MisbehavingServer, settings: &serde_json::Value) -> Modbus {
     let mut driver = Modbus::open(&device(server.address, settings)).expect("a configuration");
     until(|| {
         // Not connected yet, or not read yet.
@@ -249,36 +249,36 @@ fn settings() -> serde_json::Value {
 /// Most writes of an output until all have been written: the write in progress may be one.
 const TRIES_MAX: usize = 3;
 
-const MANNERS: [Manner; 12] = [
-    Manner::Late(Duration::from_millis(200)),
-    Manner::Late(Duration::from_millis(75)),
-    Manner::OtherUnit,
-    Manner::Half,
-    Manner::Never,
-    Manner::Nonsense,
-    Manner::Garbage,
-    Manner::Exception(4),
-    Manner::Exception(6),
-    Manner::Closes,
-    Manner::Hangs,
-    Manner::OneAtATime(Duration::from_millis(120)),
+const MANNERS: [Misbehavior; 12] = [
+    Misbehavior::Late(Duration::from_millis(200)),
+    Misbehavior::Late(Duration::from_millis(75)),
+    Misbehavior::OtherUnit,
+    Misbehavior::Half,
+    Misbehavior::Never,
+    Misbehavior::Nonsense,
+    Misbehavior::Garbage,
+    Misbehavior::Exception(4),
+    Misbehavior::Exception(6),
+    Misbehavior::Closes,
+    Misbehavior::Hangs,
+    Misbehavior::OneAtATime(Duration::from_millis(120)),
 ];
 
 /// Returns true for a server that executes one request per connection or round: some outputs are then written again
 /// before the last one.
-fn takes_rounds(manner: Manner) -> bool {
+fn takes_rounds(misbehavior: Misbehavior) -> bool {
     matches!(
-        manner,
-        Manner::OneAtATime(_) | Manner::Closes | Manner::Hangs
+        misbehavior,
+        Misbehavior::OneAtATime(_) | Misbehavior::Closes | Misbehavior::Hangs
     )
 }
 
 #[test]
 fn every_safe_value_is_sent_whatever_the_server_answers() {
-    for manner in MANNERS {
-        let server = Stubborn::start();
+    for misbehavior in MANNERS {
+        let server = MisbehavingServer::start();
         let mut driver = running(&server, &settings());
-        server.behave(manner);
+        server.behave(misbehavior);
         until(|| {
             // The server is lost, sooner or later.
             let _ = exchange(&mut driver, &all(false));
@@ -286,8 +286,8 @@ fn every_safe_value_is_sent_whatever_the_server_answers() {
             let most = tries.iter().max().copied().unwrap_or(0);
             let done = server.all_are(&OUTPUTS, 0);
             assert!(
-                done || most <= TRIES_MAX || takes_rounds(manner),
-                "{manner:?}: {tries:?}"
+                done || most <= TRIES_MAX || takes_rounds(misbehavior),
+                "{misbehavior:?}: {tries:?}"
             );
             done
         });
@@ -296,15 +296,15 @@ fn every_safe_value_is_sent_whatever_the_server_answers() {
 
 #[test]
 fn every_safe_value_is_sent_before_the_driver_ends() {
-    for manner in MANNERS {
-        if takes_rounds(manner) {
+    for misbehavior in MANNERS {
+        if takes_rounds(misbehavior) {
             // At the end, the driver waits for such servers no longer than a supervisor does.
             continue;
         }
-        let server = Stubborn::start();
+        let server = MisbehavingServer::start();
         let settings = serde_json::json!({"timeout": "400 ms", "period": "5 ms"});
         let mut driver = running(&server, &settings);
-        server.behave(manner);
+        server.behave(misbehavior);
         // The last outputs of the host.
         let _ = driver.send(&all(false));
         drop(driver);
@@ -312,16 +312,16 @@ fn every_safe_value_is_sent_before_the_driver_ends() {
         let tries = server.tries(&OUTPUTS);
         assert!(
             tries.iter().all(|tries| *tries > 0),
-            "{manner:?}: {tries:?}"
+            "{misbehavior:?}: {tries:?}"
         );
     }
 }
 
 #[test]
 fn a_driver_ends_though_its_server_never_answers() {
-    let server = Stubborn::start();
+    let server = MisbehavingServer::start();
     let driver = running(&server, &settings());
-    server.behave(Manner::Never);
+    server.behave(Misbehavior::Never);
     let begun = Instant::now();
     drop(driver);
     // The supervisor kills after 2 s; a loaded machine may be late, but not by this much.
