@@ -9,7 +9,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
 use rcc_core::message::DeviceState;
-use rcc_ipc::{Life, Role, clean};
+use rcc_ipc::{ProcessInstance, Role, clean};
 
 use crate::place::{Place, Watch, await_some};
 use crate::processes::{ends_with_test, signal};
@@ -97,7 +97,7 @@ impl HandCell {
         let (index, _) = config.device(device).expect("a device of the cell");
         await_some(&format!("driver {pid} of {device} to be ready"), || {
             let row = watch.tables().devices[index];
-            let seen = Life::from_incarnation(row.incarnation).pid == pid;
+            let seen = ProcessInstance::from_incarnation(row.incarnation).pid == pid;
             (seen && row.state == DeviceState::Ready as u32).then_some(())
         });
     }

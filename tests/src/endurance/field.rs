@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_core::message::DeviceState;
-use rcc_ipc::{Life, clean};
+use rcc_ipc::{ProcessInstance, clean};
 use serde_json::Value;
 
 use super::{Options, PRIORITY};
@@ -281,7 +281,7 @@ impl<'a> Field<'a> {
     pub fn await_driver(&self, watch: &Watch, device: usize, pid: u32) {
         await_some(&format!("driver {pid} to be ready"), || {
             let row = watch.tables().devices[device];
-            let seen = Life::from_incarnation(row.incarnation).pid == pid;
+            let seen = ProcessInstance::from_incarnation(row.incarnation).pid == pid;
             (seen && row.state == DeviceState::Ready as u32).then_some(())
         });
     }
@@ -297,7 +297,7 @@ impl<'a> Field<'a> {
     /// Looks at the boards of the executor that lives now.
     pub fn renew(&self, watch: &mut Watch) {
         let seen = watch.status().incarnation;
-        if Life::from_incarnation(seen).pid != self.executor() {
+        if ProcessInstance::from_incarnation(seen).pid != self.executor() {
             *watch = self.place.watch();
         }
     }

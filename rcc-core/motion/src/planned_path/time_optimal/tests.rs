@@ -63,8 +63,8 @@ fn the_moving_average_goes_forward_from_rest_to_rest_and_takes_one_window_longer
     let (knots, step_s) = profile.smooth(window_s).unwrap();
     let time_law = TimeLaw::new(&knots, step_s).unwrap();
     assert!((time_law.duration() - profile.duration_s() - window_s).abs() < 1e-12);
-    assert_eq!(time_law.place(0.0), 0.0);
-    assert_eq!(time_law.place(time_law.duration()), 2.0);
+    assert_eq!(time_law.position(0.0), 0.0);
+    assert_eq!(time_law.position(time_law.duration()), 2.0);
     let (mut last, mut hardest) = (0.0, 0.0_f64);
     for number in 0..=10_000 {
         let time = time_law.duration() * f64::from(number) / 10_000.0;
@@ -79,5 +79,5 @@ fn the_moving_average_goes_forward_from_rest_to_rest_and_takes_one_window_longer
     }
     assert!(hardest < 1.7 * 2.0 * 4.5 / window_s, "{hardest}");
     let time = time_law.inverse(0.7);
-    assert!((time_law.place(time) - 0.7).abs() < 1e-9);
+    assert!((time_law.position(time) - 0.7).abs() < 1e-9);
 }
