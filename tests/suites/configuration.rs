@@ -6,10 +6,10 @@ use std::fs;
 use nix::sys::signal::Signal;
 use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader};
 use rcc_ipc::{Build, Role};
-use rcc_tests::place::Place;
+use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::signal;
 use rcc_tests::rest::Reply;
-use rcc_tests::{HandCell, TestCell, await_some, nets};
+use rcc_tests::{TestCell, UnsupervisedCell, await_some, nets};
 
 /// Two channels of a device change places in the file: what was the first digital output is the second.
 const LAMP: &str =
@@ -19,7 +19,7 @@ const CLAMP: &str = "      clamp: {kind: digital output, address: coil 1, on_rel
 const SECOND: u64 = 1000;
 
 /// Changes the cell's file while it runs, as an editor does.
-fn edit(place: &Place, from: &str, to: &str) {
+fn edit(place: &CellFixture, from: &str, to: &str) {
     let text = fs::read_to_string(place.config()).expect("the configuration");
     assert!(text.contains(from), "{from} is not in the file");
     let new = place.config().with_extension("new");
@@ -27,12 +27,12 @@ fn edit(place: &Place, from: &str, to: &str) {
     fs::rename(&new, place.config()).expect("replaced");
 }
 
-fn swap_lamp_and_clamp(place: &Place) {
+fn swap_lamp_and_clamp(place: &CellFixture) {
     edit(place, &format!("{LAMP}{CLAMP}"), &format!("{CLAMP}{LAMP}"));
 }
 
 /// Waits until the device is offline because of its driver's configuration; returns the words.
-fn await_stranger(place: &Place, device: &str) -> String {
+fn await_stranger(place: &CellFixture, device: &str) -> String {
     let words = await_some(
         &format!("the driver of {device} not to be attached"),
         || {
@@ -49,9 +49,9 @@ fn await_stranger(place: &Place, device: &str) -> String {
 }
 
 /// START is refused, by words that say which configuration and what to do.
-fn assert_not_started(place: &Place, id: u64, code: &str) {
+fn assert_not_started(place: &CellFixture, id: u64, code: &str) {
     let reply: Reply = place.operate(id, "start");
-    let words = reply.words();
+    let words = reply.error_text();
     assert_eq!((reply.status, reply.code()), (409, code), "{reply:?}");
     for word in ["configuration", "restart the cell"] {
         assert!(words.contains(word), "{word}: {words}");
@@ -60,7 +60,7 @@ fn assert_not_started(place: &Place, id: u64, code: &str) {
 }
 
 /// Who in the cell told of a process with another configuration, as far as that is written now.
-fn tellers(place: &Place) -> Vec<(EventOrigin, String)> {
+fn tellers(place: &CellFixture) -> Vec<(EventOrigin, String)> {
     let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
     let told = events.into_iter().filter_map(|event| match event.what {
         EventKind::ConfigurationMismatch { process, .. } => Some((event.source.role, process)),
@@ -148,7 +148,7 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
 
 #[test]
 fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driver_that_stayed() {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let mut station = cell.simulator("io-sim");
     swap_lamp_and_clamp(&cell);
     cell.end("executor", Signal::SIGTERM);
@@ -181,7 +181,7 @@ fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driv
 
 #[test]
 fn a_driver_with_the_file_of_another_arm_moves_nothing() {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let before = cell.load(&nets::line("before", 0.2, 0.1));
     edit(&cell, "/lwr4plus.yaml", "/iiwa7.yaml");
@@ -208,7 +208,7 @@ fn a_driver_with_the_file_of_another_arm_moves_nothing() {
 
 #[test]
 fn a_loader_with_another_configuration_loads_and_starts_nothing() {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let mut station = cell.simulator("io-sim");
     let running = cell.run(&nets::clock("running"));
     let before = cell.load(&nets::lamp("before"));
@@ -266,7 +266,7 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
 }
 
 /// Lets a process that is announced seem to be of a build with another layout, to everybody who looks from now on.
-fn rebuild(place: &Place, role: Role, label: &str) {
+fn rebuild(place: &CellFixture, role: Role, label: &str) {
     let file = place
         .cell()
         .processes_dir()
@@ -298,11 +298,13 @@ fn assert_names_builds(words: &str) {
 }
 
 /// Waits until a process tells of another one that is of another build; returns the words.
-fn await_other_build(place: &Place, teller: EventOrigin, of: &str) -> String {
+fn await_other_build(place: &CellFixture, teller: EventOrigin, of: &str) -> String {
     await_some(&format!("{teller:?} to tell of {of}"), || {
         let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
         events.into_iter().find_map(|event| match &event.what {
-            EventKind::BuildMismatch { process, .. } if event.source.role == teller && process == of => {
+            EventKind::BuildMismatch { process, .. }
+                if event.source.role == teller && process == of =>
+            {
                 Some(event.sentence(&|net, _| net.to_owned()))
             }
             _ => None,
@@ -312,7 +314,7 @@ fn await_other_build(place: &Place, teller: EventOrigin, of: &str) -> String {
 
 #[test]
 fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let lamp = nets::lamp("lamp");
     cell.end("executor", Signal::SIGTERM);
     rebuild(&cell, Role::Driver, "io");
@@ -334,8 +336,12 @@ fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
         (409, "RCC3008"),
         "{refused:?}"
     );
-    assert_names_builds(&refused.words());
-    assert_names_builds(&await_other_build(&cell, EventOrigin::Executor, "driver io"));
+    assert_names_builds(&refused.error_text());
+    assert_names_builds(&await_other_build(
+        &cell,
+        EventOrigin::Executor,
+        "driver io",
+    ));
     // The other device's driver is of the same build: it works on.
     cell.await_device("lwr", "ready");
     cell.end("io", Signal::SIGTERM);
@@ -346,7 +352,7 @@ fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
 
 #[test]
 fn an_executor_of_another_build_is_not_followed_asked_or_watched_and_everybody_says_so() {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     cell.end("loader", Signal::SIGTERM);
     cell.end("io", Signal::SIGTERM);
     rebuild(&cell, Role::Executor, "exec");
@@ -362,7 +368,7 @@ fn an_executor_of_another_build_is_not_followed_asked_or_watched_and_everybody_s
             (502, "RCC4003"),
             "{refused:?}"
         );
-        assert_names_builds(&refused.words());
+        assert_names_builds(&refused.error_text());
     }
     for teller in [EventOrigin::Driver, EventOrigin::Loader] {
         assert_names_builds(&await_other_build(&cell, teller, "executor"));

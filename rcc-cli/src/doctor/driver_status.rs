@@ -56,7 +56,7 @@ pub struct DriverStatus {
     pub late: u64,
     /// Refused datagrams.
     pub refused: u64,
-    /// Cycles without a fresh set-point.
+    /// Number of times without a fresh set-point.
     pub starved: u64,
     /// Number of times that the device went offline.
     pub losses: u64,
