@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use clap::Parser;
-use rcc_tests::flood::{self, Options, kinds::Kind};
+use rcc_tests::flood::{self, Options, kinds::FloodKind};
 
 /// CANCEL by name, while everything else is asked for as often as possible.
 #[derive(Parser)]
@@ -23,12 +23,12 @@ struct Arguments {
     processes: usize,
     /// Kinds of floods; all without.
     #[arg(long = "kind", value_parser = kind)]
-    kinds: Vec<Kind>,
+    kinds: Vec<FloodKind>,
 }
 
-fn kind(name: &str) -> Result<Kind, String> {
-    let all = || Kind::ALL.map(Kind::name).join(", ");
-    Kind::named(name).ok_or_else(|| format!("one of: {}", all()))
+fn kind(name: &str) -> Result<FloodKind, String> {
+    let all = || FloodKind::ALL.map(FloodKind::name).join(", ");
+    FloodKind::named(name).ok_or_else(|| format!("one of: {}", all()))
 }
 
 fn main() {
@@ -46,7 +46,7 @@ fn main() {
         cancels,
         processes,
         kinds: if kinds.is_empty() {
-            Kind::ALL.to_vec()
+            FloodKind::ALL.to_vec()
         } else {
             kinds
         },

@@ -10,20 +10,20 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
-use crate::place::{LIMIT, Place, await_some};
-use crate::processes::{ends_with_test, of_folder, signal};
+use crate::cell_fixture::{CellFixture, LIMIT, await_some};
+use crate::processes::{ends_with_test, signal, with_runtime_dir};
 use crate::programs::repository;
 
 /// A running cell.
 #[derive(Debug)]
 pub struct TestCell {
-    place: Option<Place>,
+    place: Option<CellFixture>,
     up: Child,
-    _life: Life,
+    _life: CellTimeout,
 }
 
 /// Longer than any test has taken on a busy machine.
-const LIFE_MAX: Duration = Duration::from_secs(300);
+const CELL_LIFETIME_MAX: Duration = Duration::from_secs(300);
 
 /// The place leaves the cell only together with it.
 const HERE: &str = "the place is here until the end";
@@ -41,14 +41,14 @@ impl TestCell {
 
     /// Starts a cell from a configuration file after `change` was applied to its text.
     pub fn start(config: &Path, change: impl Fn(String) -> String) -> TestCell {
-        TestCell::in_place(Place::new(config, change))
+        TestCell::in_fixture(CellFixture::new(config, change))
     }
 
     /// Starts the cell of a place.
-    pub fn in_place(place: Place) -> TestCell {
+    pub fn in_fixture(place: CellFixture) -> TestCell {
         let up = start_up(&place);
         let mut cell = TestCell {
-            _life: Life::begin(place.folder()),
+            _life: CellTimeout::begin(place.folder()),
             place: Some(place),
             up,
         };
@@ -93,7 +93,7 @@ impl TestCell {
     }
 
     /// True if `rcc-cli up` has ended.
-    pub fn is_over(&mut self) -> bool {
+    pub fn has_ended(&mut self) -> bool {
         self.up.try_wait().is_ok_and(|status| status.is_some())
     }
 
@@ -120,7 +120,7 @@ impl TestCell {
     }
 
     /// Ends the cell as Ctrl-C does, whatever it says to that; the place is left for another one.
-    pub fn interrupt(mut self) -> Place {
+    pub fn interrupt(mut self) -> CellFixture {
         self.end();
         self.place.take().expect(HERE)
     }
@@ -142,9 +142,9 @@ impl TestCell {
 }
 
 impl Deref for TestCell {
-    type Target = Place;
+    type Target = CellFixture;
 
-    fn deref(&self) -> &Place {
+    fn deref(&self) -> &CellFixture {
         self.place.as_ref().expect(HERE)
     }
 }
@@ -166,32 +166,32 @@ impl Drop for TestCell {
 /// Ends a cell that outlives its test's patience: whoever waits for a line of a process then sees its end, and the test
 /// fails instead of waiting for ever.
 #[derive(Debug)]
-struct Life {
+struct CellTimeout {
     // The thread sees it go.
     _over: Sender<()>,
 }
 
-impl Life {
-    fn begin(folder: &Path) -> Life {
-        let (over, is_over) = std::sync::mpsc::channel();
+impl CellTimeout {
+    fn begin(folder: &Path) -> CellTimeout {
+        let (over, has_ended) = std::sync::mpsc::channel();
         let folder = folder.to_owned();
         std::thread::spawn(move || {
-            if is_over.recv_timeout(LIFE_MAX) != Err(RecvTimeoutError::Timeout) {
+            if has_ended.recv_timeout(CELL_LIFETIME_MAX) != Err(RecvTimeoutError::Timeout) {
                 return;
             }
             eprintln!(
-                "a test waits for ever: the processes of its cell are killed after {LIFE_MAX:?}"
+                "a test waits for ever: the processes of its cell are killed after {CELL_LIFETIME_MAX:?}"
             );
-            for pid in of_folder(&folder) {
+            for pid in with_runtime_dir(&folder) {
                 signal(pid, Signal::SIGKILL);
             }
         });
-        Life { _over: over }
+        CellTimeout { _over: over }
     }
 }
 
 /// `rcc-cli up`, its output in `up.log`.
-fn start_up(place: &Place) -> Child {
+fn start_up(place: &CellFixture) -> Child {
     let log = File::options()
         .create(true)
         .append(true)

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::place::{Place, files_below};
+use crate::cell_fixture::{CellFixture, files_below};
 use crate::processes;
 
 /// One count.
@@ -38,7 +38,7 @@ const BYTES_SLACK: u64 = 1024;
 
 impl Census {
     /// Counts now; `pid` is the process that is looked at.
-    pub fn of(place: &Place, pid: u32) -> Census {
+    pub fn of(place: &CellFixture, pid: u32) -> Census {
         let (maps, status) = (read(pid, "maps"), read(pid, "status"));
         let shared = place.cell().leftovers().expect("/dev/shm can be listed");
         let sizes = shared.iter().filter_map(|path| fs::metadata(path).ok());
@@ -52,7 +52,7 @@ impl Census {
             shared_files: shared.len() as u64,
             shared_bytes: sizes.map(|found| found.len()).sum(),
             runtime_files: runtime_files(place.cell().runtime_dir()),
-            processes: processes::of_folder(place.folder()).len() as u64,
+            processes: processes::with_runtime_dir(place.folder()).len() as u64,
         }
     }
 

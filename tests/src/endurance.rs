@@ -20,10 +20,10 @@ use rcc_ipc::Role;
 pub use field::{Counts, Field};
 pub use report::Report;
 
-use crate::HandCell;
+use crate::UnsupervisedCell;
 use crate::census::Census;
 use crate::journal::Journal;
-use crate::lateness::{Judge, steal_ticks};
+use crate::lateness::{LatenessMonitor, steal_ticks};
 use crate::process::Process;
 
 /// The executor's core and priority; the reference thread has the one above.
@@ -62,7 +62,7 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
     let begun = Instant::now();
     let pin = format!("{{priority: {PRIORITY}, core: {CORE}}}");
     // Plans of nets that are gone are kept as long as a recording may need them: not beyond a quiet moment.
-    let mut cell = HandCell::new(move |text| {
+    let mut cell = UnsupervisedCell::new(move |text| {
         let text = text.replace("{priority: 80}", &pin);
         text.replacen(
             "period: 1 ms\n",
@@ -105,7 +105,7 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
             }
         }
         // Also when it panics: the threads of this scope run until the end.
-        let _end = End(journal);
+        let _end = EndJournalOnDrop(journal);
         watch(&field, &mut report, &mut executor);
     });
     report.time = begun.elapsed();
@@ -119,9 +119,9 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
 }
 
 /// Ends the journal when it is dropped.
-struct End<'a>(&'a Journal);
+struct EndJournalOnDrop<'a>(&'a Journal);
 
-impl Drop for End<'_> {
+impl Drop for EndJournalOnDrop<'_> {
     fn drop(&mut self) {
         self.0.end();
     }
@@ -143,9 +143,9 @@ fn await_ready(field: &Field<'_>) {
 fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
     let (options, journal, begun) = (field.options, &field.journal, field.begun);
     let mut random = field.random(30);
-    let judge_anew = || Judge::start(field.place, CORE, PRIORITY, journal);
-    let mut judge = judge_anew();
-    report.judged = judge.is_some();
+    let start_monitor = || LatenessMonitor::start(field.place, CORE, PRIORITY, journal);
+    let mut monitor = start_monitor();
+    report.judged = monitor.is_some();
     journal.pause(options.warm_up);
     let mut struck = 0;
     loop {
@@ -164,27 +164,27 @@ fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
             field.counts.motions(),
             field.counts.restarts(),
             field.counts.monitors(),
-            judge.as_ref().map_or(0, Judge::unexplained),
+            monitor.as_ref().map_or(0, LatenessMonitor::unexplained),
             journal.findings().1,
         );
         if over {
             // Nobody begins another round.
             journal.end();
             drop(quiet);
-            if let Some(judge) = judge {
-                report.verdict.add(judge.finish());
+            if let Some(monitor) = monitor {
+                report.lateness.add(monitor.finish());
             }
             return;
         }
         let due = options.time * (struck + 1) / (options.executor_pairs + 1);
         if struck < options.executor_pairs && begun.elapsed() >= due {
             struck += 1;
-            if let Some(judge) = judge.take() {
-                report.verdict.add(judge.finish());
+            if let Some(monitor) = monitor.take() {
+                report.lateness.add(monitor.finish());
             }
             pairs::strike_executor(field, executor, &mut random);
-            report.begin_anew();
-            judge = judge_anew();
+            report.executor_replaced();
+            monitor = start_monitor();
             drop(quiet);
             journal.pause(options.warm_up);
             continue;

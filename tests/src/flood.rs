@@ -20,11 +20,11 @@ use rcc_core::message::{CommandState, EndReason};
 use serde_json::Value;
 
 use crate::cell::TestCell;
-use crate::place::{Watch, await_some};
+use crate::cell_fixture::{ExecutorBoards, await_some};
 use crate::processes::ends_with_test;
 use crate::rest::{self, Reply};
-use kinds::Kind;
-use report::{Cancel, Door, Report};
+use kinds::FloodKind;
+use report::{Cancel, Interface, Report};
 
 /// Tells a process that was started again what to flood: `KIND SOCKET ADDRESS`.
 pub const FLOOD: &str = "RCC_FLOOD";
@@ -45,26 +45,32 @@ pub struct Options {
     /// Processes of each kind of flood.
     pub processes: usize,
     /// Kinds of floods.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<FloodKind>,
 }
 
 /// Where the doors are.
 #[derive(Clone, Debug)]
-pub struct Doors {
+pub struct Interfaces {
     /// The Unix socket.
     pub socket: PathBuf,
     /// The TCP door.
     pub address: SocketAddr,
 }
 
-impl Doors {
+impl Interfaces {
     /// One request through a door, with the right token.
     ///
     /// # Errors
     /// Nobody serves it, or the answer is no HTTP.
-    pub fn ask(&self, door: Door, method: &str, path: &str, body: &[u8]) -> std::io::Result<Reply> {
+    pub fn ask(
+        &self,
+        door: Interface,
+        method: &str,
+        path: &str,
+        body: &[u8],
+    ) -> std::io::Result<Reply> {
         match door {
-            Door::Tcp => {
+            Interface::Tcp => {
                 let stream = TcpStream::connect(self.address)?;
                 let limit = Some(Duration::from_secs(20));
                 stream.set_read_timeout(limit)?;
@@ -73,7 +79,7 @@ impl Doors {
                 let line = format!("authorization: Bearer {TOKEN}\r\n");
                 rest::over(stream, method, path, &line, body)
             }
-            Door::Unix | Door::Cli => rest::request(&self.socket, method, path, body),
+            Interface::Unix | Interface::Cli => rest::request(&self.socket, method, path, body),
         }
     }
 }
@@ -108,18 +114,18 @@ pub fn flood_if_asked() {
     let [kind, socket, address] = words[..] else {
         panic!("{FLOOD} is KIND SOCKET ADDRESS, not `{order}`");
     };
-    let doors = Doors {
+    let doors = Interfaces {
         socket: PathBuf::from(socket),
         address: address.parse().expect("an address"),
     };
-    Kind::named(kind).expect("a kind of flood").run(&doors);
+    FloodKind::named(kind).expect("a kind of flood").run(&doors);
 }
 
 /// Processes that flood until this is dropped.
 struct Flooders(Vec<Child>);
 
 impl Flooders {
-    fn start(options: &Options, doors: &Doors, again: &dyn Fn() -> Command) -> Flooders {
+    fn start(options: &Options, doors: &Interfaces, again: &dyn Fn() -> Command) -> Flooders {
         let mut all = Flooders(Vec::new());
         for kind in &options.kinds {
             for _ in 0..options.processes {
@@ -162,7 +168,7 @@ impl Drop for Flooders {
 }
 
 /// A cell with both doors open.
-fn cell(folder: &Path) -> (TestCell, Doors) {
+fn cell(folder: &Path) -> (TestCell, Interfaces) {
     fs::create_dir_all(folder).expect("a folder");
     let token = folder.join("token");
     let mut options = fs::File::options();
@@ -176,7 +182,7 @@ fn cell(folder: &Path) -> (TestCell, Doors) {
         token.display()
     );
     let cell = TestCell::changed(|text| text + &access);
-    let doors = Doors {
+    let doors = Interfaces {
         socket: cell.cell().socket(),
         address,
     };
@@ -197,7 +203,7 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     let stalls = Stalls::watch();
     let mut flooders = Flooders::start(options, &doors, again);
     for number in 0..options.cancels {
-        let door = Door::ALL[number % Door::ALL.len()];
+        let door = Interface::ALL[number % Interface::ALL.len()];
         report
             .cancels
             .push(cancel(&cell, &doors, &watch, door, number));
@@ -217,12 +223,18 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
 }
 
 /// Loads and starts a small net, however often it takes while others want the same places, and cancels it once.
-fn cancel(cell: &TestCell, doors: &Doors, watch: &Watch, door: Door, number: usize) -> Cancel {
+fn cancel(
+    cell: &TestCell,
+    doors: &Interfaces,
+    watch: &ExecutorBoards,
+    door: Interface,
+    number: usize,
+) -> Cancel {
     let name = format!("small-{number}");
     let text = net(&name, 2);
     let retried = |what: &str, method: &str, path: &str, body: &[u8], good: u16| -> Value {
         await_some(&format!("{what} of {name}"), || {
-            let reply = doors.ask(Door::Unix, method, path, body).ok()?;
+            let reply = doors.ask(Interface::Unix, method, path, body).ok()?;
             (reply.status == good).then_some(reply.body)
         })
     };
@@ -238,12 +250,17 @@ fn cancel(cell: &TestCell, doors: &Doors, watch: &Watch, door: Door, number: usi
     };
     await_some(&format!("{name} to run"), || {
         // Refused while others have all places, or answered too late; what counts is what the executor says.
-        let _ = doors.ask(Door::Unix, "POST", &format!("/commands/{id}/start"), b"");
+        let _ = doors.ask(
+            Interface::Unix,
+            "POST",
+            &format!("/commands/{id}/start"),
+            b"",
+        );
         (state()?.0 == CommandState::Running).then_some(())
     });
     let begun = Instant::now();
     let (answered, words) = match door {
-        Door::Cli => {
+        Interface::Cli => {
             let output = cell.cli(&["cancel", &name]);
             let words = String::from_utf8_lossy(&output.stderr).into_owned();
             (output.status.success(), words)
@@ -251,7 +268,7 @@ fn cancel(cell: &TestCell, doors: &Doors, watch: &Watch, door: Door, number: usi
         door => match doors.ask(door, "POST", &format!("/commands/{name}/cancel"), b"") {
             Ok(reply) => (
                 reply.status == 200,
-                format!("{} {}", reply.status, reply.words()),
+                format!("{} {}", reply.status, reply.error_text()),
             ),
             Err(error) => (false, error.to_string()),
         },

@@ -8,7 +8,7 @@ use rcc_ipc::control::{MEASUREMENT, command_board};
 use rcc_ipc::{BoardReader, CommandReader, Role, Session};
 use serde_json::{Value, json};
 
-use crate::place::{Place, await_some};
+use crate::cell_fixture::{CellFixture, await_some};
 
 /// Holds the arm where its driver holds it, and the torch's line, until CANCEL.
 const HOLD: &str = "net: hold
@@ -56,7 +56,7 @@ pub fn large_net(primitives: usize) -> String {
 
 /// Hands the arm over so many times, each time while a net of `large` primitives is loading; `tell` hears of each.
 pub fn hand_over(
-    place: &Place,
+    place: &CellFixture,
     times: usize,
     large: usize,
     mut tell: impl FnMut(&Report),
@@ -98,7 +98,7 @@ pub fn hand_over(
 }
 
 /// The rows of both, as soon as the table shows the hand-over.
-fn is_consecutive(place: &Place, (old, new): (u64, u64), cycle: u64) -> bool {
+fn is_consecutive(place: &CellFixture, (old, new): (u64, u64), cycle: u64) -> bool {
     // The tables are written in the cycle of the hand-over; a request may still see the ones before.
     let row = await_some("the table after the hand-over", || {
         let row: Value = place.state(new);
@@ -141,7 +141,7 @@ pub struct Arm {
 
 impl Arm {
     /// Opens the boards of the living executor and driver.
-    pub fn of(place: &Place) -> Arm {
+    pub fn of(place: &CellFixture) -> Arm {
         let session = Session::join(place.cell(), Role::Monitor, "arm").expect("a cell");
         let executor = place.announced(Role::Executor, "exec");
         let driver = place.announced(Role::Driver, "lwr");

@@ -7,8 +7,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use crate::hand::HandCell;
 use crate::processes::ends_with_test;
+use crate::unsupervised_cell::UnsupervisedCell;
 
 /// The call that gets no error: the kernel refuses no wake-up, and one that is swallowed hangs any program.
 pub const NEVER_FAILS: &str = "futex";
@@ -17,7 +17,7 @@ pub const NEVER_FAILS: &str = "futex";
 pub const ERRORS: [&str; 5] = ["ENOSPC", "ENOMEM", "EMFILE", "EINTR", "EIO"];
 
 /// The n-th call of a name in a thread.
-pub type Call = (String, usize);
+pub type SystemCall = (String, usize);
 
 /// Why system calls cannot be traced here, if they cannot.
 ///
@@ -35,7 +35,12 @@ pub fn can_trace() -> Result<(), String> {
 }
 
 /// A program of the cell under strace with these options; nothing is started yet.
-pub fn traced(cell: &HandCell, program: &str, arguments: &[&str], options: &[String]) -> Command {
+pub fn traced(
+    cell: &UnsupervisedCell,
+    program: &str,
+    arguments: &[&str],
+    options: &[String],
+) -> Command {
     let usual = cell.program(program);
     let mut command = Command::new("strace");
     command.args(["-f", "-qq"]).args(options).arg("--");
@@ -57,7 +62,7 @@ pub fn traced(cell: &HandCell, program: &str, arguments: &[&str], options: &[Str
 /// # Panics
 /// strace does not start.
 pub fn start_traced(
-    cell: &HandCell,
+    cell: &UnsupervisedCell,
     program: &str,
     arguments: &[&str],
     options: &[String],
@@ -79,7 +84,7 @@ pub fn tracee(strace: &Child) -> Option<u32> {
 ///
 /// # Panics
 /// There is no such file.
-pub fn calls_of(file: &Path, mut last: impl FnMut(&str, &str) -> bool) -> Vec<Call> {
+pub fn calls_of(file: &Path, mut last: impl FnMut(&str, &str) -> bool) -> Vec<SystemCall> {
     let text = fs::read_to_string(file).expect("strace wrote it");
     let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
     let mut seen = BTreeSet::new();

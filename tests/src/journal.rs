@@ -45,7 +45,7 @@ impl Journal {
     }
 
     /// Keeps something that must not be.
-    pub fn find(&self, what: String) {
+    pub fn add_finding(&self, what: String) {
         eprintln!("FOUND {what}");
         self.note(format!("found: {what}"));
         // Relaxed: read after all threads have ended.
@@ -97,7 +97,7 @@ impl Journal {
             if let Err(cause) = catch_unwind(AssertUnwindSafe(|| round(number))) {
                 let words = cause.downcast_ref::<String>().cloned();
                 let words = words.or_else(|| cause.downcast_ref::<&str>().map(|&s| s.to_owned()));
-                self.find(format!(
+                self.add_finding(format!(
                     "{who}, round {number}: {}",
                     words.unwrap_or_default()
                 ));

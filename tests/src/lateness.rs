@@ -15,9 +15,9 @@ use rcc_ipc::control::STATUS;
 use rcc_ipc::{Announcement, Cell, Role, Session, monotonic_ns};
 use rtrb::Consumer;
 
+use crate::cell_fixture::CellFixture;
 use crate::journal::Journal;
-use crate::place::Place;
-use crate::reference::{Reference, Stall, promote};
+use crate::reference::{ReferenceThread, Stall, promote};
 
 /// The reference thread wakes so often: four times as often as the executor, so that little can hide between.
 const REFERENCE_NS: u64 = 250_000;
@@ -53,7 +53,7 @@ pub enum Cause {
 
 /// One or more late cycles between two looks.
 #[derive(Clone, Debug)]
-pub struct Late {
+pub struct LateCycles {
     /// The last of them.
     pub cycle: u64,
     /// How many.
@@ -74,7 +74,7 @@ pub struct Late {
 
 /// What came out.
 #[derive(Clone, Debug, Default)]
-pub struct Verdict {
+pub struct LatenessReport {
     /// Cycles judged.
     pub cycles: u64,
     /// Late cycles, as the executor counts them.
@@ -86,7 +86,7 @@ pub struct Verdict {
     /// Of them: ours.
     pub unexplained: u64,
     /// Each, as far as they are kept; the unexplained ones always.
-    pub each: Vec<Late>,
+    pub each: Vec<LateCycles>,
     /// Wake-ups of the reference thread later than 0.1 ms.
     pub stalls: u64,
     /// The longest of them, ns.
@@ -99,9 +99,9 @@ pub struct Verdict {
     pub consecutive: bool,
 }
 
-impl Verdict {
+impl LatenessReport {
     /// Takes in what came out for another executor.
-    pub fn add(&mut self, other: Verdict) {
+    pub fn add(&mut self, other: LatenessReport) {
         self.consecutive = other.consecutive && (self.consecutive || self.cycles == 0);
         self.cycles += other.cycles;
         self.late += other.late;
@@ -118,32 +118,32 @@ impl Verdict {
 
 /// The running judge.
 #[derive(Debug)]
-pub struct Judge {
+pub struct LatenessMonitor {
     stop: Arc<AtomicBool>,
-    watcher: JoinHandle<Watched>,
-    analyst: JoinHandle<Verdict>,
-    reference: Reference,
+    watcher: JoinHandle<ObservedRange>,
+    analyst: JoinHandle<LatenessReport>,
+    reference: ReferenceThread,
     late: Arc<AtomicU64>,
 }
 
 /// First and last look of the watcher.
-struct Watched {
+struct ObservedRange {
     first: CycleStatus,
     last: CycleStatus,
     consecutive: bool,
 }
 
-impl Judge {
+impl LatenessMonitor {
     /// Watches the living executor, which runs at `priority` on `core`. `None` if the system grants no priority: then
     /// nobody can tell whose fault a late cycle is.
     pub fn start(
-        place: &Place,
+        place: &CellFixture,
         core: usize,
         priority: u8,
         journal: &Arc<Journal>,
-    ) -> Option<Judge> {
+    ) -> Option<LatenessMonitor> {
         let priority = i32::from(priority);
-        let (reference, stalls) = Reference::stream(core, priority + 1, REFERENCE_NS)?;
+        let (reference, stalls) = ReferenceThread::stream(core, priority + 1, REFERENCE_NS)?;
         let stop = Arc::new(AtomicBool::new(false));
         let executor = place.announced(Role::Executor, "exec");
         let (late_in, late_out) = mpsc::channel();
@@ -157,18 +157,18 @@ impl Judge {
         });
         tell.recv().expect("the watcher begins");
         let count = Arc::new(AtomicU64::new(0));
-        let analyst = Analyst {
+        let analyst = LatenessAnalyst {
             core,
             late: late_out,
             stalls,
             journal: Arc::clone(journal),
             count: Arc::clone(&count),
-            memory: Memory::default(),
-            verdict: Verdict::default(),
+            memory: RecentEvents::default(),
+            report: LatenessReport::default(),
         };
         let stopped = Arc::clone(&stop);
         let analyst = std::thread::spawn(move || analyst.run(&stopped));
-        Some(Judge {
+        Some(LatenessMonitor {
             stop,
             watcher,
             analyst,
@@ -184,21 +184,21 @@ impl Judge {
     }
 
     /// Ends it.
-    pub fn finish(self) -> Verdict {
+    pub fn finish(self) -> LatenessReport {
         // What is late at the very end is told by the next cycles.
         std::thread::sleep(Duration::from_millis(50));
         self.stop.store(true, Ordering::Release);
         let watched = self.watcher.join().expect("the watcher does not panic");
-        let mut verdict = self.analyst.join().expect("the analyst does not panic");
+        let mut report = self.analyst.join().expect("the analyst does not panic");
         self.reference.finish();
-        verdict.cycles = watched.last.cycle - watched.first.cycle;
-        verdict.late = watched.last.late - watched.first.late;
-        verdict.exec_max_ns = watched.last.exec_max_ns;
-        verdict.dropped_records = watched.last.dropped_records - watched.first.dropped_records;
-        verdict.consecutive = watched.consecutive;
-        let told = verdict.by_machine + verdict.by_steal + verdict.unexplained;
-        verdict.unexplained += verdict.late.saturating_sub(told);
-        verdict
+        report.cycles = watched.last.cycle - watched.first.cycle;
+        report.late = watched.last.late - watched.first.late;
+        report.exec_max_ns = watched.last.exec_max_ns;
+        report.dropped_records = watched.last.dropped_records - watched.first.dropped_records;
+        report.consecutive = watched.consecutive;
+        let told = report.by_machine + report.by_steal + report.unexplained;
+        report.unexplained += report.late.saturating_sub(told);
+        report
     }
 }
 
@@ -207,9 +207,9 @@ fn watch(
     cell: &Cell,
     executor: &Announcement,
     stop: &AtomicBool,
-    late: &mpsc::Sender<Late>,
+    late: &mpsc::Sender<LateCycles>,
     told: &mpsc::Sender<()>,
-) -> Watched {
+) -> ObservedRange {
     let session = Session::join(cell, Role::Monitor, "lateness").expect("a cell");
     let board = session.open_board::<CycleStatus>(&executor.services[STATUS]);
     let board = board.expect("the status board");
@@ -223,7 +223,7 @@ fn watch(
         let now = board.read();
         if now.cycle > newest.cycle {
             if now.late > newest.late {
-                let told = Late {
+                let told = LateCycles {
                     cycle: now.last_late.cycle,
                     count: now.late - newest.late,
                     from_ns: before.stamp_ns,
@@ -240,7 +240,7 @@ fn watch(
         }
         consecutive &= now.cycle >= newest.cycle && now.incarnation == first.incarnation;
         if last {
-            return Watched {
+            return ObservedRange {
                 first,
                 last: now,
                 consecutive,
@@ -252,25 +252,25 @@ fn watch(
 
 /// What is remembered of the last seconds.
 #[derive(Default)]
-struct Memory {
+struct RecentEvents {
     stalls: VecDeque<Stall>,
     /// Time and ticks that the host took from the core so far.
     steal: VecDeque<(u64, u64)>,
-    late: VecDeque<Late>,
+    late: VecDeque<LateCycles>,
 }
 
-struct Analyst {
+struct LatenessAnalyst {
     core: usize,
-    late: mpsc::Receiver<Late>,
+    late: mpsc::Receiver<LateCycles>,
     stalls: Consumer<Stall>,
     journal: Arc<Journal>,
     count: Arc<AtomicU64>,
-    memory: Memory,
-    verdict: Verdict,
+    memory: RecentEvents,
+    report: LatenessReport,
 }
 
-impl Analyst {
-    fn run(mut self, stop: &AtomicBool) -> Verdict {
+impl LatenessAnalyst {
+    fn run(mut self, stop: &AtomicBool) -> LatenessReport {
         loop {
             let last = stop.load(Ordering::Acquire);
             if last {
@@ -293,7 +293,7 @@ impl Analyst {
                 self.judge(late);
             }
             if last {
-                return self.verdict;
+                return self.report;
             }
             std::thread::sleep(ANALYSE_EVERY);
         }
@@ -303,16 +303,16 @@ impl Analyst {
         let now_ns = monotonic_ns();
         let old_ns = now_ns.saturating_sub(KEEP_NS);
         while let Ok(stall) = self.stalls.pop() {
-            self.verdict.stalls += 1;
+            self.report.stalls += 1;
             let length_ns = stall.to_ns - stall.from_ns;
-            self.verdict.stall_max_ns = self.verdict.stall_max_ns.max(length_ns);
+            self.report.stall_max_ns = self.report.stall_max_ns.max(length_ns);
             self.memory.stalls.push_back(stall);
         }
         self.memory
             .steal
             .push_back((now_ns, steal_ticks(self.core)));
         self.memory.late.extend(self.late.try_iter());
-        let Memory { stalls, steal, .. } = &mut self.memory;
+        let RecentEvents { stalls, steal, .. } = &mut self.memory;
         while stalls.front().is_some_and(|stall| stall.to_ns < old_ns) {
             stalls.pop_front();
         }
@@ -321,13 +321,13 @@ impl Analyst {
         }
     }
 
-    fn judge(&mut self, mut late: Late) {
+    fn judge(&mut self, mut late: LateCycles) {
         late.cause = self.cause(&late);
         match late.cause {
-            Cause::Machine { .. } => self.verdict.by_machine += late.count,
-            Cause::Steal { .. } => self.verdict.by_steal += late.count,
+            Cause::Machine { .. } => self.report.by_machine += late.count,
+            Cause::Steal { .. } => self.report.by_steal += late.count,
             Cause::Unexplained => {
-                self.verdict.unexplained += late.count;
+                self.report.unexplained += late.count;
                 let around_ns = 50_000_000;
                 let (from_ns, to_ns) = (late.from_ns - around_ns, late.to_ns + around_ns);
                 late.beside = self.journal.between(from_ns, to_ns);
@@ -341,14 +341,13 @@ impl Analyst {
                 eprintln!("UNEXPLAINED {late:?}");
             }
         }
-        self.count
-            .store(self.verdict.unexplained, Ordering::Relaxed);
-        if self.verdict.each.len() < KEPT_MAX || late.cause == Cause::Unexplained {
-            self.verdict.each.push(late);
+        self.count.store(self.report.unexplained, Ordering::Relaxed);
+        if self.report.each.len() < KEPT_MAX || late.cause == Cause::Unexplained {
+            self.report.each.push(late);
         }
     }
 
-    fn cause(&self, late: &Late) -> Cause {
+    fn cause(&self, late: &LateCycles) -> Cause {
         let overlap_ns = |stall: &Stall| {
             let (from_ns, to_ns) = (stall.from_ns.max(late.from_ns), stall.to_ns.min(late.to_ns));
             to_ns.saturating_sub(from_ns)

@@ -2,17 +2,16 @@
 //! asked for, and leaves nothing behind, also when the test fails. Run by the threads of the test harness.
 
 pub mod cell;
+pub mod cell_fixture;
 pub mod census;
 pub mod endurance;
 pub mod flood;
-pub mod hand;
 pub mod handover;
 pub mod injection;
 pub mod journal;
 pub mod lateness;
 pub mod matrix;
 pub mod nets;
-pub mod place;
 pub mod process;
 pub mod processes;
 pub mod programs;
@@ -21,8 +20,9 @@ pub mod reference;
 pub mod rest;
 pub mod rt_calls;
 pub mod simulator;
+pub mod unsupervised_cell;
 
 pub use cell::TestCell;
-pub use hand::HandCell;
-pub use place::{LIMIT, Place, await_some};
+pub use cell_fixture::{CellFixture, LIMIT, await_some};
 pub use programs::{program, repository};
+pub use unsupervised_cell::UnsupervisedCell;

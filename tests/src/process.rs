@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
-use crate::place::{LIMIT, Place};
+use crate::cell_fixture::{CellFixture, LIMIT};
 use crate::processes::signal;
 
 /// A process and how it is started.
@@ -21,7 +21,12 @@ pub struct Process {
 
 impl Process {
     /// A program of the cell that takes `--cell` and `--config`; it is not started yet. `name` is that of its log.
-    pub fn of_cell(place: &Place, name: &str, program: &'static str, further: &[&str]) -> Process {
+    pub fn of_cell(
+        place: &CellFixture,
+        name: &str,
+        program: &'static str,
+        further: &[&str],
+    ) -> Process {
         let config = place.config().display().to_string();
         let mut arguments = vec!["--config".to_owned(), config, "--parent-death".to_owned()];
         arguments.extend(further.iter().map(|&word| word.to_owned()));
@@ -34,7 +39,7 @@ impl Process {
     }
 
     /// The driver of a device, with the priority that a supervisor gives it below an executor's `priority`.
-    pub fn driver(place: &Place, device: &str, priority: u8) -> Process {
+    pub fn driver(place: &CellFixture, device: &str, priority: u8) -> Process {
         let priority = priority.saturating_sub(10).max(1).to_string();
         let further = ["--device", device, "--priority", &priority];
         Process::of_cell(place, device, "rcc-driver", &further)
@@ -47,7 +52,7 @@ impl Process {
 
     /// Starts it; returns its process id. Nothing is run between fork and exec, so that this process is not copied:
     /// a copy would make the pages of the reference thread fault.
-    pub fn start(&mut self, place: &Place) -> u32 {
+    pub fn start(&mut self, place: &CellFixture) -> u32 {
         let path = place.folder().join(format!("{}.log", self.name));
         let log = File::options().create(true).append(true).open(path);
         let child = place

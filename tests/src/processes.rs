@@ -24,7 +24,7 @@ pub fn ends_with_test(command: &mut Command) -> &mut Command {
 }
 
 /// Processes that were started with this runtime folder.
-pub fn of_folder(base: &Path) -> Vec<u32> {
+pub fn with_runtime_dir(base: &Path) -> Vec<u32> {
     let wanted = format!("RCC_RUNTIME_DIR={}", base.display());
     let own = std::process::id();
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
@@ -62,7 +62,7 @@ pub fn threads(pid: u32) -> Vec<(u32, String)> {
 
 /// What a process holds: open files and mappings of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Holdings {
+pub struct OpenResources {
     /// Open file descriptors.
     pub files: usize,
     /// Mappings of files in `/dev/shm`.
@@ -70,11 +70,11 @@ pub struct Holdings {
 }
 
 /// What a process holds now.
-pub fn holdings(pid: u32) -> Holdings {
+pub fn holdings(pid: u32) -> OpenResources {
     let files = fs::read_dir(format!("/proc/{pid}/fd")).map_or(0, Iterator::count);
     let maps = fs::read_to_string(format!("/proc/{pid}/maps")).unwrap_or_default();
     let mappings = maps.lines().filter(|line| line.contains("/dev/shm/"));
-    Holdings {
+    OpenResources {
         files,
         mappings: mappings.count(),
     }

@@ -10,7 +10,7 @@ use rcc_core::message::MonitorRecord;
 use rcc_ipc::control::RECORDS;
 use rcc_ipc::{Role, Session};
 
-use crate::place::Place;
+use crate::cell_fixture::CellFixture;
 use crate::reference::promote;
 
 /// Below the executor's, above everything ordinary.
@@ -18,14 +18,14 @@ const PRIORITY: i32 = 10;
 
 /// The running collector.
 #[derive(Debug)]
-pub struct Records {
+pub struct RecordCollector {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<Vec<MonitorRecord>>,
 }
 
-impl Records {
+impl RecordCollector {
     /// Collects everything that the cell's living executor publishes from now on.
-    pub fn follow(place: &Place) -> Records {
+    pub fn follow(place: &CellFixture) -> RecordCollector {
         let executor = place.announced(Role::Executor, "exec");
         let cell = place.cell().clone();
         let stop = Arc::new(AtomicBool::new(false));
@@ -54,7 +54,7 @@ impl Records {
             }
         });
         tell.recv().expect("the collector begins");
-        Records { stop, thread }
+        RecordCollector { stop, thread }
     }
 
     /// Ends it; returns all records in order.

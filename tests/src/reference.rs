@@ -28,14 +28,14 @@ pub struct Stall {
 
 /// The running thread.
 #[derive(Debug)]
-pub struct Reference {
+pub struct ReferenceThread {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<Vec<Stall>>,
 }
 
-impl Reference {
+impl ReferenceThread {
     /// Starts it on `core`; `None` if the system does not grant the priority.
-    pub fn start(core: usize, priority: i32) -> Option<Reference> {
+    pub fn start(core: usize, priority: i32) -> Option<ReferenceThread> {
         let stop = Arc::new(AtomicBool::new(false));
         let (told, tell) = std::sync::mpsc::channel();
         let stopped = Arc::clone(&stop);
@@ -50,16 +50,16 @@ impl Reference {
         });
         tell.recv()
             .expect("the thread tells")
-            .then_some(Reference { stop, thread })
+            .then_some(ReferenceThread { stop, thread })
     }
 
-    /// As [`Reference::start`], but each stall is handed over at once, and it wakes every `period_ns`. The thread calls
+    /// As [`ReferenceThread::start`], but each stall is handed over at once, and it wakes every `period_ns`. The thread calls
     /// nothing that allocates, so that a stall is never its own. A ring that is full loses stalls: they excuse nothing.
     pub fn stream(
         core: usize,
         priority: i32,
         period_ns: u64,
-    ) -> Option<(Reference, rtrb::Consumer<Stall>)> {
+    ) -> Option<(ReferenceThread, rtrb::Consumer<Stall>)> {
         let (mut stalls, handed) = rtrb::RingBuffer::new(RING);
         let stop = Arc::new(AtomicBool::new(false));
         let (told, tell) = std::sync::mpsc::channel();
@@ -79,7 +79,7 @@ impl Reference {
         let mut handed = handed;
         let granted = tell.recv().expect("the thread tells");
         while handed.pop().is_ok_and(|stall| stall.to_ns == 0) {}
-        granted.then_some((Reference { stop, thread }, handed))
+        granted.then_some((ReferenceThread { stop, thread }, handed))
     }
 
     /// Ends it; returns every wake-up that was late by more than a tenth of a period.

@@ -24,7 +24,7 @@ impl Reply {
     }
 
     /// The `message` of an error with its `help`.
-    pub fn words(&self) -> String {
+    pub fn error_text(&self) -> String {
         let text = |key: &str| self.body[key].as_str().unwrap_or_default().to_owned();
         format!("{} {}", text("message"), text("help"))
     }

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
-use crate::hand::HandCell;
+use crate::cell_fixture::{ExecutorBoards, LIMIT, await_some};
 use crate::nets;
-use crate::place::{LIMIT, Watch, await_some};
 use crate::processes::{ends_with_test, signal};
-use crate::records::Records;
+use crate::records::RecordCollector;
+use crate::unsupervised_cell::UnsupervisedCell;
 
 /// Name of the real-time thread.
 const THREAD: &str = "rcc-rt";
@@ -74,7 +74,7 @@ fn clock_is_in_user_space() -> bool {
 /// # Errors
 /// Why the real-time thread cannot be traced here.
 pub fn count(cycles: u64) -> Result<Counted, String> {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let watch = cell.watch();
     let file = cell.folder().join("calls.txt");
     let strace = match attach(&cell, &file.display().to_string()) {
@@ -104,7 +104,7 @@ pub fn count(cycles: u64) -> Result<Counted, String> {
 }
 
 /// strace on the real-time thread alone.
-fn attach(cell: &HandCell, file: &str) -> Result<Child, String> {
+fn attach(cell: &UnsupervisedCell, file: &str) -> Result<Child, String> {
     let pid = cell.pid("executor");
     let thread = thread_of(pid).ok_or("the executor has no thread rcc-rt")?;
     let errors = cell.folder().join("strace.err");
@@ -175,8 +175,8 @@ fn summary(text: &str) -> BTreeMap<String, u64> {
 }
 
 /// Nets that start, hand over, end and fault, a monitor, and now and then another driver or loader.
-fn round(cell: &mut HandCell, watch: &Watch, happened: &mut [u64; 5]) {
-    let records = Records::follow(cell);
+fn round(cell: &mut UnsupervisedCell, watch: &ExecutorBoards, happened: &mut [u64; 5]) {
+    let records = RecordCollector::follow(cell);
     happened[2] += 1;
     let first = cell.run(&nets::lamp("first"));
     let second = cell.load(&nets::lamp("second"));

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use rcc_tests::place::files_below;
+use rcc_tests::cell_fixture::files_below;
 use rcc_tests::repository;
 use serde_json::Value;
 

@@ -9,12 +9,12 @@ use rcc_core::message::Measurement;
 use rcc_drivers::fri_lwr::wire::MSR_SIZE;
 use rcc_ipc::control::MEASUREMENT;
 use rcc_ipc::{Role, Session};
-use rcc_tests::place::Place;
-use rcc_tests::processes::{command_line, of_folder, signal};
-use rcc_tests::records::Records;
+use rcc_tests::cell_fixture::CellFixture;
+use rcc_tests::processes::{command_line, signal, with_runtime_dir};
+use rcc_tests::records::RecordCollector;
 use rcc_tests::rest::raw;
 use rcc_tests::simulator::assert_within_limits;
-use rcc_tests::{HandCell, TestCell, await_some, nets, repository};
+use rcc_tests::{TestCell, UnsupervisedCell, await_some, nets, repository};
 
 #[test]
 fn broken_texts_are_rejected_with_place_and_remedy_while_a_net_runs() {
@@ -120,8 +120,8 @@ fn an_io_station_that_is_gone_makes_its_ports_null_and_nothing_else() {
     let cell = TestCell::demo();
     let reader = cell.run(&nets::input("reader", "io", "lamp_on"));
     let line = cell.run(&nets::line("line", 0.2, 0.1));
-    let records = Records::follow(&cell);
-    let station = of_folder(cell.folder());
+    let records = RecordCollector::follow(&cell);
+    let station = with_runtime_dir(cell.folder());
     let station = station
         .into_iter()
         .find(|pid| command_line(*pid)[0].ends_with("io-sim"));
@@ -155,7 +155,7 @@ fn an_io_station_that_is_gone_makes_its_ports_null_and_nothing_else() {
 
 #[test]
 fn a_net_that_writes_to_a_station_that_is_gone_ends_and_a_new_one_is_refused() {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let line = cell.run(&nets::line("line", 0.1, 0.1));
     cell.end("io-sim", Signal::SIGKILL);
@@ -172,7 +172,7 @@ fn a_net_that_writes_to_a_station_that_is_gone_ends_and_a_new_one_is_refused() {
         (409, "RCC3008"),
         "{refused:?}"
     );
-    assert!(refused.words().contains("io"), "{refused:?}");
+    assert!(refused.error_text().contains("io"), "{refused:?}");
     cell.assert_ends(line, "finished");
     cell.start_simulator("io-sim");
     cell.await_device("io", "ready");
@@ -184,7 +184,7 @@ fn a_net_that_writes_to_a_station_that_is_gone_ends_and_a_new_one_is_refused() {
 
 #[test]
 fn a_broken_configuration_ends_every_program_with_its_code_before_anything_is_made() {
-    let place = Place::new(&repository().join("configs/cells/demo.yaml"), |text| {
+    let place = CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| {
         text.replace("period: 1 ms\n", "period: 1 N\n")
             .replace("driver: modbus", "driver: modbuss")
     });
@@ -221,7 +221,7 @@ fn a_broken_configuration_ends_every_program_with_its_code_before_anything_is_ma
 
 #[test]
 fn a_device_that_the_configuration_does_not_have_is_no_device() {
-    let place = Place::new(&repository().join("configs/cells/demo.yaml"), |text| text);
+    let place = CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| text);
     let mut driver = place.program("rcc-driver");
     let output = driver
         .arg("--config")
@@ -253,7 +253,7 @@ fn http_that_is_wrong_gets_an_error_with_a_code_and_changes_nothing() {
         );
         let known = reply.code() == code || reply.code() == "RCC4011";
         assert!(
-            known && !reply.words().trim().is_empty(),
+            known && !reply.error_text().trim().is_empty(),
             "{method} {path}: {reply:?}"
         );
     }

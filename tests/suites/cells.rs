@@ -6,8 +6,8 @@ use std::process::{Command, Stdio};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::Role;
-use rcc_tests::place::Place;
-use rcc_tests::processes::{command_line, ends_with_test, of_folder, signal};
+use rcc_tests::cell_fixture::CellFixture;
+use rcc_tests::processes::{command_line, ends_with_test, signal, with_runtime_dir};
 use rcc_tests::{TestCell, nets, program, repository};
 
 #[test]
@@ -57,7 +57,7 @@ fn two_cells_side_by_side_do_not_see_each_other() {
 fn a_second_cell_of_the_same_name_is_refused_and_changes_nothing() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.1, 0.1));
-    let before = of_folder(cell.folder());
+    let before = with_runtime_dir(cell.folder());
     let (_, errors) = cell.cli_exits(5, &["up", cell.config().to_str().expect("plain")]);
     assert!(
         errors.contains("RCC4012") && errors.contains("test"),
@@ -66,7 +66,7 @@ fn a_second_cell_of_the_same_name_is_refused_and_changes_nothing() {
     let named = before.iter().any(|pid| errors.contains(&pid.to_string()));
     assert!(named, "it names a living process: {errors}");
     cell.assert_ends(line, "finished");
-    assert_eq!(of_folder(cell.folder()), before);
+    assert_eq!(with_runtime_dir(cell.folder()), before);
     // A further process of a role that is taken is refused, too.
     let mut second = cell.program("rcc-exec");
     let second = second
@@ -88,7 +88,7 @@ fn a_dead_cell_is_cleaned_by_the_next_up() {
     let mut cell = TestCell::demo();
     cell.run(&nets::line("line", 0.2, 0.1));
     // The supervisor first, or it would start again what dies.
-    for pid in std::iter::once(cell.supervisor()).chain(of_folder(cell.folder())) {
+    for pid in std::iter::once(cell.supervisor()).chain(with_runtime_dir(cell.folder())) {
         signal(pid, Signal::SIGKILL);
     }
     cell.kill_supervisor();
@@ -160,7 +160,7 @@ fn a_monitor_may_stay_when_the_cell_ends() {
     std::io::Read::read_exact(out, &mut first).expect("a first record");
     cell.done(lamp, "cancel");
     let place = cell.interrupt();
-    let left: Vec<Vec<String>> = of_folder(place.folder())
+    let left: Vec<Vec<String>> = with_runtime_dir(place.folder())
         .iter()
         .map(|pid| command_line(*pid))
         .collect();
@@ -171,7 +171,7 @@ fn a_monitor_may_stay_when_the_cell_ends() {
     signal(tail.id(), Signal::SIGTERM);
     tail.wait().expect("the child is ours");
     // What the monitor kept from being removed, the next start of the cell removes.
-    let again = TestCell::in_place(place);
+    let again = TestCell::in_fixture(place);
     again.stop();
 }
 
@@ -188,7 +188,7 @@ fn too_little_room_in_shared_memory_is_refused_before_anything_is_made() {
     }
     // Not in /dev/shm, which another file system hides below.
     let demo = repository().join("configs/cells/demo.yaml");
-    let place = Place::below(&std::env::temp_dir(), &demo, |text| text);
+    let place = CellFixture::below(&std::env::temp_dir(), &demo, |text| text);
     let script =
         "mount -t tmpfs -o size=4m rcc /dev/shm && \"$@\"; code=$?; ls -A /dev/shm; exit $code";
     let output = Command::new("unshare")

@@ -3,7 +3,7 @@
 
 use rcc_core::message::ClockState;
 use rcc_ipc::Role;
-use rcc_tests::place::Watch;
+use rcc_tests::cell_fixture::ExecutorBoards;
 use rcc_tests::{TestCell, await_some, nets};
 
 /// The demo cell with another period, whose clock follows the robot.
@@ -18,7 +18,7 @@ fn following(period: &str, robot_ms: u32) -> TestCell {
     })
 }
 
-fn await_clock(watch: &Watch, state: ClockState) {
+fn await_clock(watch: &ExecutorBoards, state: ClockState) {
     await_some(state.name(), || {
         (watch.status().clock.state == state as u32).then_some(())
     });

@@ -4,13 +4,13 @@
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::Role;
+use rcc_tests::cell_fixture::ExecutorBoards;
 use rcc_tests::census::runtime_files;
-use rcc_tests::place::Watch;
-use rcc_tests::processes::{self, Holdings};
-use rcc_tests::records::Records;
-use rcc_tests::reference::{Reference, Stall};
+use rcc_tests::processes::{self, OpenResources};
+use rcc_tests::records::RecordCollector;
+use rcc_tests::reference::{ReferenceThread, Stall};
 use rcc_tests::simulator::assert_within_limits;
-use rcc_tests::{HandCell, TestCell, await_some, nets};
+use rcc_tests::{TestCell, UnsupervisedCell, await_some, nets};
 
 /// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
 const LOST: i64 = 1;
@@ -28,8 +28,8 @@ fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
     let mut arm = cell.simulator("lwr-sim");
     arm.await_motion();
     arm.reset_statistics();
-    let (records, watch) = (Records::follow(&cell), cell.watch());
-    let reference = Reference::start(1, 95);
+    let (records, watch) = (RecordCollector::follow(&cell), cell.watch());
+    let reference = ReferenceThread::start(1, 95);
     let before = watch.status();
 
     let dead = cell.kill(Role::Driver, "lwr");
@@ -56,7 +56,7 @@ fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
         "the other net did not notice"
     );
     let after = watch.status();
-    let stalls = reference.map(Reference::finish);
+    let stalls = reference.map(ReferenceThread::finish);
     let records = records.finish();
     assert_no_cycle_missing(&records, &watch);
     match stalls {
@@ -71,7 +71,7 @@ fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
 }
 
 /// The lamp's net is the only one with a monitor, and it is one of every cycle: records and cycles go together.
-fn assert_no_cycle_missing(records: &[MonitorRecord], watch: &Watch) {
+fn assert_no_cycle_missing(records: &[MonitorRecord], watch: &ExecutorBoards) {
     assert!(records.len() > 1000, "{} records", records.len());
     for pair in records.windows(2) {
         let cycles = pair[1].cycle - pair[0].cycle;
@@ -204,7 +204,7 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
     let seed = rcc_ipc::monotonic_ns() | 1;
     eprintln!("seed {seed}");
     let mut random = Random(seed);
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let executor = cell.pid("executor");
     let watch = cell.watch();
@@ -261,11 +261,11 @@ struct Census {
     shared_memory: usize,
     files: u64,
     processes: usize,
-    executor: Holdings,
+    executor: OpenResources,
 }
 
 impl Census {
-    fn of(cell: &HandCell, executor: u32) -> Census {
+    fn of(cell: &UnsupervisedCell, executor: u32) -> Census {
         Census {
             shared_memory: cell
                 .cell()
@@ -273,7 +273,7 @@ impl Census {
                 .expect("/dev/shm can be listed")
                 .len(),
             files: runtime_files(cell.cell().runtime_dir()),
-            processes: processes::of_folder(cell.folder()).len(),
+            processes: processes::with_runtime_dir(cell.folder()).len(),
             executor: processes::holdings(executor),
         }
     }

@@ -8,7 +8,7 @@ use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
 use rcc_core::message::CommandState;
 use rcc_ipc::Role;
-use rcc_tests::place::Place;
+use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::simulator::{Simulator, assert_within_limits};
 use rcc_tests::{TestCell, await_some, nets, program, repository};
@@ -243,7 +243,7 @@ fn without_arm_simulator(text: String) -> String {
 #[test]
 fn a_killed_supervisor_takes_its_children_with_it_and_the_arm_rests() {
     let demo = repository().join("configs/cells/demo.yaml");
-    let place = Place::new(&demo, without_arm_simulator);
+    let place = CellFixture::new(&demo, without_arm_simulator);
     let offline = CellConfig::load_offline(&demo).unwrap_or_else(|faults| panic!("{faults}"));
     let simulator = offline
         .simulators
@@ -265,7 +265,7 @@ fn a_killed_supervisor_takes_its_children_with_it_and_the_arm_rests() {
     let simulator = simulator.args(arguments).arg("--control").arg(&socket);
     let simulator = simulator.stdout(Stdio::null());
     let mut simulator = ends_with_test(simulator).spawn().expect("lwr-sim starts");
-    let mut cell = TestCell::in_place(place);
+    let mut cell = TestCell::in_fixture(place);
     let mut arm = Simulator::connect(&socket);
     cell.run(&nets::line("line", 0.2, 0.1));
     arm.await_motion();

@@ -10,24 +10,24 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 use rcc_drivers::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
 use rcc_ipc::Role;
-use rcc_tests::place::Place;
+use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::signal;
 use rcc_tests::{TestCell, await_some, program, repository};
 use serde_json::{Value, json};
 
 /// The demo's configuration without a running cell; the driver takes this peer only, if given.
-fn stopped(peer: Option<&str>) -> Place {
+fn stopped(peer: Option<&str>) -> CellFixture {
     let line = "      listen: 127.0.0.1:${fri}";
     let peer = peer
         .map(|peer| format!("      peer: {peer}\n"))
         .unwrap_or_default();
-    Place::new(&repository().join("configs/cells/demo.yaml"), |text| {
+    CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| {
         text.replace(line, &format!("{peer}{line}"))
     })
 }
 
 /// What `doctor fri lwr` says about the cell's file; it must end with this exit code.
-fn report(place: &Place, exit: i32) -> Value {
+fn report(place: &CellFixture, exit: i32) -> Value {
     let file = place.config().to_str().expect("plain").to_owned();
     let output = Command::new(program("rcc-cli"))
         .env("RCC_RUNTIME_DIR", place.folder())
@@ -43,7 +43,7 @@ fn report(place: &Place, exit: i32) -> Value {
 }
 
 /// The stage that failed, and all that was said about it.
-fn failure(place: &Place) -> (String, String) {
+fn failure(place: &CellFixture) -> (String, String) {
     let report = report(place, 1);
     let findings = report["findings"].as_array().expect("findings");
     let last = findings.last().expect("one at least").to_string();
@@ -60,7 +60,7 @@ impl Drop for Over<'_> {
 }
 
 /// Sends `bytes` (the sequence number counts up) every millisecond to the driver's port while `what` runs.
-fn while_sending<T>(place: &Place, from: &str, bytes: &[u8], what: impl FnOnce() -> T) -> T {
+fn while_sending<T>(place: &CellFixture, from: &str, bytes: &[u8], what: impl FnOnce() -> T) -> T {
     let socket = UdpSocket::bind(from).expect("a loopback address");
     let to = SocketAddr::from(([127, 0, 0, 1], place.port("fri")));
     let over = AtomicBool::new(false);

@@ -9,12 +9,13 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::Role;
+use rcc_tests::cell_fixture::LIMIT;
 use rcc_tests::injection::{
-    Call, ERRORS, NEVER_FAILS, calls_of, can_trace, choose, panics_of_ours, start_traced, tracee,
+    ERRORS, NEVER_FAILS, SystemCall, calls_of, can_trace, choose, panics_of_ours, start_traced,
+    tracee,
 };
-use rcc_tests::place::LIMIT;
 use rcc_tests::processes::signal;
-use rcc_tests::{HandCell, await_some, nets};
+use rcc_tests::{UnsupervisedCell, await_some, nets};
 
 /// What the runtime of a Rust program calls before `main`, for its standard streams.
 const FIRST: [&str; 2] = ["poll", "ppoll"];
@@ -89,12 +90,12 @@ fn fail_everywhere(victim: &Victim) {
         eprintln!("skipped: errors at the start of {}: {cause}", victim.name);
         return;
     }
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     arm.reset_statistics();
     cell.end(victim.name, Signal::SIGTERM);
     let calls = every_call(&cell, victim);
-    let all: Vec<(Call, &str)> = calls
+    let all: Vec<(SystemCall, &str)> = calls
         .iter()
         .flat_map(|call| ERRORS.map(|error| (call.clone(), error)))
         .collect();
@@ -135,7 +136,7 @@ fn fail_everywhere(victim: &Victim) {
 
 /// Traces a whole start; returns each of its calls until it works. What comes before `main` is the system's: where its
 /// dynamic linker is refused something, it ends as it does for every program.
-fn every_call(cell: &HandCell, victim: &Victim) -> Vec<Call> {
+fn every_call(cell: &UnsupervisedCell, victim: &Victim) -> Vec<SystemCall> {
     let file = cell.folder().join("calls.txt");
     let options = ["-o".to_owned(), file.display().to_string()];
     let mut strace = start_traced(
@@ -162,7 +163,12 @@ fn every_call(cell: &HandCell, victim: &Victim) -> Vec<Call> {
 }
 
 /// Starts the program with an error in one call; if it works, it must end in order when it is asked to.
-fn start_with(cell: &mut HandCell, victim: &Victim, (name, number): &Call, error: &str) -> Start {
+fn start_with(
+    cell: &mut UnsupervisedCell,
+    victim: &Victim,
+    (name, number): &SystemCall,
+    error: &str,
+) -> Start {
     let inject = format!("inject={name}:error={error}:when={number}");
     let path = cell.folder().join(format!("{}-injected.txt", victim.name));
     let said = File::create(&path).expect("a file can be written");
@@ -210,7 +216,7 @@ fn start_with(cell: &mut HandCell, victim: &Victim, (name, number): &Call, error
 }
 
 /// It is announced, and does its work: the executor runs nets, a driver has exchanged, the loader answers.
-fn works(cell: &HandCell, victim: &Victim, pid: u32) -> bool {
+fn works(cell: &UnsupervisedCell, victim: &Victim, pid: u32) -> bool {
     let announced = cell.cell().announced(victim.role, victim.label);
     let Some(announced) = announced.ok().flatten() else {
         return false;
@@ -226,13 +232,13 @@ fn works(cell: &HandCell, victim: &Victim, pid: u32) -> bool {
 }
 
 /// The device is ready, and it is this driver that makes it so.
-fn exchanges(cell: &HandCell, device: &str, pid: u32) -> bool {
+fn exchanges(cell: &UnsupervisedCell, device: &str, pid: u32) -> bool {
     let row = cell.device(device);
     row.is_some_and(|row| row["state"] == "ready" && row["pid"] == pid)
 }
 
 /// LOAD, START, CANCEL: each helper thread of the executor has its part in one of them. False while it does not answer.
-fn runs_a_net(cell: &HandCell) -> bool {
+fn runs_a_net(cell: &UnsupervisedCell) -> bool {
     let done = |method: &str, path: &str, body: &str| {
         let reply = cell.try_rest(method, path, body)?;
         (reply.status < 300).then_some(reply.body)

@@ -11,7 +11,7 @@ use nix::sys::signal::Signal;
 use rcc_tests::injection::{ERRORS, NEVER_FAILS, can_trace, choose, panics_of_ours};
 use rcc_tests::processes::{ends_with_test, signal, threads};
 use rcc_tests::simulator::{Simulator, assert_within_limits};
-use rcc_tests::{HandCell, await_some, nets};
+use rcc_tests::{UnsupervisedCell, await_some, nets};
 
 /// Errors that are tried by default, of each process.
 const SAMPLE: usize = 5;
@@ -55,7 +55,7 @@ fn fail_in_motion(process: &str) {
         eprintln!("skipped: errors in {process} while the arm moves: {cause}");
         return;
     }
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let all = every_case(&cell, process, &mut arm);
     assert!(!all.is_empty(), "{process} makes no system calls");
@@ -74,7 +74,7 @@ fn fail_in_motion(process: &str) {
 }
 
 /// What each thread of the process calls while the arm moves and the loader is asked.
-fn every_case(cell: &HandCell, process: &str, arm: &mut Simulator) -> Vec<Case> {
+fn every_case(cell: &UnsupervisedCell, process: &str, arm: &mut Simulator) -> Vec<Case> {
     let line = cell.run(&nets::line("listen", 0.1, 0.05));
     arm.await_motion();
     let file = cell.folder().join("listened.txt");
@@ -115,7 +115,13 @@ fn every_case(cell: &HandCell, process: &str, arm: &mut Simulator) -> Vec<Case> 
 }
 
 /// A motion with errors in the middle; true if the process ended by them.
-fn fail(cell: &mut HandCell, process: &str, case: &Case, arm: &mut Simulator, y: f64) -> bool {
+fn fail(
+    cell: &mut UnsupervisedCell,
+    process: &str,
+    case: &Case,
+    arm: &mut Simulator,
+    y: f64,
+) -> bool {
     let Case {
         thread,
         call,
@@ -188,7 +194,7 @@ fn fail(cell: &mut HandCell, process: &str, case: &Case, arm: &mut Simulator, y:
     }
 }
 
-fn restart(cell: &mut HandCell, process: &str) {
+fn restart(cell: &mut UnsupervisedCell, process: &str) {
     cell.clean();
     match process {
         "executor" => drop(cell.start_executor()),

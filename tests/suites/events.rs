@@ -5,11 +5,11 @@ use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
 use rcc_ipc::Role;
-use rcc_tests::{Place, TestCell, await_some, nets, repository};
+use rcc_tests::{CellFixture, TestCell, await_some, nets, repository};
 use serde_json::Value;
 
 /// The log as JSON.
-fn events(cell: &Place, arguments: &[&str]) -> Vec<Value> {
+fn events(cell: &CellFixture, arguments: &[&str]) -> Vec<Value> {
     let all = [&["--output", "json", "events"][..], arguments].concat();
     let (out, _) = cell.cli_exits(0, &all);
     let lines = out.lines().map(serde_json::from_str);
@@ -17,7 +17,7 @@ fn events(cell: &Place, arguments: &[&str]) -> Vec<Value> {
 }
 
 /// Waits for the first event that is so.
-fn await_event(cell: &Place, what: &str, is: impl Fn(&Value) -> bool) -> Value {
+fn await_event(cell: &CellFixture, what: &str, is: impl Fn(&Value) -> bool) -> Value {
     await_some(&format!("an event: {what}"), || {
         events(cell, &[]).into_iter().find(|event| is(event))
     })

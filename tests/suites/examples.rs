@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use rcc_tests::simulator::assert_within_limits;
-use rcc_tests::{TestCell, await_some, place::files_below, repository};
+use rcc_tests::{TestCell, await_some, cell_fixture::files_below, repository};
 
 fn example_nets() -> Vec<PathBuf> {
     let mut files = files_below(&repository().join("configs/nets"));

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use rcc_ipc::Role;
 use rcc_tests::TestCell;
-use rcc_tests::flood::{self, Options, kinds::Kind};
+use rcc_tests::flood::{self, Options, kinds::FloodKind};
 
 /// The other processes: flood until they are killed.
 #[test]
@@ -40,7 +40,7 @@ fn every_cancel_is_answered_and_done_while_every_door_is_flooded() {
         primitives: 2000,
         cancels: 12,
         processes: 1,
-        kinds: Kind::ALL.to_vec(),
+        kinds: FloodKind::ALL.to_vec(),
     };
     let again = || {
         let mut command = Command::new(std::env::current_exe().expect("a program has a path"));

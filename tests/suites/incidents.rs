@@ -4,17 +4,17 @@
 use std::fs;
 
 use rcc_ipc::Role;
-use rcc_tests::{Place, TestCell, await_some, nets};
+use rcc_tests::{CellFixture, TestCell, await_some, nets};
 use serde_json::Value;
 
-fn json(cell: &Place, arguments: &[&str]) -> Value {
+fn json(cell: &CellFixture, arguments: &[&str]) -> Value {
     let all = [&["--output", "json"][..], arguments].concat();
     let (out, _) = cell.cli_exits(0, &all);
     serde_json::from_str(&out).expect("one JSON value")
 }
 
 /// Waits for the first incident with this reason.
-fn incident(cell: &Place, reason: &str) -> Value {
+fn incident(cell: &CellFixture, reason: &str) -> Value {
     await_some(&format!("an incident ({reason})"), || {
         let all = json(cell, &["incidents"]);
         let rows = all.as_array().expect("a list").clone();

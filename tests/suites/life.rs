@@ -20,7 +20,7 @@ fn a_busy_resource_names_its_holder_by_name() {
         (409, "RCC3004"),
         "{refused:?}"
     );
-    let words = refused.words();
+    let words = refused.error_text();
     assert!(
         words.contains(&format!("first#{first}")) && words.contains("lwr"),
         "{words}"
@@ -39,7 +39,7 @@ fn a_busy_resource_names_its_holder_by_name() {
 #[test]
 fn what_the_state_does_not_allow_is_refused_and_changes_nothing() {
     let cell = TestCell::demo();
-    let id = cell.load(&nets::stubborn_line("stubborn", 0.2, 0.1));
+    let id = cell.load(&nets::uncancellable_line("stubborn", 0.2, 0.1));
     let code = |what: &str| {
         let reply = cell.operate(id, what);
         assert_eq!(reply.status, 409, "{reply:?}");
@@ -104,7 +104,7 @@ fn a_net_that_begins_elsewhere_is_refused_with_joint_and_values_and_stays_ready(
         (409, "RCC3011"),
         "{refused:?}"
     );
-    let words = refused.words();
+    let words = refused.error_text();
     assert!(
         words.contains("lwr") && words.contains("J1") && words.contains("rad"),
         "{words}"

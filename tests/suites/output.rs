@@ -7,7 +7,7 @@ use std::process::{Child, Stdio};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::Role;
-use rcc_tests::place::Place;
+use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::{TestCell, await_some, nets, repository};
 
@@ -40,7 +40,7 @@ impl Sink {
     }
 }
 
-fn up_into(place: &Place, out: Sink, err: Sink) -> (Child, [Option<PipeReader>; 2]) {
+fn up_into(place: &CellFixture, out: Sink, err: Sink) -> (Child, [Option<PipeReader>; 2]) {
     let ((out, keep_out), (err, keep_err)) = (out.open(), err.open());
     let mut command = place.program("rcc-cli");
     command
@@ -54,7 +54,7 @@ fn up_into(place: &Place, out: Sink, err: Sink) -> (Child, [Option<PipeReader>; 
 
 /// `up` whose output goes to these sinks while the arm moves, a driver dies, and Ctrl-C comes.
 fn moves_on(out: Sink, err: Sink) {
-    let place = Place::new(&repository().join("configs/cells/demo.yaml"), |text| text);
+    let place = CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| text);
     let (mut up, _readers) = up_into(&place, out, err);
     await_some("all devices to be ready", || {
         assert!(

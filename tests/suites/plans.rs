@@ -7,7 +7,7 @@ use rcc_config::CellConfig;
 use rcc_core::message::CommandState;
 use rcc_ipc::control::{Answer, CONTROL, Call, PlanData, Refusal};
 use rcc_ipc::{Client, Role, Session, wire};
-use rcc_tests::place::Place;
+use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::{TestCell, await_some, nets};
 
 /// The executor's control service, as only the loader uses it.
@@ -18,7 +18,7 @@ pub struct Control {
 }
 
 impl Control {
-    pub fn of(cell: &Place) -> Control {
+    pub fn of(cell: &CellFixture) -> Control {
         let session = Session::join(cell.cell(), Role::Loader, "stranger").expect("a cell");
         let executor = cell.announced(Role::Executor, "exec");
         let client = session

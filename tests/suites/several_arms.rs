@@ -2,7 +2,7 @@
 //! Each test has a cell of its own.
 
 use rcc_ipc::Role;
-use rcc_tests::records::Records;
+use rcc_tests::records::RecordCollector;
 use rcc_tests::{TestCell, await_some, repository};
 
 /// What holds a load may not move against it by more, m.
@@ -30,7 +30,7 @@ fn await_way(cell: &TestCell, id: u64, way: f64) {
 }
 
 /// Every record of the net's first monitor, one a cycle: the right flange stays where it was in the left one.
-fn assert_held(records: Records, least: usize) {
+fn assert_held(records: RecordCollector, least: usize) {
     let records = records.finish();
     let slips: Vec<f64> = records
         .iter()
@@ -45,7 +45,7 @@ fn assert_held(records: Records, least: usize) {
 #[test]
 fn two_arms_carry_a_load_and_are_cancelled_as_one() {
     let cell = cell();
-    let records = Records::follow(&cell);
+    let records = RecordCollector::follow(&cell);
     let id = cell.run(&shared_load());
     for device in ["left", "right"] {
         let holder = format!("shared-load#{id}");

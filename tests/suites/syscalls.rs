@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::ProcessInstance;
-use rcc_tests::injection::{Call, calls_of, can_trace, choose, start_traced, tracee};
-use rcc_tests::place::{LIMIT, Watch, files_below};
+use rcc_tests::cell_fixture::{ExecutorBoards, LIMIT, files_below};
+use rcc_tests::injection::{SystemCall, calls_of, can_trace, choose, start_traced, tracee};
 use rcc_tests::processes::signal;
-use rcc_tests::records::Records;
-use rcc_tests::{HandCell, await_some, nets};
+use rcc_tests::records::RecordCollector;
+use rcc_tests::{UnsupervisedCell, await_some, nets};
 
 /// Deaths of each program that are tried by default.
 const SAMPLE: usize = 12;
@@ -75,10 +75,10 @@ fn die_everywhere(victim: &Victim) {
         );
         return;
     }
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     cell.run(&(victim.bystander)());
     let watch = cell.watch();
-    let records = Records::follow(&cell);
+    let records = RecordCollector::follow(&cell);
     let (executor, before) = (cell.pid("executor"), watch.status());
     cell.end(victim.name, Signal::SIGKILL);
     let usual = left(&cell);
@@ -127,7 +127,7 @@ fn die_everywhere(victim: &Victim) {
 }
 
 /// The program under strace with these options.
-fn traced(cell: &HandCell, victim: &Victim, options: &[String]) -> Child {
+fn traced(cell: &UnsupervisedCell, victim: &Victim, options: &[String]) -> Child {
     start_traced(
         cell,
         victim.program,
@@ -138,7 +138,7 @@ fn traced(cell: &HandCell, victim: &Victim, options: &[String]) -> Child {
 }
 
 /// It has exchanged with its device, or answers.
-fn works(cell: &HandCell, victim: &Victim, watch: &Watch, pid: u32) -> bool {
+fn works(cell: &UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards, pid: u32) -> bool {
     match victim.device {
         Some(device) => {
             let row = watch.tables().devices[device];
@@ -151,7 +151,11 @@ fn works(cell: &HandCell, victim: &Victim, watch: &Watch, pid: u32) -> bool {
 }
 
 /// Traces a whole start; returns each death that it could die, in the order of the calls.
-fn every_death(cell: &HandCell, victim: &Victim, watch: &Watch) -> Vec<Call> {
+fn every_death(
+    cell: &UnsupervisedCell,
+    victim: &Victim,
+    watch: &ExecutorBoards,
+) -> Vec<SystemCall> {
     let file = cell.folder().join("calls.txt");
     let mut strace = traced(cell, victim, &["-o".into(), file.display().to_string()]);
     await_some(&format!("{} to work under strace", victim.name), || {
@@ -166,7 +170,7 @@ fn every_death(cell: &HandCell, victim: &Victim, watch: &Watch) -> Vec<Call> {
 }
 
 /// Until the victim has answered, or exchanged.
-fn deaths_of(file: &Path, victim: &Victim) -> Vec<Call> {
+fn deaths_of(file: &Path, victim: &Victim) -> Vec<SystemCall> {
     let mut accepted = false;
     calls_of(file, |name, call| {
         accepted |= name.starts_with("accept");
@@ -182,7 +186,12 @@ fn deaths_of(file: &Path, victim: &Victim) -> Vec<Call> {
 }
 
 /// Starts the program and lets it die; false if it worked before it came to that call.
-fn die(cell: &HandCell, victim: &Victim, watch: &Watch, (name, number): &Call) -> bool {
+fn die(
+    cell: &UnsupervisedCell,
+    victim: &Victim,
+    watch: &ExecutorBoards,
+    (name, number): &SystemCall,
+) -> bool {
     let inject = format!("inject={name}:signal=SIGKILL:when={number}");
     let options = [
         "-o",
@@ -217,7 +226,7 @@ fn die(cell: &HandCell, victim: &Victim, watch: &Watch, (name, number): &Call) -
 }
 
 /// The next start of the same program succeeds.
-fn start(cell: &mut HandCell, victim: &Victim, watch: &Watch) {
+fn start(cell: &mut UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards) {
     if victim.device.is_none() {
         cell.start_loader();
         return;
@@ -244,7 +253,7 @@ fn is_so(mut so: impl FnMut() -> bool) -> bool {
 }
 
 /// What lies in shared memory and in the runtime folder, how often: names without the numbers of a life.
-fn left(cell: &HandCell) -> BTreeMap<String, usize> {
+fn left(cell: &UnsupervisedCell) -> BTreeMap<String, usize> {
     let shared = cell.cell().leftovers().expect("/dev/shm can be listed");
     let files = shared
         .into_iter()

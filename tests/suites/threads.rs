@@ -9,7 +9,7 @@ use nix::sys::signal::Signal;
 use rcc_tests::injection::traced;
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::simulator::assert_within_limits;
-use rcc_tests::{HandCell, await_some, nets};
+use rcc_tests::{UnsupervisedCell, await_some, nets};
 
 /// More threads than any program has.
 const THREADS_MAX: usize = 16;
@@ -29,7 +29,7 @@ impl Drop for Traced {
 
 /// Starts the program once for each of its threads, and each time the system refuses another one of them: until it gets
 /// all, it ends with a failure and with words, and never says that it is ready.
-fn refuse_each_thread(cell: &HandCell, name: &str, program: &str, arguments: &[&str]) {
+fn refuse_each_thread(cell: &UnsupervisedCell, name: &str, program: &str, arguments: &[&str]) {
     if !can_trace() {
         eprintln!("skipped: {name}: no strace that may trace");
         return;
@@ -90,26 +90,26 @@ fn can_trace() -> bool {
 
 #[test]
 fn an_executor_is_ready_with_all_its_threads_or_ends() {
-    let cell = HandCell::new(|text| text);
+    let cell = UnsupervisedCell::new(|text| text);
     refuse_each_thread(&cell, "executor", "rcc-exec", &[]);
 }
 
 #[test]
 fn a_loader_is_ready_with_all_its_threads_or_ends() {
-    let cell = HandCell::new(|text| text);
+    let cell = UnsupervisedCell::new(|text| text);
     refuse_each_thread(&cell, "loader", "rcc-loader", &[]);
 }
 
 #[test]
 fn a_driver_is_ready_with_all_its_threads_or_ends() {
-    let cell = HandCell::new(|text| text);
+    let cell = UnsupervisedCell::new(|text| text);
     refuse_each_thread(&cell, "lwr", "rcc-driver", &["--device", "lwr"]);
     refuse_each_thread(&cell, "io", "rcc-driver", &["--device", "io"]);
 }
 
 #[test]
 fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends() {
-    let mut cell = HandCell::demo();
+    let mut cell = UnsupervisedCell::demo();
     cell.end("executor", Signal::SIGKILL);
     let trigger = cell.folder().join("panic");
     let mut command = cell.program("rcc-exec");
@@ -145,7 +145,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
 
 #[test]
 fn status_shows_each_helper_with_its_age_and_its_limit() {
-    let cell = HandCell::demo();
+    let cell = UnsupervisedCell::demo();
     let status = cell.rest("GET", "/status", "").body;
     let helpers = status["helpers"].as_array().expect("a list");
     let names: Vec<_> = helpers

@@ -46,7 +46,7 @@ fn a_net_that_is_too_large_for_its_period_is_refused_with_the_numbers() {
         (409, "RCC3022"),
         "{refused:?}"
     );
-    assert!(refused.words().contains("500.0 µs"), "{refused:?}");
+    assert!(refused.error_text().contains("500.0 µs"), "{refused:?}");
     assert_eq!(cell.state(large)["state"], "ready", "nothing changed");
     cell.done(small, "start");
     let (explained, _) = cell.cli_exits(0, &["explain", "large"]);

@@ -6,19 +6,19 @@ use std::process::{Child, Stdio};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::{Announcement, Role};
-use rcc_tests::place::Place;
-use rcc_tests::processes::{ends_with_test, of_folder, signal};
+use rcc_tests::cell_fixture::CellFixture;
+use rcc_tests::processes::{ends_with_test, signal, with_runtime_dir};
 use rcc_tests::{TestCell, await_some, nets, repository};
 
 /// So many want a cell at the same moment.
 const MANY: usize = 8;
 
-fn place() -> Place {
-    Place::new(&repository().join("configs/cells/demo.yaml"), |text| text)
+fn place() -> CellFixture {
+    CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| text)
 }
 
 /// `rcc-cli up`, many times at once, each with a log of its own.
-fn many(place: &Place) -> Vec<(Child, String)> {
+fn many(place: &CellFixture) -> Vec<(Child, String)> {
     let start = |number: usize| {
         let log = place.folder().join(format!("up-{number}.log"));
         let file = File::create(&log).expect("a log");
@@ -35,7 +35,7 @@ fn many(place: &Place) -> Vec<(Child, String)> {
 }
 
 /// Waits until all have ended but the one that has the cell; every other one was refused and says by whom.
-fn one_of(place: &Place, many: Vec<(Child, String)>) -> Child {
+fn one_of(place: &CellFixture, many: Vec<(Child, String)>) -> Child {
     let words = |log: &str| std::fs::read_to_string(log).unwrap_or_default();
     let mut running = many;
     let mut refused = Vec::new();
@@ -71,7 +71,7 @@ fn one_of(place: &Place, many: Vec<(Child, String)>) -> Child {
 }
 
 /// The supervisor's children and their logs are there, each once.
-fn assert_whole(place: &Place) {
+fn assert_whole(place: &CellFixture) {
     await_some("all devices to be ready", || {
         let reply = place.try_rest("GET", "/devices", "")?;
         let rows = reply.body.as_array()?;
@@ -95,7 +95,7 @@ fn assert_whole(place: &Place) {
     assert!(logs.join("executor.log").is_file(), "{}", place.logs());
 }
 
-fn end(mut winner: Child, place: &Place) {
+fn end(mut winner: Child, place: &CellFixture) {
     signal(winner.id(), Signal::SIGINT);
     let status = await_some("the end of rcc-cli up", || {
         winner.try_wait().expect("the child is ours")
@@ -124,7 +124,7 @@ fn of_many_ups_at_once_one_has_the_cell_and_its_net_goes_on() {
         if round % 3 == 2 {
             // The next round finds what a killed cell left.
             let mut winner = winner;
-            for pid in std::iter::once(winner.id()).chain(of_folder(place.folder())) {
+            for pid in std::iter::once(winner.id()).chain(with_runtime_dir(place.folder())) {
                 signal(pid, Signal::SIGKILL);
             }
             winner.wait().expect("the child is ours");
@@ -141,7 +141,7 @@ fn a_cell_is_taken_whole_while_others_clean_it() {
     for _ in 0..4 {
         // What a dead life left: announcements and shared memory that are worth removing.
         let mut first = one_of(&place, many(&place));
-        for pid in std::iter::once(first.id()).chain(of_folder(place.folder())) {
+        for pid in std::iter::once(first.id()).chain(with_runtime_dir(place.folder())) {
             signal(pid, Signal::SIGKILL);
         }
         first.wait().expect("the child is ours");

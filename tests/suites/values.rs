@@ -57,7 +57,7 @@ fn inputs_are_set_by_rest_all_at_once_or_not_at_all() {
         (422, "RCC3040"),
         "{refused:?}"
     );
-    let words = refused.words();
+    let words = refused.error_text();
     assert!(
         words.contains("`sped`") && words.contains("at most 1 m/s"),
         "{words}"
@@ -210,7 +210,7 @@ fn a_net_shows_what_another_one_publishes_while_that_runs() {
     ] {
         let refused = cell.operate(id, "start");
         assert_eq!((refused.status, refused.code()), (409, code), "{refused:?}");
-        let said = refused.words();
+        let said = refused.error_text();
         assert!(said.contains(&words), "{said}");
     }
     cell.done(touch, "abort");

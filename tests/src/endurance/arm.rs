@@ -9,9 +9,9 @@ use serde_json::Value;
 use super::field::{ARM, Field, count, held};
 use super::io;
 use super::pairs::{self, Pair, Victim};
+use crate::cell_fixture::ExecutorBoards;
 use crate::journal::Random;
 use crate::nets;
-use crate::place::Watch;
 use crate::simulator::{STILL, Simulator, assert_within_limits, joints_of};
 
 /// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
@@ -24,13 +24,13 @@ const NEAR: f64 = 0.002;
 struct Arm<'a> {
     field: &'a Field<'a>,
     simulator: Simulator,
-    watch: Watch,
+    watch: ExecutorBoards,
     random: Random,
 }
 
 /// What becomes of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Fate {
+enum PlannedOutcome {
     Finish,
     Cancel,
     Abort,
@@ -38,13 +38,13 @@ enum Fate {
     Pair(Pair),
 }
 
-impl Fate {
+impl PlannedOutcome {
     /// The arm's driver is killed.
     fn kills(self) -> bool {
         match self {
-            Fate::Kill => true,
-            Fate::Pair(pair) => pair.contains(Victim::ArmDriver),
-            Fate::Finish | Fate::Cancel | Fate::Abort => false,
+            PlannedOutcome::Kill => true,
+            PlannedOutcome::Pair(pair) => pair.contains(Victim::ArmDriver),
+            PlannedOutcome::Finish | PlannedOutcome::Cancel | PlannedOutcome::Abort => false,
         }
     }
 }
@@ -72,7 +72,7 @@ impl Arm<'_> {
         field.renew(&mut self.watch);
         recover(field, &self.watch);
         let fate = self.fate();
-        let calm = (fate == Fate::Kill).then(|| {
+        let calm = (fate == PlannedOutcome::Kill).then(|| {
             let mut driver = held(&field.io_driver);
             // Whoever holds it starts it again, if it was killed together with another one.
             io::recover(field, &mut driver, &self.watch);
@@ -97,8 +97,8 @@ impl Arm<'_> {
         self.assert_nothing_moved();
         field.journal.note(format!("start {name}, to {fate:?}"));
         field.start(line);
-        let row = self.let_it(fate, line);
-        self.judge(fate, &row, y);
+        let row = self.carry_out(fate, line);
+        self.check_end(fate, &row, y);
         field.unload(line);
         if fate.kills() {
             self.start_driver();
@@ -121,9 +121,9 @@ impl Arm<'_> {
     }
 
     /// A fifth of all restarts are the arm's, spread over the time.
-    fn fate(&mut self) -> Fate {
+    fn fate(&mut self) -> PlannedOutcome {
         if pairs::due(self.field) {
-            return Fate::Pair(Pair::choose(&mut self.random));
+            return PlannedOutcome::Pair(Pair::choose(&mut self.random));
         }
         let (all, counts) = (self.field.options.restarts / 5, &self.field.counts);
         let done = counts
@@ -136,12 +136,12 @@ impl Arm<'_> {
             .io_restarts
             .load(std::sync::atomic::Ordering::Relaxed);
         if done < all && done * 4 <= others {
-            return Fate::Kill;
+            return PlannedOutcome::Kill;
         }
         match self.random.below(10) {
-            0 | 1 => Fate::Cancel,
-            2 => Fate::Abort,
-            _ => Fate::Finish,
+            0 | 1 => PlannedOutcome::Cancel,
+            2 => PlannedOutcome::Abort,
+            _ => PlannedOutcome::Finish,
         }
     }
 
@@ -152,35 +152,35 @@ impl Arm<'_> {
         if fastest.iter().any(|velocity| *velocity > STILL) {
             self.field
                 .journal
-                .find(format!("the arm moved while no net ran: {state}"));
+                .add_finding(format!("the arm moved while no net ran: {state}"));
         }
         self.simulator.reset_statistics();
     }
 
-    fn let_it(&mut self, fate: Fate, line: u64) -> Value {
+    fn carry_out(&mut self, fate: PlannedOutcome, line: u64) -> Value {
         let field = self.field;
         let guests = match fate {
-            Fate::Pair(pair) => pair.guests(field),
+            PlannedOutcome::Pair(pair) => pair.guests(field),
             _ => Vec::new(),
         };
-        if fate != Fate::Finish {
+        if fate != PlannedOutcome::Finish {
             std::thread::sleep(self.random.time_below(Duration::from_millis(900)));
         }
         match fate {
-            Fate::Finish => {}
-            Fate::Cancel => field.stop(line, "cancel"),
-            Fate::Abort => field.stop(line, "abort"),
-            Fate::Kill => {
+            PlannedOutcome::Finish => {}
+            PlannedOutcome::Cancel => field.stop(line, "cancel"),
+            PlannedOutcome::Abort => field.stop(line, "abort"),
+            PlannedOutcome::Kill => {
                 field.journal.note("kill the arm's driver".to_owned());
                 held(&field.arm_driver).end(Signal::SIGKILL);
             }
-            Fate::Pair(pair) => pair.strike(field, guests),
+            PlannedOutcome::Pair(pair) => pair.strike(field, guests),
         }
         field.await_end(line)
     }
 
     /// The end is as asked for, the arm is at rest and was within its limits.
-    fn judge(&mut self, fate: Fate, row: &Value, y: f64) {
+    fn check_end(&mut self, fate: PlannedOutcome, row: &Value, y: f64) {
         let (field, counts) = (self.field, &self.field.counts);
         let rest = self.simulator.await_rest();
         assert_within_limits(&rest, &[LOST]);
@@ -194,12 +194,12 @@ impl Arm<'_> {
                 if (at - y).abs() > NEAR {
                     field
                         .journal
-                        .find(format!("finished at y = {at} m, not {y} m: {row}"));
+                        .add_finding(format!("finished at y = {at} m, not {y} m: {row}"));
                 }
                 count(&counts.finished);
             }
-            (Fate::Cancel, "canceled") => count(&counts.canceled),
-            (Fate::Abort, "aborted") => count(&counts.aborted),
+            (PlannedOutcome::Cancel, "canceled") => count(&counts.canceled),
+            (PlannedOutcome::Abort, "aborted") => count(&counts.aborted),
             (_, "fault") if fate.kills() && fault == "device lost" => count(&counts.killed),
             (_, "fault") if fault == "device lost" => {
                 count(&counts.disturbed);
@@ -207,7 +207,7 @@ impl Arm<'_> {
             }
             _ => field
                 .journal
-                .find(format!("asked to {fate:?}, ended as {row}")),
+                .add_finding(format!("asked to {fate:?}, ended as {row}")),
         }
         // From here on nothing may move.
         self.simulator.reset_statistics();
@@ -232,7 +232,7 @@ impl Arm<'_> {
 }
 
 /// Starts the driver if it was killed together with the executor.
-pub fn recover(field: &Field<'_>, watch: &Watch) {
+pub fn recover(field: &Field<'_>, watch: &ExecutorBoards) {
     let mut driver = held(&field.arm_driver);
     if driver.ended().is_some() {
         let pid = driver.start(field.place);

@@ -12,8 +12,8 @@ use serde_json::Value;
 
 use super::{Options, PRIORITY};
 use crate::await_some;
+use crate::cell_fixture::{CellFixture, ExecutorBoards};
 use crate::journal::{Journal, Random};
-use crate::place::{Place, Watch};
 use crate::process::Process;
 use crate::rest::Reply;
 
@@ -101,7 +101,7 @@ pub fn count(counter: &AtomicU64) {
 #[derive(Debug)]
 pub struct Field<'a> {
     /// The cell.
-    pub place: &'a Place,
+    pub place: &'a CellFixture,
     /// What was asked for.
     pub options: Options,
     /// Process id of the executor.
@@ -125,7 +125,12 @@ pub struct Field<'a> {
 
 impl<'a> Field<'a> {
     /// Nothing has happened yet.
-    pub fn new(place: &'a Place, options: Options, executor: u32, journal: Arc<Journal>) -> Self {
+    pub fn new(
+        place: &'a CellFixture,
+        options: Options,
+        executor: u32,
+        journal: Arc<Journal>,
+    ) -> Self {
         Field {
             place,
             options,
@@ -272,13 +277,13 @@ impl<'a> Field<'a> {
             status => {
                 let name = process.name();
                 self.journal
-                    .find(format!("{name} after SIGTERM: {status:?}"));
+                    .add_finding(format!("{name} after SIGTERM: {status:?}"));
             }
         }
     }
 
     /// Waits until the executor sees this life of a driver, and its device is ready.
-    pub fn await_driver(&self, watch: &Watch, device: usize, pid: u32) {
+    pub fn await_driver(&self, watch: &ExecutorBoards, device: usize, pid: u32) {
         await_some(&format!("driver {pid} to be ready"), || {
             let row = watch.tables().devices[device];
             let seen = ProcessInstance::from_incarnation(row.incarnation).pid == pid;
@@ -295,7 +300,7 @@ impl<'a> Field<'a> {
     }
 
     /// Looks at the boards of the executor that lives now.
-    pub fn renew(&self, watch: &mut Watch) {
+    pub fn renew(&self, watch: &mut ExecutorBoards) {
         let seen = watch.status().incarnation;
         if ProcessInstance::from_incarnation(seen).pid != self.executor() {
             *watch = self.place.watch();

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::Signal;
 
 use super::field::{Field, IO, count, held};
+use crate::cell_fixture::ExecutorBoards;
 use crate::nets;
-use crate::place::Watch;
 use crate::process::Process;
 
 /// Between two restarts others may have the station.
@@ -67,7 +67,7 @@ pub fn run(field: &Field<'_>) {
 }
 
 /// Starts the driver if somebody has killed it, with another process at the same moment.
-pub fn recover(field: &Field<'_>, driver: &mut Process, watch: &Watch) {
+pub fn recover(field: &Field<'_>, driver: &mut Process, watch: &ExecutorBoards) {
     if driver.ended().is_some() {
         let pid = driver.start(field.place);
         field.clean();

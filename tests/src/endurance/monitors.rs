@@ -109,7 +109,7 @@ fn end(field: &Field<'_>, mut tail: Child) {
         if begun.elapsed() > Duration::from_secs(10) {
             field
                 .journal
-                .find(format!("monitor {} does not end", tail.id()));
+                .add_finding(format!("monitor {} does not end", tail.id()));
             tail.kill().expect("the child is ours");
         }
         std::thread::sleep(Duration::from_millis(1));

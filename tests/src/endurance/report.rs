@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::Options;
 use crate::census::Census;
-use crate::lateness::{Cause, Late, Verdict};
+use crate::lateness::{Cause, LateCycles, LatenessReport};
 
 /// Late cycles that are listed one by one.
 const LISTED: usize = 40;
@@ -21,7 +21,7 @@ pub struct Report {
     /// False: the system grants no SCHED_FIFO, and nobody can tell whose fault a late cycle is.
     pub judged: bool,
     /// About late cycles.
-    pub verdict: Verdict,
+    pub lateness: LatenessReport,
     /// First count, after the warm-up.
     pub first: Option<Census>,
     /// What was more at the end of each executor's life but the last.
@@ -51,7 +51,7 @@ impl Report {
             options,
             time: Duration::ZERO,
             judged: false,
-            verdict: Verdict::default(),
+            lateness: LatenessReport::default(),
             first: None,
             grown: Vec::new(),
             most: Census::default(),
@@ -82,15 +82,15 @@ impl Report {
     }
 
     /// Another executor is there: its figures are its own.
-    pub fn begin_anew(&mut self) {
+    pub fn executor_replaced(&mut self) {
         self.grown = self.growth();
         self.first = None;
     }
 
     /// Everything that must hold, holds.
     pub fn holds(&self) -> bool {
-        let late = !self.judged || self.verdict.unexplained == 0 && self.verdict.consecutive;
-        late && self.found == 0 && self.growth().is_empty() && self.verdict.dropped_records == 0
+        let late = !self.judged || self.lateness.unexplained == 0 && self.lateness.consecutive;
+        late && self.found == 0 && self.growth().is_empty() && self.lateness.dropped_records == 0
     }
 }
 
@@ -134,28 +134,28 @@ impl fmt::Display for Report {
 
 impl Report {
     fn show_late(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let verdict = &self.verdict;
+        let lateness = &self.lateness;
         if !self.judged {
             return writeln!(f, "\nNo SCHED_FIFO here: late cycles were not judged.");
         }
         let milliseconds = |ns: u64| ns as f64 * 1e-6;
         writeln!(f, "\n| the executor's cycles | |\n|---|---:|")?;
         for (words, number) in [
-            ("cycles", verdict.cycles),
-            ("late", verdict.late),
+            ("cycles", lateness.cycles),
+            ("late", lateness.late),
             (
                 "of them: the reference thread was late at the same time",
-                verdict.by_machine,
+                lateness.by_machine,
             ),
             (
                 "of them: the host took time from the core",
-                verdict.by_steal,
+                lateness.by_steal,
             ),
-            ("of them: unexplained", verdict.unexplained),
-            ("monitor records dropped", verdict.dropped_records),
+            ("of them: unexplained", lateness.unexplained),
+            ("monitor records dropped", lateness.dropped_records),
             (
                 "wake-ups of the reference thread later than 0.1 ms",
-                verdict.stalls,
+                lateness.stalls,
             ),
             (
                 "time the host took from the core, in 10 ms",
@@ -167,23 +167,23 @@ impl Report {
         writeln!(
             f,
             "| longest stall of the reference thread, ms | {:.2} |",
-            milliseconds(verdict.stall_max_ns)
+            milliseconds(lateness.stall_max_ns)
         )?;
         writeln!(
             f,
             "| longest computation of a cycle, ms | {:.3} |",
-            milliseconds(verdict.exec_max_ns)
+            milliseconds(lateness.exec_max_ns)
         )?;
-        if verdict.each.is_empty() {
+        if lateness.each.is_empty() {
             return Ok(());
         }
         writeln!(
             f,
             "\n| late cycle | count | stretch, ms | reference late, ms | cause |\n|---:|---:|---:|---:|---|"
         )?;
-        let is_ours = |late: &&Late| late.cause == Cause::Unexplained;
-        let ours = verdict.each.iter().filter(is_ours);
-        let machine = verdict
+        let is_ours = |late: &&LateCycles| late.cause == Cause::Unexplained;
+        let ours = lateness.each.iter().filter(is_ours);
+        let machine = lateness
             .each
             .iter()
             .filter(|late| !is_ours(late))
@@ -203,11 +203,11 @@ impl Report {
                 milliseconds(stalled_ns)
             )?;
         }
-        if verdict.each.len() > LISTED {
+        if lateness.each.len() > LISTED {
             writeln!(
                 f,
                 "\n(The first {LISTED} of {} stretches.)",
-                verdict.each.len()
+                lateness.each.len()
             )?;
         }
         Ok(())

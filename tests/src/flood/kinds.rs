@@ -5,8 +5,8 @@ use std::net::TcpStream;
 use std::thread;
 use std::time::Duration;
 
-use super::report::Door;
-use super::{Doors, connect, net};
+use super::report::Interface;
+use super::{Interfaces, connect, net};
 use crate::rest;
 
 /// Threads of a process that floods.
@@ -16,7 +16,7 @@ const SILENT: usize = 100;
 
 /// A way of flooding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FloodKind {
     /// Texts of 4 MiB that are no net, unloaded again.
     Rejected,
     /// Bodies of 4 MiB of JSON, wherever one is taken and where none is.
@@ -35,42 +35,42 @@ pub enum Kind {
     Nonsense,
 }
 
-impl Kind {
+impl FloodKind {
     /// Every kind.
-    pub const ALL: [Kind; 8] = [
-        Kind::Rejected,
-        Kind::Json,
-        Kind::Silent,
-        Kind::Slow,
-        Kind::WrongTokens,
-        Kind::Looks,
-        Kind::Loads,
-        Kind::Nonsense,
+    pub const ALL: [FloodKind; 8] = [
+        FloodKind::Rejected,
+        FloodKind::Json,
+        FloodKind::Silent,
+        FloodKind::Slow,
+        FloodKind::WrongTokens,
+        FloodKind::Looks,
+        FloodKind::Loads,
+        FloodKind::Nonsense,
     ];
 
     /// Its name on a command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Kind::Rejected => "rejected",
-            Kind::Json => "json",
-            Kind::Silent => "silent",
-            Kind::Slow => "slow",
-            Kind::WrongTokens => "wrong-tokens",
-            Kind::Looks => "looks",
-            Kind::Loads => "loads",
-            Kind::Nonsense => "nonsense",
+            FloodKind::Rejected => "rejected",
+            FloodKind::Json => "json",
+            FloodKind::Silent => "silent",
+            FloodKind::Slow => "slow",
+            FloodKind::WrongTokens => "wrong-tokens",
+            FloodKind::Looks => "looks",
+            FloodKind::Loads => "loads",
+            FloodKind::Nonsense => "nonsense",
         }
     }
 
     /// The kind of that name.
     #[must_use]
-    pub fn named(name: &str) -> Option<Kind> {
-        Kind::ALL.into_iter().find(|kind| kind.name() == name)
+    pub fn named(name: &str) -> Option<FloodKind> {
+        FloodKind::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
     /// Floods for ever.
-    pub(super) fn run(self, doors: &Doors) {
+    pub(super) fn run(self, doors: &Interfaces) {
         thread::scope(|scope| {
             for number in 0..THREADS {
                 scope.spawn(move || {
@@ -85,16 +85,16 @@ impl Kind {
         });
     }
 
-    fn once(self, doors: &Doors, number: usize, turn: usize) {
+    fn once(self, doors: &Interfaces, number: usize, turn: usize) {
         match self {
-            Kind::Rejected => load(doors, &rejected(number + turn)),
-            Kind::Json => json(doors, turn),
-            Kind::Silent => silent(doors),
-            Kind::Slow => slow(doors, turn),
-            Kind::WrongTokens => wrong_token(doors),
-            Kind::Looks => looks(doors, turn),
-            Kind::Loads => load(doors, &net(&format!("load-{number}"), 5000)),
-            Kind::Nonsense => {
+            FloodKind::Rejected => load(doors, &rejected(number + turn)),
+            FloodKind::Json => json(doors, turn),
+            FloodKind::Silent => silent(doors),
+            FloodKind::Slow => slow(doors, turn),
+            FloodKind::WrongTokens => wrong_token(doors),
+            FloodKind::Looks => looks(doors, turn),
+            FloodKind::Loads => load(doors, &net(&format!("load-{number}"), 5000)),
+            FloodKind::Nonsense => {
                 // What comes back is of no interest.
                 let _ = rest::raw(&doors.socket, b"\x16\x03\x01\r\n\r\n");
             }
@@ -112,21 +112,21 @@ fn rejected(number: usize) -> String {
 }
 
 /// Loads and unloads, so that the table has room for others.
-fn load(doors: &Doors, text: &str) {
-    let loaded = doors.ask(Door::Unix, "POST", "/commands", text.as_bytes());
+fn load(doors: &Interfaces, text: &str) {
+    let loaded = doors.ask(Interface::Unix, "POST", "/commands", text.as_bytes());
     let Some(id) = loaded.ok().and_then(|reply| reply.body["id"].as_u64()) else {
         return;
     };
     for _ in 0..200 {
         thread::sleep(Duration::from_millis(50));
-        let gone = doors.ask(Door::Unix, "DELETE", &format!("/commands/{id}"), b"");
+        let gone = doors.ask(Interface::Unix, "DELETE", &format!("/commands/{id}"), b"");
         if gone.is_ok_and(|reply| reply.status == 200 || reply.status == 404) {
             return;
         }
     }
 }
 
-fn json(doors: &Doors, turn: usize) {
+fn json(doors: &Interfaces, turn: usize) {
     let (method, path) = [
         ("PUT", "/commands/large-0/inputs"),
         ("POST", "/commands/large-0/start"),
@@ -135,10 +135,10 @@ fn json(doors: &Doors, turn: usize) {
         ("POST", "/status/acknowledge"),
     ][turn % 5];
     let body = "[".to_owned() + &"{\"a\":1},".repeat((4 << 20) / 8 - 4) + "0]";
-    let _ = doors.ask(Door::Unix, method, path, body.as_bytes());
+    let _ = doors.ask(Interface::Unix, method, path, body.as_bytes());
 }
 
-fn silent(doors: &Doors) {
+fn silent(doors: &Interfaces) {
     let unix: Vec<_> = (0..SILENT).map(|_| connect(&doors.socket)).collect();
     let tcp: Vec<_> = (0..SILENT)
         .map(|_| TcpStream::connect(doors.address))
@@ -147,7 +147,7 @@ fn silent(doors: &Doors) {
     drop((unix, tcp));
 }
 
-fn slow(doors: &Doors, turn: usize) {
+fn slow(doors: &Interfaces, turn: usize) {
     let Some(mut stream) = connect(&doors.socket) else {
         return;
     };
@@ -170,7 +170,7 @@ fn slow(doors: &Doors, turn: usize) {
     }
 }
 
-fn wrong_token(doors: &Doors) {
+fn wrong_token(doors: &Interfaces) {
     let Ok(mut stream) = TcpStream::connect(doors.address) else {
         return;
     };
@@ -181,8 +181,8 @@ fn wrong_token(doors: &Doors) {
     }
 }
 
-fn looks(doors: &Doors, turn: usize) {
-    let door = [Door::Unix, Door::Tcp][turn % 2];
+fn looks(doors: &Interfaces, turn: usize) {
+    let door = [Interface::Unix, Interface::Tcp][turn % 2];
     let path = [
         "/commands",
         "/commands/large-1",

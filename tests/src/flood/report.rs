@@ -7,7 +7,7 @@ use super::Options;
 
 /// Where a request goes in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Door {
+pub enum Interface {
     /// HTTP over the Unix socket.
     Unix,
     /// HTTP over TCP, with the token.
@@ -16,15 +16,15 @@ pub enum Door {
     Cli,
 }
 
-impl Door {
+impl Interface {
     /// Every door.
-    pub const ALL: [Door; 3] = [Door::Unix, Door::Tcp, Door::Cli];
+    pub const ALL: [Interface; 3] = [Interface::Unix, Interface::Tcp, Interface::Cli];
 
     fn name(self) -> &'static str {
         match self {
-            Door::Unix => "HTTP, Unix socket",
-            Door::Tcp => "HTTP, TCP",
-            Door::Cli => "rcc-cli (whole process)",
+            Interface::Unix => "HTTP, Unix socket",
+            Interface::Tcp => "HTTP, TCP",
+            Interface::Cli => "rcc-cli (whole process)",
         }
     }
 }
@@ -33,7 +33,7 @@ impl Door {
 #[derive(Clone, Debug)]
 pub struct Cancel {
     /// Where it went in.
-    pub door: Door,
+    pub door: Interface,
     /// From its sending to its answer.
     pub took: Duration,
     /// It was answered, and not refused.
@@ -126,7 +126,7 @@ impl fmt::Display for Report {
                 ms(max)
             )
         };
-        for door in Door::ALL {
+        for door in Interface::ALL {
             let of = self.cancels.iter().filter(|cancel| cancel.door == door);
             row(door.name(), of.map(|cancel| cancel.took).collect())?;
         }

@@ -18,17 +18,17 @@ const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// A thread that stands still until this is dropped.
 #[derive(Debug)]
-pub struct Frozen {
+pub struct FrozenThread {
     over: Arc<AtomicBool>,
     tracer: Option<JoinHandle<()>>,
 }
 
-impl Frozen {
+impl FrozenThread {
     /// Freezes the thread `name` of a process.
     ///
     /// # Panics
     /// There is no such thread, or it may not be traced.
-    pub fn thread(process: u32, name: &str) -> Frozen {
+    pub fn thread(process: u32, name: &str) -> FrozenThread {
         let names = threads(process);
         let found = names.iter().find(|(_, other)| other == name);
         let (thread, _) = found.unwrap_or_else(|| panic!("no thread `{name}` in {names:?}"));
@@ -39,14 +39,14 @@ impl Frozen {
         let is_over = Arc::clone(&over);
         let tracer = thread::spawn(move || hold(thread, &told, &is_over));
         tell.recv().expect("the tracer tells");
-        Frozen {
+        FrozenThread {
             over,
             tracer: Some(tracer),
         }
     }
 }
 
-impl Drop for Frozen {
+impl Drop for FrozenThread {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Release);
         if let Some(tracer) = self.tracer.take() {

@@ -10,7 +10,7 @@ use crate::await_some;
 
 /// A process that is struck.
 #[derive(Clone, Copy, Debug)]
-pub struct Struck {
+pub struct StruckProcess {
     /// Which one.
     pub target: Target,
     /// Its process id.
@@ -27,7 +27,7 @@ pub struct Scene {
     /// Processes beside the cell's own, and which target each is.
     pub guests: Vec<(Option<Target>, Child)>,
     /// Who is struck.
-    pub struck: Vec<Struck>,
+    pub struck: Vec<StruckProcess>,
 }
 
 impl Scene {

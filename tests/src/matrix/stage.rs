@@ -11,15 +11,15 @@ use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
 use rcc_ipc::{Role, clean};
 
-use super::scene::{Scene, Struck};
+use super::scene::{Scene, StruckProcess};
 use super::strike::Strike;
 use super::{Case, Outcome, Phase, Target, Victim, Way};
+use crate::cell_fixture::CellFixture;
 use crate::census::Census;
 use crate::endurance::{self, CORE};
 use crate::journal::{Journal, Random};
-use crate::lateness::Judge;
-use crate::place::Place;
-use crate::processes::{command_line, ends_with_test, of_folder, signal};
+use crate::lateness::LatenessMonitor;
+use crate::processes::{command_line, ends_with_test, signal, with_runtime_dir};
 use crate::simulator::{Simulator, assert_within_limits};
 use crate::{TestCell, await_some, nets, program, repository};
 
@@ -53,10 +53,10 @@ impl Stage {
     /// It does not start.
     pub fn new() -> Stage {
         let demo = repository().join("configs/cells/demo.yaml");
-        let place = Place::new(&demo, configured);
+        let place = CellFixture::new(&demo, configured);
         let robot = start_robot(&place);
         let arm = Simulator::connect(&robot_socket(&place));
-        let cell = TestCell::in_place(place);
+        let cell = TestCell::in_fixture(place);
         let mut stage = Stage {
             cell,
             robot,
@@ -64,8 +64,8 @@ impl Stage {
             journal: Arc::default(),
             before: (0, Census::default()),
         };
-        stage.move_a_little();
-        stage.count_anew();
+        stage.assert_cell_works();
+        stage.reset_baseline();
         stage
     }
 
@@ -87,8 +87,8 @@ impl Stage {
     /// Something does not hold.
     pub fn play(&mut self, case: Case, seed: u64) -> Outcome {
         let mut random = Random::new(seed, 0);
-        let judge = (!case.ends_cell() && !case.victim.touches(Target::Executor))
-            .then(|| Judge::start(&self.cell, CORE, PRIORITY, &self.journal));
+        let lateness_monitor = (!case.ends_cell() && !case.victim.touches(Target::Executor))
+            .then(|| LatenessMonitor::start(&self.cell, CORE, PRIORITY, &self.journal));
         self.arm.reset_statistics();
         let mut scene = self.begin(case, &mut random);
         let strike = Strike::at(case, &scene);
@@ -106,14 +106,14 @@ impl Stage {
         }
         if !case.ends_cell() {
             self.await_successors(case, &scene);
-        } else if self.cell.is_over() {
+        } else if self.cell.has_ended() {
             self.cell.up_again();
         }
         self.cell.await_devices();
         self.arm.assert_not_moved();
-        self.move_a_little();
-        // Before anything is counted: the judge is a monitor itself.
-        let late = judge.flatten().map_or(0, assert_on_time);
+        self.assert_cell_works();
+        // Before anything is counted: the lateness_monitor is a monitor itself.
+        let late = lateness_monitor.flatten().map_or(0, assert_on_time);
         self.assert_no_leak();
         if !strike.met_all() {
             words += " (it had ended already)";
@@ -135,7 +135,7 @@ impl Stage {
             }
         }
         match phase {
-            Phase::Starting => self.start_anew(victim, &mut scene, random),
+            Phase::Starting => self.interrupt_start(victim, &mut scene, random),
             Phase::Idle => {}
             Phase::Loading => {
                 if !victim.touches(Target::Client) {
@@ -211,13 +211,13 @@ impl Stage {
             let struck = match target.announced_as() {
                 Some((role, label)) => {
                     let announced = self.cell.announced(role, label);
-                    Struck {
+                    StruckProcess {
                         target,
                         pid: announced.pid,
                         incarnation: announced.incarnation,
                     }
                 }
-                None => Struck {
+                None => StruckProcess {
                     target,
                     pid: match target {
                         Target::Supervisor => self.cell.supervisor(),
@@ -231,10 +231,10 @@ impl Stage {
     }
 
     /// Lets the supervisor start the target, or starts it, and returns while it is starting.
-    fn start_anew(&mut self, victim: Victim, scene: &mut Scene, random: &mut Random) {
+    fn interrupt_start(&mut self, victim: Victim, scene: &mut Scene, random: &mut Random) {
         self.remember(victim, scene);
         for index in 0..scene.struck.len() {
-            let Struck { target, pid, .. } = scene.struck[index];
+            let StruckProcess { target, pid, .. } = scene.struck[index];
             match target {
                 Target::Monitor | Target::Client | Target::Janitor => {}
                 Target::Supervisor => {
@@ -249,7 +249,7 @@ impl Stage {
                     let words = command_line(pid);
                     signal(pid, Signal::SIGKILL);
                     scene.struck[index].pid = await_some("the target to be started again", || {
-                        let all = of_folder(self.cell.folder());
+                        let all = with_runtime_dir(self.cell.folder());
                         all.into_iter()
                             .find(|other| *other != pid && command_line(*other) == words)
                     });
@@ -394,7 +394,7 @@ impl Stage {
             let reply = self
                 .cell
                 .try_rest("POST", &format!("/commands/{id}/start"), "")?;
-            let later = reply.code() == NOT_READY && !reply.words().contains("configuration");
+            let later = reply.code() == NOT_READY && !reply.error_text().contains("configuration");
             (reply.code() != NO_EXECUTOR && !later).then_some(reply.status == 200)
         })
     }
@@ -415,7 +415,7 @@ impl Stage {
             }
             self.cell.await_successor(role, label, struck.incarnation);
             if case.way != Way::Stop {
-                // Struck while it started, it may still have announced itself before it died.
+                // StruckProcess while it started, it may still have announced itself before it died.
                 await_some("another process", || {
                     let announced = self.cell.cell().announced(role, label).ok().flatten()?;
                     (announced.pid != struck.pid && announced.liveness().is_alive()).then_some(())
@@ -425,7 +425,7 @@ impl Stage {
     }
 
     /// Everything is reachable: a net is loaded, started, monitored, and finishes; the arm is where it began then.
-    fn move_a_little(&mut self) {
+    fn assert_cell_works(&mut self) {
         self.clear(true);
         self.arm.reset_statistics();
         let watch =
@@ -467,7 +467,7 @@ impl Stage {
         (pid, Census::of(&self.cell, pid))
     }
 
-    fn count_anew(&mut self) {
+    fn reset_baseline(&mut self) {
         self.clean();
         self.publish();
         self.clean();
@@ -572,12 +572,12 @@ fn configured(text: String) -> String {
 }
 
 /// Not in the cell's folder: the robot outlives the cell.
-fn robot_socket(place: &Place) -> PathBuf {
+fn robot_socket(place: &CellFixture) -> PathBuf {
     place.folder().join("robot.sock")
 }
 
 /// The simulated robot of the demo, in this place's ports.
-fn start_robot(place: &Place) -> Child {
+fn start_robot(place: &CellFixture) -> Child {
     let demo = repository().join("configs/cells/demo.yaml");
     let offline = CellConfig::load_offline(&demo).unwrap_or_else(|faults| panic!("{faults}"));
     let simulator = offline
@@ -616,19 +616,19 @@ fn spawn(mut command: Command) -> Child {
 }
 
 /// No cycle was late by us; returns how many were late with the machine.
-fn assert_on_time(judge: Judge) -> u64 {
-    let verdict = judge.finish();
-    assert_eq!(verdict.unexplained, 0, "late cycles of ours: {verdict:?}");
+fn assert_on_time(lateness_monitor: LatenessMonitor) -> u64 {
+    let lateness = lateness_monitor.finish();
+    assert_eq!(lateness.unexplained, 0, "late cycles of ours: {lateness:?}");
     assert!(
-        verdict.consecutive,
+        lateness.consecutive,
         "cycle numbers went back, or another executor"
     );
-    assert_eq!(verdict.dropped_records, 0, "records were dropped");
-    verdict.late
+    assert_eq!(lateness.dropped_records, 0, "records were dropped");
+    lateness.late
 }
 
 /// Lets two outputs of the arm change places in the configuration's file; once more, and it is as it was.
-fn swap_outputs(place: &Place) {
+fn swap_outputs(place: &CellFixture) {
     let text = std::fs::read_to_string(place.config()).expect("the configuration can be read");
     let (torch, gas) = ("      torch: {", "      gas:   {");
     assert!(text.contains(torch) && text.contains(gas), "{text}");

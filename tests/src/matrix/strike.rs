@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use nix::sys::signal::Signal;
 
-use super::freeze::Frozen;
+use super::freeze::FrozenThread;
 use super::scene::Scene;
 use super::{Case, Victim, Way};
 use crate::processes::signal;
@@ -17,7 +17,7 @@ const STOPPED: Duration = Duration::from_millis(300);
 #[derive(Debug)]
 pub struct Strike {
     met_all: bool,
-    _frozen: Option<Frozen>,
+    _frozen: Option<FrozenThread>,
 }
 
 impl Strike {
@@ -30,7 +30,7 @@ impl Strike {
         if let (Victim::Helper(name), &[executor]) = (case.victim, &pids[..]) {
             return Strike {
                 met_all: true,
-                _frozen: Some(Frozen::thread(executor, name)),
+                _frozen: Some(FrozenThread::thread(executor, name)),
             };
         }
         Strike {

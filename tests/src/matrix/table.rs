@@ -13,7 +13,7 @@ pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
         held.count(),
         outcomes.len()
     );
-    let mut cells = Cells {
+    let mut cells = TableCells {
         outcomes,
         broken: Vec::new(),
     };
@@ -60,12 +60,12 @@ pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
 }
 
 /// The cells of the tables, and what is broken, in the order in which it is met.
-struct Cells<'a> {
+struct TableCells<'a> {
     outcomes: &'a [(Case, Outcome)],
     broken: Vec<String>,
 }
 
-impl Cells<'_> {
+impl TableCells<'_> {
     fn cell(&mut self, case: Case) -> String {
         match self.outcomes.iter().find(|(other, _)| *other == case) {
             None => "not run".to_owned(),

@@ -11,29 +11,29 @@ use rcc_config::CellConfig;
 use rcc_core::message::DeviceState;
 use rcc_ipc::{ProcessInstance, Role, clean};
 
-use crate::place::{Place, Watch, await_some};
+use crate::cell_fixture::{CellFixture, ExecutorBoards, await_some};
 use crate::processes::{ends_with_test, signal};
 use crate::programs::{program, repository};
 
 /// A cell without a supervisor.
 #[derive(Debug)]
-pub struct HandCell {
-    place: Place,
+pub struct UnsupervisedCell {
+    place: CellFixture,
     children: BTreeMap<String, Child>,
 }
 
-impl HandCell {
+impl UnsupervisedCell {
     /// The demo cell after `change` was applied to its configuration's text; nothing runs yet.
-    pub fn new(change: impl Fn(String) -> String) -> HandCell {
-        HandCell {
-            place: Place::new(&repository().join("configs/cells/demo.yaml"), change),
+    pub fn new(change: impl Fn(String) -> String) -> UnsupervisedCell {
+        UnsupervisedCell {
+            place: CellFixture::new(&repository().join("configs/cells/demo.yaml"), change),
             children: BTreeMap::new(),
         }
     }
 
     /// The whole demo cell, ready.
-    pub fn demo() -> HandCell {
-        let mut cell = HandCell::new(|text| text);
+    pub fn demo() -> UnsupervisedCell {
+        let mut cell = UnsupervisedCell::new(|text| text);
         for name in ["lwr-sim", "io-sim"] {
             cell.start_simulator(name);
         }
@@ -90,7 +90,7 @@ impl HandCell {
     }
 
     /// Waits until the executor sees the driver that was started last, and its device is ready.
-    pub fn await_driver(&self, watch: &Watch, device: &str) {
+    pub fn await_driver(&self, watch: &ExecutorBoards, device: &str) {
         let pid = self.pid(device);
         let config = CellConfig::load(self.config(), &BTreeMap::new());
         let config = config.unwrap_or_else(|faults| panic!("{faults}"));
@@ -188,15 +188,15 @@ impl HandCell {
     }
 }
 
-impl Deref for HandCell {
-    type Target = Place;
+impl Deref for UnsupervisedCell {
+    type Target = CellFixture;
 
-    fn deref(&self) -> &Place {
+    fn deref(&self) -> &CellFixture {
         &self.place
     }
 }
 
-impl Drop for HandCell {
+impl Drop for UnsupervisedCell {
     fn drop(&mut self) {
         if std::thread::panicking() {
             eprintln!("{}", self.logs());

@@ -28,7 +28,7 @@ pub const NAME: &str = "test";
 
 /// A cell's folder, configuration and ports, and every way to ask it.
 #[derive(Debug)]
-pub struct Place {
+pub struct CellFixture {
     cell: Cell,
     base: PathBuf,
     config: PathBuf,
@@ -36,22 +36,22 @@ pub struct Place {
     files: AtomicU32,
 }
 
-impl Place {
+impl CellFixture {
     /// A new folder with the configuration `config` after `change` was applied to its text. Ports that the file leaves
     /// open are chosen here, so that the test can reach the simulators.
-    pub fn new(config: &Path, change: impl Fn(String) -> String) -> Place {
+    pub fn new(config: &Path, change: impl Fn(String) -> String) -> CellFixture {
         // In memory: iceoryx2 writes files through to the disk, which takes seconds while others keep the disk busy.
         let memory = Path::new("/dev/shm");
         let usual = std::env::temp_dir();
-        Place::below(
+        CellFixture::below(
             if memory.is_dir() { memory } else { &usual },
             config,
             change,
         )
     }
 
-    /// As [`Place::new`], in a new folder below `parent`.
-    pub fn below(parent: &Path, config: &Path, change: impl Fn(String) -> String) -> Place {
+    /// As [`CellFixture::new`], in a new folder below `parent`.
+    pub fn below(parent: &Path, config: &Path, change: impl Fn(String) -> String) -> CellFixture {
         let base = new_folder(parent);
         let folder = config.parent().expect("a configuration is in a folder");
         let folder = folder.canonicalize().expect("it exists");
@@ -62,7 +62,7 @@ impl Place {
         let (text, ports) = choose_ports(&text);
         let config = base.join("cell.yaml");
         fs::write(&config, text).expect("the configuration can be written");
-        Place {
+        CellFixture {
             cell: Cell::at(NAME, &base.join(NAME)).expect("a short path"),
             base,
             config,
@@ -268,12 +268,12 @@ impl Place {
     }
 
     /// The executor's boards, read as a monitor would.
-    pub fn watch(&self) -> Watch {
+    pub fn watch(&self) -> ExecutorBoards {
         let session = Session::join(&self.cell, Role::Monitor, "watch").expect("a cell");
         let executor = self.announced(Role::Executor, "exec");
         let status = session.open_board(&executor.services[STATUS]);
         let tables = session.open_board(&executor.services[TABLES]);
-        Watch {
+        ExecutorBoards {
             status: status.expect("the status board"),
             tables: tables.expect("the tables board"),
             _session: session,
@@ -308,7 +308,7 @@ impl Place {
             let dead = announced
                 .iter()
                 .all(|announced| announced.liveness().is_dead());
-            (dead && processes::of_folder(&self.base).is_empty()).then_some(())
+            (dead && processes::with_runtime_dir(&self.base).is_empty()).then_some(())
         });
     }
 
@@ -320,7 +320,7 @@ impl Place {
             "left in shared memory: {left:?}\n{}",
             self.logs()
         );
-        let running = processes::of_folder(&self.base);
+        let running = processes::with_runtime_dir(&self.base);
         let lines: Vec<_> = running
             .iter()
             .map(|pid| processes::command_line(*pid))
@@ -335,12 +335,12 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for CellFixture {
     /// Ends and removes whatever is there; nothing else carries this folder in its environment.
     fn drop(&mut self) {
         let begun = Instant::now();
         loop {
-            let running = processes::of_folder(&self.base);
+            let running = processes::with_runtime_dir(&self.base);
             for pid in &running {
                 signal(*pid, Signal::SIGKILL);
             }
@@ -359,13 +359,13 @@ impl Drop for Place {
 }
 
 /// The executor's boards.
-pub struct Watch {
+pub struct ExecutorBoards {
     status: BoardReader<CycleStatus>,
     tables: BoardReader<Tables>,
     _session: Session,
 }
 
-impl Watch {
+impl ExecutorBoards {
     /// The newest counters.
     pub fn status(&self) -> CycleStatus {
         self.status.read()
