@@ -101,7 +101,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
             memory.trim_if_grown();
         }
     })?;
-    let router = routes::router(service)?;
+    let router = routes::router(service, &helpers)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         // One thread for each request and each compilation, so that none waits for a thread.
         .max_blocking_threads(routes::REQUESTS_MAX + routes::LOADING_MAX)

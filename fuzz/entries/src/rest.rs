@@ -24,6 +24,7 @@ use rcc_loader::server::codes;
 use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::routes::router;
 use rcc_loader::server::service::Service;
+use rcc_process::Helpers;
 use tower_service::Service as _;
 
 use crate::shipped::shipped;
@@ -175,7 +176,7 @@ fn set_up() -> RestHarness {
         .build();
     let (runtime, router) = (
         unwrap_or_panic(runtime),
-        unwrap_or_panic(router(Arc::clone(&service))),
+        unwrap_or_panic(router(Arc::clone(&service), &Helpers::default())),
     );
     let folder = cell.runtime_dir().to_owned();
     RestHarness {

@@ -439,7 +439,7 @@ fn slow(channel: u32, every: u32, phase: u32) -> PlanData {
 /// Requests a hand-over and runs cycles until it is answered.
 fn switch_in_time(fixture: &mut EngineFixture, stop: &[u64], start: &[u64]) -> Answer {
     let (stop, start) = (named(stop), named(start));
-    let ticket = fixture.request(|ticket| EngineRequest::Handover {
+    let ticket = fixture.order(|ticket| EngineRequest::Handover {
         ticket,
         stop,
         start,
@@ -486,7 +486,7 @@ fn a_hand_over_that_waits_is_checked_again_and_only_one_waits() {
     let new = fixture.load(slow(1, 200, 0));
     let other = fixture.load(endless_net(2));
     let (stop, start) = (named(&[old]), named(&[new]));
-    let ticket = fixture.request(|ticket| EngineRequest::Handover {
+    let ticket = fixture.order(|ticket| EngineRequest::Handover {
         ticket,
         stop,
         start,
@@ -496,7 +496,7 @@ fn a_hand_over_that_waits_is_checked_again_and_only_one_waits() {
         fixture.switch(&[old], &[other]),
         Answer::Refused(Refusal::Overloaded)
     );
-    fixture.request(|ticket| EngineRequest::Abort { ticket, id: old });
+    fixture.order(|ticket| EngineRequest::Abort { ticket, id: old });
     fixture.step();
     let state = CommandState::Terminated as u32;
     assert_eq!(
@@ -559,15 +559,15 @@ fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
                 }
                 3 => {
                     let id = pick(&mut random, &ids);
-                    fixture.request(|ticket| EngineRequest::Start { ticket, id });
+                    fixture.order(|ticket| EngineRequest::Start { ticket, id });
                 }
                 4 => {
                     let id = pick(&mut random, &ids);
-                    fixture.request(|ticket| EngineRequest::Cancel { ticket, id });
+                    fixture.order(|ticket| EngineRequest::Cancel { ticket, id });
                 }
                 5 => {
                     let id = pick(&mut random, &ids);
-                    fixture.request(|ticket| EngineRequest::Unload { ticket, id });
+                    fixture.order(|ticket| EngineRequest::Unload { ticket, id });
                 }
                 6..=8 => {
                     let active = |id: &&u64| {
@@ -582,7 +582,7 @@ fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
                     let stop: Vec<u64> = ids.iter().filter(active).take(3).copied().collect();
                     let start = [pick(&mut random, &ids)];
                     let (stop, start) = (named(&stop), named(&start));
-                    let ticket = fixture.request(|ticket| EngineRequest::Handover {
+                    let ticket = fixture.order(|ticket| EngineRequest::Handover {
                         ticket,
                         stop,
                         start,

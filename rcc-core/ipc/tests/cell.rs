@@ -505,7 +505,7 @@ fn of_concurrent_acquirers_one_gets_the_cell_and_keeps_its_files() {
                     let (cell, barrier) = (&cell, &barrier);
                     scope.spawn(move || {
                         barrier.wait();
-                        let taken = take(cell, &Announcement::supervisor().unwrap());
+                        let taken = acquire(cell, &Announcement::supervisor().unwrap());
                         taken.map(|announced| (announced, who, keep(cell, who)))
                     })
                 })

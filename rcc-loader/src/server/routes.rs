@@ -12,7 +12,9 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Json, Router};
+
 use rcc_core::printable::Printable;
+use rcc_process::Helpers;
 use serde::{Deserialize, Serialize};
 use tokio::sync::Semaphore;
 use utoipa::OpenApi;
@@ -95,11 +97,11 @@ pub fn document() -> Result<String, serde_json::Error> {
 ///
 /// # Errors
 /// Returns an error if the system cannot create a thread.
-pub fn router(service: Arc<Service>) -> io::Result<Router> {
+pub fn router(service: Arc<Service>, helpers: &Helpers) -> io::Result<Router> {
     let places = |count| Arc::new(Semaphore::new(count));
     let state = ServerState {
         service,
-        stops: StopWorkers::start()?,
+        stops: StopWorkers::start(helpers)?,
         requests: places(REQUESTS_MAX),
         loading: places(LOADING_MAX),
         compiling: places(1),

@@ -1,40 +1,62 @@
 //! Threads reserved for CANCEL and ABORT. They are created before the first request, so they are free however many
 //! blocking threads are busy.
 
+use std::collections::VecDeque;
 use std::io;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use rcc_process::helpers;
+use rcc_process::{Helper, Helpers, helpers};
 use tokio::sync::oneshot;
 
 use super::codes;
 use super::connection::STOPS;
 use super::error::ApiError;
 
-/// Number of threads: while one waits for an executor that does not answer, the other takes the next request.
-const THREADS: usize = 2;
+/// Names of the threads: while one waits for an executor that does not answer, the other takes the next request.
+const THREADS: [&str; 2] = ["stop-0", "stop-1"];
+/// Maximum time for one job: an executor that does not answer is given up after 5 s.
+const JOB_MAX: Duration = Duration::from_secs(15);
+/// Maximum time between two heartbeats of a thread without a job.
+const IDLE_MAX: Duration = Duration::from_millis(500);
+/// Twice the number that one listener admits, so that no admitted request of the two listeners is refused here.
+const QUEUE_MAX: usize = 2 * STOPS.connections;
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// Handle of the threads; they end when the last clone is dropped.
+/// Handle of the threads; they end when the last clone is dropped, or with the other helpers.
 #[derive(Clone, Debug)]
-pub struct StopWorkers(SyncSender<Job>);
+pub struct StopWorkers(Arc<Closing>);
+
+/// Closes the queue when it is dropped.
+#[derive(Debug)]
+struct Closing(Arc<Queue>);
+
+/// Jobs that wait for a thread.
+#[derive(Default)]
+struct Queue {
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Waiting {
+    jobs: VecDeque<Job>,
+    closed: bool,
+}
 
 impl StopWorkers {
-    /// Starts the threads.
+    /// Starts the threads, with heartbeats in the table of helpers.
     ///
     /// # Errors
     /// Returns an error if the system cannot create a thread.
-    pub fn start() -> io::Result<StopWorkers> {
-        // Twice the number that one listener admits, so that no admitted request of the two listeners is refused here.
-        let (jobs, work) = sync_channel::<Job>(2 * STOPS.connections);
-        let work = Arc::new(Mutex::new(work));
-        for number in 0..THREADS {
-            let work = Arc::clone(&work);
-            helpers::thread(&format!("stop-{number}"), move || run(&work))?;
+    pub fn start(helpers: &Helpers) -> io::Result<StopWorkers> {
+        let queue = Arc::new(Queue::default());
+        for name in THREADS {
+            let (queue, helper) = (Arc::clone(&queue), helpers.helper(name, JOB_MAX));
+            helpers::thread(name, move || queue.work(&helper))?;
         }
-        Ok(StopWorkers(jobs))
+        Ok(StopWorkers(Arc::new(Closing(queue))))
     }
 
     /// Runs `what` on one of the threads, even if nobody waits for its result any more.
@@ -51,7 +73,7 @@ impl StopWorkers {
             // The caller may be gone; the work is done nevertheless.
             let _ = answer.send(what());
         });
-        if self.0.try_send(job).is_err() {
+        if !self.0.0.push(job) {
             return Err(ApiError::new(
                 codes::TOO_MANY,
                 "too many CANCEL and ABORT requests are being processed",
@@ -68,14 +90,52 @@ impl StopWorkers {
     }
 }
 
-fn run(work: &Mutex<Receiver<Job>>) {
-    loop {
-        let job = work.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(job) = job else {
-            return;
-        };
-        // The panic hook reports a panic; the thread survives for the next job.
-        let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(job));
+impl Queue {
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Appends a job; returns false if the queue is full.
+    fn push(&self, job: Job) -> bool {
+        let mut waiting = self.lock();
+        if waiting.jobs.len() >= QUEUE_MAX {
+            return false;
+        }
+        waiting.jobs.push_back(job);
+        self.changed.notify_one();
+        true
+    }
+
+    /// Runs jobs until the queue is closed or the helpers end.
+    fn work(&self, helper: &Helper) {
+        while !helper.is_over() {
+            helper.turn();
+            let idle = |waiting: &mut Waiting| waiting.jobs.is_empty() && !waiting.closed;
+            let waited = self.changed.wait_timeout_while(self.lock(), IDLE_MAX, idle);
+            let mut waiting = waited.unwrap_or_else(PoisonError::into_inner).0;
+            let job = waiting.jobs.pop_front();
+            if job.is_none() && waiting.closed {
+                return;
+            }
+            drop(waiting);
+            if let Some(job) = job {
+                // The panic hook reports a panic; the thread survives for the next job.
+                let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(job));
+            }
+        }
+    }
+}
+
+impl std::fmt::Debug for Queue {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Queue").finish_non_exhaustive()
+    }
+}
+
+impl Drop for Closing {
+    fn drop(&mut self) {
+        self.0.lock().closed = true;
+        self.0.changed.notify_all();
     }
 }
 
@@ -86,7 +146,7 @@ mod tests {
     #[test]
     fn a_job_that_hangs_or_panics_does_not_keep_the_next_one()
     -> Result<(), Box<dyn std::error::Error>> {
-        let workers = StopWorkers::start()?;
+        let workers = StopWorkers::start(&Helpers::default())?;
         let runtime = tokio::runtime::Builder::new_current_thread().build()?;
         let (hold, held) = std::sync::mpsc::channel::<()>();
         let hung = workers.clone();

@@ -14,6 +14,7 @@ use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
+use rcc_process::Helpers;
 use serde_json::Value;
 use tracing_subscriber::fmt::MakeWriter;
 
@@ -63,9 +64,10 @@ impl TestServer {
                 .enable_all()
                 .build()
                 .expect("a runtime");
+            let router = routes::router(service, &Helpers::default()).expect("threads");
             runtime.block_on(async {
                 tokio::select! {
-                    served = listeners.serve(routes::router(service).expect("threads")) => served.expect("served"),
+                    served = listeners.serve(router) => served.expect("served"),
                     _ = stopped => {}
                 }
             });
