@@ -149,8 +149,8 @@ fn the_moment_of_a_force_is_a_torque_and_nothing_else() {
     };
     let faults = faults.to_string();
     let said = [
-        "`moment.out` is in N·m, `sum.force` is in N",
-        "`both.force` is in N, `sum.torque` is in N·m",
+        "`sum.force` expects N, but `moment.out` is in N·m",
+        "`sum.torque` expects N·m, but `both.force` is in N",
     ];
     assert!(said.iter().all(|words| faults.contains(words)), "{faults}");
 }

@@ -217,7 +217,7 @@ mod tests {
         let words = violation.to_string();
         assert_eq!(
             words,
-            "the set-point is for Cartesian impedance control, the controller runs position control"
+            "the set-point is for Cartesian impedance control, but the controller runs position control"
         );
     }
 

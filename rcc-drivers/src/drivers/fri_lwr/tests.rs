@@ -478,7 +478,7 @@ fn a_channel_that_is_not_a_krl_variable_is_refused_by_name() {
             serde_json::json!(17),
             "devices.lwr.channels.torch: KRL variable 17 does not exist",
         ),
-        (serde_json::json!(2), "'torch' has number 2, too"),
+        (serde_json::json!(2), "number 2 is already used by 'torch'"),
     ] {
         let mut device = lwr();
         device.channels[0].address = address;
