@@ -1,4 +1,4 @@
-//! Measures motion and writes docs/performance-motion.md: `cargo run --release -p rcc-bench --example motion --
+//! Measures motion and writes docs/performance-motion.md: `cargo run --profile deploy -p rcc-bench --example motion --
 //! [--kinematics FILE] [--topp FILE] [--rounds N] [--output FILE]`. The files are written by `bench/kinematics/compare
 //! --json` and `bench/topp/compare --json`. One thread.
 
@@ -23,8 +23,8 @@ use crate::table::{spread, table, verdict};
 const CONSOLE: &str = "\
 $ bench/kinematics/compare --json target/kinematics.json      # as root, where the others are installed\n\
 $ bench/topp/compare --json target/topp.json                  # where toppra is installed\n\
-$ cargo build --release -p rcc-bench --example motion\n\
-$ chrt -f 10 taskset -c 1 target/release/examples/motion --kinematics target/kinematics.json \\\n    --topp target/topp.json\n";
+$ cargo build --profile deploy -p rcc-bench --example motion\n\
+$ chrt -f 10 taskset -c 1 target/deploy/examples/motion --kinematics target/kinematics.json \\\n    --topp target/topp.json\n";
 
 /// Command-line arguments.
 struct Arguments {

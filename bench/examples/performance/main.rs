@@ -1,4 +1,4 @@
-//! Measures and writes docs/performance.md: `cargo run --release -p rcc-bench --features straight-line --example
+//! Measures and writes docs/performance.md: `cargo run --profile deploy -p rcc-bench --features straight-line --example
 //! performance -- [--rounds N] [--hal FILE] [--wakeup FILE] [--output FILE]`. The files are written by `bench/hal
 //! --json` and `bench/wakeup --json`; without a file the page says that it was not measured. One thread.
 
@@ -20,8 +20,8 @@ use rcc_bench::measure::Effort;
 /// The commands that create the page.
 const CONSOLE: &str = "\
 $ bench/hal --json target/hal.json; bench/wakeup --json target/wakeup.json      # as root, where installed\n\
-$ cargo build --release -p rcc-bench --features straight-line --example performance\n\
-$ chrt -f 10 taskset -c 1 target/release/examples/performance --hal target/hal.json --wakeup target/wakeup.json\n";
+$ cargo build --profile deploy -p rcc-bench --features straight-line --example performance\n\
+$ chrt -f 10 taskset -c 1 target/deploy/examples/performance --hal target/hal.json --wakeup target/wakeup.json\n";
 
 /// Command-line arguments.
 struct Arguments {

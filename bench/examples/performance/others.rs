@@ -47,7 +47,7 @@ pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<
     let wakeup: Option<Vec<WakeupRow>> = wakeup.map(read).transpose()?;
     Ok(format!(
         "## LinuxCNC HAL\n\n{}\n## Wake-up\n\n{}\n## Elsewhere\n\n\
-         `cargo run --release -p rcc-bench --example nets` measures loading by size, fragments that are not active, reading \
+         `cargo run --profile deploy -p rcc-bench --example nets` measures loading by size, fragments that are not active, reading \
          values and the predecessor's nets, and writes them into `docs/performance-nets.md`. [performance-motion.md](performance-motion.md) \
          has kinematics, motions and other programs of kinematics.{}{}\n",
         hal_text(hal.as_deref()),

@@ -187,7 +187,7 @@ fn require_visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failu
                 "{what} is {}, but services cannot access {folder}",
                 path.display()
             ),
-            "sudo install -m755 target/release/rcc-* /usr/local/bin/; sudo mkdir -p /etc/rcc; sudo cp -r configs/* /etc/rcc/",
+            "sudo packaging/install; sudo mkdir -p /etc/rcc; sudo cp -r configs/* /etc/rcc/",
         )),
         _ => Ok(()),
     }
