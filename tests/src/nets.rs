@@ -1,7 +1,7 @@
-//! Texts of small nets that the suites load, for the demo cell's devices.
-//! Pure.
+//! Texts of small nets for the demo cell's devices, loaded by the suites.
+//! Pure functions.
 
-/// The start of the simulated arm, J1 to J7, rad (`configs/cells/demo.yaml`).
+/// Start position of the simulated arm, J1 to J7, rad (`configs/cells/demo.yaml`).
 pub const START: [f64; 7] = [
     0.0,
     -0.523_598_775_598_298_8,
@@ -12,12 +12,12 @@ pub const START: [f64; 7] = [
     0.0,
 ];
 
-/// A line of the flange to `y` (m) at `speed` (m/s), from wherever the arm is held; it can be cancelled.
+/// Moves the flange on a straight line from the current hold position to `y` (m) at `speed` (m/s); stops on CANCEL.
 pub fn line(name: &str, y: f64, speed: f64) -> String {
     motion(name, y, speed, "")
 }
 
-/// As [`line()`], with further primitives (lines of the section `primitives`).
+/// Like [`line()`], with additional primitives (lines of the section `primitives`).
 pub fn motion(name: &str, y: f64, speed: f64, further: &str) -> String {
     format!(
         "net: {name}
@@ -39,13 +39,13 @@ primitives:
     )
 }
 
-/// Further primitives of [`motion`]: the last joint turns by 50 rad for each metre, too fast for it.
+/// Additional primitives of [`motion`]: J7 turns by 50 rad per metre, which exceeds its velocity limit.
 pub const TURNED_AS_WELL: &str = "  \
   turn: {type: Multiply, inputs: {a: move.distance, b: 50 rad/m}}
   turned: {type: SetElement, inputs: {in: ik.joints, index: 6, value: turn.out}}
 ";
 
-/// A line that cannot be cancelled.
+/// Like [`line()`], but ignores CANCEL.
 pub fn uncancellable_line(name: &str, y: f64, speed: f64) -> String {
     line(name, y, speed)
         .replace("  cancel: {type: Cancel}\n", "")

@@ -56,8 +56,8 @@ impl Drop for FrozenThread {
     }
 }
 
-/// Freezes, and waits. A traced thread that is killed stays, and with it its whole process, until its tracer has taken its
-/// exit status.
+/// Freezes, and waits. A traced thread that is killed stays, and with it its whole process, until its tracer has taken
+/// its exit status.
 fn hold(thread: Pid, told: &Sender<()>, over: &AtomicBool) {
     ptrace::seize(thread, Options::empty()).expect("the thread may be traced");
     ptrace::interrupt(thread).expect("it is ours");

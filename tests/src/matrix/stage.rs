@@ -25,8 +25,8 @@ use crate::{TestCell, await_some, nets, program, repository};
 
 /// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
 const LOST: i64 = 1;
-/// Below that of the endurance run, which may go on beside it: of two executors of one priority on a core one waits for the
-/// other, and the reference thread above them does not see it.
+/// Below that of the endurance run, which may go on beside it: of two executors of one priority on a core one waits for
+/// the other, and the reference thread above them does not see it.
 const PRIORITY: u8 = endurance::PRIORITY - 4;
 /// The answer of a loader that has not found its executor yet.
 const NO_EXECUTOR: &str = "RCC4001";
