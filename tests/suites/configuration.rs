@@ -83,8 +83,8 @@ fn a_driver_restarted_with_swapped_channels_is_not_attached_and_switches_nothing
     swap_lamp_and_clamp(&cell);
     await_some("up to report that the change is not in force", || {
         let log = fs::read_to_string(cell.folder().join("up.log")).ok()?;
-        let said = log.contains("io: channels lamp, clamp") && log.contains("not in force");
-        said.then_some(())
+        let reported = log.contains("io: channels lamp, clamp") && log.contains("not in force");
+        reported.then_some(())
     });
     let dead = cell.kill(Role::Driver, "io");
     let driver = cell.await_successor(Role::Driver, "io", dead);
@@ -216,10 +216,10 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     swap_lamp_and_clamp(&cell);
     await_some("the loader to report the changed file", || {
         let events = EventReader::open(cell.cell()).poll().expect("the log");
-        let reports = events.into_iter().any(|event| {
+        let reported = events.into_iter().any(|event| {
             matches!(event.what, EventKind::ConfigurationChanged { differs, .. } if differs == "io: channels lamp, clamp")
         });
-        reports.then_some(())
+        reported.then_some(())
     });
     cell.end("loader", Signal::SIGKILL);
     cell.start_loader();

@@ -236,12 +236,12 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
             cell.start_driver("lwr");
         }
         cell.await_driver(&watch, "lwr");
-        let now = Census::of(&cell, executor);
+        let now = ResourceCounts::of(&cell, executor);
         // The first rounds create what is created only once: threads, buffers, files of names.
         match settled {
             None if round >= 2 => settled = Some(now),
             Some(settled) => await_some(&format!("{settled:?} after kill {round}"), || {
-                let now = Census::of(&cell, executor);
+                let now = ResourceCounts::of(&cell, executor);
                 if !now.is_within(&settled) {
                     eprintln!("after kill {round}: {now:?}");
                     // Files that were left half-created are removed only once they are old enough.
@@ -261,16 +261,16 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
 
 /// Numbers that a leak would increase.
 #[derive(Clone, Copy, Debug)]
-struct Census {
+struct ResourceCounts {
     shared_memory: usize,
     files: u64,
     processes: usize,
     executor: OpenResources,
 }
 
-impl Census {
-    fn of(cell: &UnsupervisedCell, executor: u32) -> Census {
-        Census {
+impl ResourceCounts {
+    fn of(cell: &UnsupervisedCell, executor: u32) -> ResourceCounts {
+        ResourceCounts {
             shared_memory: cell
                 .cell()
                 .leftovers()
@@ -282,7 +282,7 @@ impl Census {
         }
     }
 
-    fn is_within(&self, other: &Census) -> bool {
+    fn is_within(&self, other: &ResourceCounts) -> bool {
         self.shared_memory <= other.shared_memory
             && self.files <= other.files
             && self.processes <= other.processes

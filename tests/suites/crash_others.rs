@@ -113,13 +113,13 @@ fn a_monitor_that_hangs_affects_nothing_and_reports_lost_records_when_it_continu
     );
     drop(watch);
     signal(tail.id(), Signal::SIGCONT);
-    let told = lines
+    let loss = lines
         .map(|line| line.expect("UTF-8"))
         .find(|line| line.contains("\"lost\""));
-    let told: serde_json::Value = serde_json::from_str(&told.expect("a line")).expect("JSON");
+    let loss: serde_json::Value = serde_json::from_str(&loss.expect("a line")).expect("JSON");
     assert!(
-        told["lost"].as_u64().is_some_and(|lost| lost > 500),
-        "{told}"
+        loss["lost"].as_u64().is_some_and(|lost| lost > 500),
+        "{loss}"
     );
     assert_eq!(cell.state(lamp)["state"], "running");
     tail.kill().expect("the child is ours");

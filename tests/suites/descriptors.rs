@@ -13,13 +13,13 @@ use serde_json::Value;
 const CYCLES: u64 = 3000;
 
 /// A process that cannot open any more files; dropping this restores its limit.
-struct Starved {
+struct DescriptorLimit {
     pid: String,
     soft: String,
 }
 
-impl Starved {
-    fn new(pid: u32) -> Option<Starved> {
+impl DescriptorLimit {
+    fn new(pid: u32) -> Option<DescriptorLimit> {
         let pid = pid.to_string();
         let query = [
             "--pid",
@@ -32,7 +32,7 @@ impl Starved {
         let output = Command::new("prlimit").args(query).output().ok()?;
         let soft = String::from_utf8_lossy(&output.stdout).trim().to_owned();
         // Open files stay open; a new descriptor would have a number above the limit.
-        let starved = Starved { pid, soft };
+        let starved = DescriptorLimit { pid, soft };
         (output.status.success() && starved.limit("3")).then_some(starved)
     }
 
@@ -45,7 +45,7 @@ impl Starved {
     }
 }
 
-impl Drop for Starved {
+impl Drop for DescriptorLimit {
     fn drop(&mut self) {
         self.limit(&self.soft);
     }
@@ -81,7 +81,7 @@ fn starve(role: Role, label: &str, about: &str) {
         .map(|(role, label)| cell.announced(role, label).pid)
     };
     let before = pids();
-    let Some(starved) = Starved::new(cell.announced(role, label).pid) else {
+    let Some(starved) = DescriptorLimit::new(cell.announced(role, label).pid) else {
         eprintln!("skipped: no prlimit (util-linux) that may limit another process");
         return;
     };

@@ -51,9 +51,9 @@ fn failure(place: &CellFixture) -> (String, String) {
 }
 
 /// Sets a flag when it is dropped, also if the test fails.
-struct Over<'a>(&'a AtomicBool);
+struct FlagOnDrop<'a>(&'a AtomicBool);
 
-impl Drop for Over<'_> {
+impl Drop for FlagOnDrop<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -80,7 +80,7 @@ fn while_sending<T>(place: &CellFixture, from: &str, bytes: &[u8], what: impl Fn
                 thread::sleep(Duration::from_millis(1));
             }
         });
-        let _over = Over(&over);
+        let _over = FlagOnDrop(&over);
         what()
     })
 }

@@ -25,7 +25,7 @@ const SAMPLE: usize = 12;
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A program whose start is tested, and its names in the test cell.
-struct Victim {
+struct StartTarget {
     name: &'static str,
     program: &'static str,
     arguments: &'static [&'static str],
@@ -35,7 +35,7 @@ struct Victim {
 
 /// Outcome of a start.
 #[derive(Debug, PartialEq)]
-enum Start {
+enum StartOutcome {
     Works,
     /// Its exit code and its output on stderr.
     Ended(Option<i32>, String),
@@ -43,7 +43,7 @@ enum Start {
 
 #[test]
 fn an_error_at_the_start_of_the_executor_is_survived_or_reported() {
-    fail_everywhere(&Victim {
+    fail_everywhere(&StartTarget {
         name: "executor",
         program: "rcc-exec",
         arguments: &[],
@@ -54,7 +54,7 @@ fn an_error_at_the_start_of_the_executor_is_survived_or_reported() {
 
 #[test]
 fn an_error_at_the_start_of_the_fri_driver_is_survived_or_reported() {
-    fail_everywhere(&Victim {
+    fail_everywhere(&StartTarget {
         name: "lwr",
         program: "rcc-driver",
         arguments: &["--device", "lwr"],
@@ -65,7 +65,7 @@ fn an_error_at_the_start_of_the_fri_driver_is_survived_or_reported() {
 
 #[test]
 fn an_error_at_the_start_of_the_modbus_driver_is_survived_or_reported() {
-    fail_everywhere(&Victim {
+    fail_everywhere(&StartTarget {
         name: "io",
         program: "rcc-driver",
         arguments: &["--device", "io"],
@@ -76,7 +76,7 @@ fn an_error_at_the_start_of_the_modbus_driver_is_survived_or_reported() {
 
 #[test]
 fn an_error_at_the_start_of_the_loader_is_survived_or_reported() {
-    fail_everywhere(&Victim {
+    fail_everywhere(&StartTarget {
         name: "loader",
         program: "rcc-loader",
         arguments: &[],
@@ -85,7 +85,7 @@ fn an_error_at_the_start_of_the_loader_is_survived_or_reported() {
     });
 }
 
-fn fail_everywhere(victim: &Victim) {
+fn fail_everywhere(victim: &StartTarget) {
     if let Err(cause) = can_trace() {
         eprintln!("skipped: errors at the start of {}: {cause}", victim.name);
         return;
@@ -105,12 +105,14 @@ fn fail_everywhere(victim: &Victim) {
     for (call, error) in &chosen {
         let outcome = start_with(&mut cell, victim, call, error);
         match &outcome {
-            Start::Works => worked += 1,
-            Start::Ended(Some(0), _) => wrong.push(format!("{error} in {call:?}: {outcome:?}")),
-            Start::Ended(_, words) if words.is_empty() || panics_of_ours(words) => {
+            StartOutcome::Works => worked += 1,
+            StartOutcome::Ended(Some(0), _) => {
+                wrong.push(format!("{error} in {call:?}: {outcome:?}"))
+            }
+            StartOutcome::Ended(_, words) if words.is_empty() || panics_of_ours(words) => {
                 wrong.push(format!("{error} in {call:?}: {outcome:?}"));
             }
-            Start::Ended(..) => {}
+            StartOutcome::Ended(..) => {}
         }
         cell.clean();
     }
@@ -136,7 +138,7 @@ fn fail_everywhere(victim: &Victim) {
 
 /// Traces a whole start; returns its system calls until the program works. Calls before `main` are left out: they are
 /// made by the dynamic linker, whose errors end any program in the same way.
-fn every_call(cell: &UnsupervisedCell, victim: &Victim) -> Vec<SystemCall> {
+fn every_call(cell: &UnsupervisedCell, victim: &StartTarget) -> Vec<SystemCall> {
     let file = cell.folder().join("calls.txt");
     let options = ["-o".to_owned(), file.display().to_string()];
     let mut strace = start_traced(
@@ -165,13 +167,13 @@ fn every_call(cell: &UnsupervisedCell, victim: &Victim) -> Vec<SystemCall> {
 /// Starts the program with an error in one call; if it works nevertheless, it must end on SIGTERM.
 fn start_with(
     cell: &mut UnsupervisedCell,
-    victim: &Victim,
+    victim: &StartTarget,
     (name, number): &SystemCall,
     error: &str,
-) -> Start {
+) -> StartOutcome {
     let inject = format!("inject={name}:error={error}:when={number}");
     let path = cell.folder().join(format!("{}-injected.txt", victim.name));
-    let said = File::create(&path).expect("a file can be written");
+    let stderr = File::create(&path).expect("a file can be written");
     let options = [
         "-o",
         "/dev/null",
@@ -186,13 +188,13 @@ fn start_with(
         victim.program,
         victim.arguments,
         &options,
-        said.into(),
+        stderr.into(),
     );
     let begun = Instant::now();
     loop {
         if let Some(status) = strace.try_wait().expect("the child is ours") {
             let words = fs::read_to_string(&path).unwrap_or_default();
-            return Start::Ended(status.code(), words);
+            return StartOutcome::Ended(status.code(), words);
         }
         if let Some(pid) = tracee(&strace)
             && works(cell, victim, pid)
@@ -202,7 +204,7 @@ fn start_with(
                 &format!("{} to end after {error} in {name} {number}", victim.name),
                 || strace.try_wait().expect("the child is ours"),
             );
-            return Start::Works;
+            return StartOutcome::Works;
         }
         assert!(
             begun.elapsed() < LIMIT,
@@ -217,7 +219,7 @@ fn start_with(
 
 /// Returns true if the process is announced and works: the executor runs nets, a driver exchanges data with its device,
 /// the loader answers.
-fn works(cell: &UnsupervisedCell, victim: &Victim, pid: u32) -> bool {
+fn works(cell: &UnsupervisedCell, victim: &StartTarget, pid: u32) -> bool {
     let announced = cell.cell().announced(victim.role, victim.label);
     let Some(announced) = announced.ok().flatten() else {
         return false;

@@ -72,11 +72,11 @@ fn a_killed_driver_leaves_an_incident_that_is_replayed_bit_for_bit() {
     let part = json(&cell, &["replay", file, "--until", &until.to_string()]);
     assert_eq!(number(&part["nets"][0]["last_cycle"]), until);
 
-    let told = await_some("the incident in the log", || {
+    let log_text = await_some("the incident in the log", || {
         let (log, _) = cell.cli_exits(0, &["events"]);
         log.contains("rcc-cli replay").then_some(log)
     });
-    assert!(told.contains("incident (fault)"), "{told}");
+    assert!(log_text.contains("incident (fault)"), "{log_text}");
     cell.stop();
 }
 

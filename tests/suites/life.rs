@@ -125,10 +125,10 @@ fn nets_loaded_in_advance_start_one_after_the_other_from_where_the_arm_rests() {
     let rows = [("out", 0.1), ("on", 0.15), ("back", 0.0)];
     let ids = rows.map(|(name, y)| cell.load(&nets::line(name, y, 0.2)));
     for id in ids {
-        let told = &cell.state(id)["rehearsal"];
+        let rehearsal = &cell.state(id)["rehearsal"];
         // At the time of LOAD the arm is at the goal of `back` already.
-        let words = told["words"].as_str().unwrap_or_default();
-        assert!(words.starts_with("checked: "), "{told}");
+        let words = rehearsal["words"].as_str().unwrap_or_default();
+        assert!(words.starts_with("checked: "), "{rehearsal}");
         cell.start_when_ready(id);
         cell.assert_ends(id, "finished");
     }

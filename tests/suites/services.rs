@@ -20,8 +20,8 @@ fn cell(supervision: &str) -> TestCell {
 /// Waits until the supervisor's output has a line with these words; returns the line.
 fn await_line(cell: &TestCell, words: &str) -> String {
     await_some(&format!("'{words}' from the supervisor"), || {
-        let said = fs::read_to_string(cell.folder().join("up.log")).ok()?;
-        said.lines()
+        let log = fs::read_to_string(cell.folder().join("up.log")).ok()?;
+        log.lines()
             .find(|line| line.contains(words))
             .map(str::to_owned)
     })

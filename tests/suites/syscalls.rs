@@ -24,7 +24,7 @@ const SAMPLE: usize = 12;
 const LOOK: Duration = Duration::from_millis(2);
 
 /// A program that is killed, and how to determine that it works.
-struct Victim {
+struct KillTarget {
     /// Name in the test cell.
     name: &'static str,
     program: &'static str,
@@ -37,7 +37,7 @@ struct Victim {
 
 #[test]
 fn a_death_of_the_fri_driver_before_any_system_call_harms_no_other_process() {
-    die_everywhere(&Victim {
+    die_everywhere(&KillTarget {
         name: "lwr",
         program: "rcc-driver",
         arguments: &["--device", "lwr"],
@@ -48,7 +48,7 @@ fn a_death_of_the_fri_driver_before_any_system_call_harms_no_other_process() {
 
 #[test]
 fn a_death_of_the_modbus_driver_before_any_system_call_harms_no_other_process() {
-    die_everywhere(&Victim {
+    die_everywhere(&KillTarget {
         name: "io",
         program: "rcc-driver",
         arguments: &["--device", "io"],
@@ -59,7 +59,7 @@ fn a_death_of_the_modbus_driver_before_any_system_call_harms_no_other_process() 
 
 #[test]
 fn a_death_of_the_loader_before_any_system_call_harms_no_other_process() {
-    die_everywhere(&Victim {
+    die_everywhere(&KillTarget {
         name: "loader",
         program: "rcc-loader",
         arguments: &[],
@@ -68,7 +68,7 @@ fn a_death_of_the_loader_before_any_system_call_harms_no_other_process() {
     });
 }
 
-fn die_everywhere(victim: &Victim) {
+fn die_everywhere(victim: &KillTarget) {
     if let Err(cause) = can_trace() {
         eprintln!(
             "skipped: deaths of {} before system calls: {cause}",
@@ -131,7 +131,7 @@ fn die_everywhere(victim: &Victim) {
 }
 
 /// Starts the program under strace with these options.
-fn traced(cell: &UnsupervisedCell, victim: &Victim, options: &[String]) -> Child {
+fn traced(cell: &UnsupervisedCell, victim: &KillTarget, options: &[String]) -> Child {
     start_traced(
         cell,
         victim.program,
@@ -142,7 +142,7 @@ fn traced(cell: &UnsupervisedCell, victim: &Victim, options: &[String]) -> Child
 }
 
 /// Returns true if the driver has exchanged data with its device, or the loader answers.
-fn works(cell: &UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards, pid: u32) -> bool {
+fn works(cell: &UnsupervisedCell, victim: &KillTarget, watch: &ExecutorBoards, pid: u32) -> bool {
     match victim.device {
         Some(device) => {
             let row = watch.tables().devices[device];
@@ -157,7 +157,7 @@ fn works(cell: &UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards, pid: 
 /// Traces a whole start; returns the system calls before which the program can be killed, in order.
 fn every_death(
     cell: &UnsupervisedCell,
-    victim: &Victim,
+    victim: &KillTarget,
     watch: &ExecutorBoards,
 ) -> Vec<SystemCall> {
     let file = cell.folder().join("calls.txt");
@@ -174,16 +174,16 @@ fn every_death(
 }
 
 /// Returns the system calls of a trace up to the first answer or exchange of the victim.
-fn deaths_of(file: &Path, victim: &Victim) -> Vec<SystemCall> {
+fn deaths_of(file: &Path, victim: &KillTarget) -> Vec<SystemCall> {
     let mut accepted = false;
     calls_of(file, |name, call| {
         accepted |= name.starts_with("accept");
-        let says =
+        let answers =
             ["sendto", "sendmsg", "write", "writev"].contains(&name) && call.contains("HTTP/1.1 ");
         let exchanges =
             name == "sendto" && (call.contains("sin_port") || call.contains("MSG_NOSIGNAL"));
         match victim.device {
-            None => accepted && says,
+            None => accepted && answers,
             Some(_) => exchanges,
         }
     })
@@ -192,7 +192,7 @@ fn deaths_of(file: &Path, victim: &Victim) -> Vec<SystemCall> {
 /// Starts the program and kills it before a system call; returns false if it worked before it came to that call.
 fn die(
     cell: &UnsupervisedCell,
-    victim: &Victim,
+    victim: &KillTarget,
     watch: &ExecutorBoards,
     (name, number): &SystemCall,
 ) -> bool {
@@ -230,7 +230,7 @@ fn die(
 }
 
 /// Starts the program again, and waits until it works.
-fn start(cell: &mut UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards) {
+fn start(cell: &mut UnsupervisedCell, victim: &KillTarget, watch: &ExecutorBoards) {
     if victim.device.is_none() {
         cell.start_loader();
         return;

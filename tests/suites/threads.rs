@@ -18,9 +18,9 @@ const THREADS_MAX: usize = 16;
 const LOST: i64 = 1;
 
 /// A program under strace, which is killed when the test ends, also if the test fails.
-struct Traced(Child);
+struct TracedProgram(Child);
 
-impl Drop for Traced {
+impl Drop for TracedProgram {
     fn drop(&mut self) {
         // strace takes its tracee along; both may be dead already.
         let _ = self.0.kill();
@@ -47,14 +47,15 @@ fn refuse_each_thread(cell: &UnsupervisedCell, name: &str, program: &str, argume
             .env("NOTIFY_SOCKET", &path)
             .env("RUST_BACKTRACE", "0")
             .stderr(Stdio::piped());
-        let mut strace = Traced(ends_with_test(&mut command).spawn().expect("strace starts"));
+        let mut strace =
+            TracedProgram(ends_with_test(&mut command).spawn().expect("strace starts"));
         let mut buffer = [0; 4096];
         let mut ready = false;
         let status = await_some("the end of the program, or READY", || {
-            let said = socket
+            let notified = socket
                 .recv(&mut buffer)
                 .is_ok_and(|size| String::from_utf8_lossy(&buffer[..size]).contains("READY=1"));
-            ready |= said;
+            ready |= notified;
             let status = strace.0.try_wait().expect("the child is ours");
             (ready || status.is_some()).then_some(status)
         });
@@ -118,7 +119,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
         .arg("--parent-death");
     command.env("RCC_TEST_PANIC", format!("maker@{}", trigger.display()));
     command.stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut executor = Traced(ends_with_test(&mut command).spawn().expect("it starts"));
+    let mut executor = TracedProgram(ends_with_test(&mut command).spawn().expect("it starts"));
     cell.await_devices();
     let mut arm = cell.simulator("lwr-sim");
     arm.reset_statistics();

@@ -93,10 +93,10 @@ fn a_net_that_is_admitted_although_it_is_too_large_ends_with_an_overrun() {
         words.contains("first late: cycle") && words.contains("--acknowledge"),
         "{words}"
     );
-    let (picture, _) = cell.cli_exits(0, &["top", "--once"]);
+    let (screen, _) = cell.cli_exits(0, &["top", "--once"]);
     assert!(
-        picture.contains("InverseKinematics") && picture.contains("small#"),
-        "{picture}"
+        screen.contains("InverseKinematics") && screen.contains("small#"),
+        "{screen}"
     );
     let (_, _) = cell.cli_exits(0, &["status", "--acknowledge"]);
     await_some("the acknowledgement to be seen", || {
@@ -104,12 +104,13 @@ fn a_net_that_is_admitted_although_it_is_too_large_ends_with_an_overrun() {
         let acknowledged = status["executor"]["late_acknowledged"].as_u64();
         acknowledged.filter(|late| *late > 0)
     });
-    let told = await_some("the events", || {
+    let log = await_some("the events", || {
         let (events, _) = cell.cli_exits(0, &["events"]);
-        let told = events.contains("computed long, most of it large") && events.contains("overrun");
-        told.then_some(events)
+        let complete =
+            events.contains("computed long, most of it large") && events.contains("overrun");
+        complete.then_some(events)
     });
-    assert!(told.contains("acknowledged"), "{told}");
+    assert!(log.contains("acknowledged"), "{log}");
     cell.done(small, "cancel");
     cell.assert_ends(small, "canceled");
     cell.stop();

@@ -210,8 +210,8 @@ fn a_net_reads_a_topic_while_its_publisher_runs() {
     ] {
         let refused = cell.operate(id, "start");
         assert_eq!((refused.status, refused.code()), (409, code), "{refused:?}");
-        let said = refused.error_text();
-        assert!(said.contains(&words), "{said}");
+        let message = refused.error_text();
+        assert!(message.contains(&words), "{message}");
     }
     cell.done(touch, "abort");
     await_some(
