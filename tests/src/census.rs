@@ -101,8 +101,8 @@ impl Census {
     }
 }
 
-/// Files of the runtime folder, without what grows or comes by design and is bounded: logs, the event log, incident
-/// files, and what each driver knows about its device, which it writes once a second.
+/// Files of the runtime folder, without what grows or comes by design and is bounded: logs, the event log, incident files,
+/// and what each driver knows about its device, which it writes once a second.
 pub fn runtime_files(folder: &Path) -> u64 {
     let by_design = |path: &Path| {
         let below = path.strip_prefix(folder).unwrap_or(path);

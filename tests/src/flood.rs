@@ -189,8 +189,8 @@ fn cell(folder: &Path) -> (TestCell, Interfaces) {
     (cell, doors)
 }
 
-/// Loads the large nets, floods every door, and cancels a small net again and again; `again` starts this very program
-/// so that it calls [`flood_if_asked`].
+/// Loads the large nets, floods every interface, and cancels small nets one after the other. `again` returns the
+/// command that starts this program again, so that it calls [`flood_if_asked`].
 pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     let folder = std::env::temp_dir().join(format!("rcc-flood-{}", std::process::id()));
     let (cell, doors) = cell(&folder);

@@ -1,5 +1,5 @@
-//! Hand-overs in a living cell, counted: the arm goes from net to net in consecutive cycles while a large net is
-//! loading. Run by a test's thread.
+//! Counts hand-overs in a running cell: the arm passes from net to net in consecutive cycles while a large net is
+//! loading. Runs on the test's thread.
 
 use std::cell::RefCell;
 

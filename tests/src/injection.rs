@@ -126,8 +126,8 @@ pub fn choose<T: Clone>(all: &[T], sample: usize) -> Vec<T> {
         .collect()
 }
 
-/// True if code of ours has panicked. The standard library does where a sleep fails, and iceoryx2 where a file cannot
-/// be closed.
+/// True if the log shows a panic in a package of this repository. Other panics are accepted: the standard library
+/// panics if a sleep fails, and iceoryx2 if a file cannot be closed.
 pub fn panics_of_ours(log: &str) -> bool {
     let places = log
         .lines()

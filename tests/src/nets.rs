@@ -52,12 +52,12 @@ pub fn uncancellable_line(name: &str, y: f64, speed: f64) -> String {
         .replace("    inputs: {stop: cancel.requested}\n", "")
 }
 
-/// Switches the lamp of the device `io` on until CANCEL; its logical time is monitored every cycle.
+/// Switches the lamp of the device `io` on until CANCEL; monitors the net's logical time every cycle.
 pub fn lamp(name: &str) -> String {
     output(name, "io", "lamp")
 }
 
-/// Holds a digital output true until CANCEL; its logical time is monitored every cycle.
+/// Keeps a digital output true until CANCEL; monitors the net's logical time every cycle.
 pub fn output(name: &str, device: &str, channel: &str) -> String {
     format!(
         "net: {name}
@@ -71,7 +71,7 @@ primitives:
     )
 }
 
-/// Commands nothing; its logical time is monitored every cycle until CANCEL.
+/// Commands nothing; monitors the net's logical time every cycle until CANCEL.
 pub fn clock(name: &str) -> String {
     format!(
         "net: {name}
@@ -84,7 +84,7 @@ primitives:
     )
 }
 
-/// Commands nothing; a digital input is monitored every cycle until CANCEL.
+/// Commands nothing; monitors a digital input every cycle until CANCEL.
 pub fn input(name: &str, device: &str, channel: &str) -> String {
     format!(
         "net: {name}

@@ -1,5 +1,5 @@
-//! The system calls of the executor's real-time thread, counted by `strace` while nets, monitors, drivers and loaders
-//! come and go. Run by a test's thread.
+//! Counts the system calls of the executor's real-time thread with `strace` while nets, monitors, drivers and loaders
+//! start and end. Runs on the test's thread.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -39,8 +39,8 @@ impl Counted {
         self.calls.get(SLEEP).copied().unwrap_or(0)
     }
 
-    /// Calls that are not the sleep. The clock is among them on machines whose clock is none of the vDSO, which it
-    /// says.
+    /// Returns the calls other than the sleep. `clock_gettime` is left out, with a message, on machines whose clock
+    /// source the vDSO does not support.
     #[must_use]
     pub fn others(&self) -> BTreeMap<String, u64> {
         let mut others = self.calls.clone();

@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 
 use crate::cell_fixture::await_some;
 
-/// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point,
-/// and creeps up to it at a bandwidth of 80 rad/s.
+/// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
+/// creeps up to it at a bandwidth of 80 rad/s.
 pub const STILL: f64 = 4e-3;
 
 /// A connection to the control port of `lwr-sim` or `io-sim`.
@@ -130,9 +130,8 @@ pub fn limits() -> ([f64; 7], [f64; 7]) {
     (seven(limits.velocity_max), seven(limits.acceleration_max))
 }
 
-/// True if the controller had no answer for some periods and then another one: it went on at the last velocity
-/// meanwhile, and is where it was told to be one period later. That step is of the machine that slept, not of what was
-/// commanded.
+/// True if the controller had no answer for some periods and then another one: it went on at the last velocity meanwhile,
+/// and is where it was told to be one period later. That step is of the machine that slept, not of what was commanded.
 fn has_caught_up(state: &Value) -> bool {
     let count = |key: &str| state["counts"][key].as_u64().expect("a count");
     let faults = state["faults"].as_array().expect("a list of faults");
@@ -145,8 +144,8 @@ fn has_caught_up(state: &Value) -> bool {
     count("stalls") > 0 || count("missed") > stopped_after
 }
 
-/// Asserts that the arm was never commanded beyond its limits since the last reset, never exceeded them, and that the
-/// controller stopped it for no other reason than one of `causes` (numbers of `$FRI_TO_INT[2]`).
+/// Asserts that the arm was never commanded beyond its limits since the last reset, never exceeded them, and that the controller stopped it for no other
+/// reason than one of `causes` (numbers of `$FRI_TO_INT[2]`).
 pub fn assert_within_limits(state: &Value, causes: &[i64]) {
     let (velocity_max, acceleration_max) = limits();
     let within = |key: &str, limits: [f64; 7]| {

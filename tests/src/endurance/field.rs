@@ -1,5 +1,5 @@
-//! What the threads of an endurance run share: the cell, its journal, counters, and requests that survive a dead
-//! loader. Used by all of them.
+//! What the threads of an endurance run share: the cell, its journal, counters, and requests that survive a dead loader.
+//! Used by all of them.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

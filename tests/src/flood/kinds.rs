@@ -75,8 +75,8 @@ impl FloodKind {
             for number in 0..THREADS {
                 scope.spawn(move || {
                     for turn in 0.. {
-                        // Refused, cut off, or not reached: it goes on. The pause keeps a door that refuses at once
-                        // from becoming a measurement of this process alone.
+                        // Errors are ignored. Without the pause, an interface that refuses at once would let this
+                        // process take the whole processor, and the run would measure only that.
                         self.once(doors, number, turn);
                         thread::sleep(Duration::from_millis(1));
                     }
