@@ -1,5 +1,5 @@
-//! `endurance`: a moving cell under load from all sides; the result is a table, and the exit code tells whether all holds.
-//! The main thread; see `rcc_tests::endurance`.
+//! `endurance`: a moving cell under load from all sides; the result is a table, and the exit code tells whether all
+//! holds. The main thread; see `rcc_tests::endurance`.
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};

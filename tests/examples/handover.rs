@@ -1,5 +1,5 @@
-//! A thousand hand-overs of a moving cell's arm, each while a net of 5,000 primitives is loading. Run by hand: main, one
-//! thread. `cargo run --release -p rcc-tests --example handover [TIMES]`
+//! A thousand hand-overs of a moving cell's arm, each while a net of 5,000 primitives is loading. Run by hand: main,
+//! one thread. `cargo run --release -p rcc-tests --example handover [TIMES]`
 
 use std::time::Instant;
 

@@ -1,5 +1,5 @@
-//! Counts the system calls of the real-time thread in 100,000 cycles while nets, monitors, drivers and loaders come and go.
-//! Run by hand: main, one thread. `cargo run -p rcc-tests --example rt_calls [CYCLES]`
+//! Counts the system calls of the real-time thread in 100,000 cycles while nets, monitors, drivers and loaders come and
+//! go. Run by hand: main, one thread. `cargo run -p rcc-tests --example rt_calls [CYCLES]`
 
 use rcc_tests::rt_calls::count;
 

@@ -1,5 +1,6 @@
-//! A cell of one test, supervised by `rcc-cli up`: own folder, shared-memory prefix and ports; ended and checked for
-//! left-overs when the test says so, removed in any case. Run by the threads of the test harness.
+//! A cell of one test, supervised by `rcc-cli up`, with its own folder, shared-memory prefix and ports.
+//! [`TestCell::stop`] ends it and checks for leftovers; dropping it removes it in any case. Runs on the threads of the
+//! test harness.
 
 use std::fs::File;
 use std::ops::Deref;
@@ -14,7 +15,7 @@ use crate::cell_fixture::{CellFixture, LIMIT, await_some};
 use crate::processes::{ends_with_test, signal, with_runtime_dir};
 use crate::programs::repository;
 
-/// A running cell.
+/// A running cell under `rcc-cli up`.
 #[derive(Debug)]
 pub struct TestCell {
     place: Option<CellFixture>,
@@ -22,29 +23,29 @@ pub struct TestCell {
     _life: CellTimeout,
 }
 
-/// Longer than any test has taken on a busy machine.
+/// Time after which a cell is killed: longer than any test has taken on a busy machine.
 const CELL_LIFETIME_MAX: Duration = Duration::from_secs(300);
 
-/// The place leaves the cell only together with it.
-const HERE: &str = "the place is here until the end";
+/// Reason why the fixture is always `Some`: it is taken out only when the cell itself is consumed.
+const HERE: &str = "the fixture is present until the cell is consumed";
 
 impl TestCell {
-    /// Starts the demo cell's configuration.
+    /// Starts the demo cell.
     pub fn demo() -> TestCell {
         TestCell::changed(|text| text)
     }
 
-    /// Starts the demo cell after `change` was applied to its configuration's text.
+    /// Starts the demo cell with its configuration edited by `change`.
     pub fn changed(change: impl Fn(String) -> String) -> TestCell {
         TestCell::start(&repository().join("configs/cells/demo.yaml"), change)
     }
 
-    /// Starts a cell from a configuration file after `change` was applied to its text.
+    /// Starts a cell from a configuration file edited by `change`.
     pub fn start(config: &Path, change: impl Fn(String) -> String) -> TestCell {
         TestCell::in_fixture(CellFixture::new(config, change))
     }
 
-    /// Starts the cell of a place.
+    /// Starts the cell of a fixture and waits until it is ready.
     pub fn in_fixture(place: CellFixture) -> TestCell {
         let up = start_up(&place);
         let mut cell = TestCell {
@@ -71,7 +72,7 @@ impl TestCell {
         });
     }
 
-    /// Process id of `rcc-cli up`.
+    /// Returns the process id of `rcc-cli up`.
     pub fn supervisor(&self) -> u32 {
         self.up.id()
     }
@@ -82,7 +83,7 @@ impl TestCell {
         self.up.wait().expect("the child is ours");
     }
 
-    /// Waits until `rcc-cli up` has ended.
+    /// Waits until `rcc-cli up` has exited.
     pub fn await_end_of_up(&mut self) -> ExitStatus {
         let Self { place, up, .. } = self;
         let place = place.as_ref().expect(HERE);
@@ -92,23 +93,23 @@ impl TestCell {
         })
     }
 
-    /// True if `rcc-cli up` has ended.
+    /// True if `rcc-cli up` has exited.
     pub fn has_ended(&mut self) -> bool {
         self.up.try_wait().is_ok_and(|status| status.is_some())
     }
 
-    /// Starts `rcc-cli up` again after it has ended, and waits for nothing.
+    /// Starts `rcc-cli up` again after it has exited and returns immediately.
     pub fn begin_up_again(&mut self) {
         self.up = start_up(self);
     }
 
-    /// Starts `rcc-cli up` again after it has ended, and waits until the cell is ready.
+    /// Starts `rcc-cli up` again after it has exited and waits until the cell is ready.
     pub fn up_again(&mut self) {
         self.up = start_up(self);
         self.await_ready();
     }
 
-    /// Ends the cell as Ctrl-C does and checks that it ended well and that nothing is left.
+    /// Ends the cell as Ctrl-C does, and asserts that `rcc-cli up` succeeded and nothing is left.
     pub fn stop(mut self) {
         let status = self.end();
         assert!(
@@ -119,7 +120,7 @@ impl TestCell {
         self.assert_nothing_left();
     }
 
-    /// Ends the cell as Ctrl-C does, whatever it says to that; the place is left for another one.
+    /// Ends the cell as Ctrl-C does, ignores the exit status, and returns the fixture for another cell.
     pub fn interrupt(mut self) -> CellFixture {
         self.end();
         self.place.take().expect(HERE)
@@ -128,7 +129,7 @@ impl TestCell {
     fn end(&mut self) -> Option<ExitStatus> {
         let begun = Instant::now();
         if self.up.try_wait().ok().flatten().is_none() {
-            // False only if it ended between the two calls.
+            // False only if it exited between the two calls.
             signal(self.up.id(), Signal::SIGINT);
         }
         while begun.elapsed() < LIMIT {
@@ -157,17 +158,17 @@ impl Drop for TestCell {
         if std::thread::panicking() {
             eprintln!("{}", place.logs());
         }
-        // Dead already after `stop`; otherwise the test failed, or has nothing more to say about this cell.
+        // Already dead after `stop`; otherwise the test failed or no longer needs the cell.
         let _ = self.up.kill();
         let _ = self.up.wait();
     }
 }
 
-/// Ends a cell that outlives its test's patience: whoever waits for a line of a process then sees its end, and the test
-/// fails instead of waiting for ever.
+/// Kills the processes of a cell after [`CELL_LIFETIME_MAX`]: a test that waits for a line of their output then sees
+/// the end of the stream and fails instead of hanging.
 #[derive(Debug)]
 struct CellTimeout {
-    // The thread sees it go.
+    // Dropping the sender ends the thread.
     _over: Sender<()>,
 }
 
@@ -180,7 +181,7 @@ impl CellTimeout {
                 return;
             }
             eprintln!(
-                "a test waits for ever: the processes of its cell are killed after {CELL_LIFETIME_MAX:?}"
+                "test timed out: killing the processes of its cell after {CELL_LIFETIME_MAX:?}"
             );
             for pid in with_runtime_dir(&folder) {
                 signal(pid, Signal::SIGKILL);
@@ -190,7 +191,7 @@ impl CellTimeout {
     }
 }
 
-/// `rcc-cli up`, its output in `up.log`.
+/// Starts `rcc-cli up` with its output in `up.log`.
 fn start_up(place: &CellFixture) -> Child {
     let log = File::options()
         .create(true)

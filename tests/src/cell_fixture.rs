@@ -1,5 +1,5 @@
-//! Where a test's cell lies and how it is asked: configuration with ports of its own, REST, programs, announcements,
-//! boards. Run by the threads of the test harness.
+//! The fixture of a test cell: its folder, its configuration with free ports, and access over REST, programs,
+//! announcements and boards. Runs on the threads of the test harness.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,13 +20,13 @@ use crate::programs::program;
 use crate::rest::{self, Reply};
 use crate::simulator::Simulator;
 
-/// Generous: a shared machine may stall, and a test that waits this long has failed anyway.
+/// Default time limit of a wait. Generous, because a shared machine may stall and only a failing test waits this long.
 pub const LIMIT: Duration = Duration::from_secs(60);
 
-/// Name of every test's cell; the folders differ.
+/// Cell name used by every test; the cells differ in their folders.
 pub const NAME: &str = "test";
 
-/// A cell's folder, configuration and ports, and every way to ask it.
+/// A cell's folder, configuration and ports, with methods to control and query it.
 #[derive(Debug)]
 pub struct CellFixture {
     cell: Cell,
@@ -37,10 +37,11 @@ pub struct CellFixture {
 }
 
 impl CellFixture {
-    /// A new folder with the configuration `config` after `change` was applied to its text. Ports that the file leaves
-    /// open are chosen here, so that the test can reach the simulators.
+    /// Creates a folder with a copy of the configuration `config`, edited by `change`. Ports that the file leaves open
+    /// are chosen here, so that the test can reach the simulators.
     pub fn new(config: &Path, change: impl Fn(String) -> String) -> CellFixture {
-        // In memory: iceoryx2 writes files through to the disk, which takes seconds while others keep the disk busy.
+        // In memory: iceoryx2 syncs its files to the disk, which takes seconds while other processes keep the disk
+        // busy.
         let memory = Path::new("/dev/shm");
         let usual = std::env::temp_dir();
         CellFixture::below(
@@ -50,14 +51,14 @@ impl CellFixture {
         )
     }
 
-    /// As [`CellFixture::new`], in a new folder below `parent`.
+    /// Like [`CellFixture::new`], with the new folder below `parent`.
     pub fn below(parent: &Path, config: &Path, change: impl Fn(String) -> String) -> CellFixture {
         let base = new_folder(parent);
         let folder = config.parent().expect("a configuration is in a folder");
         let folder = folder.canonicalize().expect("it exists");
         let text = fs::read_to_string(config).expect("the configuration can be read");
         let text = change(text);
-        // Relative paths are relative to the file, which moves.
+        // Relative paths are relative to the configuration file, and the copy is in another folder.
         let text = text.replace("../robots/", &format!("{}/../robots/", folder.display()));
         let (text, ports) = choose_ports(&text);
         let config = base.join("cell.yaml");
@@ -71,32 +72,32 @@ impl CellFixture {
         }
     }
 
-    /// The cell.
+    /// Returns the cell.
     pub fn cell(&self) -> &Cell {
         &self.cell
     }
 
-    /// The configuration file in use.
+    /// Returns the path of the edited configuration file.
     pub fn config(&self) -> &Path {
         &self.config
     }
 
-    /// A folder of this test.
+    /// Returns the folder that belongs to this test alone.
     pub fn folder(&self) -> &Path {
         &self.base
     }
 
-    /// The number of a port of the configuration.
+    /// Returns the number of a named port of the configuration.
     pub fn port(&self, name: &str) -> u16 {
         self.ports[name]
     }
 
-    /// The control port of a simulator of the configuration.
+    /// Connects to the control socket of a simulator of the configuration.
     pub fn simulator(&self, name: &str) -> Simulator {
         Simulator::connect(&self.cell.simulator_socket(name))
     }
 
-    /// A program of ours that takes `--cell`, in this cell.
+    /// Returns the command for an RCC program that takes `--cell`, set up for this cell.
     pub fn program(&self, name: &str) -> Command {
         let mut command = Command::new(program(name));
         command
@@ -107,13 +108,13 @@ impl CellFixture {
         command
     }
 
-    /// Runs `rcc-cli` with these arguments to its end.
+    /// Runs `rcc-cli` with these arguments and waits until it exits.
     pub fn cli(&self, arguments: &[&str]) -> Output {
         let mut command = self.program("rcc-cli");
         command.args(arguments).output().expect("rcc-cli runs")
     }
 
-    /// Runs `rcc-cli`, which must end with this exit code; returns stdout and stderr.
+    /// Runs `rcc-cli`, asserts its exit code, and returns its stdout and stderr.
     pub fn cli_exits(&self, exit: i32, arguments: &[&str]) -> (String, String) {
         let output = self.cli(arguments);
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -128,27 +129,27 @@ impl CellFixture {
         (out, err)
     }
 
-    /// Writes a file into the test's folder.
+    /// Writes `text` to a new file in the test's folder and returns the path.
     pub fn file(&self, text: &str) -> PathBuf {
-        // Relaxed: only different numbers are wanted.
+        // Relaxed: the numbers only need to differ.
         let number = self.files.fetch_add(1, Ordering::Relaxed);
         let path = self.base.join(format!("file-{number}.yaml"));
         fs::write(&path, text).expect("the file can be written");
         path
     }
 
-    /// One request to the loader; `None` if it cannot be reached.
+    /// Sends one request to the loader; `None` if the loader cannot be reached.
     pub fn try_rest(&self, method: &str, path: &str, body: &str) -> Option<Reply> {
         rest::request(&self.cell.socket(), method, path, body.as_bytes()).ok()
     }
 
-    /// One request to the loader, which must be there.
+    /// Sends one request to the loader; panics if the loader cannot be reached.
     pub fn rest(&self, method: &str, path: &str, body: &str) -> Reply {
         rest::request(&self.cell.socket(), method, path, body.as_bytes())
             .unwrap_or_else(|error| panic!("{method} {path}: {error}\n{}", self.logs()))
     }
 
-    /// Loads a text and waits until it is `ready` or `rejected`; returns its id and its row.
+    /// Loads a net and waits until it is `ready` or `rejected`; returns the command's id and row.
     pub fn load_any(&self, text: &str) -> (u64, Value) {
         let loaded = self.rest("POST", "/commands", text);
         assert_eq!(loaded.status, 202, "{loaded:?}");
@@ -161,25 +162,25 @@ impl CellFixture {
         (id, row)
     }
 
-    /// Loads a text that must become `ready`; returns its id.
+    /// Loads a net, asserts that it becomes `ready`, and returns the command's id.
     pub fn load(&self, text: &str) -> u64 {
         let (id, row) = self.load_any(text);
         assert_eq!(row["state"], "ready", "{row}\n{}", self.logs());
         id
     }
 
-    /// `start`, `cancel` or `abort`.
+    /// Requests the operation `what` (`start`, `cancel` or `abort`) for a command.
     pub fn operate(&self, id: u64, what: &str) -> Reply {
         self.rest("POST", &format!("/commands/{id}/{what}"), "")
     }
 
-    /// `start`, `cancel` or `abort`, which must be done.
+    /// Requests `start`, `cancel` or `abort` and asserts that the request succeeds.
     pub fn done(&self, id: u64, what: &str) {
         let reply = self.operate(id, what);
         assert_eq!(reply.status, 200, "{what} {id}: {reply:?}\n{}", self.logs());
     }
 
-    /// Starts a command that may be refused for a moment, because its device is still coming to rest.
+    /// Starts a command, and retries while START is refused because its device is still coming to rest.
     pub fn start_when_ready(&self, id: u64) {
         await_some(&format!("the start of {id}"), || {
             let reply = self.operate(id, "start");
@@ -189,21 +190,21 @@ impl CellFixture {
         });
     }
 
-    /// Loads a text and starts it as soon as its device allows it; returns its id.
+    /// Loads a net and starts it as soon as its device allows it; returns the command's id.
     pub fn run(&self, text: &str) -> u64 {
         let id = self.load(text);
         self.start_when_ready(id);
         id
     }
 
-    /// The row of a command.
+    /// Returns the row of a command.
     pub fn state(&self, id: u64) -> Value {
         let reply = self.rest("GET", &format!("/commands/{id}"), "");
         assert_eq!(reply.status, 200, "{reply:?}\n{}", self.logs());
         reply.body
     }
 
-    /// Waits until a command is terminated, also through the death of a loader; returns its row.
+    /// Waits until a command is terminated, even if the loader dies meanwhile; returns its row.
     pub fn await_end(&self, id: u64) -> Value {
         await_some(&format!("the end of command {id}"), || {
             let reply = self.try_rest("GET", &format!("/commands/{id}"), "")?;
@@ -211,13 +212,13 @@ impl CellFixture {
         })
     }
 
-    /// Waits until a command is terminated, which must be for this reason.
+    /// Waits until a command is terminated and asserts the reason.
     pub fn assert_ends(&self, id: u64, reason: &str) {
         let row = self.await_end(id);
         assert_eq!(row["reason"], reason, "{row}\n{}", self.logs());
     }
 
-    /// The row of a device; `None` while loader or executor is not there.
+    /// Returns the row of a device; `None` while the loader or the executor is not running.
     pub fn device(&self, name: &str) -> Option<Value> {
         let reply = self.try_rest("GET", "/devices", "")?;
         let rows = reply.body.as_array()?.clone();
@@ -241,14 +242,14 @@ impl CellFixture {
         });
     }
 
-    /// Who is announced; waits for somebody who is just being started.
+    /// Waits until a process with this role and label is announced and returns its announcement.
     pub fn announced(&self, role: Role, label: &str) -> Announcement {
         await_some(&format!("{role} {label} to be announced"), || {
             self.cell.announced(role, label).ok().flatten()
         })
     }
 
-    /// Kills a process of the cell and returns its incarnation.
+    /// Kills a process of the cell with SIGKILL and returns its incarnation.
     pub fn kill(&self, role: Role, label: &str) -> u64 {
         let announced = self.announced(role, label);
         assert!(
@@ -258,16 +259,16 @@ impl CellFixture {
         announced.incarnation
     }
 
-    /// Waits until another incarnation of a process is announced and alive.
+    /// Waits until a process with another incarnation than `dead` is announced and alive.
     pub fn await_successor(&self, role: Role, label: &str, dead: u64) -> Announcement {
-        // A helper that waits for a slow disk has a minute until it counts as hanging.
+        // A helper thread that waits for a slow disk counts as hung only after a minute.
         await_within(2 * LIMIT, &format!("a successor of {role} {label}"), || {
             let announced = self.cell.announced(role, label).ok().flatten()?;
             (announced.incarnation != dead && announced.liveness().is_alive()).then_some(announced)
         })
     }
 
-    /// The executor's boards, read as a monitor would.
+    /// Opens the executor's boards in the role of a monitor.
     pub fn watch(&self) -> ExecutorBoards {
         let session = Session::join(&self.cell, Role::Monitor, "watch").expect("a cell");
         let executor = self.announced(Role::Executor, "exec");
@@ -280,7 +281,7 @@ impl CellFixture {
         }
     }
 
-    /// The end of every log of the cell.
+    /// Returns the last 30 lines of each log of the cell.
     pub fn logs(&self) -> String {
         let mut text = String::new();
         for folder in [self.base.clone(), self.cell.runtime_dir().join("logs")] {
@@ -301,7 +302,8 @@ impl CellFixture {
         text
     }
 
-    /// Waits until every process of the cell is dead; one that is just ending has no environment any more, but lives.
+    /// Waits until every process of the cell is dead. Announcements are checked too: an exiting process is still alive
+    /// when its environment in `/proc` is already empty.
     pub fn await_dead(&self) {
         await_some("all processes to be dead", || {
             let announced = self.cell.announced_all().expect("a list");
@@ -312,7 +314,7 @@ impl CellFixture {
         });
     }
 
-    /// Asserts that a cell that has ended left no process, no shared memory and no file of its own.
+    /// Asserts that the ended cell left no process, no shared memory and no file in its runtime folder.
     pub fn assert_nothing_left(&self) {
         let left = self.cell.leftovers().expect("/dev/shm can be listed");
         assert!(
@@ -336,7 +338,8 @@ impl CellFixture {
 }
 
 impl Drop for CellFixture {
-    /// Ends and removes whatever is there; nothing else carries this folder in its environment.
+    /// Kills the remaining processes and removes all files. Only this cell's processes have the folder in their
+    /// environment.
     fn drop(&mut self) {
         let begun = Instant::now();
         loop {
@@ -349,7 +352,7 @@ impl Drop for CellFixture {
             }
             std::thread::sleep(Duration::from_millis(5));
         }
-        // What cannot be removed is told by the next look at /dev/shm and the temporary folder.
+        // Errors are ignored: files that could not be removed remain visible in /dev/shm and the temporary folder.
         for file in self.cell.leftovers().unwrap_or_default() {
             let _ = fs::remove_file(file);
         }
@@ -358,7 +361,7 @@ impl Drop for CellFixture {
     }
 }
 
-/// The executor's boards.
+/// Readers of the executor's status and table boards.
 pub struct ExecutorBoards {
     status: BoardReader<CycleStatus>,
     tables: BoardReader<Tables>,
@@ -366,35 +369,35 @@ pub struct ExecutorBoards {
 }
 
 impl ExecutorBoards {
-    /// The newest counters.
+    /// Returns the newest status.
     pub fn status(&self) -> CycleStatus {
         self.status.read()
     }
 
-    /// The newest tables.
+    /// Returns the newest tables.
     pub fn tables(&self) -> Tables {
         self.tables.read()
     }
 }
 
-/// Waits until `ask` gives something, with a generous limit.
+/// Polls `ask` until it returns a value; panics after [`LIMIT`].
 pub fn await_some<T>(what: &str, ask: impl FnMut() -> Option<T>) -> T {
     await_within(LIMIT, what, ask)
 }
 
-/// As [`await_some`], for what may take longer by design.
+/// Like [`await_some`], with another time limit.
 pub fn await_within<T>(limit: Duration, what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     let begun = Instant::now();
     loop {
         if let Some(value) = ask() {
             return value;
         }
-        assert!(begun.elapsed() < limit, "waited in vain for {what}");
+        assert!(begun.elapsed() < limit, "timed out waiting for {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
 
-/// All files below a folder.
+/// Returns all files below a folder, recursively.
 pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -410,14 +413,14 @@ pub fn files_below(folder: &Path) -> Vec<PathBuf> {
 
 fn new_folder(parent: &Path) -> PathBuf {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
-    // Short, because the path of a Unix socket is limited to 107 bytes. Relaxed: only different numbers are wanted.
+    // Short, because the path of a Unix socket is limited to 107 bytes. Relaxed: the numbers only need to differ.
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let folder = parent.join(format!("rcc-t{}-{number}", std::process::id()));
     fs::create_dir_all(&folder).expect("a temporary folder");
     folder.canonicalize().expect("it was just made")
 }
 
-/// Replaces `auto udp` and `auto tcp` by ports that are free now.
+/// Replaces the values of the line `ports: {…}` with ports that are free now; returns the text and the ports by name.
 fn choose_ports(text: &str) -> (String, BTreeMap<String, u16>) {
     let mut ports = BTreeMap::new();
     let mut lines = Vec::new();
@@ -441,14 +444,14 @@ fn choose_ports(text: &str) -> (String, BTreeMap<String, u16>) {
     (lines.join("\n") + "\n", ports)
 }
 
-/// A port that nobody uses, below those that the system gives out by itself: a driver that is killed must find its
-/// port free when it comes back.
+/// Returns an unused port below the ephemeral range of the system: a driver that is killed must find its port free
+/// when it is restarted.
 fn new_port() -> u16 {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     const FIRST: u32 = 12_000;
     const COUNT: u32 = 20_000;
     loop {
-        // Relaxed: only different numbers are wanted; tests of other processes begin elsewhere.
+        // Relaxed: the numbers only need to differ. The process id separates the ranges of concurrent test processes.
         let number = NEXT.fetch_add(1, Ordering::Relaxed) + std::process::id() * 97;
         let port = (FIRST + number % COUNT) as u16;
         let free = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).is_ok()

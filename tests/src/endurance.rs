@@ -200,8 +200,8 @@ fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
     }
 }
 
-/// Counts when what dead processes left has been cleaned: half-made files and names of commands without one only when they are old enough, and the
-/// executor lets go of dead monitors with the next record that it publishes.
+/// Counts when what dead processes left has been cleaned: half-made files and names of commands without one only when
+/// they are old enough, and the executor lets go of dead monitors with the next record that it publishes.
 fn settled(field: &Field<'_>, first: Option<&Census>) -> Census {
     let begun = Instant::now();
     loop {

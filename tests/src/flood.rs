@@ -1,6 +1,6 @@
-//! CANCEL by name while every door of a loader is flooded: how long it takes, as a distribution, with the machine's own
-//! stalls beside it. Floods are processes of their own, because to the Unix socket each process is a peer.
-//! Run by the main thread of an example, or by the thread of a test.
+//! Measures the latency of CANCEL by name while every interface of a loader is flooded, as a distribution beside the
+//! machine's own stalls. Each flood is a separate process, because the Unix socket distinguishes peers by process.
+//! Runs on the main thread of an example or the thread of a test.
 
 pub mod kinds;
 pub mod report;
@@ -26,42 +26,42 @@ use crate::rest::{self, Reply};
 use kinds::FloodKind;
 use report::{Cancel, Interface, Report};
 
-/// Tells a process that was started again what to flood: `KIND SOCKET ADDRESS`.
+/// Environment variable that turns a process into a flood: `KIND SOCKET ADDRESS`.
 pub const FLOOD: &str = "RCC_FLOOD";
-/// The token of the flooded cell.
+/// Access token of the flooded cell.
 pub const TOKEN: &str = "0123456789abcdef0123456789abcdef";
-/// The machine is asked so often whether it stalls.
+/// Sleep of the thread that measures stalls of the machine.
 const STALL_EVERY: Duration = Duration::from_millis(1);
 
-/// How much of everything.
+/// Size of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Large nets that are loaded before.
+    /// Number of large nets loaded before the flood.
     pub nets: usize,
-    /// Primitives of each.
+    /// Primitives of each large net.
     pub primitives: usize,
-    /// CANCELs, in turn through each door.
+    /// Number of CANCELs, sent through each interface in turn.
     pub cancels: usize,
-    /// Processes of each kind of flood.
+    /// Number of processes for each kind of flood.
     pub processes: usize,
-    /// Kinds of floods.
+    /// Kinds of floods that run.
     pub kinds: Vec<FloodKind>,
 }
 
-/// Where the doors are.
+/// Addresses of a loader's interfaces.
 #[derive(Clone, Debug)]
 pub struct Interfaces {
-    /// The Unix socket.
+    /// Path of the Unix socket.
     pub socket: PathBuf,
-    /// The TCP door.
+    /// Address of the TCP listener.
     pub address: SocketAddr,
 }
 
 impl Interfaces {
-    /// One request through a door, with the right token.
+    /// Sends one request through an interface, over TCP with the valid token.
     ///
     /// # Errors
-    /// Nobody serves it, or the answer is no HTTP.
+    /// Returns an error if the interface is not served or the response is not HTTP.
     pub fn ask(
         &self,
         door: Interface,
@@ -84,7 +84,7 @@ impl Interfaces {
     }
 }
 
-/// A net of so many primitives that does nothing and can be cancelled.
+/// Returns a net with this many primitives (at least 2) that commands nothing and ends on CANCEL.
 #[must_use]
 pub fn net(name: &str, primitives: usize) -> String {
     let mut text = format!(
@@ -105,7 +105,7 @@ pub fn net(name: &str, primitives: usize) -> String {
     text
 }
 
-/// If this process was started to flood: does so until it is killed.
+/// Floods until killed if the environment variable [`FLOOD`] is set; returns at once otherwise.
 pub fn flood_if_asked() {
     let Ok(order) = std::env::var(FLOOD) else {
         return;
@@ -121,7 +121,7 @@ pub fn flood_if_asked() {
     FloodKind::named(kind).expect("a kind of flood").run(&doors);
 }
 
-/// Processes that flood until this is dropped.
+/// Flooding processes, killed on drop.
 struct Flooders(Vec<Child>);
 
 impl Flooders {
@@ -148,7 +148,7 @@ impl Flooders {
         all
     }
 
-    /// Each of them still floods.
+    /// Asserts that every flood is still running.
     fn assert_running(&mut self) {
         for child in &mut self.0 {
             let ended = child.try_wait().expect("the child is ours");
@@ -160,14 +160,14 @@ impl Flooders {
 impl Drop for Flooders {
     fn drop(&mut self) {
         for child in &mut self.0 {
-            // One that ended already is no matter here.
+            // Fails only if the process has already exited.
             let _ = child.kill();
             let _ = child.wait();
         }
     }
 }
 
-/// A cell with both doors open.
+/// Starts a cell that listens on the Unix socket and on TCP.
 fn cell(folder: &Path) -> (TestCell, Interfaces) {
     fs::create_dir_all(folder).expect("a folder");
     let token = folder.join("token");
@@ -189,8 +189,8 @@ fn cell(folder: &Path) -> (TestCell, Interfaces) {
     (cell, doors)
 }
 
-/// Loads the large nets, floods every door, and cancels a small net again and again; `again` starts this very program so
-/// that it calls [`flood_if_asked`].
+/// Loads the large nets, floods every interface, and cancels small nets one after the other. `again` returns the
+/// command that starts this program again, so that it calls [`flood_if_asked`].
 pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     let folder = std::env::temp_dir().join(format!("rcc-flood-{}", std::process::id()));
     let (cell, doors) = cell(&folder);
@@ -217,12 +217,12 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     report.loader_restarted = after != loader;
     drop(watch);
     drop(cell);
-    // Ours alone.
+    // Only this process uses the folder; a leftover is harmless.
     let _ = fs::remove_dir_all(&folder);
     report
 }
 
-/// Loads and starts a small net, however often it takes while others want the same places, and cancels it once.
+/// Loads and starts a small net, retrying while floods occupy the command table, and cancels it once.
 fn cancel(
     cell: &TestCell,
     doors: &Interfaces,
@@ -249,7 +249,7 @@ fn cancel(
         ))
     };
     await_some(&format!("{name} to run"), || {
-        // Refused while others have all places, or answered too late; what counts is what the executor says.
+        // Refused while the floods hold all slots, or answered too late; the executor's table decides.
         let _ = doors.ask(
             Interface::Unix,
             "POST",
@@ -288,7 +288,7 @@ fn cancel(
     }
 }
 
-/// How late a thread that sleeps is woken.
+/// A thread that measures how late the machine wakes it from a sleep.
 struct Stalls {
     stop: Arc<AtomicBool>,
     thread: thread::JoinHandle<Vec<Duration>>,
@@ -316,7 +316,7 @@ impl Stalls {
     }
 }
 
-/// Resident memory of a process, bytes; 0 when it is gone.
+/// Returns the resident memory of a process, bytes; 0 if it does not exist.
 #[must_use]
 pub fn resident(pid: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
@@ -325,7 +325,7 @@ pub fn resident(pid: u32) -> u64 {
     kib.unwrap_or(0) << 10
 }
 
-/// Connects to a Unix socket, waiting while its queue is full.
+/// Connects to a Unix socket, blocking while its backlog is full; reads and writes time out after 20 s.
 pub(crate) fn connect(socket: &Path) -> Option<UnixStream> {
     let stream = UnixStream::connect(socket).ok()?;
     let limit = Some(Duration::from_secs(20));

@@ -1,5 +1,5 @@
-//! Hand-overs in a living cell, counted: the arm goes from net to net in consecutive cycles while a large net is loading.
-//! Run by a test's thread.
+//! Counts hand-overs in a running cell: the arm passes from net to net in consecutive cycles while a large net is
+//! loading. Runs on the test's thread.
 
 use std::cell::RefCell;
 
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::cell_fixture::{CellFixture, await_some};
 
-/// Holds the arm where its driver holds it, and the torch's line, until CANCEL.
+/// Commands the driver's hold position and keeps the output `gun` on until CANCEL.
 const HOLD: &str = "net: hold
 primitives:
   cancel: {type: Cancel}
@@ -21,23 +21,23 @@ primitives:
 discard: [state.position]
 ";
 
-/// Set-points around a hand-over that are looked at.
+/// Number of the newest set-points that are checked after a hand-over.
 const AROUND: usize = 16;
 
-/// What came of it.
+/// Numbers of hand-overs by property.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// Hand-overs asked for.
+    /// Requested hand-overs.
     pub asked: usize,
-    /// The old net's last cycle was the one before the new one's first.
+    /// Hand-overs in which the old net's last cycle directly precedes the new net's first.
     pub consecutive: usize,
-    /// The arm's set-points went on without a gap and in one engagement.
+    /// Hand-overs in which the arm's set-points continue without a gap and in one engagement.
     pub unbroken: usize,
-    /// The large net was still loading when the hand-over was done.
+    /// Hand-overs that were done while the large net was still loading.
     pub while_loading: usize,
 }
 
-/// The text of a net of so many primitives that runs beside anything.
+/// Returns the text of a net with this many primitives that uses no device.
 #[must_use]
 pub fn large_net(primitives: usize) -> String {
     let mut text = String::from("net: large\nprimitives:\n  n0: {type: Time}\n");
@@ -54,7 +54,7 @@ pub fn large_net(primitives: usize) -> String {
     text
 }
 
-/// Hands the arm over so many times, each time while a net of `large` primitives is loading; `tell` hears of each.
+/// Hands the arm over `times` times, each time while a net of `large` primitives is loading; calls `tell` after each.
 pub fn hand_over(
     place: &CellFixture,
     times: usize,
@@ -97,9 +97,9 @@ pub fn hand_over(
     report
 }
 
-/// The rows of both, as soon as the table shows the hand-over.
+/// True if the old net ended in the cycle before the hand-over and the new net started in the cycle of the hand-over.
 fn is_consecutive(place: &CellFixture, (old, new): (u64, u64), cycle: u64) -> bool {
-    // The tables are written in the cycle of the hand-over; a request may still see the ones before.
+    // The tables are written in the cycle of the hand-over; a request may still read the previous ones.
     let row = await_some("the table after the hand-over", || {
         let row: Value = place.state(new);
         (row["state"] != "ready").then_some(row)
@@ -111,8 +111,9 @@ fn is_consecutive(place: &CellFixture, (old, new): (u64, u64), cycle: u64) -> bo
         && (first, last) == (Some(cycle), cycle.checked_sub(1))
 }
 
-/// The set-points of the cycles around the hand-over, looked at before the ring forgets them, else those that are left:
-/// since an engagement never comes back, its number tells.
+/// True if the newest set-points on the command board all have a position and belong to the engagement `owner`. The
+/// board may have overwritten those of the hand-over already; an engagement number is never reused, so that the
+/// remaining ones suffice.
 fn is_unbroken(arm: &Arm, cycle: u64, owner: u64) -> bool {
     let image = await_some("the set-point of that cycle", || {
         let image = arm.image();
@@ -132,7 +133,7 @@ fn newest_owner(image: &CommandImage) -> u64 {
     image.at(image.head.sequence).map_or(0, |point| point.owner)
 }
 
-/// What the arm of the demo cell is told, and what its driver tells.
+/// Readers of the command board and the measurement board of the demo cell's arm.
 pub struct Arm {
     image: RefCell<CommandReader>,
     measurement: BoardReader<Measurement>,
@@ -140,7 +141,7 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// Opens the boards of the living executor and driver.
+    /// Opens the boards of the running executor and driver.
     pub fn of(place: &CellFixture) -> Arm {
         let session = Session::join(place.cell(), Role::Monitor, "arm").expect("a cell");
         let executor = place.announced(Role::Executor, "exec");
@@ -154,12 +155,12 @@ impl Arm {
         }
     }
 
-    /// The newest set-points.
+    /// Returns the newest set-points.
     pub fn image(&self) -> CommandImage {
         *self.image.borrow_mut().read()
     }
 
-    /// The newest measurement.
+    /// Returns the newest measurement.
     pub fn measurement(&self) -> Measurement {
         self.measurement.read()
     }

@@ -1,6 +1,6 @@
-//! Faults that `strace` injects into system calls of a process: its death before a call, or an error in place of it.
-//! strace counts the calls of each name in each thread, so a call is named by a name and a number: the n-th `openat`.
-//! Run by a test's thread.
+//! Fault injection into system calls with `strace`: kills a process before a call, or makes the call fail.
+//! strace counts the calls of each name per thread, so a call is identified by name and number: the n-th `openat`.
+//! Runs on the test's thread.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -10,19 +10,19 @@ use std::process::{Child, Command, Stdio};
 use crate::processes::ends_with_test;
 use crate::unsupervised_cell::UnsupervisedCell;
 
-/// The call that gets no error: the kernel refuses no wake-up, and one that is swallowed hangs any program.
+/// The call that is never made to fail: the kernel does not refuse a wake-up, and a lost one hangs any program.
 pub const NEVER_FAILS: &str = "futex";
 
-/// Errors that the system gives when it is full, interrupted or broken.
+/// Injected errors: those of a full, interrupted or broken system.
 pub const ERRORS: [&str; 5] = ["ENOSPC", "ENOMEM", "EMFILE", "EINTR", "EIO"];
 
-/// The n-th call of a name in a thread.
+/// A system call by its name and its number among the calls of that name in a thread, from 1.
 pub type SystemCall = (String, usize);
 
-/// Why system calls cannot be traced here, if they cannot.
+/// Checks that system calls can be traced on this machine.
 ///
 /// # Errors
-/// There is no strace, or we may not trace.
+/// Returns the reason if strace is not installed or tracing is not permitted.
 pub fn can_trace() -> Result<(), String> {
     let output = Command::new("strace")
         .args(["-f", "-o", "/dev/null", "true"])
@@ -34,7 +34,7 @@ pub fn can_trace() -> Result<(), String> {
     }
 }
 
-/// A program of the cell under strace with these options; nothing is started yet.
+/// Returns the command that runs a program of the cell under strace with these strace options.
 pub fn traced(
     cell: &UnsupervisedCell,
     program: &str,
@@ -57,10 +57,10 @@ pub fn traced(
     command
 }
 
-/// Starts a program of the cell under strace with these options; what it says goes to `stderr`.
+/// Starts a program of the cell under strace with these strace options; its stderr goes to `stderr`.
 ///
 /// # Panics
-/// strace does not start.
+/// Panics if strace cannot be started.
 pub fn start_traced(
     cell: &UnsupervisedCell,
     program: &str,
@@ -73,17 +73,18 @@ pub fn start_traced(
     ends_with_test(&mut command).spawn().expect("strace starts")
 }
 
-/// The process that strace started.
+/// Returns the process id of the traced program; `None` if it has not started or has exited.
 pub fn tracee(strace: &Child) -> Option<u32> {
     let pid = strace.id();
     let children = fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).ok()?;
     children.split_whitespace().next()?.parse().ok()
 }
 
-/// Each call of a trace that strace wrote with `-f -o`, in their order, until one for which `last` says so.
+/// Returns the distinct calls in a trace written by `strace -f -o`, in order, up to and including the first one for
+/// which `last` returns true.
 ///
 /// # Panics
-/// There is no such file.
+/// Panics if the file cannot be read.
 pub fn calls_of(file: &Path, mut last: impl FnMut(&str, &str) -> bool) -> Vec<SystemCall> {
     let text = fs::read_to_string(file).expect("strace wrote it");
     let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
@@ -94,7 +95,7 @@ pub fn calls_of(file: &Path, mut last: impl FnMut(&str, &str) -> bool) -> Vec<Sy
             continue;
         };
         let call = call.trim_start();
-        // `<... resumed>`, `+++ exited`, `--- SIGNAL` are no calls.
+        // Lines such as `<... resumed>`, `+++ exited` and `--- SIGNAL` are not calls.
         let name = call.split('(').next().unwrap_or_default();
         if name.is_empty() || !name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') {
             continue;
@@ -111,7 +112,7 @@ pub fn calls_of(file: &Path, mut last: impl FnMut(&str, &str) -> bool) -> Vec<Sy
     calls
 }
 
-/// All of them if `RCC_EVERY_SYSCALL=1` asks for it, otherwise `sample` of them, evenly spread and the same each time.
+/// Returns all elements if `RCC_EVERY_SYSCALL=1` is set, otherwise `sample` of them: evenly spread and deterministic.
 pub fn choose<T: Clone>(all: &[T], sample: usize) -> Vec<T> {
     let every = std::env::var_os("RCC_EVERY_SYSCALL").is_some_and(|value| value == "1");
     let count = if every {
@@ -119,14 +120,14 @@ pub fn choose<T: Clone>(all: &[T], sample: usize) -> Vec<T> {
     } else {
         sample.min(all.len())
     };
-    // The middles of as many equal parts.
+    // The middle element of each of `count` equal parts.
     (0..count)
         .map(|part| all[(2 * part + 1) * all.len() / (2 * count)].clone())
         .collect()
 }
 
-/// True if code of ours has panicked. The standard library does where a sleep fails, and iceoryx2 where a file cannot be
-/// closed.
+/// True if the log shows a panic in a package of this repository. Other panics are accepted: the standard library
+/// panics if a sleep fails, and iceoryx2 if a file cannot be closed.
 pub fn panics_of_ours(log: &str) -> bool {
     let places = log
         .lines()

@@ -1,5 +1,5 @@
-//! What a long test did and when, so that a late cycle can be laid beside it, and what it found.
-//! Written by every thread of the test.
+//! Time-stamped log of the actions of a long test, used to find what happened around a late cycle, and its findings
+//! (violated conditions). Written by every thread of the test.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,24 +9,24 @@ use std::time::Duration;
 
 use rcc_ipc::monotonic_ns;
 
-/// Entries that are remembered.
+/// Number of entries that are kept; the oldest are dropped.
 const REMEMBERED: usize = 4096;
-/// Findings that are kept; more are only counted.
+/// Number of findings that are kept; further ones are only counted.
 const FINDINGS_MAX: usize = 200;
 
-/// Entries with their time, findings, and whether the test is to end.
+/// Entries with their times, findings, and the flag that ends the test.
 #[derive(Debug, Default)]
 pub struct Journal {
     entries: Mutex<VecDeque<(u64, String)>>,
     findings: Mutex<Vec<String>>,
     found: AtomicU64,
     over: AtomicBool,
-    // Shared by every round, exclusive in a quiet moment.
+    // Each round holds it for reading; `quiet` holds it for writing.
     calm: RwLock<()>,
 }
 
 impl Journal {
-    /// Notes that something happens now.
+    /// Adds an entry with the current time.
     pub fn note(&self, what: String) {
         let mut entries = self.entries.lock().expect("no thread panics in here");
         if entries.len() == REMEMBERED {
@@ -35,7 +35,7 @@ impl Journal {
         entries.push_back((monotonic_ns(), what));
     }
 
-    /// What happened in a stretch of CLOCK_MONOTONIC.
+    /// Returns the entries of an interval of CLOCK_MONOTONIC, inclusive.
     pub fn between(&self, from_ns: u64, to_ns: u64) -> Vec<String> {
         let entries = self.entries.lock().expect("no thread panics in here");
         let within = entries
@@ -44,7 +44,7 @@ impl Journal {
         within.map(|(_, what)| what.clone()).collect()
     }
 
-    /// Keeps something that must not be.
+    /// Records a violated condition.
     pub fn add_finding(&self, what: String) {
         eprintln!("FOUND {what}");
         self.note(format!("found: {what}"));
@@ -57,23 +57,23 @@ impl Journal {
         }
     }
 
-    /// Everything found, and how much it was.
+    /// Returns the findings that were kept, and the number of all findings.
     pub fn findings(&self) -> (Vec<String>, u64) {
         let findings = self.findings.lock().expect("no thread panics in here");
         (findings.clone(), self.found.load(Ordering::Relaxed))
     }
 
-    /// Tells every thread to end its round and stop.
+    /// Tells every thread to finish its round and stop.
     pub fn end(&self) {
         self.over.store(true, Ordering::Release);
     }
 
-    /// True when the threads are to stop.
+    /// True once the threads are told to stop.
     pub fn is_over(&self) -> bool {
         self.over.load(Ordering::Acquire)
     }
 
-    /// Sleeps, but not beyond the end.
+    /// Sleeps for `time`, or until the test ends if that is sooner.
     pub fn pause(&self, time: Duration) {
         let until_ns = monotonic_ns() + time.as_nanos() as u64;
         while !self.is_over() && monotonic_ns() < until_ns {
@@ -82,12 +82,13 @@ impl Journal {
         }
     }
 
-    /// Waits until no round is under way; none begins while the answer lives.
+    /// Waits until no round is running; none begins while the returned guard is alive.
     pub fn quiet(&self) -> RwLockWriteGuard<'_, ()> {
         self.calm.write().unwrap_or_else(|held| held.into_inner())
     }
 
-    /// Runs rounds of `who` until the end. A round that panics is a finding, and the next one is tried.
+    /// Runs rounds of the activity `who` until the test ends. A panic in a round is recorded as a finding, and the next
+    /// round runs after 1 s.
     pub fn rounds(&self, who: &str, mut round: impl FnMut(u64)) {
         for number in 0.. {
             let _under_way = self.calm.read().unwrap_or_else(|held| held.into_inner());
@@ -107,18 +108,18 @@ impl Journal {
     }
 }
 
-/// xorshift64*, so that a printed seed gives the same choices again.
+/// Pseudo-random numbers by xorshift64*: the same seed reproduces the same choices.
 #[derive(Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// From a seed and the number of the thread that uses it.
+    /// Creates the generator of one thread from the seed of the run and the thread's number.
     pub fn new(seed: u64, thread: u64) -> Random {
         let mixed = seed ^ (thread + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         Random(mixed | 1)
     }
 
-    /// A number below `bound`.
+    /// Returns a number below `bound`.
     pub fn below(&mut self, bound: u64) -> u64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -126,12 +127,12 @@ impl Random {
         (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 16) % bound
     }
 
-    /// True in so many of a hundred cases.
+    /// Returns true with a probability of `part` percent.
     pub fn percent(&mut self, part: u64) -> bool {
         self.below(100) < part
     }
 
-    /// A time below `bound`.
+    /// Returns a duration below `bound`, in whole µs.
     pub fn time_below(&mut self, bound: Duration) -> Duration {
         Duration::from_micros(self.below(bound.as_micros().max(1) as u64))
     }

@@ -1,6 +1,6 @@
-//! Whose fault a late cycle is: the executor's board is watched, and each late cycle is laid beside a reference thread
-//! of higher priority on the same core, and beside the time that the host took from this machine.
-//! Three threads of their own: the reference, a watcher (both SCHED_FIFO), and an analyst.
+//! Attributes each late cycle to the machine or to the executor: late cycles read from the status board are compared
+//! with the stalls of a reference thread of higher priority on the same core, and with the steal time of the host.
+//! Runs on three threads: the reference and the watcher (both SCHED_FIFO), and the analyst.
 
 use std::collections::VecDeque;
 use std::fs;
@@ -19,88 +19,88 @@ use crate::cell_fixture::CellFixture;
 use crate::journal::Journal;
 use crate::reference::{ReferenceThread, Stall, promote};
 
-/// The reference thread wakes so often: four times as often as the executor, so that little can hide between.
+/// Period of the reference thread: a quarter of the executor's, so that few stalls fall between two wake-ups.
 const REFERENCE_NS: u64 = 250_000;
-/// The watcher looks so often.
+/// Interval at which the watcher reads the status board.
 const WATCH_EVERY: Duration = Duration::from_micros(250);
-/// A cycle of this period computes for far less than half of it: a machine that made it late stood still for the rest,
-/// and of that the reference misses at most one of its own periods.
+/// Stall per late cycle from which the machine is the cause. A cycle computes for far less than half of its period, so
+/// a machine that made it late stalled for the rest; the reference misses at most one of its own periods of that.
 const STALLED_NS_MIN: u64 = 250_000;
-/// How long stalls, samples and unjudged late cycles are kept.
+/// How long stalls and samples of the steal time are kept.
 const KEEP_NS: u64 = 5_000_000_000;
-/// How long after a late cycle it is judged: everything about it has arrived then.
+/// Delay until a late cycle is attributed: all data about it has arrived by then.
 const JUDGE_AFTER_NS: u64 = 300_000_000;
 const ANALYSE_EVERY: Duration = Duration::from_millis(20);
-/// Late cycles that are kept one by one; more are only counted.
+/// Number of entries that are kept one by one; further ones are only counted unless unexplained.
 const KEPT_MAX: usize = 2000;
 
-/// Why a cycle was late.
+/// Cause of a late cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// The reference thread was late too, so long in all within the same stretch.
+    /// The reference thread was late too, within the same interval.
     Machine {
-        /// Sum of the stalls, ns.
+        /// Sum of the reference thread's stalls in the interval, ns.
         stalled_ns: u64,
     },
-    /// The reference was not late, but the host took time from the core (`/proc/stat`, ticks of 10 ms).
+    /// The reference was not late, but the host took time from the core (steal time in `/proc/stat`).
     Steal {
-        /// Ticks.
+        /// Steal time, ticks of 10 ms.
         ticks: u64,
     },
-    /// Ours.
+    /// Neither: the executor is at fault.
     Unexplained,
 }
 
-/// One or more late cycles between two looks.
+/// One or more late cycles between two reads of the status board.
 #[derive(Clone, Debug)]
 pub struct LateCycles {
-    /// The last of them.
+    /// Number of the last late cycle.
     pub cycle: u64,
-    /// How many.
+    /// Number of late cycles.
     pub count: u64,
-    /// Wake-up of a cycle before, CLOCK_MONOTONIC.
+    /// Wake-up of a cycle before them, CLOCK_MONOTONIC.
     pub from_ns: u64,
-    /// Wake-up of the cycle after, CLOCK_MONOTONIC.
+    /// Wake-up of the newest cycle when they were seen, CLOCK_MONOTONIC.
     pub to_ns: u64,
-    /// How long after its time the last of them woke.
+    /// Wake-up delay of the last late cycle, ns.
     pub wake_ns: u64,
-    /// How long that one computed.
+    /// Computation time of the last late cycle, ns.
     pub exec_ns: u64,
-    /// Why.
+    /// The cause.
     pub cause: Cause,
-    /// What the test did at the time; only for unexplained ones.
+    /// Journal entries and stalls around that time; only if the cause is unexplained.
     pub beside: Vec<String>,
 }
 
-/// What came out.
+/// Late cycles of a run with their causes.
 #[derive(Clone, Debug, Default)]
 pub struct LatenessReport {
-    /// Cycles judged.
+    /// Number of cycles watched.
     pub cycles: u64,
-    /// Late cycles, as the executor counts them.
+    /// Number of late cycles, as the executor counts them.
     pub late: u64,
-    /// Of them: the reference thread was late too.
+    /// Late cycles during which the reference thread was late too.
     pub by_machine: u64,
-    /// Of them: only the host's accounting tells.
+    /// Late cycles explained only by the host's steal time.
     pub by_steal: u64,
-    /// Of them: ours.
+    /// Late cycles without explanation, attributed to the executor.
     pub unexplained: u64,
-    /// Each, as far as they are kept; the unexplained ones always.
+    /// The entries one by one, at most 2000 plus all unexplained ones.
     pub each: Vec<LateCycles>,
-    /// Wake-ups of the reference thread later than 0.1 ms.
+    /// Number of wake-ups of the reference thread that were more than 0.1 ms late.
     pub stalls: u64,
-    /// The longest of them, ns.
+    /// Longest stall of the reference thread, ns.
     pub stall_max_ns: u64,
-    /// Longest computation of a cycle, ns.
+    /// Longest computation time of a cycle, ns.
     pub exec_max_ns: u64,
-    /// Monitor records that the executor dropped.
+    /// Number of monitor records that the executor dropped.
     pub dropped_records: u64,
-    /// True while cycle numbers never went back and the executor was the same one.
+    /// True if the cycle number never decreased and the incarnation of the executor never changed.
     pub consecutive: bool,
 }
 
 impl LatenessReport {
-    /// Takes in what came out for another executor.
+    /// Adds the report on another executor of the same run.
     pub fn add(&mut self, other: LatenessReport) {
         self.consecutive = other.consecutive && (self.consecutive || self.cycles == 0);
         self.cycles += other.cycles;
@@ -116,7 +116,7 @@ impl LatenessReport {
     }
 }
 
-/// The running judge.
+/// A running observation of an executor.
 #[derive(Debug)]
 pub struct LatenessMonitor {
     stop: Arc<AtomicBool>,
@@ -126,7 +126,7 @@ pub struct LatenessMonitor {
     late: Arc<AtomicU64>,
 }
 
-/// First and last look of the watcher.
+/// First and last status read by the watcher.
 struct ObservedRange {
     first: CycleStatus,
     last: CycleStatus,
@@ -134,8 +134,8 @@ struct ObservedRange {
 }
 
 impl LatenessMonitor {
-    /// Watches the living executor, which runs at `priority` on `core`. `None` if the system grants no priority: then
-    /// nobody can tell whose fault a late cycle is.
+    /// Starts watching the running executor, which has `priority` on `core`. `None` if the system does not grant
+    /// real-time priorities: a late cycle cannot be attributed without them.
     pub fn start(
         place: &CellFixture,
         core: usize,
@@ -151,7 +151,7 @@ impl LatenessMonitor {
         let (cell, stopped) = (place.cell().clone(), Arc::clone(&stop));
         let watcher = std::thread::spawn(move || {
             let other = (0..2).find(|&other| other != core);
-            // Without it the watcher looks less often, and its stretches are longer.
+            // Without the priority the watcher reads less often, and its intervals are longer.
             promote(other, priority - 1);
             watch(&cell, &executor, &stopped, &late_in, &told)
         });
@@ -177,15 +177,15 @@ impl LatenessMonitor {
         })
     }
 
-    /// Unexplained late cycles so far.
+    /// Returns the number of unexplained late cycles so far.
     pub fn unexplained(&self) -> u64 {
         // Relaxed: a figure for the progress line.
         self.late.load(Ordering::Relaxed)
     }
 
-    /// Ends it.
+    /// Stops watching and returns the report.
     pub fn finish(self) -> LatenessReport {
-        // What is late at the very end is told by the next cycles.
+        // A late cycle at the very end shows in the status of the next cycles.
         std::thread::sleep(Duration::from_millis(50));
         self.stop.store(true, Ordering::Release);
         let watched = self.watcher.join().expect("the watcher does not panic");
@@ -202,7 +202,7 @@ impl LatenessMonitor {
     }
 }
 
-/// Looks at the status board. Allocates only when a cycle was late.
+/// Reads the status board until stopped. Allocates only when a cycle was late.
 fn watch(
     cell: &Cell,
     executor: &Announcement,
@@ -233,7 +233,7 @@ fn watch(
                     cause: Cause::Unexplained,
                     beside: Vec::new(),
                 };
-                // The analyst ends after this thread's last look at the earliest.
+                // The analyst keeps the receiver until after the last read; a failed send needs no handling.
                 let _ = late.send(told);
             }
             looks = [newest, now];
@@ -250,11 +250,11 @@ fn watch(
     }
 }
 
-/// What is remembered of the last seconds.
+/// Stalls, steal time and late cycles of the last seconds.
 #[derive(Default)]
 struct RecentEvents {
     stalls: VecDeque<Stall>,
-    /// Time and ticks that the host took from the core so far.
+    /// Time (CLOCK_MONOTONIC, ns) and steal ticks of the core since boot.
     steal: VecDeque<(u64, u64)>,
     late: VecDeque<LateCycles>,
 }
@@ -274,7 +274,7 @@ impl LatenessAnalyst {
         loop {
             let last = stop.load(Ordering::Acquire);
             if last {
-                // The watcher's last look and the stalls until then.
+                // Time for the watcher's last read and the stalls before it to arrive.
                 std::thread::sleep(Duration::from_millis(10));
             }
             self.gather();
@@ -368,7 +368,7 @@ impl LatenessAnalyst {
     }
 }
 
-/// Ticks of 10 ms that the host took from a core since the machine's start.
+/// Returns the steal time of a core since boot, ticks of 10 ms; 0 if it cannot be read.
 pub fn steal_ticks(core: usize) -> u64 {
     let text = fs::read_to_string("/proc/stat").unwrap_or_default();
     let name = format!("cpu{core} ");

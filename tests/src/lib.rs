@@ -1,5 +1,5 @@
-//! A bench for tests across processes: builds the programs once, gives each test a cell of its own, kills what is
-//! asked for, and leaves nothing behind, also when the test fails. Run by the threads of the test harness.
+//! Harness for tests across processes: builds the programs once, gives each test its own cell, kills processes on
+//! request, and cleans up even when the test fails. Runs on the threads of the test harness.
 
 pub mod cell;
 pub mod cell_fixture;

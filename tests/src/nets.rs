@@ -1,7 +1,7 @@
-//! Texts of small nets that the suites load, for the demo cell's devices.
-//! Pure.
+//! Texts of small nets for the demo cell's devices, loaded by the suites.
+//! Pure functions.
 
-/// The start of the simulated arm, J1 to J7, rad (`configs/cells/demo.yaml`).
+/// Start position of the simulated arm, J1 to J7, rad (`configs/cells/demo.yaml`).
 pub const START: [f64; 7] = [
     0.0,
     -0.523_598_775_598_298_8,
@@ -12,12 +12,12 @@ pub const START: [f64; 7] = [
     0.0,
 ];
 
-/// A line of the flange to `y` (m) at `speed` (m/s), from wherever the arm is held; it can be cancelled.
+/// Moves the flange on a straight line from the current hold position to `y` (m) at `speed` (m/s); stops on CANCEL.
 pub fn line(name: &str, y: f64, speed: f64) -> String {
     motion(name, y, speed, "")
 }
 
-/// As [`line()`], with further primitives (lines of the section `primitives`).
+/// Like [`line()`], with additional primitives (lines of the section `primitives`).
 pub fn motion(name: &str, y: f64, speed: f64, further: &str) -> String {
     format!(
         "net: {name}
@@ -39,25 +39,25 @@ primitives:
     )
 }
 
-/// Further primitives of [`motion`]: the last joint turns by 50 rad for each metre, too fast for it.
+/// Additional primitives of [`motion`]: J7 turns by 50 rad per metre, which exceeds its velocity limit.
 pub const TURNED_AS_WELL: &str = "  \
   turn: {type: Multiply, inputs: {a: move.distance, b: 50 rad/m}}
   turned: {type: SetElement, inputs: {in: ik.joints, index: 6, value: turn.out}}
 ";
 
-/// A line that cannot be cancelled.
+/// Like [`line()`], but ignores CANCEL.
 pub fn uncancellable_line(name: &str, y: f64, speed: f64) -> String {
     line(name, y, speed)
         .replace("  cancel: {type: Cancel}\n", "")
         .replace("    inputs: {stop: cancel.requested}\n", "")
 }
 
-/// Switches the lamp of the device `io` on until CANCEL; its logical time is monitored every cycle.
+/// Switches the lamp of the device `io` on until CANCEL; monitors the net's logical time every cycle.
 pub fn lamp(name: &str) -> String {
     output(name, "io", "lamp")
 }
 
-/// Holds a digital output true until CANCEL; its logical time is monitored every cycle.
+/// Keeps a digital output true until CANCEL; monitors the net's logical time every cycle.
 pub fn output(name: &str, device: &str, channel: &str) -> String {
     format!(
         "net: {name}
@@ -71,7 +71,7 @@ primitives:
     )
 }
 
-/// Commands nothing; its logical time is monitored every cycle until CANCEL.
+/// Commands nothing; monitors the net's logical time every cycle until CANCEL.
 pub fn clock(name: &str) -> String {
     format!(
         "net: {name}
@@ -84,7 +84,7 @@ primitives:
     )
 }
 
-/// Commands nothing; a digital input is monitored every cycle until CANCEL.
+/// Commands nothing; monitors a digital input every cycle until CANCEL.
 pub fn input(name: &str, device: &str, channel: &str) -> String {
     format!(
         "net: {name}

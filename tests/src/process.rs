@@ -1,5 +1,5 @@
-//! One process of a cell that a program of ours starts, kills and starts again.
-//! Run by the thread that starts it: the process is asked to end with that thread.
+//! One process of a cell that a test program starts, kills and restarts.
+//! Used by one thread: the process has `--parent-death` and ends with the thread that started it.
 
 use std::fs::File;
 use std::process::{Child, ExitStatus, Stdio};
@@ -10,7 +10,7 @@ use nix::sys::signal::Signal;
 use crate::cell_fixture::{CellFixture, LIMIT};
 use crate::processes::signal;
 
-/// A process and how it is started.
+/// A process with the command line that starts it.
 #[derive(Debug)]
 pub struct Process {
     name: String,
@@ -20,7 +20,7 @@ pub struct Process {
 }
 
 impl Process {
-    /// A program of the cell that takes `--cell` and `--config`; it is not started yet. `name` is that of its log.
+    /// Describes a program that takes `--cell` and `--config`, without starting it. Its log is `NAME.log`.
     pub fn of_cell(
         place: &CellFixture,
         name: &str,
@@ -38,20 +38,21 @@ impl Process {
         }
     }
 
-    /// The driver of a device, with the priority that a supervisor gives it below an executor's `priority`.
+    /// Describes the driver of a device, at the priority that a supervisor gives it: 10 below the executor's
+    /// `priority`.
     pub fn driver(place: &CellFixture, device: &str, priority: u8) -> Process {
         let priority = priority.saturating_sub(10).max(1).to_string();
         let further = ["--device", device, "--priority", &priority];
         Process::of_cell(place, device, "rcc-driver", &further)
     }
 
-    /// Its name.
+    /// Returns the name.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Starts it; returns its process id. Nothing is run between fork and exec, so that this process is not copied:
-    /// a copy would make the pages of the reference thread fault.
+    /// Starts the process and returns its process id. There is no `pre_exec` hook, so that the standard library need
+    /// not fork: copy-on-write after a fork would cause page faults in the reference thread.
     pub fn start(&mut self, place: &CellFixture) -> u32 {
         let path = place.folder().join(format!("{}.log", self.name));
         let log = File::options().create(true).append(true).open(path);
@@ -67,12 +68,12 @@ impl Process {
         pid
     }
 
-    /// Its process id; 0 while it does not run.
+    /// Returns the process id; 0 before `start` and after `end`.
     pub fn pid(&self) -> u32 {
         self.child.as_ref().map_or(0, Child::id)
     }
 
-    /// How it ended, if it did.
+    /// Returns the exit status if the process has exited.
     pub fn ended(&mut self) -> Option<ExitStatus> {
         self.child
             .as_mut()?
@@ -80,7 +81,8 @@ impl Process {
             .expect("the child can be asked")
     }
 
-    /// Sends a signal and waits until it is dead; `None` if it had to be killed because it did not obey.
+    /// Sends a signal and waits for the exit status; `None` if the process was not running, or had to be killed because
+    /// it did not exit within [`LIMIT`].
     pub fn end(&mut self, with: Signal) -> Option<ExitStatus> {
         let mut child = self.child.take()?;
         signal(child.id(), with);

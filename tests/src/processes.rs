@@ -1,5 +1,5 @@
-//! Processes of a test: found by their environment, signalled, and ended with the test.
-//! Run by the threads of the test harness.
+//! Finds the processes of a test by their environment, sends signals, and ends children together with the test.
+//! Runs on the threads of the test harness.
 #![allow(unsafe_code)] // `pre_exec` has no safe wrapper.
 
 use std::fs;
@@ -10,12 +10,12 @@ use std::process::Command;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-/// Sends a signal; false if there is no such process.
+/// Sends a signal; false if the process does not exist.
 pub fn signal(pid: u32, signal: Signal) -> bool {
     kill(Pid::from_raw(pid.cast_signed()), signal).is_ok()
 }
 
-/// Ends the child when the thread that starts it ends, also when the whole test is killed.
+/// Makes the child die with the thread that starts it, even if the whole test is killed.
 pub fn ends_with_test(command: &mut Command) -> &mut Command {
     // SAFETY: between fork and exec only `prctl` is called, which is async-signal-safe.
     unsafe {
@@ -23,7 +23,7 @@ pub fn ends_with_test(command: &mut Command) -> &mut Command {
     }
 }
 
-/// Processes that were started with this runtime folder.
+/// Returns the process ids of all other processes whose `RCC_RUNTIME_DIR` is `base`.
 pub fn with_runtime_dir(base: &Path) -> Vec<u32> {
     let wanted = format!("RCC_RUNTIME_DIR={}", base.display());
     let own = std::process::id();
@@ -39,7 +39,7 @@ pub fn with_runtime_dir(base: &Path) -> Vec<u32> {
         .collect()
 }
 
-/// The words of a process's command line.
+/// Returns the arguments of a process's command line.
 pub fn command_line(pid: u32) -> Vec<String> {
     let bytes = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
     let words = bytes.split(|byte| *byte == 0);
@@ -48,7 +48,7 @@ pub fn command_line(pid: u32) -> Vec<String> {
         .collect()
 }
 
-/// The threads of a process with their names.
+/// Returns the thread ids of a process with their names.
 pub fn threads(pid: u32) -> Vec<(u32, String)> {
     let folder = format!("/proc/{pid}/task");
     let entries = fs::read_dir(&folder).into_iter().flatten().flatten();
@@ -60,7 +60,7 @@ pub fn threads(pid: u32) -> Vec<(u32, String)> {
     .collect()
 }
 
-/// What a process holds: open files and mappings of shared memory.
+/// Numbers of open files and shared-memory mappings of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OpenResources {
     /// Open file descriptors.
@@ -69,7 +69,7 @@ pub struct OpenResources {
     pub mappings: usize,
 }
 
-/// What a process holds now.
+/// Counts the open files and shared-memory mappings of a process.
 pub fn holdings(pid: u32) -> OpenResources {
     let files = fs::read_dir(format!("/proc/{pid}/fd")).map_or(0, Iterator::count);
     let maps = fs::read_to_string(format!("/proc/{pid}/maps")).unwrap_or_default();

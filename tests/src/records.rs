@@ -1,5 +1,5 @@
-//! Every monitor record of an executor, collected while a test does something else.
-//! A thread of its own reads them, at a real-time priority where the system grants one.
+//! Collects every monitor record of an executor while a test does something else.
+//! A dedicated thread reads them, at a real-time priority if the system grants one.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,7 +13,7 @@ use rcc_ipc::{Role, Session};
 use crate::cell_fixture::CellFixture;
 use crate::reference::promote;
 
-/// Below the executor's, above everything ordinary.
+/// Real-time priority of the collector: below the executor's, above all non-real-time threads.
 const PRIORITY: i32 = 10;
 
 /// The running collector.
@@ -24,7 +24,7 @@ pub struct RecordCollector {
 }
 
 impl RecordCollector {
-    /// Collects everything that the cell's living executor publishes from now on.
+    /// Starts collecting everything that the cell's running executor publishes from now on.
     pub fn follow(place: &CellFixture) -> RecordCollector {
         let executor = place.announced(Role::Executor, "exec");
         let cell = place.cell().clone();
@@ -36,12 +36,12 @@ impl RecordCollector {
             let mut stream = session
                 .subscribe::<MonitorRecord>(&executor.services[RECORDS])
                 .expect("the records' stream");
-            // Without the priority it collects too, but may lose records on a busy machine.
+            // Without the priority it still collects, but may lose records on a busy machine.
             promote(None, PRIORITY);
             told.send(()).expect("the test waits");
             let mut all = Vec::new();
             loop {
-                // Looked at first, so that what was published before the end is read.
+                // Loaded before the last read, so that every record published before the end is read.
                 let last = stopped.load(Ordering::Acquire);
                 while stream
                     .read_into(&mut all)
@@ -57,7 +57,7 @@ impl RecordCollector {
         RecordCollector { stop, thread }
     }
 
-    /// Ends it; returns all records in order.
+    /// Stops collecting and returns all records in order.
     pub fn finish(self) -> Vec<MonitorRecord> {
         self.stop.store(true, Ordering::Release);
         self.thread.join().expect("the collector does not panic")

@@ -1,6 +1,6 @@
-//! A reference thread: wakes more often than the executor and at a higher priority, on the same core. Where it is late
-//! too, the machine was, and not the executor. It is a thread of its own.
-#![allow(unsafe_code)] // A scheduler call that has no safe wrapper.
+//! A reference thread that wakes more often than the executor, at a higher priority, on the same core. When it is late
+//! too, the machine caused the delay, not the executor.
+#![allow(unsafe_code)] // `sched_setscheduler` has no safe wrapper in nix.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,23 +10,23 @@ use nix::sched::{CpuSet, sched_setaffinity};
 use nix::unistd::Pid;
 use rcc_ipc::{monotonic_ns, sleep_until};
 
-/// An eighth of the executor's period: a stall of half a period can lie between two wake-ups that are a whole one apart.
+/// An eighth of the executor's period: with one whole period, a stall of half a period could fall between two wake-ups.
 const PERIOD_NS: u64 = 125_000;
-/// A wake-up later than this is a stall: a tenth of the executor's period.
+/// A wake-up later than this counts as a stall: a tenth of the executor's period.
 const STALL_NS: u64 = 100_000;
-/// Stalls that are under way in a stream.
+/// Capacity of the ring of [`ReferenceThread::stream`], in stalls.
 const RING: usize = 16_384;
 
-/// A stretch in which the machine did not let the reference thread run, CLOCK_MONOTONIC.
+/// An interval in which the reference thread was ready but did not run, CLOCK_MONOTONIC.
 #[derive(Clone, Copy, Debug)]
 pub struct Stall {
-    /// When it should have woken.
+    /// Time at which it should have woken.
     pub from_ns: u64,
-    /// When it did.
+    /// Time at which it woke.
     pub to_ns: u64,
 }
 
-/// The running thread.
+/// A running reference thread.
 #[derive(Debug)]
 pub struct ReferenceThread {
     stop: Arc<AtomicBool>,
@@ -34,7 +34,7 @@ pub struct ReferenceThread {
 }
 
 impl ReferenceThread {
-    /// Starts it on `core`; `None` if the system does not grant the priority.
+    /// Starts the thread on `core`; `None` if the system does not grant the priority.
     pub fn start(core: usize, priority: i32) -> Option<ReferenceThread> {
         let stop = Arc::new(AtomicBool::new(false));
         let (told, tell) = std::sync::mpsc::channel();
@@ -53,8 +53,8 @@ impl ReferenceThread {
             .then_some(ReferenceThread { stop, thread })
     }
 
-    /// As [`ReferenceThread::start`], but each stall is handed over at once, and it wakes every `period_ns`. The thread calls
-    /// nothing that allocates, so that a stall is never its own. A ring that is full loses stalls: they excuse nothing.
+    /// Like [`ReferenceThread::start`], but wakes every `period_ns` and passes each stall on at once. The thread does
+    /// not allocate, so that it causes no stall itself. A full ring drops stalls, which then explain no late cycle.
     pub fn stream(
         core: usize,
         priority: i32,
@@ -70,7 +70,7 @@ impl ReferenceThread {
             told.send(granted).expect("the test waits");
             if granted {
                 watch(&stopped, period_ns, |stall| {
-                    // Full: see above.
+                    // A full ring drops the stall, see above.
                     let _ = stalls.push(stall);
                 });
             }
@@ -82,7 +82,7 @@ impl ReferenceThread {
         granted.then_some((ReferenceThread { stop, thread }, handed))
     }
 
-    /// Ends it; returns every wake-up that was late by more than a tenth of a period.
+    /// Stops the thread and returns all stalls; none if it was started by [`ReferenceThread::stream`].
     pub fn finish(self) -> Vec<Stall> {
         self.stop.store(true, Ordering::Release);
         self.thread
@@ -91,7 +91,7 @@ impl ReferenceThread {
     }
 }
 
-/// Makes the calling thread SCHED_FIFO, and pins it; false if the system refuses.
+/// Pins the calling thread to `core`, if given, and makes it SCHED_FIFO; false if the system refuses either.
 pub fn promote(core: Option<usize>, priority: i32) -> bool {
     let mut set = CpuSet::new();
     let pinned = core.is_none_or(|core| {
@@ -106,13 +106,13 @@ pub fn promote(core: Option<usize>, priority: i32) -> bool {
     pinned && unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) } == 0
 }
 
-/// Writes every place of a ring once, so that none of its pages faults later.
+/// Writes every slot of the ring once, so that its pages do not fault later.
 fn touch(stalls: &mut rtrb::Producer<Stall>) {
     let empty = Stall {
         from_ns: 0,
         to_ns: 0,
     };
-    // Full is what it shall be.
+    // Ends when the ring is full.
     while stalls.push(empty).is_ok() {}
 }
 

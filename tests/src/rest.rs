@@ -1,5 +1,5 @@
-//! The REST interface as any program may use it: HTTP/1.1 over the cell's Unix socket, written out by hand.
-//! Run by the threads of the test harness.
+//! A minimal REST client: HTTP/1.1 over the cell's Unix socket, without an HTTP library, as any program may use it.
+//! Runs on the threads of the test harness.
 
 use std::io::{self, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -8,40 +8,40 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// What came back.
+/// The response to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reply {
-    /// HTTP status.
+    /// HTTP status code.
     pub status: u16,
-    /// The body, null if it is no JSON.
+    /// The body; null if it is not JSON.
     pub body: Value,
 }
 
 impl Reply {
-    /// The `code` of an error, empty for a success.
+    /// Returns the `code` of an error; empty for a success.
     pub fn code(&self) -> &str {
         self.body["code"].as_str().unwrap_or_default()
     }
 
-    /// The `message` of an error with its `help`.
+    /// Returns the `message` of an error followed by its `help`.
     pub fn error_text(&self) -> String {
         let text = |key: &str| self.body[key].as_str().unwrap_or_default().to_owned();
         format!("{} {}", text("message"), text("help"))
     }
 }
 
-/// One request with its whole answer.
+/// Sends one request over a Unix socket and reads the whole response.
 ///
 /// # Errors
-/// Nobody serves the socket, or the answer is no HTTP.
+/// Returns an error if the socket is not served or the response is not HTTP.
 pub fn request(socket: &Path, method: &str, path: &str, body: &[u8]) -> io::Result<Reply> {
     over(connect(socket)?, method, path, "", body)
 }
 
-/// As [`request`], over a connection, with further lines of the head.
+/// Like [`request`], over an open connection and with additional header lines, each ended by CRLF.
 ///
 /// # Errors
-/// As [`request`].
+/// Returns an error if the connection fails or the response is not HTTP.
 pub fn over(
     mut stream: impl Read + Write,
     method: &str,
@@ -54,7 +54,7 @@ pub fn over(
         body.len()
     );
     stream.write_all(head.as_bytes())?;
-    // A server that refuses a body for its size may close before it has read all of it.
+    // A server that refuses a body for its size may close the connection before it has read all of it.
     let sent = stream.write_all(body);
     let mut answer = Vec::new();
     match stream.read_to_end(&mut answer) {
@@ -67,13 +67,13 @@ pub fn over(
     })
 }
 
-/// Sends bytes that need not be HTTP, and returns what comes back until the server closes.
+/// Sends arbitrary bytes and returns everything received until the server closes the connection.
 ///
 /// # Errors
-/// Nobody serves the socket.
+/// Returns an error if the socket is not served.
 pub fn raw(socket: &Path, bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut stream = connect(socket)?;
-    // The server may close at the first wrong byte.
+    // The server may close the connection at the first invalid byte.
     let _ = stream.write_all(bytes);
     let _ = stream.shutdown(std::net::Shutdown::Write);
     let mut answer = Vec::new();

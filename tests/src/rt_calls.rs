@@ -1,5 +1,5 @@
-//! The system calls of the executor's real-time thread, counted by `strace` while nets, monitors, drivers and loaders come
-//! and go. Run by a test's thread.
+//! Counts the system calls of the executor's real-time thread with `strace` while nets, monitors, drivers and loaders
+//! start and end. Runs on the test's thread.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -16,30 +16,31 @@ use crate::unsupervised_cell::UnsupervisedCell;
 
 /// Name of the real-time thread.
 const THREAD: &str = "rcc-rt";
-/// The one sleep.
+/// The only system call that the thread may make: its sleep.
 const SLEEP: &str = "clock_nanosleep";
-/// How often strace is looked at.
+/// Interval at which strace is polled.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What was counted.
+/// The result of a count.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Counted {
-    /// Cycles that began while strace was attached, at least.
+    /// Lower bound of the cycles that began while strace was attached.
     pub cycles: u64,
-    /// Calls of each name.
+    /// Number of calls by name.
     pub calls: BTreeMap<String, u64>,
-    /// What came and went: nets, hand-overs, monitors, drivers, loaders.
+    /// Numbers of motions, hand-overs, monitors, driver restarts and loader restarts meanwhile.
     pub happened: [u64; 5],
 }
 
 impl Counted {
-    /// Sleeps.
+    /// Returns the number of sleeps.
     #[must_use]
     pub fn sleeps(&self) -> u64 {
         self.calls.get(SLEEP).copied().unwrap_or(0)
     }
 
-    /// Calls that are not the sleep. The clock is among them on machines whose clock is none of the vDSO, which it says.
+    /// Returns the calls other than the sleep. `clock_gettime` is left out, with a message, on machines whose clock
+    /// source the vDSO does not support.
     #[must_use]
     pub fn others(&self) -> BTreeMap<String, u64> {
         let mut others = self.calls.clone();
@@ -56,7 +57,7 @@ impl Counted {
     }
 }
 
-/// Whether the kernel's clock source can be read without a system call.
+/// True if the kernel's clock source can be read without a system call (vDSO).
 fn clock_is_in_user_space() -> bool {
     let source = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
     let source = fs::read_to_string(source).unwrap_or_default();
@@ -69,10 +70,10 @@ fn clock_is_in_user_space() -> bool {
     .contains(&source.trim())
 }
 
-/// Counts for so many cycles of a cell of its own, and at least one round of everything that may happen.
+/// Counts for at least this many cycles in a new cell, and until each activity has happened at least once.
 ///
 /// # Errors
-/// Why the real-time thread cannot be traced here.
+/// Returns the reason if the real-time thread cannot be traced.
 pub fn count(cycles: u64) -> Result<Counted, String> {
     let mut cell = UnsupervisedCell::demo();
     let watch = cell.watch();
@@ -103,7 +104,7 @@ pub fn count(cycles: u64) -> Result<Counted, String> {
     })
 }
 
-/// strace on the real-time thread alone.
+/// Attaches strace to the real-time thread alone.
 fn attach(cell: &UnsupervisedCell, file: &str) -> Result<Child, String> {
     let pid = cell.pid("executor");
     let thread = thread_of(pid).ok_or("the executor has no thread rcc-rt")?;
@@ -163,7 +164,7 @@ fn thread_of(pid: u32) -> Option<u32> {
     })
 }
 
-/// Calls by name from the table that `strace -c` writes: % time, seconds, usecs/call, calls, errors (if any), name.
+/// Parses the calls by name from the table of `strace -c`: % time, seconds, usecs/call, calls, errors (if any), name.
 fn summary(text: &str) -> BTreeMap<String, u64> {
     let rows = text.lines().filter_map(|line| {
         let fields: Vec<&str> = line.split_whitespace().collect();
@@ -174,7 +175,8 @@ fn summary(text: &str) -> BTreeMap<String, u64> {
     rows.collect()
 }
 
-/// Nets that start, hand over, end and fault, a monitor, and now and then another driver or loader.
+/// Runs one round: nets that start, hand over and end, a monitor, and in every second round a net that faults because
+/// its driver is killed, or a loader that is killed.
 fn round(cell: &mut UnsupervisedCell, watch: &ExecutorBoards, happened: &mut [u64; 5]) {
     let records = RecordCollector::follow(cell);
     happened[2] += 1;
@@ -196,7 +198,7 @@ fn round(cell: &mut UnsupervisedCell, watch: &ExecutorBoards, happened: &mut [u6
     records.finish();
     match happened[1] % 4 {
         1 => {
-            // `second` ends by a fault: its device is lost.
+            // `second` ends with a fault because its device is lost.
             cell.end("io", Signal::SIGKILL);
             cell.assert_ends(second, "fault");
             cell.start_driver("io");

@@ -1,5 +1,5 @@
-//! A cell whose processes a test starts, kills and starts again by itself, as often as it likes: a supervisor gives up
-//! after some deaths. Run by the threads of the test harness.
+//! A cell without a supervisor, whose processes a test starts, kills and restarts any number of times: a supervisor
+//! gives up after a few deaths. Runs on the threads of the test harness.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -15,7 +15,7 @@ use crate::cell_fixture::{CellFixture, ExecutorBoards, await_some};
 use crate::processes::{ends_with_test, signal};
 use crate::programs::{program, repository};
 
-/// A cell without a supervisor.
+/// A cell without a supervisor, and its child processes by name.
 #[derive(Debug)]
 pub struct UnsupervisedCell {
     place: CellFixture,
@@ -23,7 +23,7 @@ pub struct UnsupervisedCell {
 }
 
 impl UnsupervisedCell {
-    /// The demo cell after `change` was applied to its configuration's text; nothing runs yet.
+    /// Prepares the demo cell with its configuration edited by `change`; starts no process.
     pub fn new(change: impl Fn(String) -> String) -> UnsupervisedCell {
         UnsupervisedCell {
             place: CellFixture::new(&repository().join("configs/cells/demo.yaml"), change),
@@ -31,7 +31,7 @@ impl UnsupervisedCell {
         }
     }
 
-    /// The whole demo cell, ready.
+    /// Starts all processes of the demo cell and waits until its devices are ready.
     pub fn demo() -> UnsupervisedCell {
         let mut cell = UnsupervisedCell::new(|text| text);
         for name in ["lwr-sim", "io-sim"] {
@@ -64,14 +64,14 @@ impl UnsupervisedCell {
         self.spawn(name, command);
     }
 
-    /// Starts the executor and waits until it is announced.
+    /// Starts the executor, waits until it is announced, and returns its process id.
     pub fn start_executor(&mut self) -> u32 {
         let command = self.ours("rcc-exec");
         self.spawn("executor", command);
         self.await_announced("executor", Role::Executor, "exec")
     }
 
-    /// Starts the loader and waits until it answers.
+    /// Starts the loader, waits until it answers, and returns its process id.
     pub fn start_loader(&mut self) -> u32 {
         let command = self.ours("rcc-loader");
         self.spawn("loader", command);
@@ -81,15 +81,15 @@ impl UnsupervisedCell {
         self.children["loader"].id()
     }
 
-    /// Starts the driver of a device.
+    /// Starts the driver of a device and returns its process id.
     pub fn start_driver(&mut self, device: &str) -> u32 {
         let mut command = self.ours("rcc-driver");
-        // As a supervisor does.
+        // The priority that a supervisor gives it.
         command.args(["--device", device, "--priority", "70"]);
         self.spawn(device, command)
     }
 
-    /// Waits until the executor sees the driver that was started last, and its device is ready.
+    /// Waits until the executor reads the board of the driver started last and the device is ready.
     pub fn await_driver(&self, watch: &ExecutorBoards, device: &str) {
         let pid = self.pid(device);
         let config = CellConfig::load(self.config(), &BTreeMap::new());
@@ -102,7 +102,7 @@ impl UnsupervisedCell {
         });
     }
 
-    /// Sends a signal to a process and waits until it is dead; then the janitor does its work, as under a supervisor.
+    /// Sends a signal to a process, waits until it is dead, and runs the janitor as a supervisor does.
     pub fn end(&mut self, name: &str, with: Signal) {
         let mut child = self.children.remove(name).expect("it was started");
         signal(child.id(), with);
@@ -110,14 +110,14 @@ impl UnsupervisedCell {
         self.clean();
     }
 
-    /// Runs the janitor until it succeeds, as a supervisor does.
+    /// Runs the janitor until it succeeds, like a supervisor.
     pub fn clean(&self) {
         await_some("the janitor", || {
             clean::run_janitor(self.cell(), clean::JANITOR_TIMEOUT).ok()
         });
     }
 
-    /// The exit status of a child, if it has ended; then it can be started again.
+    /// Returns the exit status of a child if it has exited. The child is then forgotten and can be started again.
     pub fn ended(&mut self, name: &str) -> Option<ExitStatus> {
         let child = self.children.get_mut(name).expect("it was started");
         let status = child.try_wait().expect("the child is ours");
@@ -127,17 +127,17 @@ impl UnsupervisedCell {
         status
     }
 
-    /// What a child has said in this life of the cell.
+    /// Returns the output of all processes started under this name in this cell.
     pub fn log(&self, name: &str) -> String {
         std::fs::read_to_string(self.folder().join(format!("{name}.log"))).unwrap_or_default()
     }
 
-    /// Process id of a child.
+    /// Returns the process id of a child.
     pub fn pid(&self, name: &str) -> u32 {
         self.children[name].id()
     }
 
-    /// Ends everything in order and removes the cell's files; nothing may be left.
+    /// Ends all processes in order, removes the cell's files, and asserts that nothing is left.
     pub fn stop(mut self) {
         for name in ["executor", "loader", "lwr", "io", "lwr-sim", "io-sim"] {
             if let Some(mut child) = self.children.remove(name) {

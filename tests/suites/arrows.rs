@@ -10,7 +10,7 @@ use rcc_tests::cell_fixture::files_below;
 use rcc_tests::repository;
 use serde_json::Value;
 
-/// Dependencies of each package of the workspace, without those of its tests.
+/// Returns the dependencies of each package of the workspace, without dev-dependencies.
 fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version=1", "--no-deps", "--offline"])
@@ -34,7 +34,7 @@ fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
     packages.iter().map(row).collect()
 }
 
-/// What each package of ours may use of ours.
+/// Packages of the workspace that each package may depend on.
 const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-core", &[]),
     ("rcc-motion", &["rcc-core"]),
@@ -90,7 +90,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-monitor",
         &["rcc-core", "rcc-os", "rcc-config", "rcc-ipc"],
     ),
-    // The one program that uses another one's library: `check`, and the words of the REST interface.
+    // The only program that uses the library of another one: for `check`, and for the types and codes of REST.
     (
         "rcc-cli",
         &[
@@ -111,10 +111,10 @@ const ARROWS: &[(&str, &[&str])] = &[
 ];
 
 #[test]
-fn arrows_between_packages_point_down_only() {
+fn dependencies_between_packages_point_down_only() {
     let all = dependencies();
     for (package, dependencies) in &all {
-        // They test and measure all the others.
+        // These packages test and measure all the others.
         if ["rcc-tests", "rcc-fuzz", "rcc-bench"].contains(&package.as_str()) {
             continue;
         }
@@ -140,7 +140,7 @@ fn only_rcc_ipc_names_iceoryx2() {
     assert_eq!(users, ["rcc-ipc"]);
 }
 
-/// The part of a source file that is not tests: up to the first `#[cfg(test)]`.
+/// Returns the part of a source file before its tests: up to the first `#[cfg(test)]`.
 fn without_tests(path: &Path) -> String {
     let text = fs::read_to_string(path).expect("a source file");
     text.split("#[cfg(test)]")
@@ -162,8 +162,8 @@ fn the_real_time_core_has_no_std_no_heap_and_no_unsafe() {
         "rcc-core forbids unsafe code"
     );
     let test_only = |path: &Path| {
-        // Files that only `#[cfg(test)] mod …;` names.
-        ["tests.rs", "testing.rs", "laws.rs"]
+        // Files of modules that are declared under `#[cfg(test)]`.
+        ["tests.rs", "testing.rs", "scalar_properties.rs"]
             .iter()
             .any(|name| path.ends_with(name))
     };
@@ -180,7 +180,7 @@ fn the_real_time_core_has_no_std_no_heap_and_no_unsafe() {
 }
 
 #[test]
-fn unsafe_code_stands_only_where_it_may() {
+fn unsafe_code_occurs_only_where_it_is_allowed() {
     for package in [
         "rcc-core",
         "rcc-exec",

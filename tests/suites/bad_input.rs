@@ -1,5 +1,5 @@
-//! Bad input gets a clear error and changes nothing: texts, datagrams, configurations, HTTP, and an I/O station that is
-//! gone. Each test has a cell of its own.
+//! Invalid input gets a clear error and changes nothing: texts, datagrams, configurations and HTTP requests. Also the
+//! loss of an I/O station. Each test has a cell of its own.
 
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::Duration;
@@ -17,7 +17,7 @@ use rcc_tests::simulator::assert_within_limits;
 use rcc_tests::{TestCell, UnsupervisedCell, await_some, nets, repository};
 
 #[test]
-fn broken_texts_are_rejected_with_place_and_remedy_while_a_net_runs() {
+fn invalid_texts_are_rejected_with_place_and_remedy_while_a_net_runs() {
     let cell = TestCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let unknown_device = nets::line("line", 0.1, 0.1).replace("device: lwr", "device: lwt");
@@ -67,7 +67,7 @@ fn broken_texts_are_rejected_with_place_and_remedy_while_a_net_runs() {
 }
 
 #[test]
-fn datagrams_of_a_stranger_are_counted_and_ignored() {
+fn datagrams_of_an_unknown_sender_are_counted_and_ignored() {
     let cell = TestCell::demo();
     let session = Session::join(cell.cell(), Role::Monitor, "stranger").expect("a cell");
     let driver = cell.announced(Role::Driver, "lwr");
@@ -97,7 +97,7 @@ fn datagrams_of_a_stranger_are_counted_and_ignored() {
             std::thread::sleep(Duration::from_millis(1));
         }
     }
-    // A measurement that is right in form, from somebody else than the controller.
+    // Valid measurements, but from a sender that is not the controller.
     for _ in 0..10 {
         stranger.send_to(&captured, fri).expect("loopback takes it");
         std::thread::sleep(Duration::from_millis(1));
@@ -109,14 +109,14 @@ fn datagrams_of_a_stranger_are_counted_and_ignored() {
     stranger.set_nonblocking(true).expect("a plain socket");
     assert!(
         stranger.recv(&mut [0; 2000]).is_err(),
-        "a stranger gets no answer"
+        "an unknown sender gets no answer"
     );
     drop((board, session));
     cell.stop();
 }
 
 #[test]
-fn an_io_station_that_is_gone_makes_its_ports_null_and_nothing_else() {
+fn a_lost_io_station_makes_its_ports_null_and_has_no_other_effect() {
     let cell = TestCell::demo();
     let reader = cell.run(&nets::input("reader", "io", "lamp_on"));
     let line = cell.run(&nets::line("line", 0.2, 0.1));
@@ -130,9 +130,13 @@ fn an_io_station_that_is_gone_makes_its_ports_null_and_nothing_else() {
         let losses = cell.device("io")?["losses"].as_u64()?;
         (losses > 0 || cell.device("io")?["state"] == "offline").then_some(())
     });
-    // The supervisor starts it again.
+    // The supervisor restarts it.
     cell.await_device("io", "ready");
-    assert_eq!(cell.state(reader)["state"], "running", "it only reads");
+    assert_eq!(
+        cell.state(reader)["state"],
+        "running",
+        "the net only reads, so it keeps running"
+    );
     cell.assert_ends(line, "finished");
     let seen: Vec<bool> = records
         .finish()
@@ -141,7 +145,7 @@ fn an_io_station_that_is_gone_makes_its_ports_null_and_nothing_else() {
         .collect();
     assert!(
         seen.iter().any(|null| *null) && !seen[seen.len() - 1],
-        "null while it was gone, then known again"
+        "null while the station was lost, known again afterwards"
     );
     let lamp = cell.run(&nets::lamp("lamp"));
     let mut simulator = cell.simulator("io-sim");
@@ -154,7 +158,7 @@ fn an_io_station_that_is_gone_makes_its_ports_null_and_nothing_else() {
 }
 
 #[test]
-fn a_net_that_writes_to_a_station_that_is_gone_ends_and_a_new_one_is_refused() {
+fn a_net_that_writes_to_a_lost_station_ends_and_a_new_one_is_refused() {
     let mut cell = UnsupervisedCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let line = cell.run(&nets::line("line", 0.1, 0.1));
@@ -183,7 +187,7 @@ fn a_net_that_writes_to_a_station_that_is_gone_ends_and_a_new_one_is_refused() {
 }
 
 #[test]
-fn a_broken_configuration_ends_every_program_with_its_code_before_anything_is_made() {
+fn an_invalid_configuration_ends_every_program_with_its_code_before_anything_is_created() {
     let place = CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| {
         text.replace("period: 1 ms\n", "period: 1 N\n")
             .replace("driver: modbus", "driver: modbuss")
@@ -207,7 +211,7 @@ fn a_broken_configuration_ends_every_program_with_its_code_before_anything_is_ma
             .arg(&config)
             .args(further)
             .output()
-            .expect("it runs");
+            .expect("the program runs");
         let words = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(78), "{program}: {words}");
         assert!(
@@ -220,7 +224,7 @@ fn a_broken_configuration_ends_every_program_with_its_code_before_anything_is_ma
 }
 
 #[test]
-fn a_device_that_the_configuration_does_not_have_is_no_device() {
+fn a_driver_of_a_device_that_is_not_configured_is_refused() {
     let place = CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| text);
     let mut driver = place.program("rcc-driver");
     let output = driver
@@ -228,7 +232,7 @@ fn a_device_that_the_configuration_does_not_have_is_no_device() {
         .arg(place.config())
         .args(["--device", "lwt"])
         .output()
-        .expect("it runs");
+        .expect("the program runs");
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(78), "{words}");
     assert!(words.contains("lwt") && words.contains("lwr"), "{words}");
@@ -236,7 +240,7 @@ fn a_device_that_the_configuration_does_not_have_is_no_device() {
 }
 
 #[test]
-fn http_that_is_wrong_gets_an_error_with_a_code_and_changes_nothing() {
+fn invalid_http_requests_get_an_error_with_a_code_and_change_nothing() {
     let cell = TestCell::demo();
     let socket = cell.cell().socket();
     for (method, path, body, status, code) in [
@@ -284,10 +288,10 @@ fn http_that_is_wrong_gets_an_error_with_a_code_and_changes_nothing() {
 }
 
 #[test]
-fn clients_that_hang_or_flood_change_nothing_for_others() {
+fn clients_that_hang_or_flood_do_not_affect_others() {
     let cell = TestCell::demo();
     let socket = cell.cell().socket();
-    // More silent and half-sent requests than the loader answers at a time.
+    // More silent connections and incomplete requests than the loader serves at a time.
     let hanging: Vec<_> = (0..100)
         .map(|number| {
             let mut stream =
@@ -295,7 +299,7 @@ fn clients_that_hang_or_flood_change_nothing_for_others() {
             if number % 2 == 0 {
                 let half =
                     b"POST /commands HTTP/1.1\r\nhost: rcc\r\ncontent-length: 100\r\n\r\nnet:";
-                // One too many may have been cut off already.
+                // The loader may have closed a surplus connection already.
                 let _ = std::io::Write::write_all(&mut stream, half);
             }
             stream
@@ -303,19 +307,19 @@ fn clients_that_hang_or_flood_change_nothing_for_others() {
         .collect();
     let watch = cell.watch();
     let before = watch.status();
-    let reply = await_some("an answer between all of them", || {
+    let reply = await_some("an answer in spite of the hanging clients", || {
         let reply = cell.try_rest("GET", "/devices", "")?;
         (reply.status == 200 || reply.code() == "RCC4010").then_some(reply)
     });
     assert!(reply.status == 200 || reply.status == 429, "{reply:?}");
     drop(hanging);
-    let line = await_some("a command", || {
+    let line = await_some("a command to be accepted", || {
         let reply = cell.try_rest("POST", "/commands", &nets::line("line", 0.05, 0.2))?;
         (reply.status == 202)
             .then(|| reply.body["id"].as_u64())
             .flatten()
     });
-    await_some("it to be ready", || {
+    await_some("the line to be ready", || {
         (cell.state(line)["state"] == "ready").then_some(())
     });
     cell.start_when_ready(line);

@@ -29,7 +29,7 @@ const ROOTS: [&str; 12] = [
     "configs/",
     ".ci/",
 ];
-/// The README is for somebody who does not know yet whether to read on.
+/// Maximum number of lines of the README: its readers have not decided yet whether to read on.
 const README_LINES_MAX: usize = 150;
 
 fn read(path: &Path) -> String {

@@ -1,5 +1,5 @@
-//! Cells beside each other, one after the other in the same folder, and where there is too little room.
-//! Each test has cells of its own.
+//! Cells that run side by side, cells that follow each other in the same folder, and cells without enough shared
+//! memory. Each test has cells of its own.
 
 use std::fs;
 use std::process::{Command, Stdio};
@@ -30,7 +30,7 @@ fn two_cells_side_by_side_do_not_see_each_other() {
     );
     let mut still = two.simulator("lwr-sim");
     let before = still.joints();
-    // The death of one cell's processes is not noticed by the other.
+    // The death of one cell's processes does not affect the other cell.
     one.assert_ends(line, "finished");
     let (driver, executor) = (
         two.announced(Role::Driver, "lwr"),
@@ -64,10 +64,10 @@ fn a_second_cell_of_the_same_name_is_refused_and_changes_nothing() {
         "{errors}"
     );
     let named = before.iter().any(|pid| errors.contains(&pid.to_string()));
-    assert!(named, "it names a living process: {errors}");
+    assert!(named, "the message names a living process: {errors}");
     cell.assert_ends(line, "finished");
     assert_eq!(with_runtime_dir(cell.folder()), before);
-    // A further process of a role that is taken is refused, too.
+    // A second process with the same role is refused, too.
     let mut second = cell.program("rcc-exec");
     let second = second
         .arg("--config")
@@ -87,7 +87,7 @@ fn a_second_cell_of_the_same_name_is_refused_and_changes_nothing() {
 fn a_dead_cell_is_cleaned_by_the_next_up() {
     let mut cell = TestCell::demo();
     cell.run(&nets::line("line", 0.2, 0.1));
-    // The supervisor first, or it would start again what dies.
+    // The supervisor is killed first, because it restarts dead processes.
     for pid in std::iter::once(cell.supervisor()).chain(with_runtime_dir(cell.folder())) {
         signal(pid, Signal::SIGKILL);
     }
@@ -95,7 +95,7 @@ fn a_dead_cell_is_cleaned_by_the_next_up() {
     cell.await_dead();
     assert!(
         !cell.cell().leftovers().expect("a list").is_empty(),
-        "there is something to clean"
+        "the dead cell has left files"
     );
     cell.up_again();
     assert_eq!(
@@ -108,10 +108,10 @@ fn a_dead_cell_is_cleaned_by_the_next_up() {
 }
 
 #[test]
-fn ctrl_c_in_motion_cancels_rests_and_leaves_nothing() {
+fn ctrl_c_in_motion_cancels_waits_for_rest_and_leaves_nothing() {
     let demo = repository().join("configs/cells/demo.yaml");
     let cell = TestCell::start(&demo, |text| text);
-    // Below the folder of the simulator's socket; it goes with the logs.
+    // Below the folder of the simulator's socket; it is removed together with the logs.
     let trace = cell.cell().runtime_dir().join("logs/trace.csv");
     let mut arm = cell.simulator("lwr-sim");
     let answer = arm.ask(&serde_json::json!({"trace": {"path": "logs/trace.csv"}}));
@@ -120,13 +120,13 @@ fn ctrl_c_in_motion_cancels_rests_and_leaves_nothing() {
     cell.run(&nets::lamp("lamp"));
     arm.await_motion();
     let folder = cell.folder().to_owned();
-    // The trace outlives the folder's removal as an open file.
+    // An open file stays readable after its folder is removed.
     let mut file = fs::File::open(&trace).expect("the trace is there");
     cell.stop();
     assert!(!folder.exists());
     let mut text = String::new();
     std::io::Read::read_to_string(&mut file, &mut text).expect("the trace can be read");
-    // J1 as the driver commanded it, in every answer.
+    // The position of J1 that the driver commanded in each answer.
     let rows = text
         .lines()
         .skip(1)
@@ -146,7 +146,7 @@ fn ctrl_c_in_motion_cancels_rests_and_leaves_nothing() {
 }
 
 #[test]
-fn a_monitor_may_stay_when_the_cell_ends() {
+fn a_monitor_may_keep_running_when_the_cell_ends() {
     let cell = TestCell::demo();
     let mut tail = cell.program("rcc-monitor");
     tail.args(["tail", "--output", "json"])
@@ -170,23 +170,23 @@ fn a_monitor_may_stay_when_the_cell_ends() {
     );
     signal(tail.id(), Signal::SIGTERM);
     tail.wait().expect("the child is ours");
-    // What the monitor kept from being removed, the next start of the cell removes.
+    // The next start of the cell removes the files that the monitor still used.
     let again = TestCell::in_fixture(place);
     again.stop();
 }
 
 #[test]
-fn too_little_room_in_shared_memory_is_refused_before_anything_is_made() {
+fn too_little_shared_memory_is_refused_before_anything_is_created() {
     let may = Command::new("unshare")
         .args([
             "-m", "mount", "-t", "tmpfs", "-o", "size=4m", "rcc", "/dev/shm",
         ])
         .output();
     if !may.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: no mount namespace of our own (it takes root and `unshare`)");
+        eprintln!("skipped: cannot create a mount namespace (needs root and `unshare`)");
         return;
     }
-    // Not in /dev/shm, which another file system hides below.
+    // Not in /dev/shm, because the command below mounts another file system there.
     let demo = repository().join("configs/cells/demo.yaml");
     let place = CellFixture::below(&std::env::temp_dir(), &demo, |text| text);
     let script =
@@ -208,11 +208,11 @@ fn too_little_room_in_shared_memory_is_refused_before_anything_is_made() {
     assert_eq!(
         String::from_utf8_lossy(&output.stdout),
         "",
-        "nothing was made"
+        "nothing was created in shared memory"
     );
     let announced = place.cell().announced_all().expect("a list");
     assert!(announced.is_empty() && place.cell().leftovers().expect("a list").is_empty());
-    // The executor looks by itself, too.
+    // The executor checks the space by itself, too.
     let output = Command::new("unshare")
         .args(["-m", "sh", "-c", script, "sh"])
         .arg(program("rcc-exec"))

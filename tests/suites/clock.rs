@@ -1,4 +1,4 @@
-//! Clocks and rates through every process: a cell whose clock follows its robot, base periods from 125 µs to 20 ms, and
+//! Clocks and rates through all processes: a cell whose clock follows its robot, base periods from 125 µs to 20 ms, and
 //! nets at a lower rate. Each test has a cell of its own.
 
 use rcc_core::message::ClockState;
@@ -6,11 +6,11 @@ use rcc_ipc::Role;
 use rcc_tests::cell_fixture::ExecutorBoards;
 use rcc_tests::{TestCell, await_some, nets};
 
-/// The demo cell with another period, whose clock follows the robot.
+/// Starts the demo cell with another period and with a clock that follows the robot.
 fn following(period: &str, robot_ms: u32) -> TestCell {
     TestCell::changed(|text| {
         let text = text.replace("period: 1 ms", &format!("period: {period}"));
-        // What is left of the line is its comment.
+        // The rest of the line becomes a comment.
         let text = text.replace("    delay: 80 ms", "    #");
         let period = format!("      - --period-ms={robot_ms}\n      - --krl=first-app");
         let text = text.replace("      - --krl=first-app", &period);
@@ -24,8 +24,8 @@ fn await_clock(watch: &ExecutorBoards, state: ClockState) {
     });
 }
 
-/// A line there and one back, each in its time. An executor that its machine puts to sleep for longer than a clock bridges
-/// (10 ms) ends a motion at rest, and says so: that line is driven again from where the arm rests.
+/// Runs a line there and one back. If the machine suspends the executor for longer than a clock bridges (10 ms), the
+/// motion ends at rest and the log gives the reason; then the line is run again from where the arm rests.
 fn move_there_and_back(cell: &TestCell) {
     for (name, y) in [("there", 0.15), ("back", 0.0)] {
         await_some(name, || {
@@ -46,7 +46,7 @@ fn move_there_and_back(cell: &TestCell) {
 }
 
 #[test]
-fn a_clock_that_follows_the_robot_is_locked_and_says_so() {
+fn a_clock_that_follows_the_robot_is_locked_and_status_shows_it() {
     let cell = following("1 ms", 1);
     let watch = cell.watch();
     await_clock(&watch, ClockState::Locked);
@@ -62,7 +62,7 @@ fn a_clock_that_follows_the_robot_is_locked_and_says_so() {
 }
 
 #[test]
-fn without_its_robot_the_clock_goes_on_alone_and_finds_it_again() {
+fn without_its_robot_the_clock_runs_on_its_own_and_locks_again() {
     let cell = following("1 ms", 1);
     let watch = cell.watch();
     await_clock(&watch, ClockState::Locked);
@@ -118,7 +118,7 @@ fn a_cell_of_20_ms_with_two_clocks_moves_its_robot() {
 }
 
 #[test]
-fn a_net_of_a_lower_rate_starts_in_its_own_cycle() {
+fn a_net_of_a_lower_rate_starts_in_a_cycle_of_its_phase() {
     let cell = TestCell::demo();
     let slow = nets::clock("slow").replace("net: slow", "net: slow\nperiod: 50 ms\nphase: 7 ms");
     let slow = slow.replace("1000 Hz", "20 Hz");

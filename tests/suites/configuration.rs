@@ -1,5 +1,6 @@
-//! Processes of one cell that were started with different configurations, or are of different builds: nothing is
-//! measured, commanded, loaded or started between them, and everybody is told why. Each test has a cell of its own.
+//! Processes of one cell that were started with different configurations, or come from different builds: they neither
+//! measure, command, load nor start anything together, and each of them reports the reason. Each test has a cell of its
+//! own.
 
 use std::fs;
 
@@ -11,11 +12,11 @@ use rcc_tests::processes::signal;
 use rcc_tests::rest::Reply;
 use rcc_tests::{TestCell, UnsupervisedCell, await_some, nets};
 
-/// Two channels of a device change places in the file: what was the first digital output is the second.
+/// Two lines of the file that the tests swap, so that the first digital output of the device becomes the second.
 const LAMP: &str =
     "      lamp:  {kind: digital output, address: coil 0, on_release: {safe: false}}\n";
 const CLAMP: &str = "      clamp: {kind: digital output, address: coil 1, on_release: hold}     # a clamped part must not fall\n";
-/// A second of the simulated controller's time.
+/// One second, in ticks of the simulated controller.
 const SECOND: u64 = 1000;
 
 /// Changes the cell's file while it runs, as an editor does.
@@ -31,8 +32,8 @@ fn swap_lamp_and_clamp(place: &CellFixture) {
     edit(place, &format!("{LAMP}{CLAMP}"), &format!("{CLAMP}{LAMP}"));
 }
 
-/// Waits until the device is offline because of its driver's configuration; returns the words.
-fn await_stranger(place: &CellFixture, device: &str) -> String {
+/// Waits until the device is offline because of its driver's configuration; returns the reason.
+fn await_mismatch(place: &CellFixture, device: &str) -> String {
     let words = await_some(
         &format!("the driver of {device} not to be attached"),
         || {
@@ -48,7 +49,7 @@ fn await_stranger(place: &CellFixture, device: &str) -> String {
     words
 }
 
-/// START is refused, by words that say which configuration and what to do.
+/// Asserts that START is refused with a message that names the configuration and the remedy.
 fn assert_not_started(place: &CellFixture, id: u64, code: &str) {
     let reply: Reply = place.operate(id, "start");
     let words = reply.error_text();
@@ -59,14 +60,14 @@ fn assert_not_started(place: &CellFixture, id: u64, code: &str) {
     assert_eq!(place.state(id)["state"], "ready");
 }
 
-/// Who in the cell told of a process with another configuration, as far as that is written now.
-fn tellers(place: &CellFixture) -> Vec<(EventOrigin, String)> {
+/// Returns each reported mismatch of configurations in the event log: the role that reports it, and the other process.
+fn mismatch_reports(place: &CellFixture) -> Vec<(EventOrigin, String)> {
     let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
-    let told = events.into_iter().filter_map(|event| match event.what {
+    let reports = events.into_iter().filter_map(|event| match event.what {
         EventKind::ConfigurationMismatch { process, .. } => Some((event.source.role, process)),
         _ => None,
     });
-    told.collect()
+    reports.collect()
 }
 
 fn coils(station: &mut rcc_tests::simulator::Simulator) -> [bool; 2] {
@@ -75,31 +76,31 @@ fn coils(station: &mut rcc_tests::simulator::Simulator) -> [bool; 2] {
 }
 
 #[test]
-fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_nothing() {
+fn a_driver_restarted_with_swapped_channels_is_not_attached_and_switches_nothing() {
     let mut cell = TestCell::demo();
     let mut station = cell.simulator("io-sim");
     let before = cell.load(&nets::lamp("before"));
     swap_lamp_and_clamp(&cell);
-    await_some("up to say that the change is not in force", || {
+    await_some("up to report that the change is not in force", || {
         let log = fs::read_to_string(cell.folder().join("up.log")).ok()?;
-        let said = log.contains("io: channels lamp, clamp") && log.contains("not in force");
-        said.then_some(())
+        let reported = log.contains("io: channels lamp, clamp") && log.contains("not in force");
+        reported.then_some(())
     });
     let dead = cell.kill(Role::Driver, "io");
     let driver = cell.await_successor(Role::Driver, "io", dead);
-    let words = await_stranger(&cell, "io");
+    let words = await_mismatch(&cell, "io");
     assert!(
         words.contains("channels") && words.contains("executor"),
         "{words}"
     );
-    // What was loaded before and what is loaded now: neither may switch anything.
+    // Neither the net that was loaded before nor a net that is loaded now may switch a channel.
     assert_not_started(&cell, before, "RCC3008");
     let after = cell.load(&nets::lamp("after"));
     assert_not_started(&cell, after, "RCC3008");
     let (out, _) = cell.cli_exits(0, &["devices"]);
     assert!(out.contains("another configuration"), "{out}");
-    // The loader looks at the file now and then.
-    rcc_tests::await_some("status to tell all of it", || {
+    // The loader polls the file.
+    rcc_tests::await_some("status to report everything", || {
         let (out, _) = cell.cli_exits(0, &["status"]);
         let all = [
             "not in force",
@@ -109,26 +110,26 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
         ];
         all.iter().all(|word| out.contains(word)).then_some(())
     });
-    let told = |teller: EventOrigin, of: &str| {
-        tellers(&cell)
+    let reports = |reporter: EventOrigin, of: &str| {
+        mismatch_reports(&cell)
             .iter()
-            .filter(|row| **row == (teller, of.to_owned()))
+            .filter(|row| **row == (reporter, of.to_owned()))
             .count()
     };
-    await_some("both to tell of each other", || {
+    await_some("both processes to report each other", || {
         let counts = (
-            told(EventOrigin::Executor, "driver io"),
-            told(EventOrigin::Driver, "executor"),
+            reports(EventOrigin::Executor, "driver io"),
+            reports(EventOrigin::Driver, "executor"),
         );
         (counts.0 > 0 && counts.1 > 0).then_some(())
     });
-    // Another arm's net runs meanwhile; looks at the announcements go on, and nobody says it again.
+    // A net of the arm runs meanwhile. The announcements are still polled, but the mismatch is not reported again.
     let line = cell.run(&nets::line("line", 0.1, 0.1));
     cell.assert_ends(line, "finished");
     assert_eq!(
         (
-            told(EventOrigin::Executor, "driver io"),
-            told(EventOrigin::Driver, "executor")
+            reports(EventOrigin::Executor, "driver io"),
+            reports(EventOrigin::Driver, "executor")
         ),
         (1, 1)
     );
@@ -147,7 +148,7 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
 }
 
 #[test]
-fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driver_that_stayed() {
+fn an_executor_restarted_with_swapped_channels_is_not_obeyed_by_the_running_driver() {
     let mut cell = UnsupervisedCell::demo();
     let mut station = cell.simulator("io-sim");
     swap_lamp_and_clamp(&cell);
@@ -155,14 +156,14 @@ fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driv
     cell.end("loader", Signal::SIGTERM);
     cell.start_executor();
     cell.start_loader();
-    await_stranger(&cell, "io");
+    await_mismatch(&cell, "io");
     let lamp = cell.load(&nets::lamp("lamp"));
     assert_not_started(&cell, lamp, "RCC3008");
-    await_some("the driver to tell of the executor", || {
+    await_some("the driver to report the executor", || {
         let row = (EventOrigin::Driver, "executor".to_owned());
-        tellers(&cell).contains(&row).then_some(())
+        mismatch_reports(&cell).contains(&row).then_some(())
     });
-    // The configuration of the other device is the same: it works on.
+    // The other device has the same configuration in all processes, and still works.
     cell.await_device("lwr", "ready");
     let line = cell.run(&nets::line("line", 0.1, 0.1));
     cell.assert_ends(line, "finished");
@@ -180,20 +181,20 @@ fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driv
 }
 
 #[test]
-fn a_driver_with_the_file_of_another_arm_moves_nothing() {
+fn a_driver_configured_for_another_arm_moves_nothing() {
     let mut cell = UnsupervisedCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let before = cell.load(&nets::line("before", 0.2, 0.1));
     edit(&cell, "/lwr4plus.yaml", "/iiwa7.yaml");
     cell.end("lwr", Signal::SIGKILL);
     cell.start_driver("lwr");
-    let words = await_stranger(&cell, "lwr");
+    let words = await_mismatch(&cell, "lwr");
     assert!(words.contains("robot"), "{words}");
     assert_not_started(&cell, before, "RCC3008");
     let (_, row) = cell.load_any(&nets::line("after", 0.2, 0.1));
     assert_eq!(
         row["state"], "rejected",
-        "nobody knows where the arm is: {row}"
+        "the position of the arm is unknown: {row}"
     );
     arm.assert_still(SECOND);
     cell.end("lwr", Signal::SIGTERM);
@@ -213,12 +214,12 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     let running = cell.run(&nets::clock("running"));
     let before = cell.load(&nets::lamp("before"));
     swap_lamp_and_clamp(&cell);
-    await_some("the loader to tell of the changed file", || {
+    await_some("the loader to report the changed file", || {
         let events = EventReader::open(cell.cell()).poll().expect("the log");
-        let told = events.into_iter().any(|event| {
+        let reported = events.into_iter().any(|event| {
             matches!(event.what, EventKind::ConfigurationChanged { differs, .. } if differs == "io: channels lamp, clamp")
         });
-        told.then_some(())
+        reported.then_some(())
     });
     cell.end("loader", Signal::SIGKILL);
     cell.start_loader();
@@ -236,7 +237,7 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
         (409, "RCC4020"),
         "{switched:?}"
     );
-    // What it cannot name it does not name, and what ends something is still done.
+    // The loader does not name channels that it cannot know, and still executes requests that end a net.
     assert_eq!(
         cell.device("io").expect("a row")["channels"],
         serde_json::json!([])
@@ -252,7 +253,7 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     cell.done(running, "cancel");
     cell.assert_ends(running, "canceled");
     assert_eq!(coils(&mut station), [false, false]);
-    assert!(tellers(&cell).contains(&(EventOrigin::Loader, "executor".to_owned())));
+    assert!(mismatch_reports(&cell).contains(&(EventOrigin::Loader, "executor".to_owned())));
     cell.end("loader", Signal::SIGTERM);
     edit(&cell, &format!("{CLAMP}{LAMP}"), &format!("{LAMP}{CLAMP}"));
     cell.start_loader();
@@ -265,7 +266,7 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     cell.stop();
 }
 
-/// Lets a process that is announced seem to be of a build with another layout, to everybody who looks from now on.
+/// Edits the announcement of a process so that it names a build with another layout.
 fn rebuild(place: &CellFixture, role: Role, label: &str) {
     let file = place
         .cell()
@@ -284,7 +285,7 @@ fn rebuild(place: &CellFixture, role: Role, label: &str) {
     fs::rename(&new, &file).expect("replaced");
 }
 
-/// Who is of another build, by words that name both and say what to do.
+/// Asserts that a message names both builds and the remedy.
 fn assert_names_builds(words: &str) {
     let own = Build::own().to_string();
     for word in [
@@ -297,13 +298,13 @@ fn assert_names_builds(words: &str) {
     }
 }
 
-/// Waits until a process tells of another one that is of another build; returns the words.
-fn await_other_build(place: &CellFixture, teller: EventOrigin, of: &str) -> String {
-    await_some(&format!("{teller:?} to tell of {of}"), || {
+/// Waits until a process reports that another one comes from another build; returns the sentence.
+fn await_other_build(place: &CellFixture, reporter: EventOrigin, of: &str) -> String {
+    await_some(&format!("{reporter:?} to report {of}"), || {
         let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
         events.into_iter().find_map(|event| match &event.what {
             EventKind::BuildMismatch { process, .. }
-                if event.source.role == teller && process == of =>
+                if event.source.role == reporter && process == of =>
             {
                 Some(event.sentence(&|net, _| net.to_owned()))
             }
@@ -313,7 +314,7 @@ fn await_other_build(place: &CellFixture, teller: EventOrigin, of: &str) -> Stri
 }
 
 #[test]
-fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
+fn a_driver_of_another_build_is_not_attached_and_the_message_names_both_builds() {
     let mut cell = UnsupervisedCell::demo();
     let lamp = nets::lamp("lamp");
     cell.end("executor", Signal::SIGTERM);
@@ -342,7 +343,7 @@ fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
         EventOrigin::Executor,
         "driver io",
     ));
-    // The other device's driver is of the same build: it works on.
+    // The driver of the other device comes from the same build, and still works.
     cell.await_device("lwr", "ready");
     cell.end("io", Signal::SIGTERM);
     cell.start_driver("io");
@@ -351,7 +352,7 @@ fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
 }
 
 #[test]
-fn an_executor_of_another_build_is_not_followed_asked_or_watched_and_everybody_says_so() {
+fn an_executor_of_another_build_is_refused_by_drivers_loader_and_monitor() {
     let mut cell = UnsupervisedCell::demo();
     cell.end("loader", Signal::SIGTERM);
     cell.end("io", Signal::SIGTERM);
@@ -370,8 +371,8 @@ fn an_executor_of_another_build_is_not_followed_asked_or_watched_and_everybody_s
         );
         assert_names_builds(&refused.error_text());
     }
-    for teller in [EventOrigin::Driver, EventOrigin::Loader] {
-        assert_names_builds(&await_other_build(&cell, teller, "executor"));
+    for reporter in [EventOrigin::Driver, EventOrigin::Loader] {
+        assert_names_builds(&await_other_build(&cell, reporter, "executor"));
     }
     let mut tail = cell.program("rcc-monitor");
     let tail = tail.arg("tail").output().expect("rcc-monitor runs");

@@ -1,5 +1,5 @@
-//! `kill -9` of the driver and of the executor in motion: what goes on, what comes to rest, what does not move again.
-//! Each test has a cell of its own.
+//! `kill -9` of the driver and of the executor in motion: what keeps running, what comes to rest, and that nothing
+//! moves again by itself. Each test has a cell of its own.
 
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
@@ -12,16 +12,17 @@ use rcc_tests::reference::{ReferenceThread, Stall};
 use rcc_tests::simulator::assert_within_limits;
 use rcc_tests::{TestCell, UnsupervisedCell, await_some, nets};
 
-/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+/// Value of `$FRI_TO_INT[2]` after the controller stopped because answers were lost.
 const LOST: i64 = 1;
 /// The executor's period.
 const PERIOD_NS: u64 = 1_000_000;
-/// A second of the simulated controller's time.
+/// One second, in ticks of the simulated controller.
 const SECOND: u64 = 1000;
 
 #[test]
-fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
-    // Above the executors of the cells beside it, which are no part of this machine's usual work.
+fn a_killed_driver_ends_its_net_and_the_executor_keeps_running() {
+    // A higher priority than the executors of the tests that run in parallel, which are not a normal load of this
+    // machine.
     let cell = TestCell::changed(|text| text.replace("{priority: 80}", "{priority: 85, core: 1}"));
     let lamp = cell.run(&nets::lamp("lamp"));
     let line = cell.run(&nets::line("line", 0.2, 0.1));
@@ -44,7 +45,7 @@ fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
     assert_eq!(
         cell.device("lwr").expect("a row")["holder"],
         serde_json::Value::Null,
-        "a net never restarts"
+        "a net is never restarted"
     );
     let next = cell.run(&nets::line("next", 0.0, 0.2));
     cell.assert_ends(next, "finished");
@@ -53,7 +54,7 @@ fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
     assert_eq!(
         cell.state(lamp)["state"],
         "running",
-        "the other net did not notice"
+        "the other net is not affected"
     );
     let after = watch.status();
     let stalls = reference.map(ReferenceThread::finish);
@@ -63,14 +64,16 @@ fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
         Some(stalls) if after.grants & 1 == 1 => {
             assert_late_with_the_machine(after.late - before.late, &records, &stalls);
         }
-        _ => eprintln!("skipped: no SCHED_FIFO: whose fault a late cycle is cannot be told"),
+        _ => {
+            eprintln!("skipped: without SCHED_FIFO the cause of a late cycle cannot be determined")
+        }
     }
     drop(watch);
     cell.done(lamp, "cancel");
     cell.stop();
 }
 
-/// The lamp's net is the only one with a monitor, and it is one of every cycle: records and cycles go together.
+/// Asserts that each cycle has its record: the lamp's net is the only one with a monitor, which records every cycle.
 fn assert_no_cycle_missing(records: &[MonitorRecord], watch: &ExecutorBoards) {
     assert!(records.len() > 1000, "{} records", records.len());
     for pair in records.windows(2) {
@@ -79,13 +82,14 @@ fn assert_no_cycle_missing(records: &[MonitorRecord], watch: &ExecutorBoards) {
         assert_eq!(cycles, lost, "a cycle without a record: {pair:?}");
         assert!(
             pair[1].values[0] > pair[0].values[0],
-            "logical time goes on: {pair:?}"
+            "logical time increases: {pair:?}"
         );
     }
     assert_eq!(watch.status().dropped_records, 0);
 }
 
-/// A late cycle is the machine's if a thread of higher priority on the same core was late at that time, too.
+/// Asserts that the machine is the cause of each late cycle: a thread of higher priority on the same core was late at
+/// that time, too.
 fn assert_late_with_the_machine(late: u64, records: &[MonitorRecord], stalls: &[Stall]) {
     let cycles = records.len();
     eprintln!(
@@ -100,7 +104,7 @@ fn assert_late_with_the_machine(late: u64, records: &[MonitorRecord], stalls: &[
         let excused = |stall: &Stall| stall.from_ns < to_ns && stall.to_ns > from_ns;
         assert!(
             stalls.iter().any(excused),
-            "cycle {} is late by us, from {from_ns} to {to_ns}: {stalls:?}",
+            "cycle {} is late, but the machine did not stall from {from_ns} to {to_ns}: {stalls:?}",
             pair[1].cycle
         );
     }
@@ -155,7 +159,7 @@ fn outputs_take_their_safe_value_when_the_executor_dies() {
         (outputs() == (true, true, true)).then_some(())
     });
     let dead = cell.kill(Role::Executor, "exec");
-    // A torch must not burn on; an open gripper would drop its part.
+    // The torch must go out; the gripper must stay closed, or it would drop its part.
     await_some("the safe values", || {
         (outputs() == (false, true, false)).then_some(())
     });
@@ -164,7 +168,7 @@ fn outputs_take_their_safe_value_when_the_executor_dies() {
     assert_eq!(
         outputs(),
         (false, true, false),
-        "nothing switches by itself again"
+        "no output is switched again by itself"
     );
     cell.stop();
 }
@@ -187,7 +191,7 @@ fn outputs_of_a_killed_driver_take_their_safe_value_when_it_is_back() {
     cell.stop();
 }
 
-/// xorshift64*, so that a printed seed gives the same moments again.
+/// xorshift64*: a printed seed reproduces the moments.
 struct Random(u64);
 
 impl Random {
@@ -232,15 +236,15 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
             cell.start_driver("lwr");
         }
         cell.await_driver(&watch, "lwr");
-        let now = Census::of(&cell, executor);
-        // The first rounds settle what is made once: threads, buffers, files of the names.
+        let now = ResourceCounts::of(&cell, executor);
+        // The first rounds create what is created only once: threads, buffers, files of names.
         match settled {
             None if round >= 2 => settled = Some(now),
             Some(settled) => await_some(&format!("{settled:?} after kill {round}"), || {
-                let now = Census::of(&cell, executor);
+                let now = ResourceCounts::of(&cell, executor);
                 if !now.is_within(&settled) {
                     eprintln!("after kill {round}: {now:?}");
-                    // What was left half-made is removed when it is old enough.
+                    // Files that were left half-created are removed only once they are old enough.
                     cell.clean();
                 }
                 now.is_within(&settled).then_some(())
@@ -255,18 +259,18 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
     cell.stop();
 }
 
-/// What a leak would raise.
+/// Numbers that a leak would increase.
 #[derive(Clone, Copy, Debug)]
-struct Census {
+struct ResourceCounts {
     shared_memory: usize,
     files: u64,
     processes: usize,
     executor: OpenResources,
 }
 
-impl Census {
-    fn of(cell: &UnsupervisedCell, executor: u32) -> Census {
-        Census {
+impl ResourceCounts {
+    fn of(cell: &UnsupervisedCell, executor: u32) -> ResourceCounts {
+        ResourceCounts {
             shared_memory: cell
                 .cell()
                 .leftovers()
@@ -278,7 +282,7 @@ impl Census {
         }
     }
 
-    fn is_within(&self, other: &Census) -> bool {
+    fn is_within(&self, other: &ResourceCounts) -> bool {
         self.shared_memory <= other.shared_memory
             && self.files <= other.files
             && self.processes <= other.processes

@@ -1,5 +1,5 @@
-//! `kill -9` of whoever is not part of the motion's loop — loader, monitor, command line, supervisor — and a loader that
-//! hangs. Each test has a cell of its own.
+//! `kill -9` of processes that are not part of the control loop of a motion (loader, monitor, command line,
+//! supervisor), and processes that hang. Each test has a cell of its own.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -14,7 +14,7 @@ use rcc_tests::simulator::{Simulator, assert_within_limits};
 use rcc_tests::{TestCell, await_some, nets, program, repository};
 
 #[test]
-fn a_killed_loader_changes_no_motion_and_its_successor_knows_all_names() {
+fn a_killed_loader_does_not_affect_a_motion_and_its_successor_knows_all_names() {
     let cell = TestCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let (broken, row) = cell.load_any("net: broken\nprimitives: 7\n");
@@ -49,7 +49,7 @@ fn a_killed_loader_changes_no_motion_and_its_successor_knows_all_names() {
     );
     cell.assert_ends(line, "finished");
     assert_within_limits(&arm.state(), &[]);
-    // And it can be asked for everything else.
+    // The successor also executes new requests.
     let next = cell.run(&nets::line("next", 0.0, 0.2));
     cell.done(next, "cancel");
     cell.assert_ends(next, "canceled");
@@ -57,7 +57,7 @@ fn a_killed_loader_changes_no_motion_and_its_successor_knows_all_names() {
 }
 
 #[test]
-fn a_killed_monitor_changes_nothing_for_anybody() {
+fn a_killed_monitor_affects_no_other_process() {
     let cell = TestCell::demo();
     let watch =
         "  watch: {type: Monitor, parameters: {rate: 1000 Hz}, inputs: {value: move.pose}}\n";
@@ -88,7 +88,7 @@ fn a_killed_monitor_changes_nothing_for_anybody() {
 }
 
 #[test]
-fn a_monitor_that_hangs_changes_nothing_and_is_told_what_it_lost() {
+fn a_monitor_that_hangs_affects_nothing_and_reports_lost_records_when_it_continues() {
     let cell = TestCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let mut tail = cell.program("rcc-monitor");
@@ -102,7 +102,7 @@ fn a_monitor_that_hangs_changes_nothing_and_is_told_what_it_lost() {
     signal(tail.id(), Signal::SIGSTOP);
     let watch = cell.watch();
     let begun = watch.status().cycle;
-    // Longer than the stream remembers.
+    // Longer than the history of the stream of records.
     await_some("cycles to pass", || {
         (watch.status().cycle > begun + 1000).then_some(())
     });
@@ -113,13 +113,13 @@ fn a_monitor_that_hangs_changes_nothing_and_is_told_what_it_lost() {
     );
     drop(watch);
     signal(tail.id(), Signal::SIGCONT);
-    let told = lines
+    let loss = lines
         .map(|line| line.expect("UTF-8"))
         .find(|line| line.contains("\"lost\""));
-    let told: serde_json::Value = serde_json::from_str(&told.expect("a line")).expect("JSON");
+    let loss: serde_json::Value = serde_json::from_str(&loss.expect("a line")).expect("JSON");
     assert!(
-        told["lost"].as_u64().is_some_and(|lost| lost > 500),
-        "{told}"
+        loss["lost"].as_u64().is_some_and(|lost| lost > 500),
+        "{loss}"
     );
     assert_eq!(cell.state(lamp)["state"], "running");
     tail.kill().expect("the child is ours");
@@ -178,8 +178,8 @@ fn ctrl_c_on_run_cancels_and_unloads() {
 }
 
 #[test]
-fn a_loader_that_hangs_changes_no_motion_and_knows_everything_when_it_goes_on() {
-    // The supervisor has patience here; what it does without is tested in `services`.
+fn a_loader_that_hangs_does_not_affect_a_motion_and_knows_everything_when_it_continues() {
+    // The long watchdog time keeps the supervisor from killing the loader; `services` tests that it kills it otherwise.
     let cell = TestCell::changed(|text| {
         text.replace(
             "period: 1 ms",
@@ -205,14 +205,14 @@ fn a_loader_that_hangs_changes_no_motion_and_knows_everything_when_it_goes_on() 
     assert_eq!(
         cell.announced(Role::Loader, "loader").pid,
         loader,
-        "the same one"
+        "the loader was not restarted"
     );
     assert_within_limits(&arm.state(), &[]);
     cell.stop();
 }
 
 #[test]
-fn a_driver_that_hangs_loses_its_net_and_rests_when_it_goes_on() {
+fn a_driver_that_hangs_loses_its_net_and_stays_at_rest_when_it_continues() {
     let cell = TestCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.2, 0.1));
@@ -231,7 +231,7 @@ fn a_driver_that_hangs_loses_its_net_and_rests_when_it_goes_on() {
     cell.stop();
 }
 
-/// The demo's configuration with its arm's simulator taken out, so that it outlives the supervisor.
+/// Removes the arm's simulator from the demo's configuration, so that it can outlive the supervisor.
 fn without_arm_simulator(text: String) -> String {
     let from = text.find("  lwr-sim:").expect("the simulator of the arm");
     let to = text
@@ -241,7 +241,7 @@ fn without_arm_simulator(text: String) -> String {
 }
 
 #[test]
-fn a_killed_supervisor_takes_its_children_with_it_and_the_arm_rests() {
+fn a_killed_supervisor_ends_its_children_and_the_arm_comes_to_rest() {
     let demo = repository().join("configs/cells/demo.yaml");
     let place = CellFixture::new(&demo, without_arm_simulator);
     let offline = CellConfig::load_offline(&demo).unwrap_or_else(|faults| panic!("{faults}"));

@@ -1,5 +1,6 @@
-//! Executor and driver that have no free file descriptor while an arm moves: what cannot be opened is told and tried again,
-//! and is never taken for the death of somebody. Run by the threads of the test harness; each test has a cell of its own.
+//! An executor and a driver without a free file descriptor while an arm moves: a file that cannot be opened is reported
+//! and tried again, and is never mistaken for the death of a process. Run by the threads of the test harness; each test
+//! has a cell of its own.
 
 use std::process::Command;
 
@@ -7,17 +8,18 @@ use rcc_ipc::Role;
 use rcc_tests::{TestCell, await_some, nets};
 use serde_json::Value;
 
-/// Longer than the watchdog's time (2 s at 1 kHz): a program that could not tell that it lives would be killed.
+/// Number of cycles without descriptors, longer than the watchdog's time (2 s, at 1 kHz): a program that could not send
+/// its heartbeat would be killed.
 const CYCLES: u64 = 3000;
 
-/// A process that may open nothing more; dropping it gives the limit back.
-struct Starved {
+/// A process that cannot open any more files; dropping this restores its limit.
+struct DescriptorLimit {
     pid: String,
     soft: String,
 }
 
-impl Starved {
-    fn new(pid: u32) -> Option<Starved> {
+impl DescriptorLimit {
+    fn new(pid: u32) -> Option<DescriptorLimit> {
         let pid = pid.to_string();
         let query = [
             "--pid",
@@ -29,8 +31,8 @@ impl Starved {
         ];
         let output = Command::new("prlimit").args(query).output().ok()?;
         let soft = String::from_utf8_lossy(&output.stdout).trim().to_owned();
-        // What is open stays open; a new descriptor would have a number above the limit.
-        let starved = Starved { pid, soft };
+        // Open files stay open; a new descriptor would have a number above the limit.
+        let starved = DescriptorLimit { pid, soft };
         (output.status.success() && starved.limit("3")).then_some(starved)
     }
 
@@ -43,12 +45,13 @@ impl Starved {
     }
 }
 
-impl Drop for Starved {
+impl Drop for DescriptorLimit {
     fn drop(&mut self) {
         self.limit(&self.soft);
     }
 }
 
+/// Returns how often processes of `role` have reported that they cannot determine whether `process` is alive.
 fn doubts(cell: &TestCell, role: &str, process: &str) -> usize {
     let (out, _) = cell.cli_exits(0, &["--output", "json", "events"]);
     let lines = out
@@ -62,7 +65,7 @@ fn doubts(cell: &TestCell, role: &str, process: &str) -> usize {
     lines.filter(is).count()
 }
 
-/// A process of this role opens nothing for some seconds while the arm moves.
+/// Lets a process open no file for some seconds while the arm moves; asserts that no process and no net ends.
 fn starve(role: Role, label: &str, about: &str) {
     let cell = TestCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
@@ -78,7 +81,7 @@ fn starve(role: Role, label: &str, about: &str) {
         .map(|(role, label)| cell.announced(role, label).pid)
     };
     let before = pids();
-    let Some(starved) = Starved::new(cell.announced(role, label).pid) else {
+    let Some(starved) = DescriptorLimit::new(cell.announced(role, label).pid) else {
         eprintln!("skipped: no prlimit (util-linux) that may limit another process");
         return;
     };
@@ -87,12 +90,15 @@ fn starve(role: Role, label: &str, about: &str) {
     await_some("some seconds without descriptors", || {
         (watch.status().cycle > begun + CYCLES).then_some(())
     });
-    assert!(doubts(&cell, role.as_str(), about) > 0, "it is told");
+    assert!(
+        doubts(&cell, role.as_str(), about) > 0,
+        "the failure is reported"
+    );
     assert_eq!(cell.state(line)["state"], "running", "{}", cell.logs());
     assert_eq!(cell.state(lamp)["state"], "running");
     drop(starved);
     drop(watch);
-    assert_eq!(pids(), before, "nobody died");
+    assert_eq!(pids(), before, "no process died");
     assert_eq!(cell.state(line)["state"], "running", "{}", cell.logs());
     cell.done(line, "cancel");
     cell.assert_ends(line, "canceled");

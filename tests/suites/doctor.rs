@@ -1,5 +1,5 @@
-//! `rcc-cli doctor` on this machine, and on a device that is not connected for each reason that users have met.
-//! Each test has a cell of its own; the senders are sockets of the test.
+//! `rcc-cli doctor` for this machine, and for a device without a connection, for each cause that users have met. Each
+//! test has a cell of its own; the senders are sockets of the test.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::process::{Command, Stdio};
@@ -15,7 +15,7 @@ use rcc_tests::processes::signal;
 use rcc_tests::{TestCell, await_some, program, repository};
 use serde_json::{Value, json};
 
-/// The demo's configuration without a running cell; the driver takes this peer only, if given.
+/// Returns the demo's configuration without a running cell; if `peer` is given, the driver accepts only that sender.
 fn stopped(peer: Option<&str>) -> CellFixture {
     let line = "      listen: 127.0.0.1:${fri}";
     let peer = peer
@@ -26,7 +26,7 @@ fn stopped(peer: Option<&str>) -> CellFixture {
     })
 }
 
-/// What `doctor fri lwr` says about the cell's file; it must end with this exit code.
+/// Returns the report of `doctor fri lwr` about the cell's file; asserts its exit code.
 fn report(place: &CellFixture, exit: i32) -> Value {
     let file = place.config().to_str().expect("plain").to_owned();
     let output = Command::new(program("rcc-cli"))
@@ -42,7 +42,7 @@ fn report(place: &CellFixture, exit: i32) -> Value {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{text}\n{errors}\n{error}"))
 }
 
-/// The stage that failed, and all that was said about it.
+/// Returns the stage that failed, and its finding as JSON.
 fn failure(place: &CellFixture) -> (String, String) {
     let report = report(place, 1);
     let findings = report["findings"].as_array().expect("findings");
@@ -50,29 +50,29 @@ fn failure(place: &CellFixture) -> (String, String) {
     (report["failed"].as_str().expect("a stage").to_owned(), last)
 }
 
-/// Says at its end that something is over, also when the test fails.
-struct Over<'a>(&'a AtomicBool);
+/// Sets a flag when it is dropped, also if the test fails.
+struct FlagOnDrop<'a>(&'a AtomicBool);
 
-impl Drop for Over<'_> {
+impl Drop for FlagOnDrop<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
 }
 
-/// Sends `bytes` (the sequence number counts up) every millisecond to the driver's port while `what` runs.
+/// Sends `bytes` to the driver's port every millisecond while `what` runs, with increasing sequence numbers.
 fn while_sending<T>(place: &CellFixture, from: &str, bytes: &[u8], what: impl FnOnce() -> T) -> T {
     let socket = UdpSocket::bind(from).expect("a loopback address");
     let to = SocketAddr::from(([127, 0, 0, 1], place.port("fri")));
     let over = AtomicBool::new(false);
     thread::scope(|scope| {
-        // Relaxed: nothing else is told with it. The scope waits for it.
+        // Relaxed: no other data is published with the flag. The scope waits for the thread.
         scope.spawn(|| {
             let mut bytes = bytes.to_vec();
             for sequence in (0..=u16::MAX).cycle() {
                 if let Some(place) = bytes.get_mut(..2) {
                     place.copy_from_slice(&sequence.to_le_bytes());
                 }
-                // Nobody listens yet, or no more.
+                // Fails while nobody listens on the port.
                 let _ = socket.send_to(&bytes, to);
                 if over.load(Ordering::Relaxed) {
                     return;
@@ -80,7 +80,7 @@ fn while_sending<T>(place: &CellFixture, from: &str, bytes: &[u8], what: impl Fn
                 thread::sleep(Duration::from_millis(1));
             }
         });
-        let _over = Over(&over);
+        let _over = FlagOnDrop(&over);
         what()
     })
 }
@@ -98,7 +98,7 @@ fn datagram() -> Vec<u8> {
 }
 
 #[test]
-fn silence_is_found_without_a_driver() {
+fn missing_datagrams_are_found_without_a_driver() {
     let place = stopped(None);
     let (stage, words) = failure(&place);
     assert_eq!(stage, "datagrams", "{words}");
@@ -109,7 +109,7 @@ fn silence_is_found_without_a_driver() {
 }
 
 #[test]
-fn a_port_that_another_process_has_names_that_process() {
+fn the_process_that_uses_the_port_is_named() {
     let place = stopped(None);
     let _taken = UdpSocket::bind(("127.0.0.1", place.port("fri"))).expect("it is free");
     let (stage, words) = failure(&place);
@@ -132,7 +132,7 @@ fn a_sender_at_another_address_is_named() {
 }
 
 #[test]
-fn garbage_and_other_versions_are_told_apart() {
+fn invalid_datagrams_and_other_versions_are_distinguished() {
     let place = stopped(None);
     let mut older = datagram();
     older[6..8].copy_from_slice(&0x2005_u16.to_le_bytes());
@@ -147,7 +147,7 @@ fn garbage_and_other_versions_are_told_apart() {
 }
 
 #[test]
-fn a_controller_that_sends_is_good_although_nobody_answers() {
+fn a_controller_that_sends_passes_although_no_driver_answers() {
     let place = stopped(None);
     let report = while_sending(&place, "127.0.0.1:0", &datagram(), || report(&place, 0));
     assert!(
@@ -158,7 +158,7 @@ fn a_controller_that_sends_is_good_although_nobody_answers() {
 }
 
 #[test]
-fn a_running_device_works_and_bad_quality_is_found() {
+fn a_running_device_passes_and_bad_quality_is_found() {
     let cell = TestCell::demo();
     let (out, _) = cell.cli_exits(0, &["--output", "json", "devices"]);
     let rows: Value = serde_json::from_str(&out).expect("JSON");
@@ -182,13 +182,13 @@ fn a_running_device_works_and_bad_quality_is_found() {
         let report: Value = serde_json::from_slice(&output.stdout).ok()?;
         (report["failed"] == "quality").then_some(())
     });
-    // A driver that is stopped does not turn.
+    // A stopped driver makes no progress.
     let driver = cell.announced(Role::Driver, "lwr");
     assert!(signal(driver.pid, Signal::SIGSTOP));
     let found = await_some("the stopped driver to be found", || {
         let output = cell.cli(&["--output", "json", "doctor", "fri", "lwr"]);
         let report: Value = serde_json::from_slice(&output.stdout).ok()?;
-        // `up` may have replaced it by now, which is right, too.
+        // `up` may have restarted it by now, which is correct, too.
         let replaced = cell.announced(Role::Driver, "lwr").pid != driver.pid;
         (report["failed"] == "driver" || replaced).then_some(report)
     });
@@ -228,9 +228,9 @@ fn the_machine_is_graded_and_status_shows_it() {
 }
 
 #[test]
-fn what_a_dead_cell_left_is_found_and_removed() {
+fn leftovers_of_a_dead_cell_are_found_and_removed() {
     let mut cell = TestCell::demo();
-    // Nobody may end in an orderly way.
+    // No process may end in an orderly way.
     assert!(signal(cell.supervisor(), Signal::SIGSTOP));
     for process in cell.cell().announced_all().expect("a list") {
         signal(process.pid, Signal::SIGKILL);
@@ -239,7 +239,7 @@ fn what_a_dead_cell_left_is_found_and_removed() {
     cell.await_dead();
     let (out, _) = cell.cli_exits(0, &["doctor", "--measure", "0"]);
     assert!(out.contains("cell test is dead and left"), "{out}");
-    // A cell that lives is not touched.
+    // A running cell is not touched.
     let other = TestCell::demo();
     let (out, _) = cell.cli_exits(0, &["doctor", "--clean"]);
     assert!(out.contains("removed  cell test"), "{out}");
@@ -250,7 +250,7 @@ fn what_a_dead_cell_left_is_found_and_removed() {
 }
 
 #[test]
-fn an_ordinary_user_is_told_what_he_may_not() {
+fn an_ordinary_user_is_told_which_permissions_are_missing() {
     if !nix::unistd::getuid().is_root() {
         eprintln!("skipped: only root can become another user");
         return;
@@ -266,7 +266,7 @@ fn an_ordinary_user_is_told_what_he_may_not() {
         .env_remove("RCC_CELL")
         .stdin(Stdio::null());
     let Ok(output) = command.output() else {
-        eprintln!("skipped: there is no setpriv");
+        eprintln!("skipped: setpriv not found");
         return;
     };
     let report: Value = match serde_json::from_slice(&output.stdout) {

@@ -1,4 +1,4 @@
-//! A sample of the crash matrix and a short endurance run: the full ones are programs (docs/crashes.md), which call the
+//! A sample of the crash matrix, and a short endurance run. The full runs are programs (docs/crashes.md) that call the
 //! same code. Each has a cell of its own.
 
 use std::sync::Arc;

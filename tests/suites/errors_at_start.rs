@@ -1,7 +1,7 @@
-//! Errors in place of every system call of a start, of each program: `strace` injects them. The program works all the same,
-//! or ends with an exit code and words; it never hangs, nothing is left, and the next start succeeds.
+//! Each system call of a program's start fails once: `strace` injects the error. The program works nevertheless, or
+//! ends with an exit code and a message; it never hangs, nothing is left behind, and the next start succeeds.
 //!
-//! By default some errors, evenly spread and the same each time; all of them with `RCC_EVERY_SYSCALL=1`.
+//! By default a sample of the errors is tried, evenly spread and the same in each run; `RCC_EVERY_SYSCALL=1` tries all.
 
 use std::fs::{self, File};
 use std::process::Stdio;
@@ -17,15 +17,15 @@ use rcc_tests::injection::{
 use rcc_tests::processes::signal;
 use rcc_tests::{UnsupervisedCell, await_some, nets};
 
-/// What the runtime of a Rust program calls before `main`, for its standard streams.
+/// System calls with which the runtime of a Rust program checks its standard streams before `main`.
 const FIRST: [&str; 2] = ["poll", "ppoll"];
-/// Errors of each program that are tried by default.
+/// Number of errors tried in each program by default.
 const SAMPLE: usize = 12;
-/// How often a process is looked at.
+/// Interval at which a process is polled.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// A program, and where it is in the bench.
-struct Victim {
+/// A program whose start is tested, and its names in the test cell.
+struct StartTarget {
     name: &'static str,
     program: &'static str,
     arguments: &'static [&'static str],
@@ -33,17 +33,17 @@ struct Victim {
     label: &'static str,
 }
 
-/// What became of a start.
+/// Outcome of a start.
 #[derive(Debug, PartialEq)]
-enum Start {
+enum StartOutcome {
     Works,
-    /// Its exit code and what it said.
+    /// Its exit code and its output on stderr.
     Ended(Option<i32>, String),
 }
 
 #[test]
-fn an_error_at_the_start_of_the_executor_is_survived_or_told() {
-    fail_everywhere(&Victim {
+fn an_error_at_the_start_of_the_executor_is_survived_or_reported() {
+    fail_everywhere(&StartTarget {
         name: "executor",
         program: "rcc-exec",
         arguments: &[],
@@ -53,8 +53,8 @@ fn an_error_at_the_start_of_the_executor_is_survived_or_told() {
 }
 
 #[test]
-fn an_error_at_the_start_of_the_fri_driver_is_survived_or_told() {
-    fail_everywhere(&Victim {
+fn an_error_at_the_start_of_the_fri_driver_is_survived_or_reported() {
+    fail_everywhere(&StartTarget {
         name: "lwr",
         program: "rcc-driver",
         arguments: &["--device", "lwr"],
@@ -64,8 +64,8 @@ fn an_error_at_the_start_of_the_fri_driver_is_survived_or_told() {
 }
 
 #[test]
-fn an_error_at_the_start_of_the_modbus_driver_is_survived_or_told() {
-    fail_everywhere(&Victim {
+fn an_error_at_the_start_of_the_modbus_driver_is_survived_or_reported() {
+    fail_everywhere(&StartTarget {
         name: "io",
         program: "rcc-driver",
         arguments: &["--device", "io"],
@@ -75,8 +75,8 @@ fn an_error_at_the_start_of_the_modbus_driver_is_survived_or_told() {
 }
 
 #[test]
-fn an_error_at_the_start_of_the_loader_is_survived_or_told() {
-    fail_everywhere(&Victim {
+fn an_error_at_the_start_of_the_loader_is_survived_or_reported() {
+    fail_everywhere(&StartTarget {
         name: "loader",
         program: "rcc-loader",
         arguments: &[],
@@ -85,7 +85,7 @@ fn an_error_at_the_start_of_the_loader_is_survived_or_told() {
     });
 }
 
-fn fail_everywhere(victim: &Victim) {
+fn fail_everywhere(victim: &StartTarget) {
     if let Err(cause) = can_trace() {
         eprintln!("skipped: errors at the start of {}: {cause}", victim.name);
         return;
@@ -105,18 +105,20 @@ fn fail_everywhere(victim: &Victim) {
     for (call, error) in &chosen {
         let outcome = start_with(&mut cell, victim, call, error);
         match &outcome {
-            Start::Works => worked += 1,
-            Start::Ended(Some(0), _) => wrong.push(format!("{error} in {call:?}: {outcome:?}")),
-            Start::Ended(_, words) if words.is_empty() || panics_of_ours(words) => {
+            StartOutcome::Works => worked += 1,
+            StartOutcome::Ended(Some(0), _) => {
+                wrong.push(format!("{error} in {call:?}: {outcome:?}"))
+            }
+            StartOutcome::Ended(_, words) if words.is_empty() || panics_of_ours(words) => {
                 wrong.push(format!("{error} in {call:?}: {outcome:?}"));
             }
-            Start::Ended(..) => {}
+            StartOutcome::Ended(..) => {}
         }
         cell.clean();
     }
     assert!(wrong.is_empty(), "{}:\n{}", victim.name, wrong.join("\n"));
     eprintln!(
-        "{}: {} of {} errors tried, {worked} survived, the others told",
+        "{}: {} of {} errors tried, {worked} survived, the others reported",
         victim.name,
         chosen.len(),
         all.len()
@@ -134,9 +136,9 @@ fn fail_everywhere(victim: &Victim) {
     cell.stop();
 }
 
-/// Traces a whole start; returns each of its calls until it works. What comes before `main` is the system's: where its
-/// dynamic linker is refused something, it ends as it does for every program.
-fn every_call(cell: &UnsupervisedCell, victim: &Victim) -> Vec<SystemCall> {
+/// Traces a whole start; returns its system calls until the program works. Calls before `main` are left out: they are
+/// made by the dynamic linker, whose errors end any program in the same way.
+fn every_call(cell: &UnsupervisedCell, victim: &StartTarget) -> Vec<SystemCall> {
     let file = cell.folder().join("calls.txt");
     let options = ["-o".to_owned(), file.display().to_string()];
     let mut strace = start_traced(
@@ -162,16 +164,16 @@ fn every_call(cell: &UnsupervisedCell, victim: &Victim) -> Vec<SystemCall> {
     calls
 }
 
-/// Starts the program with an error in one call; if it works, it must end in order when it is asked to.
+/// Starts the program with an error in one call; if it works nevertheless, it must end on SIGTERM.
 fn start_with(
     cell: &mut UnsupervisedCell,
-    victim: &Victim,
+    victim: &StartTarget,
     (name, number): &SystemCall,
     error: &str,
-) -> Start {
+) -> StartOutcome {
     let inject = format!("inject={name}:error={error}:when={number}");
     let path = cell.folder().join(format!("{}-injected.txt", victim.name));
-    let said = File::create(&path).expect("a file can be written");
+    let stderr = File::create(&path).expect("a file can be written");
     let options = [
         "-o",
         "/dev/null",
@@ -186,13 +188,13 @@ fn start_with(
         victim.program,
         victim.arguments,
         &options,
-        said.into(),
+        stderr.into(),
     );
     let begun = Instant::now();
     loop {
         if let Some(status) = strace.try_wait().expect("the child is ours") {
             let words = fs::read_to_string(&path).unwrap_or_default();
-            return Start::Ended(status.code(), words);
+            return StartOutcome::Ended(status.code(), words);
         }
         if let Some(pid) = tracee(&strace)
             && works(cell, victim, pid)
@@ -202,7 +204,7 @@ fn start_with(
                 &format!("{} to end after {error} in {name} {number}", victim.name),
                 || strace.try_wait().expect("the child is ours"),
             );
-            return Start::Works;
+            return StartOutcome::Works;
         }
         assert!(
             begun.elapsed() < LIMIT,
@@ -215,8 +217,9 @@ fn start_with(
     }
 }
 
-/// It is announced, and does its work: the executor runs nets, a driver has exchanged, the loader answers.
-fn works(cell: &UnsupervisedCell, victim: &Victim, pid: u32) -> bool {
+/// Returns true if the process is announced and works: the executor runs nets, a driver exchanges data with its device,
+/// the loader answers.
+fn works(cell: &UnsupervisedCell, victim: &StartTarget, pid: u32) -> bool {
     let announced = cell.cell().announced(victim.role, victim.label);
     let Some(announced) = announced.ok().flatten() else {
         return false;
@@ -231,13 +234,14 @@ fn works(cell: &UnsupervisedCell, victim: &Victim, pid: u32) -> bool {
     }
 }
 
-/// The device is ready, and it is this driver that makes it so.
+/// Returns true if the device is ready and is served by this driver.
 fn exchanges(cell: &UnsupervisedCell, device: &str, pid: u32) -> bool {
     let row = cell.device(device);
     row.is_some_and(|row| row["state"] == "ready" && row["pid"] == pid)
 }
 
-/// LOAD, START, CANCEL: each helper thread of the executor has its part in one of them. False while it does not answer.
+/// Loads, starts and cancels a net, which takes each helper thread of the executor. Returns false while the executor
+/// does not answer.
 fn runs_a_net(cell: &UnsupervisedCell) -> bool {
     let done = |method: &str, path: &str, body: &str| {
         let reply = cell.try_rest(method, path, body)?;

@@ -1,7 +1,8 @@
-//! Errors in place of the system calls of a running cell while its arm moves, in each thread of each process: `strace`
-//! injects them, several in a row. A motion that does not need the process finishes; a process that ends says why.
+//! System calls of a running cell fail while its arm moves, in each thread of each process: `strace` injects the
+//! errors, several in a row. A motion that does not need the process finishes, and a process that ends reports the
+//! reason.
 //!
-//! By default some errors, evenly spread and the same each time; all of them with `RCC_EVERY_SYSCALL=1`.
+//! By default a sample of the errors is tried, evenly spread and the same in each run; `RCC_EVERY_SYSCALL=1` tries all.
 
 use std::fs;
 use std::process::{Child, Command, Stdio};
@@ -13,16 +14,16 @@ use rcc_tests::processes::{ends_with_test, signal, threads};
 use rcc_tests::simulator::{Simulator, assert_within_limits};
 use rcc_tests::{UnsupervisedCell, await_some, nets};
 
-/// Errors that are tried by default, of each process.
+/// Number of errors tried in each process by default.
 const SAMPLE: usize = 5;
-/// So many in a row: more than whoever tries three times survives by trying.
+/// Number of errors in a row: more than a loop of three attempts survives.
 const IN_A_ROW: u32 = 5;
-/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+/// Value of `$FRI_TO_INT[2]` after the controller stopped because answers were lost.
 const LOST: i64 = 1;
-/// How long a thread's calls are listened to.
+/// Time for which the system calls of a process are recorded.
 const LISTEN: Duration = Duration::from_millis(400);
 
-/// A system call of a thread that fails.
+/// An error in a system call of a thread.
 #[derive(Clone, Debug)]
 struct Case {
     thread: String,
@@ -66,14 +67,15 @@ fn fail_in_motion(process: &str) {
         ended += u32::from(fail(&mut cell, process, case, &mut arm, y));
     }
     eprintln!(
-        "{process}: {} of {} errors tried, each {IN_A_ROW} times in a row; it ended {ended} times, in order",
+        "{process}: {} of {} errors tried, each {IN_A_ROW} times in a row; it ended {ended} times, in an orderly way",
         chosen.len(),
         all.len()
     );
     cell.stop();
 }
 
-/// What each thread of the process calls while the arm moves and the loader is asked.
+/// Returns each error in each system call that each thread of the process makes while the arm moves and the loader gets
+/// a request.
 fn every_case(cell: &UnsupervisedCell, process: &str, arm: &mut Simulator) -> Vec<Case> {
     let line = cell.run(&nets::line("listen", 0.1, 0.05));
     arm.await_motion();
@@ -85,7 +87,7 @@ fn every_case(cell: &UnsupervisedCell, process: &str, arm: &mut Simulator) -> Ve
     std::thread::sleep(LISTEN);
     cell.try_rest("GET", "/status", "");
     detach(&mut strace);
-    // On a busy machine it may have ended by itself.
+    // On a busy machine the motion may have ended already.
     cell.operate(line, "cancel");
     cell.await_end(line);
     cell.rest("DELETE", &format!("/commands/{line}"), "");
@@ -114,7 +116,7 @@ fn every_case(cell: &UnsupervisedCell, process: &str, arm: &mut Simulator) -> Ve
     cases.collect()
 }
 
-/// A motion with errors in the middle; true if the process ended by them.
+/// Runs a motion with errors in the middle; returns true if they ended the process.
 fn fail(
     cell: &mut UnsupervisedCell,
     process: &str,
@@ -132,7 +134,7 @@ fn fail(
     arm.await_motion();
     let ids = threads(cell.pid(process));
     let Some((id, _)) = ids.iter().find(|(_, name)| name == thread) else {
-        // A thread of a pool, which has ended.
+        // The thread belonged to a pool, and has ended.
         cell.await_end(line);
         cell.rest("DELETE", &format!("/commands/{line}"), "");
         return false;
@@ -157,7 +159,7 @@ fn fail(
     });
     detach(&mut strace);
     assert_within_limits(&arm.await_rest(), &[LOST]);
-    // An executor that has lost a helper thread cancels its nets, and then it ends.
+    // An executor that has lost a helper thread cancels its nets and then exits.
     let over = match over {
         Ok(row) if process == "executor" && row["reason"] == "canceled" => {
             Err(await_some("the executor to end", || cell.ended(process)))
@@ -179,11 +181,11 @@ fn fail(
             let log = cell.log(process);
             assert!(
                 status.code().is_some_and(|code| code != 0) && log.contains("ERROR"),
-                "{process}, {case:?}: {status}, it said: {log}"
+                "{process}, {case:?}: {status}, its log: {log}"
             );
             assert!(!panics_of_ours(&log), "{case:?}: {log}");
             restart(cell, process);
-            // Its nets ended with an executor; without another process they go on, and end in their own way.
+            // Nets end with their executor; without one of the other processes they continue, and end by themselves.
             let reply = cell.rest("GET", &format!("/commands/{line}"), "");
             if reply.status == 200 {
                 cell.await_end(line);
@@ -204,7 +206,7 @@ fn restart(cell: &mut UnsupervisedCell, process: &str) {
     cell.await_devices();
 }
 
-/// strace on a running thread or process; returns when it traces.
+/// Attaches strace to a running thread or process; returns once it traces.
 fn attach(id: u32, options: &[String]) -> Child {
     let mut command = Command::new("strace");
     command.args(options).args(["-p", &id.to_string()]);

@@ -1,5 +1,5 @@
-//! The cell's event log as a person reads it, and faults on purpose: each test has a cell of its own, breaks something
-//! with `rcc-cli fault`, and finds the whole story in `rcc-cli events`. Run by the threads of the test harness.
+//! The event log of a cell, and injected faults: each test has a cell of its own, injects faults with `rcc-cli fault`,
+//! and asserts that `rcc-cli events` reports them completely. Run by the threads of the test harness.
 
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -8,7 +8,7 @@ use rcc_ipc::Role;
 use rcc_tests::{CellFixture, TestCell, await_some, nets, repository};
 use serde_json::Value;
 
-/// The log as JSON.
+/// Returns the events of the log as JSON.
 fn events(cell: &CellFixture, arguments: &[&str]) -> Vec<Value> {
     let all = [&["--output", "json", "events"][..], arguments].concat();
     let (out, _) = cell.cli_exits(0, &all);
@@ -16,7 +16,7 @@ fn events(cell: &CellFixture, arguments: &[&str]) -> Vec<Value> {
     lines.collect::<Result<_, _>>().expect("one object a line")
 }
 
-/// Waits for the first event that is so.
+/// Waits for the first event for which `is` returns true; returns the event.
 fn await_event(cell: &CellFixture, what: &str, is: impl Fn(&Value) -> bool) -> Value {
     await_some(&format!("an event: {what}"), || {
         events(cell, &[]).into_iter().find(|event| is(event))
@@ -27,13 +27,14 @@ fn of_kind<'a>(kind: &'a str, field: &'a str, value: &'a str) -> impl Fn(&Value)
     move |event| event["kind"] == kind && event["fields"][field] == value
 }
 
-fn place_of(events: &[Value], is: impl Fn(&Value) -> bool) -> usize {
+/// Returns the index of the first event for which `is` returns true.
+fn index_of(events: &[Value], is: impl Fn(&Value) -> bool) -> usize {
     let found = events.iter().position(is);
-    found.unwrap_or_else(|| panic!("it is in the log: {events:#?}"))
+    found.unwrap_or_else(|| panic!("the event is not in the log: {events:#?}"))
 }
 
 #[test]
-fn a_killed_driver_is_told_by_everybody_whom_it_concerns() {
+fn a_killed_driver_is_reported_by_every_process_that_it_concerns() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.2, 0.1));
     cell.simulator("lwr-sim").await_motion();
@@ -43,32 +44,37 @@ fn a_killed_driver_is_told_by_everybody_whom_it_concerns() {
     cell.await_successor(Role::Driver, "lwr", dead.incarnation);
     cell.await_device("lwr", "ready");
 
-    let found = await_event(&cell, "the device is found", |event| {
+    let found = await_event(&cell, "the device is found again", |event| {
         let life = format!("{:016x}", dead.incarnation);
         of_kind("device-found", "device", "lwr")(event)
             && event["fields"]["driver"] != life.as_str()
     });
     let all = events(&cell, &[]);
-    let cause = place_of(&all, of_kind("fault-injected", "target", "driver/lwr"));
-    let lost = place_of(&all, of_kind("device-lost", "device", "lwr"));
-    let ended = place_of(&all, |event| event["fields"]["reason"] == "fault");
-    let died = place_of(&all, of_kind("process-died", "process", "driver/lwr"));
-    let again = place_of(&all, of_kind("process-restart", "process", "driver/lwr"));
+    let cause = index_of(&all, of_kind("fault-injected", "target", "driver/lwr"));
+    let lost = index_of(&all, of_kind("device-lost", "device", "lwr"));
+    let ended = index_of(&all, |event| event["fields"]["reason"] == "fault");
+    let died = index_of(&all, of_kind("process-died", "process", "driver/lwr"));
+    let again = index_of(&all, of_kind("process-restart", "process", "driver/lwr"));
     assert!(cause < lost && lost <= ended && died < again, "{all:#?}");
     assert_eq!(all[died]["fields"]["how"], "SIGKILL");
     assert_eq!(all[died]["fields"]["pid"], dead.pid);
-    assert_eq!(all[lost]["cycle"], all[ended]["cycle"], "one cycle");
+    assert_eq!(
+        all[lost]["cycle"], all[ended]["cycle"],
+        "both events are of the same cycle"
+    );
     assert!(all[lost]["cycle"].as_u64() < found["cycle"].as_u64());
     assert_eq!(all[ended]["net"], format!("line#{line}"));
     assert_eq!(all[ended]["fields"]["fault"]["code"], "device lost");
     assert_eq!(all[ended]["fields"]["fault"]["device"], "lwr");
-    let started = await_event(&cell, "the successor names the dead", |event| {
-        event["kind"] == "started" && event["fields"]["predecessor"]["pid"] == dead.pid
-    });
+    let started = await_event(
+        &cell,
+        "the successor to name its dead predecessor",
+        |event| event["kind"] == "started" && event["fields"]["predecessor"]["pid"] == dead.pid,
+    );
     assert_eq!(started["source"]["label"], "lwr");
-    place_of(&all, |event| event["kind"] == "cleaned");
+    index_of(&all, |event| event["kind"] == "cleaned");
 
-    // What a person asks for: one device, one net, from a cycle on.
+    // The filters: by device, by net, and from a cycle on.
     let of_io = events(&cell, &["--device", "io"]);
     assert!(of_io.iter().all(|event| event["kind"] != "device-lost"));
     let of_net = events(&cell, &["--net", "line"]);
@@ -95,17 +101,17 @@ fn the_log_is_read_and_followed_while_loader_and_executor_are_dead() {
         .expect("rcc-cli starts");
     let mut lines = BufReader::new(follower.stdout.take().expect("a pipe")).lines();
     cell.kill_supervisor();
-    // The children end with their supervisor, in their own way.
+    // The child processes end with their supervisor, each in an orderly way.
     let stops = lines.find(|line| {
         let line = line.as_ref().expect("whole lines");
         line.contains("\"stopping\"") && line.contains("\"executor\"")
     });
     assert!(stops.is_some(), "the follower ended");
-    follower.kill().expect("it is ours");
-    follower.wait().expect("it is ours");
+    follower.kill().expect("the child is ours");
+    follower.wait().expect("the child is ours");
     cell.await_dead();
     let all = events(&cell, &[]);
-    place_of(&all, |event| event["kind"] == "cell-started");
+    index_of(&all, |event| event["kind"] == "cell-started");
 
     cell.up_again();
     let all = events(&cell, &[]);
@@ -116,13 +122,13 @@ fn the_log_is_read_and_followed_while_loader_and_executor_are_dead() {
     assert_eq!(
         previous,
         [false, true],
-        "the second one follows a life without a goodbye"
+        "the second start follows one that did not end in an orderly way"
     );
     cell.stop();
 }
 
 #[test]
-fn every_fault_of_the_arm_shows_and_ends() {
+fn every_fault_of_the_arm_takes_effect_and_can_be_cleared() {
     let cell = TestCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     cell.cli_exits(0, &["fault", "lwr", "force", "0", "0", "20"]);
@@ -180,7 +186,7 @@ fn every_fault_of_the_arm_shows_and_ends() {
 }
 
 #[test]
-fn a_station_that_does_not_answer_and_a_process_that_stands_still_are_told() {
+fn a_station_that_does_not_answer_and_a_stopped_process_are_reported() {
     let cell = TestCell::demo();
     cell.cli_exits(0, &["fault", "io", "freeze", "2s"]);
     cell.await_device("io", "offline");
@@ -203,7 +209,7 @@ fn a_station_that_does_not_answer_and_a_process_that_stands_still_are_told() {
 }
 
 #[test]
-fn a_cell_without_simulators_is_not_broken_on_purpose() {
+fn faults_are_not_injected_into_a_device_that_is_not_simulated() {
     let cell = TestCell::changed(|text| text.replace("    device: io\n", ""));
     let (_, refusal) = cell.cli_exits(7, &["fault", "io", "drop", "3"]);
     assert!(refusal.contains("not simulated"), "{refusal}");
@@ -214,7 +220,7 @@ fn a_cell_without_simulators_is_not_broken_on_purpose() {
 }
 
 #[test]
-fn a_refused_net_and_a_limit_are_told_with_their_numbers() {
+fn a_rejected_net_is_reported_with_its_code() {
     let cell = TestCell::demo();
     let (id, row) = cell.load_any("net: wrong\nprimitives: {a: {type: Nothing}}\n");
     assert_eq!(row["state"], "rejected");

@@ -1,4 +1,4 @@
-//! Every net in `configs/nets` is valid for the demo cell and runs there, through every process.
+//! Every net in `configs/nets` is valid for the demo cell and runs there, through all processes.
 //! Each test has a cell of its own.
 
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ fn every_example_net_runs_in_a_cell() {
     for path in example_nets() {
         let text = std::fs::read_to_string(&path).expect("a net");
         let name = path.file_stem().expect("a name").display().to_string();
-        // The next one begins where the last one ended.
+        // Each net starts where the previous one has ended.
         cell.await_devices();
         let id = cell.load(&text);
         cell.start_when_ready(id);

@@ -1,5 +1,5 @@
-//! CANCEL by name while every door is flooded. A short run of `cargo run --release -p rcc-tests --example
-//! cancel_latency`; it asserts that each is answered and done, and no time.
+//! CANCEL by name while every interface of the loader is flooded: a short run of `cargo run --release -p rcc-tests
+//! --example cancel_latency`. It asserts that each CANCEL is answered and executed, but no time.
 
 use std::process::Command;
 
@@ -7,19 +7,19 @@ use rcc_ipc::Role;
 use rcc_tests::TestCell;
 use rcc_tests::flood::{self, Options, kinds::FloodKind};
 
-/// The other processes: flood until they are killed.
+/// Entry point of the processes that flood the loader until they are killed.
 #[test]
 fn flooder() {
     flood::flood_if_asked();
 }
 
 #[test]
-fn when_memory_runs_out_the_loader_goes_before_the_executor_and_the_drivers() {
+fn when_memory_runs_out_the_loader_is_killed_before_the_executor_and_the_drivers() {
     let cell = TestCell::demo();
     let score = |role, label| {
         let pid = cell.announced(role, label).pid;
         let text = std::fs::read_to_string(format!("/proc/{pid}/oom_score_adj"));
-        text.expect("it runs")
+        text.expect("the process runs")
             .trim()
             .parse::<i32>()
             .expect("a number")
@@ -34,7 +34,7 @@ fn when_memory_runs_out_the_loader_goes_before_the_executor_and_the_drivers() {
 }
 
 #[test]
-fn every_cancel_is_answered_and_done_while_every_door_is_flooded() {
+fn every_cancel_is_answered_and_executed_while_every_interface_is_flooded() {
     let options = Options {
         nets: 4,
         primitives: 2000,

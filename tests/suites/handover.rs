@@ -1,5 +1,5 @@
-//! Hand-over through every process: consecutive cycles, one stream of set-points, or nothing changed and the reason told.
-//! Each test has a cell of its own.
+//! Hand-over through all processes: it happens in consecutive cycles with one unbroken stream of set-points, or it
+//! changes nothing and the reason is reported. Each test has a cell of its own.
 
 use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandState, DeviceState};
@@ -11,8 +11,8 @@ use rcc_tests::{TestCell, await_some, nets};
 
 use crate::plans::Control;
 
-/// Velocity of the moving arm, rad/s: a step of it keeps the jerk limit of the joint, and what the guard allows as a step of
-/// acceleration is 140 cycles of it.
+/// Velocity of the moving arm, rad/s: a velocity step of this size keeps the jerk limit of the joint, and the position
+/// step that the acceleration limit allows in one cycle is as long as 140 cycles at this velocity.
 const VELOCITY: f64 = 1.5e-4;
 const PERIOD_S: f64 = 1e-3;
 
@@ -25,7 +25,8 @@ fn an_arm_goes_from_net_to_net_in_consecutive_cycles_while_a_large_net_is_loadin
         (30, 30),
         "{report:?}"
     );
-    // Asked right after LOAD, whose text takes much longer; a machine that stalls may miss a few.
+    // Each hand-over is requested right after a LOAD that takes much longer; if the machine stalls, a few may come
+    // later.
     assert!(report.while_loading >= 20, "{report:?}");
     cell.stop();
 }
@@ -82,7 +83,7 @@ fn a_net_that_holds_the_arm_hands_it_to_a_motion_planned_meanwhile() {
     cell.stop();
 }
 
-/// Holds the arm where it is held, until it is stopped.
+/// Returns a net that holds the arm at its set-point until the net is stopped.
 fn hold(name: &str) -> String {
     format!(
         "net: {name}
@@ -95,7 +96,7 @@ discard: [state.position]
     )
 }
 
-/// J1 goes from `from` (rad) on with [`VELOCITY`], the others stay; for ever.
+/// Returns a plan that moves J1 from `from` (rad) on with [`VELOCITY`] without end, and holds the other joints.
 fn drift(from: f64, configuration: u64) -> PlanData {
     let mut plan = PlanData {
         catalogue: primitives::fingerprint(),
@@ -134,7 +135,7 @@ fn install(control: &Control, from: f64) -> u64 {
     id
 }
 
-/// Of an answer that says that it is done.
+/// Returns the cycle of an answer that reports success.
 fn cycle_of(answer: &Answer) -> Option<u64> {
     match answer {
         Answer::Done { cycle } | Answer::Rehearsed { cycle, .. } => Some(*cycle),
@@ -142,7 +143,8 @@ fn cycle_of(answer: &Answer) -> Option<u64> {
     }
 }
 
-/// Asks until the arm has come to where `new` begins; `None` if it was missed.
+/// Requests the hand-over until the arm reaches the start of `new`; returns its cycle, or `None` if the arm has passed
+/// the start.
 fn take_over(control: &Control, old: u64, new: u64, refusals: &mut u32) -> Option<u64> {
     loop {
         let (stop, start) = (vec![old], vec![new]);
@@ -168,7 +170,7 @@ fn take_over(control: &Control, old: u64, new: u64, refusals: &mut u32) -> Optio
 }
 
 #[test]
-fn a_moving_arm_is_handed_over_where_the_next_net_continues_and_nowhere_else() {
+fn a_moving_arm_is_handed_over_only_where_the_next_net_continues_its_motion() {
     let cell = TestCell::demo();
     let control = Control::of(&cell);
     let (watch, arm) = (cell.watch(), Arm::of(&cell));
@@ -183,23 +185,26 @@ fn a_moving_arm_is_handed_over_where_the_next_net_continues_and_nowhere_else() {
         let new = install(&control, from);
         let taken = take_over(&control, old, new, &mut refusals);
         if taken.is_none() {
-            // The machine was away while the arm passed.
+            // The machine stalled while the arm passed the start.
             control.call(&Call::Unload { id: new });
         }
         taken.map(|cycle| (new, from, cycle))
     });
-    eprintln!("{refusals} refusals before the arm was there");
-    assert!(refusals > 0, "it was asked before the arm was there");
+    eprintln!("{refusals} refusals before the arm reached the start");
+    assert!(
+        refusals > 0,
+        "the first requests came before the arm reached the start"
+    );
     let rows = watch.tables().commands;
     let row = |id: u64| *rows.iter().find(|row| row.id == id).expect("a row");
     assert_eq!(
         (row(old).ended_cycle, row(new).started_cycle),
         (cycle - 1, cycle)
     );
-    await_some("the new net to go on", || {
+    await_some("the new net to continue", || {
         (watch.status().cycle > cycle + 300).then_some(())
     });
-    // On its line, still followed, and the arm is there.
+    // The set-points follow the line, and so does the arm.
     let image = arm.image();
     let wanted = |sequence: u64| from + (sequence - cycle) as f64 * PERIOD_S * VELOCITY;
     for point in (0..16).filter_map(|back| image.at(image.head.sequence - back)) {

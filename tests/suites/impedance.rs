@@ -1,17 +1,21 @@
-//! Impedance control through every process: a net presses on a simulated table with a spring of its own.
+//! Impedance control through all processes: a net presses with a spring of its own on a simulated table.
 //! Each test has a cell of its own.
 
 use rcc_ipc::Role;
 use rcc_tests::simulator::{Simulator, joints_of};
 use rcc_tests::{TestCell, await_some, repository};
 
-/// The table of `configs/cells/impedance.yaml`, and the springs and the way of `configs/impedance/press.yaml`.
+/// Stiffness of the table in `configs/cells/impedance.yaml`, N/m.
 const TABLE: f64 = 30_000.0;
+/// Stiffness along z in `configs/impedance/press.yaml`, N/m.
 const SPRING: f64 = 500.0;
+/// Depth of the set-point below the table in that net, m.
 const DEPTH: f64 = 0.02;
-const ON_TOP: f64 = 5.0;
-/// The last joint hangs on a spring of 200 N·m/rad, and 2 N·m turn it on top.
+/// Additional force in that net, N.
+const ADDITIONAL: f64 = 5.0;
+/// Stiffness of the last joint in [`JOINTS`], N·m/rad.
 const JOINT_SPRING: f64 = 200.0;
+/// Additional torque of the last joint in [`JOINTS`], N·m.
 const TORQUE: f64 = 2.0;
 const JOINTS: &str = "
 net: joint-springs
@@ -26,7 +30,7 @@ primitives:
       torque: [0, 0, 0, 0, 0, 0, 2]
   end: {type: Termination, inputs: {done: cancel.requested}}
 ";
-/// What binary32 on the wire and the arm's last movements leave, N.
+/// Tolerance for the rounding to binary32 in datagrams and for the last movements of the arm, N.
 const CLOSE: f64 = 0.02;
 
 fn cell() -> TestCell {
@@ -40,13 +44,13 @@ fn press() -> String {
     std::fs::read_to_string(path).expect("the example")
 }
 
-/// What the table pushes with when the spring pulls the tool so deep into it and `added` presses on top: at rest both
-/// springs carry the same force.
+/// Returns the force of the table, N, when the spring pulls the tool into it and `added` (N) presses additionally: at
+/// rest both springs carry the same force.
 fn force(added: f64) -> f64 {
     (SPRING * DEPTH + added) * TABLE / (TABLE + SPRING)
 }
 
-/// Waits until the table pushes with this force, the arm rests, and it still does a while later.
+/// Waits until the table pushes with this force (N) and the arm is at rest, and both are true 200 ticks later, too.
 fn await_force(arm: &mut Simulator, wanted: f64) {
     let mut close = || {
         let state = arm.state();
@@ -55,15 +59,16 @@ fn await_force(arm: &mut Simulator, wanted: f64) {
         ((push - wanted).abs() < CLOSE && state["at_rest"] == true).then_some(tick)
     };
     let begun = await_some(&format!("the table to push with {wanted} N"), &mut close);
-    await_some("that to last", || (close()? > begun + 200).then_some(()));
+    await_some("this to last", || (close()? > begun + 200).then_some(()));
 }
 
+/// Starts the cell and the pressing net; returns them once the force is reached.
 fn pressing() -> (TestCell, Simulator, u64) {
     let cell = cell();
     let mut arm = cell.simulator("lwr-sim");
     cell.await_devices();
     let id = cell.run(&press());
-    await_force(&mut arm, force(ON_TOP));
+    await_force(&mut arm, force(ADDITIONAL));
     (cell, arm, id)
 }
 
@@ -74,7 +79,7 @@ fn assert_no_fault(arm: &mut Simulator) {
 }
 
 #[test]
-fn the_force_is_the_stiffness_times_the_depth_and_the_end_takes_away_what_was_on_top() {
+fn the_force_is_the_stiffness_times_the_depth_and_the_end_removes_the_additional_force() {
     let (cell, mut arm, id) = pressing();
     cell.done(id, "cancel");
     cell.assert_ends(id, "canceled");
@@ -85,7 +90,7 @@ fn the_force_is_the_stiffness_times_the_depth_and_the_end_takes_away_what_was_on
 }
 
 #[test]
-fn when_the_executor_dies_what_was_on_top_is_taken_away() {
+fn when_the_executor_dies_the_additional_force_is_removed() {
     let (cell, mut arm, _) = pressing();
     let dead = cell.kill(Role::Executor, "exec");
     await_force(&mut arm, force(0.0));
@@ -113,7 +118,7 @@ fn null_in_the_wrench_releases_the_arm() {
   over: ",
         );
     let id = cell.run(&text);
-    await_force(&mut arm, force(ON_TOP));
+    await_force(&mut arm, force(ADDITIONAL));
     let set = cell.rest(
         "PUT",
         &format!("/commands/{id}/inputs"),
@@ -122,7 +127,7 @@ fn null_in_the_wrench_releases_the_arm() {
     assert_eq!(set.status, 200, "{set:?}");
     await_force(&mut arm, force(0.0));
     assert_no_fault(&mut arm);
-    // The net itself goes on: nobody but its set-point is null.
+    // The net itself keeps running: only its set-point is null.
     assert_eq!(cell.state(id)["state"], "running");
     cell.done(id, "cancel");
     cell.assert_ends(id, "canceled");
@@ -145,7 +150,7 @@ fn a_joint_turns_by_torque_over_stiffness_and_comes_back_at_the_end() {
             ((q[6] - wanted).abs() < 1e-4 && others && state["at_rest"] == true).then_some(tick)
         };
         let begun = await_some(&format!("J7 to be at {wanted} rad"), &mut close);
-        await_some("that to last", || (close()? > begun + 200).then_some(()));
+        await_some("this to last", || (close()? > begun + 200).then_some(()));
         let state = arm.state();
         assert_eq!(state["faults"], serde_json::json!([]), "{state}");
         assert_eq!(state["strategy"], "joint-impedance", "{state}");
@@ -160,14 +165,15 @@ fn a_joint_turns_by_torque_over_stiffness_and_comes_back_at_the_end() {
     let (_, row) = cell.load_any(&JOINTS.replace("0, 2]", "0, 1000]"));
     let words = row.to_string();
     assert!(
-        row["state"] == "rejected" && words.contains("lwr joint 7: additional load 1000 N·m exceeds 15 N·m"),
+        row["state"] == "rejected"
+            && words.contains("lwr joint 7: additional load 1000 N·m exceeds 15 N·m"),
         "{words}"
     );
     cell.stop();
 }
 
 #[test]
-fn a_net_for_another_strategy_is_refused_in_words_and_nothing_moves() {
+fn a_net_for_another_strategy_is_refused_with_a_remedy_and_nothing_moves() {
     let cell = TestCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     cell.await_devices();
@@ -191,7 +197,7 @@ fn a_net_for_another_strategy_is_refused_in_words_and_nothing_moves() {
 }
 
 #[test]
-fn a_stiffness_beyond_the_robots_is_refused_with_its_axis() {
+fn a_stiffness_beyond_the_limit_of_the_robot_is_refused_with_its_axis() {
     let cell = cell();
     cell.await_devices();
     let (_, row) = cell.load_any(&press().replace("[2000, 2000, 500]", "[2000, 2000, 5001]"));

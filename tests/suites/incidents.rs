@@ -1,5 +1,5 @@
-//! Incident files of real cells: a fault or a request leaves one, and `rcc-cli replay` runs it again to the bit. Run by the
-//! threads of the test harness.
+//! Incident files of real cells: a fault or a request writes one, and `rcc-cli replay` reproduces it bit for bit. Run
+//! by the threads of the test harness.
 
 use std::fs;
 
@@ -29,7 +29,7 @@ fn number(value: &Value) -> u64 {
 }
 
 #[test]
-fn a_killed_driver_leaves_an_incident_that_is_replayed_to_the_bit() {
+fn a_killed_driver_leaves_an_incident_that_is_replayed_bit_for_bit() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.2, 0.1));
     cell.simulator("lwr-sim").await_motion();
@@ -72,16 +72,16 @@ fn a_killed_driver_leaves_an_incident_that_is_replayed_to_the_bit() {
     let part = json(&cell, &["replay", file, "--until", &until.to_string()]);
     assert_eq!(number(&part["nets"][0]["last_cycle"]), until);
 
-    let told = await_some("the incident in the log", || {
+    let log_text = await_some("the incident in the log", || {
         let (log, _) = cell.cli_exits(0, &["events"]);
         log.contains("rcc-cli replay").then_some(log)
     });
-    assert!(told.contains("incident (fault)"), "{told}");
+    assert!(log_text.contains("incident (fault)"), "{log_text}");
     cell.stop();
 }
 
 #[test]
-fn an_incident_on_request_has_a_net_that_runs_and_a_damaged_copy_is_refused() {
+fn an_incident_on_request_contains_the_running_net_and_a_damaged_copy_is_refused() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.2, 0.01));
     let row = json(&cell, &["incidents", "record"]);
@@ -94,7 +94,7 @@ fn an_incident_on_request_has_a_net_that_runs_and_a_damaged_copy_is_refused() {
         json(&cell, &["incidents"]).as_array().map(Vec::len),
         Some(1)
     );
-    // Without the first recording's beginning, the second one begins with a snapshot.
+    // The second recording does not contain the beginning of the first one, so it begins with a snapshot.
     let second = json(&cell, &["incidents", "record"]);
     let file = second["file"].as_str().expect("a path");
     let result = json(&cell, &["replay", file]);
@@ -122,7 +122,7 @@ fn an_incident_on_request_has_a_net_that_runs_and_a_damaged_copy_is_refused() {
 }
 
 #[test]
-fn a_cell_without_a_recorder_says_so() {
+fn a_cell_without_a_recorder_refuses_to_record() {
     let without = |text: String| text.replacen("period:", "recorder: {memory: 0 MB}\nperiod:", 1);
     let cell = TestCell::changed(without);
     let (_, words) = cell.cli_exits(5, &["incidents", "record"]);
@@ -131,9 +131,9 @@ fn a_cell_without_a_recorder_says_so() {
 }
 
 #[test]
-fn a_recording_that_is_not_written_is_no_success() {
+fn a_recording_that_cannot_be_written_is_an_error() {
     let cell = TestCell::changed(|text| {
-        // Below a file nobody can make a folder, root neither.
+        // Nobody can create a folder below a file, not even root.
         format!("{text}\nrecorder: {{folder: /proc/version/incidents}}\n")
     });
     let reply = cell.rest("POST", "/incidents", "");

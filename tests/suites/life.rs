@@ -1,4 +1,4 @@
-//! The whole life cycle of commands through every process, with every refusal, by REST and by the command line.
+//! The life cycle of commands through all processes, with every refusal, by REST and by the command line.
 //! Each test has a cell of its own.
 
 use std::io::{BufRead, BufReader};
@@ -37,7 +37,7 @@ fn a_busy_resource_names_its_holder_by_name() {
 }
 
 #[test]
-fn what_the_state_does_not_allow_is_refused_and_changes_nothing() {
+fn a_request_that_the_state_does_not_allow_is_refused_and_changes_nothing() {
     let cell = TestCell::demo();
     let id = cell.load(&nets::uncancellable_line("stubborn", 0.2, 0.1));
     let code = |what: &str| {
@@ -68,7 +68,7 @@ fn what_the_state_does_not_allow_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn a_command_that_nobody_loaded_is_unknown_to_every_verb() {
+fn a_command_that_was_not_loaded_is_unknown_to_every_verb() {
     let cell = TestCell::demo();
     for what in ["start", "cancel", "abort"] {
         let reply = cell.operate(4711, what);
@@ -88,14 +88,14 @@ fn a_command_that_nobody_loaded_is_unknown_to_every_verb() {
     cell.stop();
 }
 
-/// A line that begins at `from` (m) and nowhere else.
+/// Returns a line to `y` that can only be started at `from` (coordinates along y, m).
 fn line_from(name: &str, from: f64, y: f64) -> String {
     let from = format!("from: {{xyz: [0.538, {from}, 0.384], quat: [0, 1, 0, 0]}}");
     nets::line(name, y, 0.2).replace("      to:", &format!("      {from}\n      to:"))
 }
 
 #[test]
-fn a_net_that_begins_elsewhere_is_refused_with_joint_and_values_and_stays_ready() {
+fn a_net_that_starts_elsewhere_is_refused_with_joint_and_values_and_stays_ready() {
     let cell = TestCell::demo();
     let first = cell.load(&line_from("first", 0.1, 0.05));
     let refused = cell.operate(first, "start");
@@ -110,8 +110,8 @@ fn a_net_that_begins_elsewhere_is_refused_with_joint_and_values_and_stays_ready(
         "{words}"
     );
     assert_eq!(cell.state(first)["state"], "ready");
-    assert_eq!(cell.state(first)["cycles"], 0, "no cycle counts");
-    // When the arm is where it begins, the same command starts.
+    assert_eq!(cell.state(first)["cycles"], 0, "no cycle is counted");
+    // Once the arm is at the start of the line, the same command starts.
     let there = cell.run(&nets::line("there", 0.1, 0.2));
     cell.assert_ends(there, "finished");
     cell.start_when_ready(first);
@@ -120,15 +120,15 @@ fn a_net_that_begins_elsewhere_is_refused_with_joint_and_values_and_stays_ready(
 }
 
 #[test]
-fn nets_that_are_loaded_in_advance_start_one_after_the_other_from_where_the_arm_rests() {
+fn nets_loaded_in_advance_start_one_after_the_other_from_where_the_arm_rests() {
     let cell = TestCell::demo();
     let rows = [("out", 0.1), ("on", 0.15), ("back", 0.0)];
     let ids = rows.map(|(name, y)| cell.load(&nets::line(name, y, 0.2)));
     for id in ids {
-        let told = &cell.state(id)["rehearsal"];
-        // The one that goes back is there already.
-        let words = told["words"].as_str().unwrap_or_default();
-        assert!(words.starts_with("checked: "), "{told}");
+        let rehearsal = &cell.state(id)["rehearsal"];
+        // At the time of LOAD the arm is at the goal of `back` already.
+        let words = rehearsal["words"].as_str().unwrap_or_default();
+        assert!(words.starts_with("checked: "), "{rehearsal}");
         cell.start_when_ready(id);
         cell.assert_ends(id, "finished");
     }
@@ -136,9 +136,9 @@ fn nets_that_are_loaded_in_advance_start_one_after_the_other_from_where_the_arm_
 }
 
 #[test]
-fn a_net_that_would_break_a_limit_is_rejected_with_motion_place_joint_and_what_helps() {
+fn a_net_that_would_violate_a_limit_is_rejected_with_motion_place_joint_and_remedy() {
     let cell = TestCell::demo();
-    // The motion knows nothing of what the net does to its joints.
+    // The motion does not know that the net turns its joints as well.
     let text = nets::motion("hasty", 0.2, 0.1, nets::TURNED_AS_WELL)
         .replace("position: ik.joints", "position: turned.out");
     let (id, row) = cell.load_any(&text);
@@ -234,7 +234,7 @@ fn two_nets_run_at_once_on_different_devices() {
     assert_eq!(
         cell.state(lamp)["state"],
         "running",
-        "the other one goes on"
+        "the other net keeps running"
     );
     cell.done(lamp, "cancel");
     cell.assert_ends(lamp, "canceled");
@@ -245,7 +245,7 @@ fn two_nets_run_at_once_on_different_devices() {
 }
 
 #[test]
-fn a_cancelled_line_rests_on_its_path_and_the_next_net_goes_on_from_there() {
+fn a_cancelled_line_comes_to_rest_on_its_path_and_the_next_net_continues_from_there() {
     let cell = TestCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.2, 0.1));
@@ -305,7 +305,7 @@ fn tail_shows_every_cycle_of_a_motion_by_name_and_without_loss() {
             .as_u64()
             .unwrap_or_else(|| panic!("{key} in {row}"))
     };
-    // Read all the time: a monitor whose output nobody takes loses records.
+    // Reads continuously: a monitor whose output is not read loses records.
     let row = await_some("the end of the line", || {
         all.extend((0..100).map(|_| next()));
         let row = cell.state(line);
@@ -317,7 +317,7 @@ fn tail_shows_every_cycle_of_a_motion_by_name_and_without_loss() {
         all.push(next());
     }
     assert!(signal(tail.id(), Signal::SIGTERM));
-    // What it still prints is read, so that it does not end by a broken pipe.
+    // The remaining output is read, so that the monitor does not fail because of a broken pipe.
     while shown.next().is_some() {}
     assert!(tail.wait().expect("rcc-monitor ends").success());
     for pair in all.windows(2) {

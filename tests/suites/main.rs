@@ -1,5 +1,5 @@
-//! All suites in one program, because linking costs time: each test starts a cell of its own and they run in parallel.
-//! Run by the threads of the test harness.
+//! All suites in one test program, because linking is slow. Each test starts a cell of its own, and the tests run in
+//! parallel on the threads of the test harness.
 
 mod arrows;
 mod bad_input;

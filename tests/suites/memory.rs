@@ -1,14 +1,15 @@
-//! Memory that the loader takes for a long text is given back when the text is compiled. Each test has a cell of its own.
+//! The loader returns the memory of a long text to the system once the text is compiled. Each test has a cell of its
+//! own.
 
 use std::fs;
 
 use rcc_ipc::Role;
 use rcc_tests::{TestCell, await_some};
 
-/// Primitives of the net: its text has more than a megabyte.
+/// Number of primitives of the net, whose text is longer than a megabyte.
 const MANY: usize = 20_000;
 
-/// A net that commands nothing and sums the time many times over.
+/// Returns a net that commands nothing and computes many sums of the time.
 fn long(name: &str) -> String {
     let rows = (0..MANY).map(|number| {
         format!("  sum{number}: {{type: Add, inputs: {{a: clock.out, b: clock.out}}}}\n")
@@ -27,21 +28,21 @@ discard: [{}]
     )
 }
 
-/// A number of `/proc/PID/status`, kB.
+/// Returns a number of `/proc/PID/status`, kB.
 fn kilobytes(pid: u32, key: &str) -> u64 {
-    let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("it lives");
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("the process is alive");
     let line = status.lines().find_map(|line| line.strip_prefix(key));
     let number = line.and_then(|rest| rest.split_whitespace().next());
     number.and_then(|number| number.parse().ok()).expect(key)
 }
 
 #[test]
-fn a_loader_gives_back_what_a_long_text_took() {
+fn a_loader_returns_the_memory_of_a_long_text() {
     let cell = TestCell::demo();
     let pid = cell.announced(Role::Loader, "loader").pid;
     let before = kilobytes(pid, "VmRSS:");
     let (id, row) = cell.load_any(&long("long"));
-    // It may need more of a cycle than there is; it was compiled all the same.
+    // The net may need more time than a cycle has; it is compiled nevertheless.
     assert_eq!(
         row["primitives"].as_u64().map(|count| count >= MANY as u64),
         Some(true),

@@ -1,5 +1,5 @@
-//! Exit codes tell what became of what was asked for, and a net is what its address says, by number and by name.
-//! Each test has a cell of its own.
+//! Exit codes report the outcome of a request, and nets are addressed by number, by name, or by both. Each test has a
+//! cell of its own.
 
 use std::process::{Child, Output, Stdio};
 
@@ -8,7 +8,7 @@ use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::{TestCell, await_some, nets};
 use serde_json::Value;
 
-/// `rcc-cli` with these arguments, while the test goes on.
+/// Starts `rcc-cli` with these arguments, without waiting for its end.
 fn begin(cell: &TestCell, arguments: &[&str]) -> Child {
     let mut command = cell.program("rcc-cli");
     command
@@ -20,6 +20,7 @@ fn begin(cell: &TestCell, arguments: &[&str]) -> Child {
         .expect("rcc-cli starts")
 }
 
+/// Waits for the end of a program; returns its exit code and its output.
 fn end(child: Child) -> (Option<i32>, String) {
     let Output {
         status,
@@ -30,7 +31,7 @@ fn end(child: Child) -> (Option<i32>, String) {
     (status.code(), words)
 }
 
-/// The id of the newest net of this name, once it runs.
+/// Waits until the newest net of this name runs; returns its id.
 fn await_running(cell: &TestCell, name: &str) -> u64 {
     await_some(&format!("{name} to run"), || {
         let rows = cell.rest("GET", "/commands", "").body;
@@ -43,11 +44,11 @@ fn await_running(cell: &TestCell, name: &str) -> u64 {
 }
 
 #[test]
-fn a_run_is_a_success_only_if_its_net_finished() {
+fn run_succeeds_only_if_its_net_finishes() {
     let cell = TestCell::demo();
     let clock = cell.file(&nets::clock("clock"));
     let clock = clock.to_str().expect("plain");
-    // What ends it: another client by name, by ABORT, a signal to `run` itself.
+    // The net is ended by CANCEL or ABORT of another client, or by a signal to `run` itself.
     for (what, exit, word) in [
         ("cancel", 8, "canceled"),
         ("abort", 1, "aborted"),
@@ -64,7 +65,7 @@ fn a_run_is_a_success_only_if_its_net_finished() {
             let (code, words) = end(run);
             assert_eq!(code, Some(exit), "{what}, {format}: {words}");
             assert!(words.contains(word), "{what}, {format}: {words}");
-            // The watcher sees the end, or that the net is unloaded by then; neither is a success.
+            // The watcher sees the end, or finds that the net is unloaded already; neither is a success.
             let (code, words) = end(watch);
             assert!(
                 code.is_some_and(|code| code != 0),
@@ -80,7 +81,7 @@ fn a_run_is_a_success_only_if_its_net_finished() {
 }
 
 #[test]
-fn every_verb_ends_with_what_became_of_what_was_asked_for() {
+fn the_exit_code_of_every_verb_reports_the_outcome() {
     let cell = TestCell::demo();
     let watched = |reason: &str, exit: i32, what: &str| {
         let id = cell.run(&nets::clock("clock"));
@@ -96,7 +97,7 @@ fn every_verb_ends_with_what_became_of_what_was_asked_for() {
     watched("canceled", 8, "wait");
     watched("canceled", 8, "cancel");
     watched("aborted", 1, "abort");
-    // CANCEL is asked for and is not obeyed; then the net ends by ABORT instead.
+    // The net does not obey CANCEL, and ends by ABORT instead.
     let deaf = "net: deaf
 primitives:
   cancel: {type: Cancel}
@@ -190,9 +191,9 @@ fn a_net_is_addressed_by_number_by_name_or_by_both_which_must_agree() {
         );
     }
     for id in [left, right] {
-        assert_eq!(cell.state(id)["state"], "ready", "nothing was done to it");
+        assert_eq!(cell.state(id)["state"], "ready", "the net has not changed");
     }
-    // Number, name and both name the same.
+    // The number, the name, and both together address the same net.
     cell.cli_exits(0, &["start", &format!("left#{left}")]);
     cell.cli_exits(0, &["start", &right.to_string()]);
     for (id, name) in [(left, "left"), (right, "right")] {

@@ -1,5 +1,5 @@
-//! Output that cannot be written is never a reason to end what runs: full disks, readers that are gone, readers that do
-//! not read. Where the output is the result, it is an error. Each test has a cell of its own.
+//! Output that cannot be written never ends a running cell or net: full disks, closed pipes, readers that do not read.
+//! Where the output is the result, a failed write is an error. Each test has a cell of its own.
 
 use std::fs::File;
 use std::io::PipeReader;
@@ -11,19 +11,19 @@ use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::{TestCell, await_some, nets, repository};
 
-/// What becomes of what a program writes.
+/// A destination of output that takes nothing.
 #[derive(Clone, Copy, Debug)]
 enum Sink {
-    /// A disk without room.
+    /// A full disk.
     Full,
-    /// A pipe whose reader is gone.
+    /// A pipe whose reading end is closed.
     Gone,
-    /// A pipe whose reader does not read, and that is full.
+    /// A full pipe whose reader does not read.
     Stuck,
 }
 
 impl Sink {
-    /// It, and the end of it that must stay open.
+    /// Opens the sink; returns it, and the reading end of a pipe that must stay open.
     fn open(self) -> (Stdio, Option<PipeReader>) {
         if let Sink::Full = self {
             let full = File::options().write(true).open("/dev/full");
@@ -35,11 +35,13 @@ impl Sink {
         }
         let room = nix::fcntl::fcntl(&writer, nix::fcntl::FcntlArg::F_GETPIPE_SZ);
         let room = usize::try_from(room.expect("the size of a pipe")).expect("a size");
-        std::io::Write::write_all(&mut writer, &vec![b'.'; room]).expect("room for all of it");
+        std::io::Write::write_all(&mut writer, &vec![b'.'; room])
+            .expect("the pipe takes as many bytes as its size");
         (writer.into(), Some(reader))
     }
 }
 
+/// Starts `rcc-cli up` with its output in these sinks; returns also the ends of pipes that must stay open.
 fn up_into(place: &CellFixture, out: Sink, err: Sink) -> (Child, [Option<PipeReader>; 2]) {
     let ((out, keep_out), (err, keep_err)) = (out.open(), err.open());
     let mut command = place.program("rcc-cli");
@@ -52,13 +54,13 @@ fn up_into(place: &CellFixture, out: Sink, err: Sink) -> (Child, [Option<PipeRea
     (child.expect("rcc-cli starts"), [keep_out, keep_err])
 }
 
-/// `up` whose output goes to these sinks while the arm moves, a driver dies, and Ctrl-C comes.
-fn moves_on(out: Sink, err: Sink) {
+/// Asserts that `up` with its output in these sinks survives a motion and the death of a driver, and ends on Ctrl-C.
+fn assert_up_survives(out: Sink, err: Sink) {
     let place = CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| text);
     let (mut up, _readers) = up_into(&place, out, err);
     await_some("all devices to be ready", || {
         assert!(
-            up.try_wait().expect("it is ours").is_none(),
+            up.try_wait().expect("the child is ours").is_none(),
             "{out:?}: up has ended"
         );
         let reply = place.try_rest("GET", "/devices", "")?;
@@ -69,13 +71,13 @@ fn moves_on(out: Sink, err: Sink) {
     let mut arm = place.simulator("lwr-sim");
     let line = place.run(&nets::line("line", 0.2, 0.05));
     arm.await_motion();
-    // Much to say about: a driver that dies and comes back.
+    // The death and the restart of a driver cause much output.
     let dead = place.kill(Role::Driver, "io");
     let io = place.await_successor(Role::Driver, "io", dead);
     place.await_device("io", "ready");
     assert!(
-        up.try_wait().expect("it is ours").is_none(),
-        "{out:?}: up goes on"
+        up.try_wait().expect("the child is ours").is_none(),
+        "{out:?}: up must keep running"
     );
     assert_eq!(
         place.state(line)["state"],
@@ -86,29 +88,29 @@ fn moves_on(out: Sink, err: Sink) {
     assert!(io.liveness().is_alive());
     assert!(signal(up.id(), Signal::SIGINT));
     let status = await_some("the end of rcc-cli up", || {
-        up.try_wait().expect("it is ours")
+        up.try_wait().expect("the child is ours")
     });
     assert!(status.success(), "{out:?}: {status}\n{}", place.logs());
     place.assert_nothing_left();
 }
 
 #[test]
-fn up_goes_on_when_the_disk_of_its_output_is_full() {
-    moves_on(Sink::Full, Sink::Full);
+fn up_keeps_running_when_the_disk_of_its_output_is_full() {
+    assert_up_survives(Sink::Full, Sink::Full);
 }
 
 #[test]
-fn up_goes_on_when_the_reader_of_its_output_is_gone() {
-    moves_on(Sink::Gone, Sink::Gone);
+fn up_keeps_running_when_the_reader_of_its_output_is_gone() {
+    assert_up_survives(Sink::Gone, Sink::Gone);
 }
 
 #[test]
-fn up_goes_on_and_ends_when_nobody_reads_its_output() {
-    moves_on(Sink::Stuck, Sink::Full);
+fn up_keeps_running_and_ends_on_request_when_nobody_reads_its_output() {
+    assert_up_survives(Sink::Stuck, Sink::Full);
 }
 
 #[test]
-fn a_run_whose_output_fails_follows_its_net_and_cancels_it() {
+fn run_follows_and_cancels_its_net_when_its_output_fails() {
     let cell = TestCell::demo();
     let file = cell.file(&nets::line("line", 0.2, 0.05));
     for sink in [Sink::Full, Sink::Gone, Sink::Stuck] {
@@ -118,7 +120,7 @@ fn a_run_whose_output_fails_follows_its_net_and_cancels_it() {
         let mut run = ends_with_test(&mut run).spawn().expect("rcc-cli starts");
         let id = await_some("the line to run", || {
             assert!(
-                run.try_wait().expect("it is ours").is_none(),
+                run.try_wait().expect("the child is ours").is_none(),
                 "{sink:?}: run has ended"
             );
             let rows = cell.rest("GET", "/commands", "").body;
@@ -129,8 +131,10 @@ fn a_run_whose_output_fails_follows_its_net_and_cancels_it() {
             row["id"].as_u64()
         });
         assert!(signal(run.id(), Signal::SIGINT));
-        // Unloaded by `run` itself: nothing of it stays.
-        let status = await_some("the end of run", || run.try_wait().expect("it is ours"));
+        // `run` has unloaded its net.
+        let status = await_some("the end of run", || {
+            run.try_wait().expect("the child is ours")
+        });
         assert_eq!(status.code(), Some(130), "{sink:?}\n{}", cell.logs());
         let gone = cell.rest("GET", &format!("/commands/{id}"), "");
         assert_eq!(gone.status, 404, "{gone:?}");
@@ -140,7 +144,7 @@ fn a_run_whose_output_fails_follows_its_net_and_cancels_it() {
 }
 
 #[test]
-fn a_result_that_cannot_be_written_is_an_error_and_a_reader_that_is_gone_is_quiet() {
+fn a_result_that_cannot_be_written_is_an_error_but_a_closed_pipe_prints_no_message() {
     let cell = TestCell::demo();
     let lamp = cell.file(&nets::lamp("lamp"));
     let lamp = lamp.to_str().expect("plain");
@@ -182,7 +186,7 @@ fn a_result_that_cannot_be_written_is_an_error_and_a_reader_that_is_gone_is_quie
 }
 
 #[test]
-fn no_program_panics_because_of_its_log() {
+fn no_program_panics_when_its_log_cannot_be_written() {
     let cell = TestCell::demo();
     let config = cell.config().display().to_string();
     let missing = cell.folder().join("missing.yaml").display().to_string();
@@ -191,7 +195,7 @@ fn no_program_panics_because_of_its_log() {
             "rcc-driver" | "rcc-probe" => &["--device", "io"],
             _ => &[],
         };
-        // Each says why it does not run: there is one already, or its configuration is not there.
+        // Each one ends with an error: it runs already, or its configuration file is missing.
         for (config, exit) in [(&config, 1), (&missing, 78)] {
             if program == "rcc-probe" && exit == 1 {
                 continue;
@@ -211,7 +215,9 @@ fn no_program_panics_because_of_its_log() {
         .spawn()
         .expect("rcc-monitor starts");
     let lamp = cell.run(&nets::lamp("lamp"));
-    let ended = await_some("the first record", || tail.try_wait().expect("it is ours"));
+    let ended = await_some("the first record", || {
+        tail.try_wait().expect("the child is ours")
+    });
     assert!(ended.success(), "{ended}");
     cell.done(lamp, "cancel");
     cell.stop();

@@ -1,5 +1,5 @@
-//! The executor trusts nothing: bytes and plans that are sent straight to its control service are refused, or harmless.
-//! Each test has a cell of its own.
+//! The executor trusts no caller: invalid bytes and plans that are sent directly to its control service are refused or
+//! harmless. Each test has a cell of its own.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use rcc_ipc::{Client, Role, Session, wire};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::{TestCell, await_some, nets};
 
-/// The executor's control service, as only the loader uses it.
+/// A client of the executor's control service, which otherwise only the loader calls.
 pub struct Control {
     client: Client,
     pub config: CellConfig,
@@ -58,7 +58,7 @@ impl Control {
 }
 
 #[test]
-fn bytes_that_are_no_call_are_refused_and_change_nothing() {
+fn bytes_that_are_not_a_call_are_refused_and_change_nothing() {
     let cell = TestCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let executor = cell.announced(Role::Executor, "exec");
@@ -72,7 +72,7 @@ fn bytes_that_are_no_call_are_refused_and_change_nothing() {
     let mut random = rcc_ipc::monotonic_ns() | 1;
     eprintln!("seed {random}");
     for length in [0, 1, 2, 7, 64, 1000, 100_000] {
-        // A call number that does not exist, then whatever comes.
+        // An unknown call number, followed by random bytes.
         let mut bytes = vec![0xfa; length];
         for byte in bytes.iter_mut().skip(1) {
             random = random
@@ -111,7 +111,7 @@ fn bytes_that_are_no_call_are_refused_and_change_nothing() {
 }
 
 #[test]
-fn a_plan_that_does_not_check_is_refused_by_the_executor_itself() {
+fn an_invalid_plan_is_refused_by_the_executor_itself() {
     let cell = TestCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let control = Control::of(&cell);
@@ -172,7 +172,7 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
         bytes[bit / 8] ^= 1 << (bit % 8);
         let answer = control.bytes(&bytes);
         refused += u32::from(matches!(answer, Answer::Refused(_)));
-        // What is accepted is a plan that checks: it may run, and can be ended.
+        // An accepted plan has passed the check: it may run, and can be ended.
         if matches!(answer, Answer::Done { .. } | Answer::Rehearsed { .. })
             && let Answer::Done { .. } | Answer::Rehearsed { .. } =
                 control.call(&Call::Start { id })

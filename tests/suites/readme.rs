@@ -39,7 +39,7 @@ fn incident_file(cell: &TestCell) -> String {
     await_some("an incident file", || {
         let mut line = cell.program("rcc-cli");
         let output = line.args(["--output", "json", "incidents"]).output();
-        let rows: Value = serde_json::from_slice(&output.expect("it runs").stdout).ok()?;
+        let rows: Value = serde_json::from_slice(&output.expect("the program runs").stdout).ok()?;
         Some(rows.as_array()?.last()?["file"].as_str()?.to_owned())
     })
 }
@@ -55,12 +55,12 @@ fn run_commands(cell: &TestCell, page: &str) {
         else {
             continue;
         };
-        // The demo has a test of its own; `up` runs already, under the harness.
+        // `demo` has a test of its own; `up` is already running as part of the test cell.
         if matches!(arguments.first(), Some(&("demo" | "up")) | None) {
             continue;
         }
         run += 1;
-        // A person types more slowly than an arm comes to rest.
+        // A user types more slowly than an arm comes to rest.
         if matches!(arguments.first(), Some(&("run" | "load" | "start"))) {
             cell.await_devices();
         }
@@ -75,7 +75,7 @@ fn run_commands(cell: &TestCell, page: &str) {
             .args(&arguments)
             .current_dir(repository())
             .output()
-            .expect("it runs");
+            .expect("the program runs");
         let (out, err) = (
             String::from_utf8_lossy(&output.stdout),
             String::from_utf8_lossy(&output.stderr),
@@ -95,7 +95,7 @@ fn the_demo_runs_and_verifies_everything() {
         .arg("demo")
         .current_dir(repository())
         .output()
-        .expect("it runs");
+        .expect("the program runs");
     let (out, err) = (
         String::from_utf8_lossy(&output.stdout),
         String::from_utf8_lossy(&output.stderr),

@@ -1,5 +1,6 @@
-//! `rcc-cli up` obeys `supervision`: who hangs is killed and started again, who dies too often has failed for good, and
-//! only the executor takes the cell along. Each test has a cell of its own. Run by the threads of the test harness.
+//! `rcc-cli up` obeys `supervision`: a process that hangs is killed and restarted, a process that dies too often has
+//! failed permanently, and only a failed executor ends the cell. Each test has a cell of its own. Run by the threads of
+//! the test harness.
 
 use std::fs;
 
@@ -8,7 +9,7 @@ use rcc_ipc::Role;
 use rcc_tests::processes::signal;
 use rcc_tests::{TestCell, await_some};
 
-/// The demo with this supervision.
+/// Starts the demo cell with these keys of `supervision:`.
 fn cell(supervision: &str) -> TestCell {
     TestCell::changed(|text| {
         let keys = format!("period: 1 ms\nsupervision: {{{supervision}}}");
@@ -16,18 +17,18 @@ fn cell(supervision: &str) -> TestCell {
     })
 }
 
-/// Waits until the supervisor said a line with these words.
+/// Waits until the supervisor's output has a line with these words; returns the line.
 fn await_line(cell: &TestCell, words: &str) -> String {
     await_some(&format!("'{words}' from the supervisor"), || {
-        let said = fs::read_to_string(cell.folder().join("up.log")).ok()?;
-        said.lines()
+        let log = fs::read_to_string(cell.folder().join("up.log")).ok()?;
+        log.lines()
             .find(|line| line.contains(words))
             .map(str::to_owned)
     })
 }
 
 #[test]
-fn a_process_that_hangs_is_killed_and_started_again() {
+fn a_process_that_hangs_is_killed_and_restarted() {
     let cell = cell("watchdog: 1 s");
     for (role, label, name) in [
         (Role::Driver, "lwr", "driver/lwr"),
@@ -35,13 +36,13 @@ fn a_process_that_hangs_is_killed_and_started_again() {
         (Role::Executor, "exec", "executor"),
     ] {
         let hung = cell.announced(role, label);
-        assert!(signal(hung.pid, Signal::SIGSTOP), "{name} is gone");
+        assert!(signal(hung.pid, Signal::SIGSTOP), "{name} does not exist");
         cell.await_successor(role, label, hung.incarnation);
         let line = await_line(&cell, &format!("{name:<20} hangs: no progress for"));
         assert!(line.contains("killing it"), "{line}");
         await_line(
             &cell,
-            &format!("{name:<20} died: killed, because it hung (SIGABRT)"),
+            &format!("{name:<20} died: killed because it hung (SIGABRT)"),
         );
     }
     cell.await_devices();
@@ -49,12 +50,15 @@ fn a_process_that_hangs_is_killed_and_started_again() {
 }
 
 #[test]
-fn a_driver_that_dies_too_often_has_failed_and_the_rest_goes_on() {
+fn a_driver_that_dies_too_often_fails_permanently_and_the_rest_keeps_running() {
     let cell = cell("restarts: 1, within: 3600 s");
     let first = cell.kill(Role::Driver, "io");
     let second = cell.await_successor(Role::Driver, "io", first);
     await_line(&cell, "restarting (1/1 in 3600 s)");
-    assert!(signal(second.pid, Signal::SIGKILL), "it is gone");
+    assert!(
+        signal(second.pid, Signal::SIGKILL),
+        "the driver does not exist"
+    );
     await_line(
         &cell,
         "driver/io            failed: not restarted (SIGKILL)",
@@ -68,7 +72,7 @@ fn a_driver_that_dies_too_often_has_failed_and_the_rest_goes_on() {
 }
 
 #[test]
-fn without_its_executor_the_cell_ends() {
+fn a_failed_executor_ends_the_cell() {
     let mut cell = cell("restarts: 0");
     cell.kill(Role::Executor, "exec");
     let status = cell.await_end_of_up();

@@ -5,7 +5,7 @@ use rcc_ipc::Role;
 use rcc_tests::records::RecordCollector;
 use rcc_tests::{TestCell, await_some, repository};
 
-/// What holds a load may not move against it by more, m.
+/// Maximum movement of one flange relative to the other while they hold the load, m.
 const SLIP: f64 = 1e-9;
 
 fn cell() -> TestCell {
@@ -19,17 +19,18 @@ fn shared_load() -> String {
     std::fs::read_to_string(path).expect("the example")
 }
 
-/// The line is this far along, m.
+/// Waits until the line has covered the distance `way`, m.
 fn await_way(cell: &TestCell, id: u64, way: f64) {
     let path = format!("/commands/{id}/values?ports=move.distance");
-    await_some("the load moves", || {
+    await_some("the load to move", || {
         let reply = cell.rest("GET", &path, "");
         let distance = reply.body["values"][0]["value"].as_f64()?;
         (distance > way).then_some(())
     });
 }
 
-/// Every record of the net's first monitor, one a cycle: the right flange stays where it was in the left one.
+/// Asserts that the right flange does not move relative to the left one, by the records of the net's first monitor: one
+/// per cycle, at least `least` of them.
 fn assert_held(records: RecordCollector, least: usize) {
     let records = records.finish();
     let slips: Vec<f64> = records
@@ -76,7 +77,7 @@ fn when_one_arm_is_lost_the_other_comes_to_rest() {
     assert_eq!(row["fault"]["fault"], "device lost", "{row}");
     assert_eq!(row["fault"]["device"], "right", "{row}");
     cell.await_device("left", "ready");
-    await_some("nobody to command the other arm", || {
+    await_some("the other arm to be commanded by no net", || {
         cell.device("left")?["holder"].is_null().then_some(())
     });
     cell.await_successor(Role::Driver, "right", dead);

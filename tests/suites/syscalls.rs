@@ -1,7 +1,8 @@
-//! A driver killed before every system call from its start to its first exchange, and the loader up to its first answer:
-//! `strace` injects the death. Nobody hangs, the next start succeeds, nothing is left, the executor misses no cycle.
+//! A driver is killed before each system call from its start to its first exchange, and the loader up to its first
+//! answer: `strace` injects the signal. No process hangs, the next start succeeds, nothing is left behind, and the
+//! executor misses no cycle.
 //!
-//! By default some deaths, evenly spread and the same each time; all of them with `RCC_EVERY_SYSCALL=1`.
+//! By default a sample of the deaths is tried, evenly spread and the same in each run; `RCC_EVERY_SYSCALL=1` tries all.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,26 +18,26 @@ use rcc_tests::processes::signal;
 use rcc_tests::records::RecordCollector;
 use rcc_tests::{UnsupervisedCell, await_some, nets};
 
-/// Deaths of each program that are tried by default.
+/// Number of deaths tried in each program by default.
 const SAMPLE: usize = 12;
-/// How often a process is looked at.
+/// Interval at which a process is polled.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// A program that is killed, and how to see that it works.
-struct Victim {
-    /// In the bench.
+/// A program that is killed, and how to determine that it works.
+struct KillTarget {
+    /// Name in the test cell.
     name: &'static str,
     program: &'static str,
     arguments: &'static [&'static str],
-    /// Place among the devices, for a driver.
+    /// Index among the devices, for a driver.
     device: Option<usize>,
-    /// A net that goes on without any device, with a monitor of every cycle.
+    /// A net that keeps running without any device, with a monitor that records every cycle.
     bystander: fn() -> String,
 }
 
 #[test]
-fn a_death_of_the_fri_driver_before_any_system_call_harms_nobody() {
-    die_everywhere(&Victim {
+fn a_death_of_the_fri_driver_before_any_system_call_harms_no_other_process() {
+    die_everywhere(&KillTarget {
         name: "lwr",
         program: "rcc-driver",
         arguments: &["--device", "lwr"],
@@ -46,8 +47,8 @@ fn a_death_of_the_fri_driver_before_any_system_call_harms_nobody() {
 }
 
 #[test]
-fn a_death_of_the_modbus_driver_before_any_system_call_harms_nobody() {
-    die_everywhere(&Victim {
+fn a_death_of_the_modbus_driver_before_any_system_call_harms_no_other_process() {
+    die_everywhere(&KillTarget {
         name: "io",
         program: "rcc-driver",
         arguments: &["--device", "io"],
@@ -57,8 +58,8 @@ fn a_death_of_the_modbus_driver_before_any_system_call_harms_nobody() {
 }
 
 #[test]
-fn a_death_of_the_loader_before_any_system_call_harms_nobody() {
-    die_everywhere(&Victim {
+fn a_death_of_the_loader_before_any_system_call_harms_no_other_process() {
+    die_everywhere(&KillTarget {
         name: "loader",
         program: "rcc-loader",
         arguments: &[],
@@ -67,7 +68,7 @@ fn a_death_of_the_loader_before_any_system_call_harms_nobody() {
     });
 }
 
-fn die_everywhere(victim: &Victim) {
+fn die_everywhere(victim: &KillTarget) {
     if let Err(cause) = can_trace() {
         eprintln!(
             "skipped: deaths of {} before system calls: {cause}",
@@ -92,13 +93,16 @@ fn die_everywhere(victim: &Victim) {
         start(&mut cell, victim, &watch);
         cell.end(victim.name, Signal::SIGKILL);
         let mut more = BTreeMap::new();
-        let clean = is_so(|| {
+        let clean = becomes_true(|| {
             cell.clean();
             more = left(&cell);
             more.retain(|name, count| *count > usual.get(name).copied().unwrap_or(0));
             more.is_empty()
         });
-        assert!(clean, "left after a death before {death:?}: {more:?}");
+        assert!(
+            clean,
+            "left behind after a death before {death:?}: {more:?}"
+        );
         assert_eq!(cell.pid("executor"), executor);
         assert_eq!(
             watch.status().incarnation,
@@ -117,7 +121,7 @@ fn die_everywhere(victim: &Victim) {
     );
     assert!(
         reached * 10 >= chosen.len() * 8,
-        "most of them happened: {reached} of {}",
+        "most deaths must come before the first exchange: {reached} of {}",
         chosen.len()
     );
     assert_no_cycle_missing(&records.finish());
@@ -126,8 +130,8 @@ fn die_everywhere(victim: &Victim) {
     cell.stop();
 }
 
-/// The program under strace with these options.
-fn traced(cell: &UnsupervisedCell, victim: &Victim, options: &[String]) -> Child {
+/// Starts the program under strace with these options.
+fn traced(cell: &UnsupervisedCell, victim: &KillTarget, options: &[String]) -> Child {
     start_traced(
         cell,
         victim.program,
@@ -137,23 +141,23 @@ fn traced(cell: &UnsupervisedCell, victim: &Victim, options: &[String]) -> Child
     )
 }
 
-/// It has exchanged with its device, or answers.
-fn works(cell: &UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards, pid: u32) -> bool {
+/// Returns true if the driver has exchanged data with its device, or the loader answers.
+fn works(cell: &UnsupervisedCell, victim: &KillTarget, watch: &ExecutorBoards, pid: u32) -> bool {
     match victim.device {
         Some(device) => {
             let row = watch.tables().devices[device];
             let is_it = ProcessInstance::from_incarnation(row.incarnation).pid == pid;
-            // It counts exchanges; whether the device is still there now is the machine's matter.
+            // Any exchange counts: on a slow machine the device may be lost again by now.
             is_it && row.sequence > 0
         }
         None => cell.try_rest("GET", "/status", "").is_some(),
     }
 }
 
-/// Traces a whole start; returns each death that it could die, in the order of the calls.
+/// Traces a whole start; returns the system calls before which the program can be killed, in order.
 fn every_death(
     cell: &UnsupervisedCell,
-    victim: &Victim,
+    victim: &KillTarget,
     watch: &ExecutorBoards,
 ) -> Vec<SystemCall> {
     let file = cell.folder().join("calls.txt");
@@ -169,26 +173,26 @@ fn every_death(
     deaths
 }
 
-/// Until the victim has answered, or exchanged.
-fn deaths_of(file: &Path, victim: &Victim) -> Vec<SystemCall> {
+/// Returns the system calls of a trace up to the first answer or exchange of the victim.
+fn deaths_of(file: &Path, victim: &KillTarget) -> Vec<SystemCall> {
     let mut accepted = false;
     calls_of(file, |name, call| {
         accepted |= name.starts_with("accept");
-        let says =
+        let answers =
             ["sendto", "sendmsg", "write", "writev"].contains(&name) && call.contains("HTTP/1.1 ");
         let exchanges =
             name == "sendto" && (call.contains("sin_port") || call.contains("MSG_NOSIGNAL"));
         match victim.device {
-            None => accepted && says,
+            None => accepted && answers,
             Some(_) => exchanges,
         }
     })
 }
 
-/// Starts the program and lets it die; false if it worked before it came to that call.
+/// Starts the program and kills it before a system call; returns false if it worked before it came to that call.
 fn die(
     cell: &UnsupervisedCell,
-    victim: &Victim,
+    victim: &KillTarget,
     watch: &ExecutorBoards,
     (name, number): &SystemCall,
 ) -> bool {
@@ -225,8 +229,8 @@ fn die(
     died
 }
 
-/// The next start of the same program succeeds.
-fn start(cell: &mut UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards) {
+/// Starts the program again, and waits until it works.
+fn start(cell: &mut UnsupervisedCell, victim: &KillTarget, watch: &ExecutorBoards) {
     if victim.device.is_none() {
         cell.start_loader();
         return;
@@ -237,11 +241,11 @@ fn start(cell: &mut UnsupervisedCell, victim: &Victim, watch: &ExecutorBoards) {
     });
     let reply = cell.try_rest("GET", "/status", "");
     let status = reply.expect("the loader answers").status;
-    assert_eq!(status, 200, "the loader answers well");
+    assert_eq!(status, 200, "the loader answers with success");
 }
 
-/// Waits until something is so; false if it never is.
-fn is_so(mut so: impl FnMut() -> bool) -> bool {
+/// Waits until `so` returns true; returns false after a time limit.
+fn becomes_true(mut so: impl FnMut() -> bool) -> bool {
     let begun = Instant::now();
     while !so() {
         if begun.elapsed() > LIMIT / 4 {
@@ -252,7 +256,7 @@ fn is_so(mut so: impl FnMut() -> bool) -> bool {
     true
 }
 
-/// What lies in shared memory and in the runtime folder, how often: names without the numbers of a life.
+/// Counts the files in shared memory and in the runtime folder by their names, without the numbers of an incarnation.
 fn left(cell: &UnsupervisedCell) -> BTreeMap<String, usize> {
     let shared = cell.cell().leftovers().expect("/dev/shm can be listed");
     let files = shared
@@ -261,7 +265,8 @@ fn left(cell: &UnsupervisedCell) -> BTreeMap<String, usize> {
     let mut names = BTreeMap::new();
     for path in files {
         let name = path.display().to_string();
-        // What living processes write when they like, bounded: a driver's last minute, and the cell's event log.
+        // Not counted, because living processes write them at any time: a driver's last minute, and the cell's event
+        // log. Both have a bounded size.
         let minute = name.contains("/drivers/") && name.ends_with(".json");
         if minute || name.contains("/events.") {
             continue;

@@ -1,5 +1,6 @@
-//! Threads that the system does not give, and threads that panic while an arm moves: a program is ready with all of its
-//! threads or ends with words, and never goes on without one. Run by the threads of the test harness.
+//! Threads that the system cannot create, and threads that panic while an arm moves: a program reports that it is ready
+//! with all of its threads or ends with a message, and never continues without one. Run by the threads of the test
+//! harness.
 
 use std::io::Read;
 use std::os::unix::net::UnixDatagram;
@@ -11,15 +12,15 @@ use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::simulator::assert_within_limits;
 use rcc_tests::{UnsupervisedCell, await_some, nets};
 
-/// More threads than any program has.
+/// More threads than any program creates.
 const THREADS_MAX: usize = 16;
-/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+/// Value of `$FRI_TO_INT[2]` after the controller stopped because answers were lost.
 const LOST: i64 = 1;
 
-/// Ends with the test, whatever becomes of it.
-struct Traced(Child);
+/// A program under strace, which is killed when the test ends, also if the test fails.
+struct TracedProgram(Child);
 
-impl Drop for Traced {
+impl Drop for TracedProgram {
     fn drop(&mut self) {
         // strace takes its tracee along; both may be dead already.
         let _ = self.0.kill();
@@ -27,11 +28,11 @@ impl Drop for Traced {
     }
 }
 
-/// Starts the program once for each of its threads, and each time the system refuses another one of them: until it gets
-/// all, it ends with a failure and with words, and never says that it is ready.
+/// Starts the program once for each of its threads, and lets the creation of another one fail each time. Until all
+/// threads are created, the program must end with a failure and a message, and must not report that it is ready.
 fn refuse_each_thread(cell: &UnsupervisedCell, name: &str, program: &str, arguments: &[&str]) {
     if !can_trace() {
-        eprintln!("skipped: {name}: no strace that may trace");
+        eprintln!("skipped: {name}: strace is missing or may not trace");
         return;
     }
     for number in 1..=THREADS_MAX {
@@ -46,14 +47,15 @@ fn refuse_each_thread(cell: &UnsupervisedCell, name: &str, program: &str, argume
             .env("NOTIFY_SOCKET", &path)
             .env("RUST_BACKTRACE", "0")
             .stderr(Stdio::piped());
-        let mut strace = Traced(ends_with_test(&mut command).spawn().expect("strace starts"));
+        let mut strace =
+            TracedProgram(ends_with_test(&mut command).spawn().expect("strace starts"));
         let mut buffer = [0; 4096];
         let mut ready = false;
-        let status = await_some("the end, or READY", || {
-            let said = socket
+        let status = await_some("the end of the program, or READY", || {
+            let notified = socket
                 .recv(&mut buffer)
                 .is_ok_and(|size| String::from_utf8_lossy(&buffer[..size]).contains("READY=1"));
-            ready |= said;
+            ready |= notified;
             let status = strace.0.try_wait().expect("the child is ours");
             (ready || status.is_some()).then_some(status)
         });
@@ -62,7 +64,7 @@ fn refuse_each_thread(cell: &UnsupervisedCell, name: &str, program: &str, argume
             return;
         }
         let mut words = String::new();
-        let stderr = strace.0.stderr.as_mut().expect("it is ours");
+        let stderr = strace.0.stderr.as_mut().expect("stderr is piped");
         stderr.read_to_string(&mut words).expect("text");
         let code = status.and_then(|status| status.code());
         assert_eq!(
@@ -71,9 +73,7 @@ fn refuse_each_thread(cell: &UnsupervisedCell, name: &str, program: &str, argume
             "{name}, thread {number}: {status:?}\n{words}"
         );
         assert!(
-            ["the system gives no", "cannot create"]
-                .iter()
-                .any(|said| words.contains(said)),
+            words.contains("cannot create"),
             "{name}, thread {number}:\n{words}"
         );
         cell.clean();
@@ -89,19 +89,19 @@ fn can_trace() -> bool {
 }
 
 #[test]
-fn an_executor_is_ready_with_all_its_threads_or_ends() {
+fn an_executor_reports_ready_with_all_its_threads_or_ends() {
     let cell = UnsupervisedCell::new(|text| text);
     refuse_each_thread(&cell, "executor", "rcc-exec", &[]);
 }
 
 #[test]
-fn a_loader_is_ready_with_all_its_threads_or_ends() {
+fn a_loader_reports_ready_with_all_its_threads_or_ends() {
     let cell = UnsupervisedCell::new(|text| text);
     refuse_each_thread(&cell, "loader", "rcc-loader", &[]);
 }
 
 #[test]
-fn a_driver_is_ready_with_all_its_threads_or_ends() {
+fn a_driver_reports_ready_with_all_its_threads_or_ends() {
     let cell = UnsupervisedCell::new(|text| text);
     refuse_each_thread(&cell, "lwr", "rcc-driver", &["--device", "lwr"]);
     refuse_each_thread(&cell, "io", "rcc-driver", &["--device", "io"]);
@@ -119,7 +119,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
         .arg("--parent-death");
     command.env("RCC_TEST_PANIC", format!("maker@{}", trigger.display()));
     command.stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut executor = Traced(ends_with_test(&mut command).spawn().expect("it starts"));
+    let mut executor = TracedProgram(ends_with_test(&mut command).spawn().expect("it starts"));
     cell.await_devices();
     let mut arm = cell.simulator("lwr-sim");
     arm.reset_statistics();
@@ -128,7 +128,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
     std::fs::write(&trigger, "").expect("a file");
     let status = executor.0.wait().expect("the child is ours");
     let mut words = String::new();
-    let stderr = executor.0.stderr.as_mut().expect("it is ours");
+    let stderr = executor.0.stderr.as_mut().expect("stderr is piped");
     stderr.read_to_string(&mut words).expect("text");
     assert_eq!(status.code(), Some(1), "{words}");
     assert!(
@@ -137,7 +137,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
     );
     assert_within_limits(&arm.await_rest(), &[LOST]);
     arm.assert_still(1000);
-    // The net was canceled, as by SIGTERM: the driver had nothing to do.
+    // The net was canceled as by SIGTERM, so the driver did not have to stop the arm.
     let (events, _) = cell.cli_exits(0, &["events"]);
     assert!(events.contains("line#1 canceling"), "{events}");
     assert!(!events.contains("brings the device to rest"), "{events}");
@@ -170,8 +170,8 @@ fn status_shows_each_helper_with_its_age_and_its_limit() {
     );
     let pid = cell.pid("executor");
     signal(pid, Signal::SIGSTOP);
-    // The table is as old as its writer: the loader still answers, and shows it.
-    let hanging = await_some("a helper that hangs in status", || {
+    // The stopped executor no longer updates its table; the loader still answers and shows its age.
+    let hanging = await_some("status to show a helper that hangs", || {
         let status = cell.try_rest("GET", "/status", "")?.body;
         let rows = status["helpers"].as_array()?.clone();
         rows.into_iter()
@@ -182,7 +182,7 @@ fn status_shows_each_helper_with_its_age_and_its_limit() {
         "{hanging}"
     );
     signal(pid, Signal::SIGCONT);
-    await_some("all to run again", || {
+    await_some("all helpers to run again", || {
         let status = cell.try_rest("GET", "/status", "")?.body;
         let rows = status["helpers"].as_array()?.clone();
         rows.iter()

@@ -1,12 +1,12 @@
-//! Time told honestly, and admission, on real cells: nets that are too large for their period are refused, or ended where
-//! the configuration admits them. Each test has a cell of its own; no time is asserted.
+//! Execution times and admission in real cells: nets that are too large for their period are refused, or end with a
+//! fault if the configuration admits them. Each test has a cell of its own; no time is asserted.
 
 use rcc_tests::{TestCell, await_some, nets};
 
-/// Inverse kinematics many times over: some milliseconds a cycle on any machine of today.
+/// Number of inverse kinematics: together some milliseconds per cycle on any current machine.
 const MANY: usize = 12_000;
 
-/// A net that commands nothing and computes long, until CANCEL.
+/// Returns a net that commands nothing and has a long execution time, until CANCEL.
 fn large(name: &str) -> String {
     let rows = (0..MANY).map(|number| {
         format!(
@@ -62,7 +62,7 @@ fn a_net_that_is_too_large_for_its_period_is_refused_with_the_numbers() {
 }
 
 #[test]
-fn a_net_that_is_admitted_and_too_large_all_the_same_ends_with_an_overrun() {
+fn a_net_that_is_admitted_although_it_is_too_large_ends_with_an_overrun() {
     let cell = TestCell::changed(|text| {
         text.replacen(
             "executor: {priority: 80}",
@@ -79,11 +79,11 @@ fn a_net_that_is_admitted_and_too_large_all_the_same_ends_with_an_overrun() {
     assert_eq!(
         cell.state(small)["state"],
         "running",
-        "the other net goes on"
+        "the other net keeps running"
     );
     let status = cell.rest("GET", "/status", "").body;
     let executor = &status["executor"];
-    // Which of them are still latched depends on how punctual the machine is meanwhile; the log has the cause.
+    // Which late cycles are still latched depends on the latency of the machine; the log has the cause.
     assert!(
         executor["last_late"]["cycle"].as_u64() > Some(0),
         "{executor}"
@@ -93,10 +93,10 @@ fn a_net_that_is_admitted_and_too_large_all_the_same_ends_with_an_overrun() {
         words.contains("first late: cycle") && words.contains("--acknowledge"),
         "{words}"
     );
-    let (picture, _) = cell.cli_exits(0, &["top", "--once"]);
+    let (screen, _) = cell.cli_exits(0, &["top", "--once"]);
     assert!(
-        picture.contains("InverseKinematics") && picture.contains("small#"),
-        "{picture}"
+        screen.contains("InverseKinematics") && screen.contains("small#"),
+        "{screen}"
     );
     let (_, _) = cell.cli_exits(0, &["status", "--acknowledge"]);
     await_some("the acknowledgement to be seen", || {
@@ -104,12 +104,13 @@ fn a_net_that_is_admitted_and_too_large_all_the_same_ends_with_an_overrun() {
         let acknowledged = status["executor"]["late_acknowledged"].as_u64();
         acknowledged.filter(|late| *late > 0)
     });
-    let told = await_some("the events", || {
+    let log = await_some("the events", || {
         let (events, _) = cell.cli_exits(0, &["events"]);
-        let told = events.contains("computed long, most of it large") && events.contains("overrun");
-        told.then_some(events)
+        let complete =
+            events.contains("computed long, most of it large") && events.contains("overrun");
+        complete.then_some(events)
     });
-    assert!(told.contains("acknowledged"), "{told}");
+    assert!(log.contains("acknowledged"), "{log}");
     cell.done(small, "cancel");
     cell.assert_ends(small, "canceled");
     cell.stop();

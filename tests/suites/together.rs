@@ -1,5 +1,5 @@
-//! Many at once: one cell has one supervisor, whoever else wants it at the same moment, and however it was left.
-//! Each test has a cell of its own.
+//! A cell has exactly one supervisor, however many are started at the same moment, and whatever an earlier one left
+//! behind. Each test has a cell of its own.
 
 use std::fs::File;
 use std::process::{Child, Stdio};
@@ -10,14 +10,14 @@ use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{ends_with_test, signal, with_runtime_dir};
 use rcc_tests::{TestCell, await_some, nets, repository};
 
-/// So many want a cell at the same moment.
+/// Number of supervisors that are started at the same moment.
 const MANY: usize = 8;
 
 fn place() -> CellFixture {
     CellFixture::new(&repository().join("configs/cells/demo.yaml"), |text| text)
 }
 
-/// `rcc-cli up`, many times at once, each with a log of its own.
+/// Starts [`MANY`] `rcc-cli up` at once, each with a log of its own.
 fn many(place: &CellFixture) -> Vec<(Child, String)> {
     let start = |number: usize| {
         let log = place.folder().join(format!("up-{number}.log"));
@@ -34,7 +34,8 @@ fn many(place: &CellFixture) -> Vec<(Child, String)> {
     (0..MANY).map(start).collect()
 }
 
-/// Waits until all have ended but the one that has the cell; every other one was refused and says by whom.
+/// Waits until all but one supervisor have ended, and returns that one. Asserts that each of the others was refused
+/// with a message that names it.
 fn one_of(place: &CellFixture, many: Vec<(Child, String)>) -> Child {
     let words = |log: &str| std::fs::read_to_string(log).unwrap_or_default();
     let mut running = many;
@@ -52,14 +53,17 @@ fn one_of(place: &CellFixture, many: Vec<(Child, String)>) -> Child {
     });
     let (winner, _) = running.pop().unwrap_or_else(|| {
         let all: Vec<String> = refused.iter().map(|(_, log)| words(log)).collect();
-        panic!("nobody has the cell: {all:#?}")
+        panic!("no supervisor is left: {all:#?}")
     });
     assert_eq!(refused.len(), MANY - 1);
     for (status, log) in refused {
         let words = words(&log);
         assert_eq!(status.code(), Some(5), "{words}");
         let named = words.contains("RCC4012") && words.contains(&winner.id().to_string());
-        assert!(named, "it names who has the cell: {words}");
+        assert!(
+            named,
+            "the message names the supervisor of the cell: {words}"
+        );
         assert!(!words.contains("cancel"), "{words}");
     }
     let supervisor = place.announced(Role::Cli, "up");
@@ -70,7 +74,7 @@ fn one_of(place: &CellFixture, many: Vec<(Child, String)>) -> Child {
     winner
 }
 
-/// The supervisor's children and their logs are there, each once.
+/// Asserts that all processes of the cell, its files and its logs are there.
 fn assert_whole(place: &CellFixture) {
     await_some("all devices to be ready", || {
         let reply = place.try_rest("GET", "/devices", "")?;
@@ -105,13 +109,13 @@ fn end(mut winner: Child, place: &CellFixture) {
 }
 
 #[test]
-fn of_many_ups_at_once_one_has_the_cell_and_its_net_goes_on() {
+fn of_many_supervisors_at_once_one_gets_the_cell_and_its_net_keeps_running() {
     let place = place();
     for round in 0..6 {
         let winner = one_of(&place, many(&place));
         assert_whole(&place);
         if round == 0 {
-            // And of many that come while it runs none has anything.
+            // Supervisors that are started while the cell runs are all refused.
             let line = place.run(&nets::line("line", 0.2, 0.02));
             let mut late = many(&place);
             await_some("all of them to be refused", || {
@@ -122,7 +126,7 @@ fn of_many_ups_at_once_one_has_the_cell_and_its_net_goes_on() {
             place.done(line, "abort");
         }
         if round % 3 == 2 {
-            // The next round finds what a killed cell left.
+            // The next round finds the leftovers of a killed cell.
             let mut winner = winner;
             for pid in std::iter::once(winner.id()).chain(with_runtime_dir(place.folder())) {
                 signal(pid, Signal::SIGKILL);
@@ -136,10 +140,10 @@ fn of_many_ups_at_once_one_has_the_cell_and_its_net_goes_on() {
 }
 
 #[test]
-fn a_cell_is_taken_whole_while_others_clean_it() {
+fn a_cell_starts_completely_while_others_clean_it() {
     let place = place();
     for _ in 0..4 {
-        // What a dead life left: announcements and shared memory that are worth removing.
+        // A killed cell leaves announcements and shared memory to remove.
         let mut first = one_of(&place, many(&place));
         for pid in std::iter::once(first.id()).chain(with_runtime_dir(place.folder())) {
             signal(pid, Signal::SIGKILL);
@@ -175,21 +179,24 @@ fn a_cell_is_taken_whole_while_others_clean_it() {
 }
 
 #[test]
-fn a_supervisor_does_not_end_what_runs_on_an_executor_of_somebody_else() {
+fn second_processes_of_a_cell_are_refused_and_do_not_disturb_its_net() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.2, 0.02));
-    // As if this cell were another supervisor's: its executor is nobody's child here.
+    // The processes that are started here are not children of the cell's supervisor.
     let presence: Announcement = cell.announced(Role::Cli, "up");
     assert!(presence.is_supervisor() && presence.pid == cell.supervisor());
     for program in ["rcc-exec", "rcc-loader"] {
         let mut second = cell.program(program);
         let second = second.arg("--config").arg(cell.config()).output();
-        let second = second.expect("it runs");
+        let second = second.expect("the program runs");
         assert_eq!(second.status.code(), Some(1), "{program}: {second:?}");
     }
     let mut driver = cell.program("rcc-driver");
     driver.arg("--config").arg(cell.config());
-    let driver = driver.args(["--device", "io"]).output().expect("it runs");
+    let driver = driver
+        .args(["--device", "io"])
+        .output()
+        .expect("the program runs");
     assert_eq!(driver.status.code(), Some(1), "{driver:?}");
     assert_eq!(cell.state(line)["state"], "running", "{}", cell.logs());
     assert_eq!(cell.device("io").expect("a row")["losses"], 0);

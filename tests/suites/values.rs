@@ -1,5 +1,5 @@
-//! Values into a running net and out of it, through every process: REST, the command line, and a watcher that dies.
-//! Each test has a cell of its own.
+//! Values that are set in a running net and read from it, through all processes: by REST, by the command line, and by a
+//! watcher that dies. Each test has a cell of its own.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -12,7 +12,7 @@ fn belt() -> String {
     std::fs::read_to_string(path).expect("the example")
 }
 
-/// The value of a port by REST.
+/// Reads the value of a port by REST.
 fn value(cell: &TestCell, id: u64, port: &str) -> Value {
     let reply = cell.rest("GET", &format!("/commands/{id}/values?ports={port}"), "");
     assert_eq!(reply.status, 200, "{reply:?}");
@@ -68,7 +68,7 @@ fn inputs_are_set_by_rest_all_at_once_or_not_at_all() {
         "nothing was set"
     );
     let expired = || value(&cell, id, "speed.value").is_null().then_some(());
-    await_some("what nobody sets again expires", expired);
+    await_some("the value to expire, because it is not set again", expired);
     cell.done(id, "cancel");
     cell.assert_ends(id, "canceled");
     let over = cell.rest("PUT", &path, r#"{"lamp": true}"#);
@@ -116,7 +116,7 @@ fn every_command_of_the_page_about_values_runs() {
 }
 
 #[test]
-fn a_watcher_that_is_killed_leaves_nothing_and_others_are_told_the_end() {
+fn a_killed_watcher_leaves_nothing_and_other_watchers_see_the_end() {
     let cell = TestCell::demo();
     let id = cell.run(&belt());
     let watch = |more: &[&str]| {
@@ -167,14 +167,14 @@ fn net(name: &str) -> String {
 }
 
 #[test]
-fn a_net_shows_what_another_one_publishes_while_that_runs() {
+fn a_net_reads_a_topic_while_its_publisher_runs() {
     let cell = TestCell::demo();
     let lamp = cell.run(&net("touch-lamp"));
     let touches = |cell: &TestCell| value(cell, lamp, "touches.value");
-    assert_eq!(touches(&cell), Value::Null, "nobody publishes it");
+    assert_eq!(touches(&cell), Value::Null, "no net publishes it");
     let touch = cell.run(&net("touch"));
     let known = || (touches(&cell) == json!(false)).then_some(());
-    await_some("what is published is seen", known);
+    await_some("the published value to be seen", known);
     let topics = cell.rest("GET", "/topics", "");
     let row = |number: usize| &topics.body[number];
     assert_eq!(
@@ -191,7 +191,7 @@ fn a_net_shows_what_another_one_publishes_while_that_runs() {
         (&json!(touch), &json!("touches")),
         "{topics:?}"
     );
-    // Another one that publishes the same, and one that means something else by it.
+    // A second publisher of the same topic, and a subscriber that expects another unit.
     let second = cell.load(&net("touch"));
     let meters = "net: meters\nprimitives:\n  far: {type: Subscribe, parameters: {topic: flange/touches, unit: m}}\n  \
         much: {type: Greater, inputs: {a: far.value, b: 2 m}}\n  end: {type: Termination, inputs: {done: much.out}}\n";
@@ -210,17 +210,20 @@ fn a_net_shows_what_another_one_publishes_while_that_runs() {
     ] {
         let refused = cell.operate(id, "start");
         assert_eq!((refused.status, refused.code()), (409, code), "{refused:?}");
-        let said = refused.error_text();
-        assert!(said.contains(&words), "{said}");
+        let message = refused.error_text();
+        assert!(message.contains(&words), "{message}");
     }
     cell.done(touch, "abort");
-    await_some("its net is over", || touches(&cell).is_null().then_some(()));
+    await_some(
+        "the value to become null after its publisher has ended",
+        || touches(&cell).is_null().then_some(()),
+    );
     cell.done(second, "start");
-    await_some("the next one publishes", known);
+    await_some("the value of the next publisher", known);
     cell.stop();
 }
 
-/// Joint 1 follows a value that is set, so that no rehearsal knows where it goes.
+/// A net whose joint 1 follows an input, so that no rehearsal can predict its motion.
 const JOG: &str = "
 net: jog
 primitives:
@@ -236,7 +239,8 @@ primitives:
 ";
 
 #[test]
-fn a_value_that_leads_the_arm_out_of_its_workspace_ends_the_net_with_axis_and_bound() {
+fn a_value_that_moves_the_arm_out_of_its_workspace_ends_the_net_and_the_fault_names_axis_and_bound()
+{
     let cell = TestCell::start(&repository().join("configs/cells/demo.yaml"), |text| {
         text.replace(
             "    first_tolerance: deg(0.1)\n",
@@ -249,10 +253,10 @@ fn a_value_that_leads_the_arm_out_of_its_workspace_ends_the_net_with_axis_and_bo
         let reply = cell.rest("PUT", &format!("/commands/{id}/inputs"), &body);
         assert_eq!(reply.status, 200, "{reply:?}");
     };
-    // Inside, and back; then out.
+    // 10° is inside of the workspace, 30° is outside.
     let id = cell.run(JOG);
     set(id, "deg(10)");
-    await_some("the arm to go there", || {
+    await_some("the arm to reach 10°", || {
         (value(&cell, id, "move.position")[0].as_f64()? > 0.17).then_some(())
     });
     set(id, "deg(30)");

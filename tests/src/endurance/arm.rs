@@ -1,5 +1,5 @@
-//! Moves the arm back and forth: nets that finish, that are cancelled, that are aborted, that lose their driver, and that
-//! go on or not while two processes are killed at the same moment. One thread, which starts the arm's driver.
+//! Moves the arm back and forth: nets that finish, that are cancelled, that are aborted, that lose their driver, and
+//! that go on or not while two processes are killed at the same moment. One thread, which starts the arm's driver.
 
 use std::time::Duration;
 

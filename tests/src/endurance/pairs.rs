@@ -1,5 +1,5 @@
-//! Two processes of the cell killed at the same moment. The thread that starts a process notices its death and starts it
-//! again. Run by the thread of the arm, in motion; with the executor by the calling thread, in a quiet moment.
+//! Two processes of the cell killed at the same moment. The thread that starts a process notices its death and starts
+//! it again. Run by the thread of the arm, in motion; with the executor by the calling thread, in a quiet moment.
 
 use std::process::{Child, Stdio};
 use std::sync::atomic::Ordering;
@@ -118,8 +118,8 @@ fn kill(field: &Field<'_>, victims: &[Victim], guests: Vec<Child>, executor: Opt
     }
 }
 
-/// Kills the executor and another process while the arm moves, in a quiet moment: the arm comes to rest and nothing moves
-/// until another executor is there, which this starts.
+/// Kills the executor and another process while the arm moves, in a quiet moment: the arm comes to rest and nothing
+/// moves until another executor is there, which this starts.
 pub fn strike_executor(field: &Field<'_>, executor: &mut Process, random: &mut Random) {
     let victim = VICTIMS[random.below(VICTIMS.len() as u64) as usize];
     field

@@ -1,4 +1,4 @@
-//! The ways in which a door is flooded. Run by processes that do nothing else, until they are killed.
+//! The kinds of floods. Run by dedicated processes until they are killed.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -9,29 +9,29 @@ use super::report::Interface;
 use super::{Interfaces, connect, net};
 use crate::rest;
 
-/// Threads of a process that floods.
+/// Threads of a flooding process.
 const THREADS: usize = 4;
-/// Connections that a process holds without a word.
+/// Connections of each interface that a thread holds open without sending anything.
 const SILENT: usize = 100;
 
-/// A way of flooding.
+/// A kind of flood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FloodKind {
-    /// Texts of 4 MiB that are no net, unloaded again.
+    /// Loads texts of 4 MiB that are rejected, and unloads them.
     Rejected,
-    /// Bodies of 4 MiB of JSON, wherever one is taken and where none is.
+    /// Sends JSON bodies of 4 MiB to routes that accept a body and to routes that do not.
     Json,
-    /// Connections that say nothing, as fast as they are taken.
+    /// Opens connections and sends nothing.
     Silent,
-    /// Heads and bodies that come byte by byte.
+    /// Sends headers and bodies byte by byte.
     Slow,
-    /// Tokens that are not the right one, over TCP.
+    /// Sends invalid tokens over TCP.
     WrongTokens,
-    /// Lists, details, values and the status, over both doors.
+    /// Reads lists, details, values and the status over both transports.
     Looks,
-    /// Large nets that are loaded and unloaded.
+    /// Loads and unloads large nets.
     Loads,
-    /// Heads that are none.
+    /// Sends bytes that are not HTTP.
     Nonsense,
 }
 
@@ -48,7 +48,7 @@ impl FloodKind {
         FloodKind::Nonsense,
     ];
 
-    /// Its name on a command line.
+    /// Returns the name used on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -63,20 +63,20 @@ impl FloodKind {
         }
     }
 
-    /// The kind of that name.
+    /// Returns the kind with this name.
     #[must_use]
     pub fn named(name: &str) -> Option<FloodKind> {
         FloodKind::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Floods for ever.
+    /// Floods until the process is killed.
     pub(super) fn run(self, doors: &Interfaces) {
         thread::scope(|scope| {
             for number in 0..THREADS {
                 scope.spawn(move || {
                     for turn in 0.. {
-                        // Refused, cut off, or not reached: it goes on. The pause keeps a door that refuses at once from
-                        // becoming a measurement of this process alone.
+                        // Errors are ignored. Without the pause, an interface that refuses at once would let this
+                        // process take the whole processor, and the run would measure only that.
                         self.once(doors, number, turn);
                         thread::sleep(Duration::from_millis(1));
                     }
@@ -95,7 +95,7 @@ impl FloodKind {
             FloodKind::Looks => looks(doors, turn),
             FloodKind::Loads => load(doors, &net(&format!("load-{number}"), 5000)),
             FloodKind::Nonsense => {
-                // What comes back is of no interest.
+                // The response does not matter.
                 let _ = rest::raw(&doors.socket, b"\x16\x03\x01\r\n\r\n");
             }
         }
@@ -111,7 +111,7 @@ fn rejected(number: usize) -> String {
     "net: rejected\nprimitives:\n".to_owned() + &line.repeat((4 << 20) / line.len() - 10)
 }
 
-/// Loads and unloads, so that the table has room for others.
+/// Loads a net and unloads it, so that the command table does not stay full.
 fn load(doors: &Interfaces, text: &str) {
     let loaded = doors.ask(Interface::Unix, "POST", "/commands", text.as_bytes());
     let Some(id) = loaded.ok().and_then(|reply| reply.body["id"].as_u64()) else {

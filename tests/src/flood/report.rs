@@ -1,23 +1,23 @@
-//! What a flood did to CANCEL, as a distribution. Pure.
+//! The latencies of CANCEL under a flood, as a distribution. Pure functions.
 
 use std::fmt;
 use std::time::Duration;
 
 use super::Options;
 
-/// Where a request goes in.
+/// An interface through which a CANCEL is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interface {
     /// HTTP over the Unix socket.
     Unix,
-    /// HTTP over TCP, with the token.
+    /// HTTP over TCP, with the access token.
     Tcp,
-    /// `rcc-cli cancel NAME`, a process from its start to its end, over the Unix socket.
+    /// `rcc-cli cancel NAME` over the Unix socket, measured from the start to the exit of the process.
     Cli,
 }
 
 impl Interface {
-    /// Every door.
+    /// All interfaces.
     pub const ALL: [Interface; 3] = [Interface::Unix, Interface::Tcp, Interface::Cli];
 
     fn name(self) -> &'static str {
@@ -29,36 +29,36 @@ impl Interface {
     }
 }
 
-/// One CANCEL.
+/// The result of one CANCEL.
 #[derive(Clone, Debug)]
 pub struct Cancel {
-    /// Where it went in.
+    /// Interface through which it was sent.
     pub door: Interface,
-    /// From its sending to its answer.
+    /// Time from sending the request to its response.
     pub took: Duration,
-    /// It was answered, and not refused.
+    /// True if it was accepted.
     pub answered: bool,
-    /// The net ended as cancelled.
+    /// True if the net ended with the reason `canceled`.
     pub done: bool,
-    /// What was answered.
+    /// Text of the response or of the error.
     pub words: String,
 }
 
-/// What was measured.
+/// The measurements of a run.
 #[derive(Clone, Debug)]
 pub struct Report {
     options: Options,
-    /// Every CANCEL.
+    /// All CANCELs.
     pub cancels: Vec<Cancel>,
-    /// How late the machine woke a thread that slept.
+    /// Delay of each wake-up of a sleeping thread.
     pub stalls: Vec<Duration>,
-    /// Late cycles of the executor, all of the run.
+    /// Late cycles of the executor during the whole run.
     pub late: u64,
-    /// The loader's resident memory with the large nets, before the flood.
+    /// Resident memory of the loader with the large nets loaded, before the flood, bytes.
     pub loader_before: u64,
-    /// The greatest that was seen.
+    /// Largest resident memory of the loader that was seen, bytes.
     pub loader_peak: u64,
-    /// It did not live through the flood.
+    /// True if the loader died during the flood.
     pub loader_restarted: bool,
 }
 
@@ -75,7 +75,7 @@ impl Report {
         }
     }
 
-    /// The CANCELs that were refused, not answered, or not done.
+    /// Returns the CANCELs that were refused or unanswered, or whose net did not end as `canceled`.
     pub fn failed(&self) -> impl Iterator<Item = &Cancel> {
         self.cancels
             .iter()
@@ -83,7 +83,7 @@ impl Report {
     }
 }
 
-/// Median, 99th percentile and maximum.
+/// Returns the median, the 99th percentile and the maximum; zero if there are no values.
 fn distribution(times: impl Iterator<Item = Duration>) -> [Duration; 3] {
     let mut times: Vec<Duration> = times.collect();
     times.sort();

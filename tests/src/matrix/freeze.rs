@@ -1,5 +1,5 @@
-//! Stops a single thread of another process, as a helper that hangs: the process's other threads run on. A stop signal
-//! would stop all of them; a tracer stops the one that it seized. One thread, which is the tracer.
+//! Stops a single thread of another process while its other threads run on, to simulate a hung helper thread. SIGSTOP
+//! would stop the whole process, so the thread is seized with ptrace. Runs on one thread, the tracer.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,10 +13,10 @@ use nix::unistd::Pid;
 
 use crate::processes::threads;
 
-/// How often the tracer looks whether the thread is dead.
+/// Interval at which the tracer checks whether the thread is dead.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
-/// A thread that stands still until this is dropped.
+/// A thread of another process that is stopped until this is dropped.
 #[derive(Debug)]
 pub struct FrozenThread {
     over: Arc<AtomicBool>,
@@ -27,7 +27,7 @@ impl FrozenThread {
     /// Freezes the thread `name` of a process.
     ///
     /// # Panics
-    /// There is no such thread, or it may not be traced.
+    /// Panics if the thread does not exist or cannot be traced.
     pub fn thread(process: u32, name: &str) -> FrozenThread {
         let names = threads(process);
         let found = names.iter().find(|(_, other)| other == name);
@@ -50,19 +50,19 @@ impl Drop for FrozenThread {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Release);
         if let Some(tracer) = self.tracer.take() {
-            // It has nothing to say.
+            // A panic of the tracer was already printed.
             let _ = tracer.join();
         }
     }
 }
 
-/// Freezes, and waits. A traced thread that is killed stays, and with it its whole process, until its tracer has taken its
-/// exit status.
+/// Freezes the thread until `over` is set or the thread dies. The tracer must reap it: a traced thread that is killed,
+/// and with it its process, remains until the tracer has read its exit status.
 fn hold(thread: Pid, told: &Sender<()>, over: &AtomicBool) {
     ptrace::seize(thread, Options::empty()).expect("the thread may be traced");
     ptrace::interrupt(thread).expect("it is ours");
     waitpid(thread, Some(WaitPidFlag::__WALL)).expect("it is ours");
-    // Nobody waits any more only if the test has failed.
+    // Fails only if the test has already failed and dropped the receiver.
     let _ = told.send(());
     let look = WaitPidFlag::__WALL | WaitPidFlag::WNOHANG;
     while !over.load(Ordering::Acquire) {
@@ -71,6 +71,6 @@ fn hold(thread: Pid, told: &Sender<()>, over: &AtomicBool) {
         }
         thread::sleep(LOOK_EVERY);
     }
-    // It may have died just now: then there is nothing to let go of.
+    // Fails if the thread has just died; there is nothing to detach from then.
     let _ = ptrace::detach(thread, None);
 }

@@ -1,5 +1,5 @@
-//! Who is there in a case: the processes that are struck, and those that only this case has.
-//! Run by the thread of the matrix.
+//! The processes of a case: the targets of its fault, and the processes that only this case starts (its guests).
+//! Runs on the thread of the matrix.
 
 use std::process::Child;
 
@@ -8,37 +8,38 @@ use rcc_ipc::Role;
 use super::{Target, Way};
 use crate::await_some;
 
-/// A process that is struck.
+/// A target process of the fault.
 #[derive(Clone, Copy, Debug)]
 pub struct StruckProcess {
-    /// Which one.
+    /// Which process of the cell it is.
     pub target: Target,
-    /// Its process id.
+    /// Process id.
     pub pid: u32,
-    /// Its life before, if it announces itself.
+    /// Incarnation before the fault; 0 if the process does not announce itself.
     pub incarnation: u64,
 }
 
-/// Who is there.
+/// The processes and the motion of a case.
 #[derive(Debug, Default)]
 pub struct Scene {
-    /// The motion of the case, if it has one.
+    /// Command id of the case's motion, if it has one.
     pub line: Option<u64>,
-    /// Processes beside the cell's own, and which target each is.
+    /// Processes in addition to the cell's own, each with the target that it is, if any.
     pub guests: Vec<(Option<Target>, Child)>,
-    /// Who is struck.
+    /// The target processes of the fault.
     pub struck: Vec<StruckProcess>,
 }
 
 impl Scene {
-    /// The guest that is this target; the newest, if a case makes several.
+    /// Returns the guest that is this target; the newest if there are several.
     pub fn guest(&mut self, target: Target) -> Option<&mut Child> {
         let mut guests = self.guests.iter_mut().rev();
         let found = guests.find(|(of, _)| *of == Some(target));
         found.map(|(_, guest)| guest)
     }
 
-    /// Waits for guests that were only stopped, or may end in order.
+    /// Waits until all guests have exited, if the fault lets them exit by themselves (SIGSTOP with SIGCONT, or
+    /// SIGTERM).
     pub fn await_guests(&mut self, way: Way) {
         if !matches!(way, Way::Stop | Way::Term) {
             return;
@@ -50,7 +51,7 @@ impl Scene {
         }
     }
 
-    /// Waits for `rcc-cli run`, which unloads its net itself and tells by its exit code how it ended.
+    /// Waits for `rcc-cli run`, which unloads its net itself, and returns how the net ended according to the exit code.
     pub fn end_of_client(&mut self, way: Way) -> String {
         let client = self.guest(Target::Client).expect("a client");
         let status = await_some("the client to end", || {
@@ -63,7 +64,7 @@ impl Scene {
         }
     }
 
-    /// Ends who is still there, and takes its exit code: a zombie would count as a process that was left.
+    /// Kills the remaining guests and reaps them: a zombie would count as a leftover process.
     pub fn end_guests(&mut self) {
         for (_, guest) in &mut self.guests {
             let _ = guest.kill();
@@ -73,7 +74,7 @@ impl Scene {
 }
 
 impl Target {
-    /// Role and label of a process that announces itself and that the supervisor starts again.
+    /// Returns role and label of a process that announces itself and is restarted by the supervisor.
     pub fn announced_as(self) -> Option<(Role, &'static str)> {
         match self {
             Target::ArmDriver => Some((Role::Driver, "lwr")),

@@ -1,5 +1,5 @@
-//! The cell in which cases are played: `rcc-cli up` with everything but the simulated robot, which outlives it.
-//! Run by the thread of the matrix.
+//! The cell in which the cases run: `rcc-cli up` with everything except the simulated robot, which outlives the cell.
+//! Runs on the thread of the matrix.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -23,34 +23,35 @@ use crate::processes::{command_line, ends_with_test, signal, with_runtime_dir};
 use crate::simulator::{Simulator, assert_within_limits};
 use crate::{TestCell, await_some, nets, program, repository};
 
-/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+/// Value of `$FRI_TO_INT[2]` if the controller stopped because answers were lost.
 const LOST: i64 = 1;
-/// Below that of the endurance run, which may go on beside it: of two executors of one priority on a core one waits for the
-/// other, and the reference thread above them does not see it.
+/// Priority of the executor, below that of the endurance run, which may run at the same time. Of two executors with one
+/// priority on a core, one would wait for the other without delaying the reference thread above them.
 const PRIORITY: u8 = endurance::PRIORITY - 4;
-/// The answer of a loader that has not found its executor yet.
+/// Error code of a loader that has not found its executor yet.
 const NO_EXECUTOR: &str = "RCC4001";
-/// The answer to START while a device is not ready, or not attached: then its words say which configurations differ.
+/// Error code of START while a device is not ready or not attached; if not attached, the message names the
+/// configurations that differ.
 const NOT_READY: &str = "RCC3008";
-/// Primitives of the big net.
+/// Number of sums in the big net.
 const BIG: usize = 1500;
 
-/// The cell.
+/// The cell with its simulated robot.
 #[derive(Debug)]
 pub struct Stage {
     cell: TestCell,
     robot: Child,
     arm: Simulator,
     journal: Arc<Journal>,
-    /// Counted when the cell was fresh, with the executor's process id.
+    /// Resource counts of the fresh cell, with the executor's process id.
     before: (u32, Census),
 }
 
 impl Stage {
-    /// A fresh cell.
+    /// Starts a fresh cell and its simulated robot.
     ///
     /// # Panics
-    /// It does not start.
+    /// Panics if the cell does not start.
     pub fn new() -> Stage {
         let demo = repository().join("configs/cells/demo.yaml");
         let place = CellFixture::new(&demo, configured);
@@ -69,9 +70,9 @@ impl Stage {
         stage
     }
 
-    /// Ends it; nothing may be left.
+    /// Ends the cell and asserts that nothing is left.
     pub fn end(mut self) {
-        // The robot must not be killed before the cell has ended.
+        // The robot must run until the cell has ended.
         let Stage { cell, robot, .. } = &mut self;
         signal(cell.supervisor(), Signal::SIGINT);
         let status = cell.await_end_of_up();
@@ -81,10 +82,10 @@ impl Stage {
         let _ = robot.wait();
     }
 
-    /// Plays one case.
+    /// Runs one case.
     ///
     /// # Panics
-    /// Something does not hold.
+    /// Panics if one of the required conditions is violated.
     pub fn play(&mut self, case: Case, seed: u64) -> Outcome {
         let mut random = Random::new(seed, 0);
         let lateness_monitor = (!case.ends_cell() && !case.victim.touches(Target::Executor))
@@ -112,7 +113,7 @@ impl Stage {
         self.cell.await_devices();
         self.arm.assert_not_moved();
         self.assert_cell_works();
-        // Before anything is counted: the lateness_monitor is a monitor itself.
+        // Ended before the resources are counted, because the lateness monitor is itself a monitor of the cell.
         let late = lateness_monitor.flatten().map_or(0, assert_on_time);
         self.assert_no_leak();
         if !strike.met_all() {
@@ -121,12 +122,12 @@ impl Stage {
         Outcome::Held { words, late }
     }
 
-    /// Brings the cell into the phase and finds the victims.
+    /// Brings the cell into the phase of the case and determines the target processes.
     fn begin(&mut self, case: Case, random: &mut Random) -> Scene {
         let Case { victim, phase, .. } = case;
         let mut scene = Scene::default();
         for target in victim.targets() {
-            // A guest is there before the phase, except where it makes it or is starting itself.
+            // A guest is started before the phase, unless it causes the phase or is itself the process that starts.
             if let Some(guest) = self.guest_of(target, phase) {
                 scene.guests.push((Some(target), guest));
                 if phase == Phase::Idle || target == Target::Monitor && phase != Phase::Starting {
@@ -170,7 +171,7 @@ impl Stage {
         scene
     }
 
-    /// From moving on to the phase of the case.
+    /// Brings a moving cell into the phase of the case.
     fn enter(&mut self, case: Case, scene: &mut Scene, random: &mut Random) {
         let Some(line) = scene.line else { return };
         match case.phase {
@@ -192,7 +193,7 @@ impl Stage {
         }
     }
 
-    /// The monitor or client of a case, if the target is one.
+    /// Starts the monitor or client that is the target; `None` for the cell's own processes.
     fn guest_of(&self, target: Target, phase: Phase) -> Option<Child> {
         match (target, phase) {
             (Target::Monitor, _) => Some(self.monitor()),
@@ -230,7 +231,7 @@ impl Stage {
         }
     }
 
-    /// Lets the supervisor start the target, or starts it, and returns while it is starting.
+    /// Makes the target start again, by the supervisor if it is supervised, and returns while it is starting.
     fn interrupt_start(&mut self, victim: Victim, scene: &mut Scene, random: &mut Random) {
         self.remember(victim, scene);
         for index in 0..scene.struck.len() {
@@ -259,12 +260,12 @@ impl Stage {
         std::thread::sleep(random.time_below(Duration::from_millis(40)));
     }
 
-    /// Waits until the net of the case has ended, which must be as the case allows; says how.
+    /// Waits until the net of the case has ended, asserts that the case allows this end, and returns it in words.
     fn await_end_of_motion(&mut self, case: Case, scene: &mut Scene) -> String {
         let Case { victim, phase, way } = case;
         let client = victim.touches(Target::Client);
         if client && phase == Phase::Starting {
-            // Whether its net was started before it died is a matter of luck; if so, it ends in its own way.
+            // Its net may or may not have been started before the client died; both are allowed.
             scene.await_guests(way);
             self.clear(false);
             return "–".to_owned();
@@ -288,7 +289,7 @@ impl Stage {
         };
         let touched = victim.touches(Target::ArmDriver) || victim.touches(Target::Executor);
         let asked = client && way == Way::Term && reason == "canceled";
-        // A cancel that its client did not live to send.
+        // The client died before it sent the cancel.
         let unsent = client && phase == Phase::Cancelling && reason == "finished";
         assert!(
             reason == planned || touched || asked || unsent,
@@ -300,7 +301,7 @@ impl Stage {
         }
     }
 
-    /// Waits until the cell has ended, or goes on if its supervisor was only stopped for a while.
+    /// Waits until the cell has ended, or until it is ready again if its supervisor was only stopped for a while.
     fn await_end_of_cell(&mut self, case: Case, scene: &mut Scene) -> String {
         let Case { victim, phase, way } = case;
         if phase == Phase::Starting && way == Way::Stop {
@@ -308,7 +309,7 @@ impl Stage {
             return "goes on".to_owned();
         }
         let status = self.cell.await_end_of_up();
-        // A monitor that lives waits for the cell's next life, by design.
+        // By design, a running monitor waits for the cell to start again, so it must be killed.
         scene.end_guests();
         if victim.touches(Target::Supervisor) && matches!(way, Way::Kill | Way::Segv) {
             self.cell.await_dead();
@@ -326,8 +327,9 @@ impl Stage {
         "ended".to_owned()
     }
 
-    /// While file and cell differ, the output that a net names switches or START is refused; no other output does. Then
-    /// the file is as it was, and whoever has read the other one is started anew.
+    /// Asserts that, while the file and the running cell differ, a net switches the output that it names or START is
+    /// refused. Then restores the file and kills the processes that have read the changed one, so that they are
+    /// restarted.
     fn assert_refused_and_restore(&mut self, case: Case, scene: &Scene) -> String {
         if case.ends_cell() {
             swap_outputs(&self.cell);
@@ -339,7 +341,7 @@ impl Stage {
         let switched = self.switch_torch();
         assert!(
             !(reads_it && switched),
-            "a net ran although its device has two configurations"
+            "a net ran although its processes have different configurations of the device"
         );
         swap_outputs(&self.cell);
         for struck in &scene.struck {
@@ -354,7 +356,8 @@ impl Stage {
         words.to_owned()
     }
 
-    /// Tries to switch the torch on; true if it could be started, and then it is the torch that switches.
+    /// Tries to switch the torch on. Returns whether the net could be started, and asserts that only the torch
+    /// switches.
     fn switch_torch(&mut self) -> bool {
         let outputs = |arm: &mut Simulator| {
             let booleans = arm.state()["krl_from_pc"]["booleans"].clone();
@@ -382,13 +385,17 @@ impl Stage {
                 self.cell.done(id, "cancel");
                 self.cell.await_end(id);
             }
-            None => assert_eq!(outputs(&mut self.arm), (false, false), "START was refused"),
+            None => assert_eq!(
+                outputs(&mut self.arm),
+                (false, false),
+                "an output switched although START was refused"
+            ),
         }
         self.clear(true);
         started.is_some()
     }
 
-    /// True if a command is started; false if it is refused for another reason than an arm that still moves.
+    /// True if the command starts; false if START is refused for a reason other than an arm that still moves.
     fn is_started(&self, id: u64) -> bool {
         await_some("an answer to START", || {
             let reply = self
@@ -399,7 +406,7 @@ impl Stage {
         })
     }
 
-    /// Who died under supervision is there again; who was only stopped is still the same one.
+    /// Asserts that dead supervised processes have successors, and that stopped ones are still the same process.
     fn await_successors(&mut self, case: Case, scene: &Scene) {
         for struck in &scene.struck {
             let Some((role, label)) = struck.target.announced_as() else {
@@ -409,7 +416,7 @@ impl Stage {
                 assert_eq!(
                     self.cell.announced(role, label).incarnation,
                     struck.incarnation,
-                    "it did not go on"
+                    "the stopped process did not continue"
                 );
                 continue;
             }
@@ -424,7 +431,8 @@ impl Stage {
         }
     }
 
-    /// Everything is reachable: a net is loaded, started, monitored, and finishes; the arm is where it began then.
+    /// Asserts that the cell works: a monitored motion is loaded, started and finishes; the arm is back at its start
+    /// then.
     fn assert_cell_works(&mut self) {
         self.clear(true);
         self.arm.reset_statistics();
@@ -436,7 +444,7 @@ impl Stage {
         self.clear(true);
     }
 
-    /// A net that only has a monitor runs for a moment.
+    /// Runs a net with only a monitor for a moment, so that the executor publishes records.
     fn publish(&mut self) {
         let id = self.cell.run(&nets::clock("clock"));
         std::thread::sleep(Duration::from_millis(20));
@@ -445,7 +453,7 @@ impl Stage {
         self.clear(true);
     }
 
-    /// Removes all commands; those that are active are aborted, or waited for.
+    /// Unloads all commands; active ones are aborted first if `abort` is set, otherwise awaited.
     fn clear(&mut self, abort: bool) {
         await_some("the commands to be gone", || {
             let reply = self.cell.try_rest("GET", "/commands", "")?;
@@ -484,14 +492,14 @@ impl Stage {
         let (executor, before) = self.before;
         let mut grown = Vec::new();
         for _ in 0..30 {
-            // What is dead is struck out; the executor lets go of it with the next record that it publishes; then its
-            // files can go.
+            // The janitor removes dead processes, the executor closes its connections to them with the next record that
+            // it publishes, and only then can the janitor remove the files.
             self.clean();
             self.publish();
             self.clean();
             let (pid, now) = self.count();
             grown = now.growth(&before);
-            // Another executor has its own figures; how many files there are does not depend on who it is.
+            // A new executor has other resource figures; only the number of the cell's files is comparable.
             grown.retain(|line| pid == executor || line.starts_with("cell:"));
             // The event log grows by design.
             grown.retain(|line| !line.contains("bytes"));
@@ -554,14 +562,14 @@ impl Default for Stage {
     }
 }
 
-/// The demo's configuration: pinned, patient with deaths, and without the simulated robot.
+/// Edits the demo's configuration: executor pinned, many restarts allowed, no simulated robot.
 fn configured(text: String) -> String {
     let from = text.find("  lwr-sim:").expect("the simulator of the arm");
     let to = text
         .find("  io-sim:")
         .expect("the simulator of the station");
     let text = text[..from].to_owned() + &text[to..];
-    // Plans of nets that are gone are kept as long as a recording may need them: shorter than a leak is waited for.
+    // Plans of unloaded nets are kept while a recording may need them; 1 s is shorter than the wait for a leak to go.
     let patient =
         "period: 1 ms\nsupervision: {restarts: 20, within: 1 s}\nrecorder: {seconds: 1}\n";
     text.replace(
@@ -571,12 +579,12 @@ fn configured(text: String) -> String {
     .replace("period: 1 ms\n", patient)
 }
 
-/// Not in the cell's folder: the robot outlives the cell.
+/// Returns the robot's control socket, outside of the cell's runtime folder because the robot outlives the cell.
 fn robot_socket(place: &CellFixture) -> PathBuf {
     place.folder().join("robot.sock")
 }
 
-/// The simulated robot of the demo, in this place's ports.
+/// Starts the simulated robot of the demo with the ports of the fixture.
 fn start_robot(place: &CellFixture) -> Child {
     let demo = repository().join("configs/cells/demo.yaml");
     let offline = CellConfig::load_offline(&demo).unwrap_or_else(|faults| panic!("{faults}"));
@@ -615,19 +623,22 @@ fn spawn(mut command: Command) -> Child {
         .unwrap_or_else(|error| panic!("{command:?}: {error}"))
 }
 
-/// No cycle was late by us; returns how many were late with the machine.
+/// Asserts that no late cycle is unexplained; returns the number of late cycles caused by the machine.
 fn assert_on_time(lateness_monitor: LatenessMonitor) -> u64 {
     let lateness = lateness_monitor.finish();
-    assert_eq!(lateness.unexplained, 0, "late cycles of ours: {lateness:?}");
+    assert_eq!(
+        lateness.unexplained, 0,
+        "unexplained late cycles: {lateness:?}"
+    );
     assert!(
         lateness.consecutive,
-        "cycle numbers went back, or another executor"
+        "the cycle number decreased or the executor changed"
     );
     assert_eq!(lateness.dropped_records, 0, "records were dropped");
     lateness.late
 }
 
-/// Lets two outputs of the arm change places in the configuration's file; once more, and it is as it was.
+/// Exchanges the outputs `torch` and `gas` of the arm in the configuration file; a second call restores it.
 fn swap_outputs(place: &CellFixture) {
     let text = std::fs::read_to_string(place.config()).expect("the configuration can be read");
     let (torch, gas) = ("      torch: {", "      gas:   {");

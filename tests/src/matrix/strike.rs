@@ -1,5 +1,5 @@
-//! Strikes the victims of a case, all at the same moment.
-//! Run by the thread of the matrix.
+//! Injects the fault of a case into its target processes, all at the same moment.
+//! Runs on the thread of the matrix.
 
 use std::time::Duration;
 
@@ -10,10 +10,11 @@ use super::scene::Scene;
 use super::{Case, Victim, Way};
 use crate::processes::signal;
 
-/// How long a stopped process stands still: longer than any deadline of a driver, shorter than a watchdog's.
+/// How long a process is stopped by SIGSTOP: longer than any deadline of a driver, shorter than the supervisor's
+/// watchdog.
 const STOPPED: Duration = Duration::from_millis(300);
 
-/// What was done; a frozen thread stays frozen while this lives.
+/// An injected fault. A frozen thread stays frozen until this is dropped.
 #[derive(Debug)]
 pub struct Strike {
     met_all: bool,
@@ -21,10 +22,10 @@ pub struct Strike {
 }
 
 impl Strike {
-    /// Strikes.
+    /// Injects the fault of `case` into the processes listed in `scene`.
     ///
     /// # Panics
-    /// The executor has no thread of that name, or it cannot be traced.
+    /// Panics if the executor has no helper thread of the case's name, or if the thread cannot be traced.
     pub fn at(case: Case, scene: &Scene) -> Strike {
         let pids: Vec<u32> = scene.struck.iter().map(|struck| struck.pid).collect();
         if let (Victim::Helper(name), &[executor]) = (case.victim, &pids[..]) {
@@ -39,13 +40,13 @@ impl Strike {
         }
     }
 
-    /// False if one of them had ended already.
+    /// False if one of the processes had already exited.
     pub fn met_all(&self) -> bool {
         self.met_all
     }
 }
 
-/// False if one of them was there no more.
+/// Sends the signals of `way`; false if one of the processes had already exited.
 fn strike(pids: &[u32], way: Way) -> bool {
     let all = |with: Signal| {
         let met = pids.iter().filter(|pid| signal(**pid, with)).count();
@@ -55,8 +56,9 @@ fn strike(pids: &[u32], way: Way) -> bool {
         Way::Kill => all(Signal::SIGKILL),
         Way::Segv => {
             let there = all(Signal::SIGSEGV);
-            // The runtime of Rust gives the first one its usual meaning, in case that it was no overflow of a stack: a
-            // real fault would happen again at once. Under load some of these are one.
+            // At the first SIGSEGV that is not a stack overflow, Rust's handler restores the default action and
+            // returns, because a real fault would recur at once. It is sent repeatedly because pending signals of the
+            // same number merge under load.
             for _ in 0..6 {
                 std::thread::sleep(Duration::from_millis(4));
                 all(Signal::SIGSEGV);

@@ -1,9 +1,9 @@
-//! The outcome of the matrix as tables in markdown, with their legend.
-//! Pure.
+//! Writes the outcomes of the matrix as markdown tables with their legend.
+//! Pure functions.
 
 use super::{Case, HELPERS, Outcome, PHASES, Phase, TARGETS, Victim, WAYS, Way};
 
-/// The document; `machine` says on what and when, in one sentence.
+/// Returns the document; `machine` is a sentence that names the date and the machine of the run.
 pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
     let held = outcomes
         .iter()
@@ -59,7 +59,7 @@ pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
     text + &cells.explain()
 }
 
-/// The cells of the tables, and what is broken, in the order in which it is met.
+/// Formats the cells of the tables and collects the broken cases in the order of the tables.
 struct TableCells<'a> {
     outcomes: &'a [(Case, Outcome)],
     broken: Vec<String>,
