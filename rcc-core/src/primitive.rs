@@ -107,8 +107,8 @@ pub struct Spec {
     /// The same, for the loader.
     pub null_rule: NullRule,
     /// The known inputs for which the output is null; empty if known inputs always give known outputs. Clauses are
-    /// separated by "; ". The loader understands `PORT OP NUMBER` and `PORT OP PORT` with `= < > <= >=` ("b = 0", "low
-    /// > high") and excludes such a clause if constants and port ranges rule it out. A clause that begins with
+    /// separated by "; ". The loader understands `PORT OP NUMBER` and `PORT OP PORT` with `= < > <= >=` (`b = 0`,
+    /// `low > high`) and excludes such a clause if constants and port ranges rule it out. A clause that begins with
     /// "overflow" is ignored by the loader; any other clause is text for people.
     pub undefined: &'static str,
     /// The formula and its source (book, paper, standard); empty if the summary is sufficient.

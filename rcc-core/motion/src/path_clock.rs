@@ -385,22 +385,22 @@ impl MotionPlanner<'_> {
         let here = self.bounds.piece_at(self.start.position);
         let piece = self.bounds.piece(here)?;
         let cruise = self.speed * piece.velocity;
-        let too_fast = match self.to_piece_end(piece.braking_piece, cruise)? {
+        let too_fast = match self.plan_to_piece_end(piece.braking_piece, cruise)? {
             Ok(planned) => return Some(planned),
             Err(too_fast) => too_fast,
         };
-        if let Some(Ok(planned)) = self.to_piece_end(too_fast, cruise) {
+        if let Some(Ok(planned)) = self.plan_to_piece_end(too_fast, cruise) {
             return Some(planned);
         }
         let caps = (here..piece.braking_piece).filter_map(|index| self.bounds.piece(index));
         let least = caps.fold(piece.velocity, |least, piece| least.min(piece.cap));
-        self.to_piece_end(piece.braking_piece, self.speed * least)?
+        self.plan_to_piece_end(piece.braking_piece, self.speed * least)?
             .ok()
     }
 
     /// A motion to the exit velocity of piece `braking_piece`, cruising at `cruise`; or the index of the piece whose
     /// end it would pass too fast.
-    fn to_piece_end(
+    fn plan_to_piece_end(
         &self,
         braking_piece: usize,
         cruise: f64,
@@ -494,7 +494,7 @@ impl MotionPlanner<'_> {
         }
         let piece = bounds.piece(here)?;
         let target = self.speed * piece.exit;
-        if let Some(Ok(planned)) = self.to_piece_end(here, target) {
+        if let Some(Ok(planned)) = self.plan_to_piece_end(here, target) {
             return Some(planned);
         }
         let KinematicState {

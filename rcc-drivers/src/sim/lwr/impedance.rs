@@ -1,8 +1,8 @@
 //! Impedance control of the simulated arm: springs and dampers towards the set-point against external forces.
 //! Pure; run by the clock thread.
 //!
-//! The control laws are those of Schreiber, Stemmer, Bischoff (ICRA 2010 workshop): `F = K (x_set − x) + D (ẋ_set − ẋ)
-//! + F_added` at the flange in base axes, or the same in each joint. Each axis and each joint moves a mass of its own
+//! The control laws are those of Schreiber, Stemmer, Bischoff (ICRA 2010 workshop):
+//! `F = K (x_set − x) + D (ẋ_set − ẋ) + F_added` at the flange in base axes, or the same in each joint. Each axis and each joint moves a mass of its own
 //! (our values: 5 kg, 0.2 kg m², 0.5 kg m²), so the damping is `2 ζ √(k m)`; gravity and friction are compensated, as
 //! on the robot. At rest only the springs matter: the deflection is force divided by stiffness. In Cartesian impedance
 //! control the redundancy follows the joint set-point. Integration is semi-implicit Euler with steps of at most 0.25

@@ -292,7 +292,11 @@ fn bad_quality_names_the_cause() {
     assert_fails(
         &late(json!({"quality": "bad"})),
         "quality",
-        &["quality bad", "61 late or lost answers", "on the way to the controller"],
+        &[
+            "quality bad",
+            "61 late or lost answers",
+            "on the way to the controller",
+        ],
     );
     assert_fails(
         &late(json!({"quality": "bad", "answer_max_ns": 12_000_000})),
