@@ -193,7 +193,8 @@ impl Stage {
         }
     }
 
-    /// Starts the monitor or client that is the target; `None` for the cell's own processes.
+    /// Starts the monitor or client that is the target. `None` for other targets, and for a client that sends the
+    /// cancel: it is started when the arm moves.
     fn guest_of(&self, target: Target, phase: Phase) -> Option<Child> {
         match (target, phase) {
             (Target::Monitor, _) => Some(self.monitor()),
