@@ -1,7 +1,7 @@
-//! Measures how long the whole chain takes: a robot's packet in, through driver, boards, executor and back, until an
-//! answer with the effect of that very packet leaves. A transparent relay between `lwr-sim` and the driver numbers
-//! the packets in a KRL variable that a net copies to an output, and notes the times. Prints `docs/latency.md`. Run by
-//! hand: main, one thread.
+//! Measures the latency of the whole chain: from a packet of the robot through driver, boards and executor to the first
+//! answer that contains the effect of that packet. A transparent relay between `lwr-sim` and the driver numbers the
+//! packets in a KRL variable that a net copies to an output, and takes the times. Prints `docs/latency.md`. Runs on the
+//! main thread and one thread for the relay.
 
 use std::fmt::Write as _;
 use std::io;

@@ -105,12 +105,16 @@ fn has_more(pipe: std::os::fd::BorrowedFd<'_>) -> bool {
 
 fn end(field: &Field<'_>, mut tail: Child) {
     let begun = Instant::now();
-    while tail.try_wait().expect("the child is ours").is_none() {
+    while tail
+        .try_wait()
+        .expect("the process is a child of this one")
+        .is_none()
+    {
         if begun.elapsed() > Duration::from_secs(10) {
             field
                 .journal
                 .add_finding(format!("monitor {} does not end", tail.id()));
-            tail.kill().expect("the child is ours");
+            tail.kill().expect("the process is a child of this one");
         }
         std::thread::sleep(Duration::from_millis(1));
     }

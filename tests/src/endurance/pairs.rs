@@ -116,7 +116,7 @@ fn kill(field: &Field<'_>, victims: &[Victim], guests: Vec<Child>, executor: Opt
     }
     drop(holders);
     for mut guest in guests {
-        guest.wait().expect("the child is ours");
+        guest.wait().expect("the process is a child of this one");
     }
 }
 

@@ -423,7 +423,7 @@ impl Stage {
             }
             self.cell.await_successor(role, label, struck.incarnation);
             if case.way != Way::Stop {
-                // StruckProcess while it started, it may still have announced itself before it died.
+                // A process that was hit while starting may have announced itself before it died.
                 await_some("another process", || {
                     let announced = self.cell.cell().announced(role, label).ok().flatten()?;
                     (announced.pid != struck.pid && announced.liveness().is_alive()).then_some(())
