@@ -1,27 +1,27 @@
-//! Measures CANCEL by name while every door of a loader is flooded, and prints the distribution for each door, with the
-//! machine's own stalls beside it. Run by hand: `cargo run --release -p rcc-tests --example cancel_latency`.
+//! Measures the latency of CANCEL by name while every interface of a loader is flooded, and prints its distribution for
+//! each interface beside the machine's own stalls. Usage: `cargo run --release -p rcc-tests --example cancel_latency`.
 
 use std::process::Command;
 
 use clap::Parser;
 use rcc_tests::flood::{self, Options, kinds::FloodKind};
 
-/// CANCEL by name, while everything else is asked for as often as possible.
+/// Measures the latency of CANCEL by name while the loader is flooded with requests.
 #[derive(Parser)]
 struct Arguments {
-    /// Large nets that are loaded before.
+    /// Number of large nets loaded before the flood.
     #[arg(long, default_value_t = 40)]
     nets: usize,
-    /// Primitives of each.
+    /// Primitives of each large net.
     #[arg(long, default_value_t = 5000)]
     primitives: usize,
-    /// CANCELs.
+    /// Number of CANCELs.
     #[arg(long, default_value_t = 300)]
     cancels: usize,
-    /// Processes of each kind of flood; 0 measures without.
+    /// Processes for each kind of flood; 0 measures without floods.
     #[arg(long, default_value_t = 1)]
     processes: usize,
-    /// Kinds of floods; all without.
+    /// Kind of flood, repeatable; all kinds by default.
     #[arg(long = "kind", value_parser = kind)]
     kinds: Vec<FloodKind>,
 }

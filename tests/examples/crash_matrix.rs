@@ -1,5 +1,5 @@
-//! `crash_matrix`: every process of a cell dies in every phase and every way; the result is a table.
-//! The main thread; see `rcc_tests::matrix`.
+//! `crash_matrix`: kills or hangs each process of a cell in each phase and each way, and writes a table of the results.
+//! Runs on the main thread; see `rcc_tests::matrix`.
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
@@ -8,16 +8,16 @@ use std::time::Instant;
 use clap::Parser;
 use rcc_tests::matrix::{Outcome, cases, run, table};
 
-/// Every process of a cell dies in every phase and every way.
+/// Kills or hangs each process of a cell in each phase and each way.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Write the table to this file instead of the terminal
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Only cases whose words contain this, such as `Executor` or `Moving Kill`
+    /// Run only the cases whose description contains all of these words, such as `Executor` or `Moving Kill`
     #[arg(long, default_value = "")]
     only: String,
-    /// Moments are drawn from it
+    /// Seed of the random moments
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -55,7 +55,7 @@ fn main() -> ExitCode {
     ExitCode::from(u8::from(broken))
 }
 
-/// When, and what kind of machine.
+/// Returns a sentence with the date, the machine and the duration.
 fn machine(seconds: u64) -> String {
     let date = Command::new("date").arg("+%F").output();
     let date = date.map_or(String::new(), |output| {

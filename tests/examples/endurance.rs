@@ -1,5 +1,5 @@
-//! `endurance`: a moving cell under load from all sides; the result is a table, and the exit code tells whether all
-//! holds. The main thread; see `rcc_tests::endurance`.
+//! `endurance`: runs a moving cell under load from all sides and prints the result as tables; exits with 1 if a
+//! condition does not hold. Runs on the main thread; see `rcc_tests::endurance`.
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -12,36 +12,38 @@ use nix::sys::signal::{SigSet, Signal};
 use rcc_tests::endurance::{Options, run};
 use rcc_tests::journal::Journal;
 
-/// A moving cell under load from all sides: every late cycle explained, nothing grows, nothing moves by itself.
+/// Runs a moving cell under load from all sides; every late cycle must be explained, no resource may grow, and nothing
+/// may move unrequested.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// For how long, at least
+    /// Minimum duration
     #[arg(long, default_value_t = 1.0)]
     minutes: f64,
-    /// Choices are drawn from it
+    /// Seed of all random choices
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Kill the drivers so often and start them again, four times of five that of the I/O station
+    /// Number of driver restarts after a kill; four fifths are those of the I/O station's driver
     #[arg(long, default_value_t = 20)]
     restarts: u64,
-    /// So many monitors come, stall and go
+    /// Number of monitors that start, stall and end
     #[arg(long, default_value_t = 100)]
     monitors: u64,
-    /// Kill two processes at the same moment so often
+    /// Number of times to kill two processes at the same moment
     #[arg(long, default_value_t = 20)]
     pairs: u64,
-    /// Kill the executor and another process at the same moment so often, beside those
+    /// Number of additional times to kill the executor and another process at the same moment
     #[arg(long, default_value_t = 2)]
     executor_pairs: u32,
-    /// No floods, big nets, killed loaders, or load on the machine
+    /// Run without floods, big nets, killed loaders and load on the machine
     #[arg(long)]
     no_load: bool,
-    /// Where the programs of the cell are; they are copied before the cell starts. Otherwise one folder up from here
+    /// Folder of the cell's programs, which are copied before the cell starts [default: the folder above this
+    /// program's]
     #[arg(long)]
     programs: Option<PathBuf>,
 }
 
-/// Programs of a cell.
+/// Programs that a cell needs.
 const PROGRAMS: [&str; 8] = [
     "rcc-cli",
     "rcc-exec",
@@ -80,13 +82,14 @@ fn main() -> ExitCode {
     let report = run(options, &journal);
     println!("{report}");
     if copies.starts_with(std::env::temp_dir()) {
-        // A copy that stays costs disk, nothing else.
+        // A leftover copy only takes disk space.
         let _ = std::fs::remove_dir_all(&copies);
     }
     ExitCode::from(u8::from(!report.holds()))
 }
 
-/// Ctrl-C ends the run in order, and the report tells what was until then. Called before the first thread.
+/// Makes SIGINT and SIGTERM end the run in order, with a report on the time until then. Must be called before the first
+/// thread starts, so that every thread inherits the blocked signals.
 fn end_with_signal(journal: &Arc<Journal>) -> nix::Result<()> {
     let signals: SigSet = [Signal::SIGINT, Signal::SIGTERM].into_iter().collect();
     signals.thread_block()?;
@@ -99,7 +102,8 @@ fn end_with_signal(journal: &Arc<Journal>) -> nix::Result<()> {
     Ok(())
 }
 
-/// Copies the programs, because somebody may build new ones meanwhile, and runs this one again with them.
+/// Copies the programs, so that a build during the run does not replace them, and executes this program again with the
+/// copies. Returns only on an error.
 fn with_copies(arguments: &Arguments) -> std::io::Error {
     let copy = || -> std::io::Result<PathBuf> {
         let this = std::env::current_exe()?;

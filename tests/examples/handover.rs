@@ -1,5 +1,5 @@
-//! A thousand hand-overs of a moving cell's arm, each while a net of 5,000 primitives is loading. Run by hand: main,
-//! one thread. `cargo run --release -p rcc-tests --example handover [TIMES]`
+//! Hands the arm of a running cell over 1,000 times, each time while a net of 5,000 primitives is loading. Runs on the
+//! main thread. Usage: `cargo run --release -p rcc-tests --example handover [TIMES]`
 
 use std::time::Instant;
 

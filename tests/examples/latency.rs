@@ -1,7 +1,7 @@
-//! Measures how long the whole chain takes: a robot's packet in, through driver, boards, executor and back, until an
-//! answer with the effect of that very packet leaves. A transparent relay between `lwr-sim` and the driver numbers
-//! the packets in a KRL variable that a net copies to an output, and notes the times. Prints `docs/latency.md`. Run by
-//! hand: main, one thread.
+//! Measures the latency of the whole chain: from a packet of the robot through driver, boards and executor to the first
+//! answer that contains the effect of that packet. A transparent relay between `lwr-sim` and the driver numbers the
+//! packets in a KRL variable that a net copies to an output, and takes the times. Prints `docs/latency.md`. Runs on the
+//! main thread and one thread for the relay.
 
 use std::fmt::Write as _;
 use std::io;
@@ -17,17 +17,17 @@ use rcc_tests::reference::promote;
 use rcc_tests::{TestCell, await_some};
 use serde_json::Value;
 
-/// Above the executor (80): the relay must not be what is slow.
+/// Real-time priority of the relay: above the executor's (80), so that the relay does not delay the packets.
 const PRIORITY: i32 = 90;
-/// `$FRI_TO_REA[1]` and `$FRI_FRM_REA[1]` lie in the same place of their datagrams.
+/// Bytes of `$FRI_TO_REA[1]` and of `$FRI_FRM_REA[1]` in their datagrams; the offset is the same in both.
 const REAL_1: std::ops::Range<usize> = 8..12;
-/// Numbers that an output of 0 to 0.5 m/s carries exactly as binary32.
+/// Count of packet numbers; scaled to an output of 0 to 0.5 m/s, each is exact in binary32.
 const NUMBERS: u64 = 1 << 12;
-/// Packets before the figures count: every process has touched its memory.
+/// Packets before the measurement begins, so that every process has touched its memory.
 const WARM_UP: u64 = 500;
 const PACKET_MAX: usize = 2048;
 
-/// Copies the numbered input to an output, and holds the arm where it is held.
+/// Copies the numbered input to an output and commands the driver's hold position.
 const NET: &str = "net: latency
 primitives:
   cancel: {type: Cancel}
@@ -39,11 +39,11 @@ primitives:
 discard: [state.position]
 ";
 
-/// The relay between the controller and the driver.
+/// A relay between the controller and the driver that numbers the packets and measures the latencies.
 struct Relay {
-    /// Where the controller's packets come in, and answers go out.
+    /// Socket towards the controller: receives packets, sends answers.
     controller: UdpSocket,
-    /// Where packets go on to the driver.
+    /// Socket towards the driver: sends packets, receives answers.
     driver: UdpSocket,
     controller_address: Option<SocketAddr>,
     sent_ns: Vec<u64>,
@@ -71,7 +71,7 @@ impl Relay {
         })
     }
 
-    /// Waits for a packet from either side, at most 100 ms, and passes on what there is.
+    /// Waits at most 100 ms for a packet from either side and forwards all that have arrived.
     fn pass_on(&mut self) -> io::Result<()> {
         let readable = |socket| PollFd::new(socket, PollFlags::POLLIN);
         let mut sockets = [
@@ -83,7 +83,7 @@ impl Relay {
         while let Ok((length, from)) = self.controller.recv_from(&mut packet) {
             self.controller_address = Some(from);
             self.number(&mut packet[..length]);
-            // Nobody listens before the driver has started; the controller sends again.
+            // Fails while the driver has not started; the controller sends again.
             let _ = self.driver.send(&packet[..length]);
         }
         while let Ok(length) = self.driver.recv(&mut packet) {
@@ -106,7 +106,8 @@ impl Relay {
         self.sent_ns[number as usize] = monotonic_ns();
     }
 
-    /// The first answer that carries a number closes that packet's account; newer numbers close the older ones.
+    /// Records the latency of the newest packet number in an answer, at its first occurrence; skipped numbers are not
+    /// measured.
     fn note(&mut self, packet: &[u8]) {
         let now_ns = monotonic_ns();
         let Some(bytes) = packet
@@ -120,7 +121,7 @@ impl Relay {
         let number = (f32::from_le_bytes(bytes) * (2 * NUMBERS) as f32) as u64;
         let ago = (self.packets + NUMBERS - number) % NUMBERS;
         let which = self.packets.saturating_sub(ago);
-        // Without a net the output is 0, which is a number as well: only an advance counts.
+        // Without a net the output is 0, which is also a valid number: only an increase counts.
         if number > 0 && which > self.answered {
             self.answered = which;
             if which > WARM_UP {
@@ -131,12 +132,12 @@ impl Relay {
     }
 }
 
-/// How the cell is configured.
+/// Configuration of the cell's clocks.
 #[derive(Clone, Copy)]
 enum Mode {
-    /// The executor's clock follows the robot, with this offset.
+    /// The executor's clock follows the robot with this offset.
     Clock(&'static str),
-    /// Two clocks, and set-points wait so long.
+    /// Two independent clocks; set-points wait in the driver for this delay.
     Delay(&'static str),
 }
 
@@ -151,7 +152,7 @@ impl Mode {
     fn configure(self, text: &str) -> String {
         match self {
             Mode::Clock(offset) => {
-                // What is left of the line is its comment.
+                // The `#` turns the rest of the line into a comment.
                 let text = text.replace("    delay: 80 ms", "    #");
                 format!("{text}\nclock: {{device: lwr, offset: {offset}}}\n")
             }
@@ -160,7 +161,7 @@ impl Mode {
     }
 }
 
-/// What one mode gave.
+/// Measurements of one mode.
 struct Figures {
     mode: Mode,
     latencies_ns: Vec<u64>,
@@ -172,16 +173,18 @@ struct Figures {
 fn measure(mode: Mode, seconds: u64) -> io::Result<Figures> {
     let controller = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
     let relay_port = controller.local_addr()?.port();
-    // The relay runs before the cell does: `await_ready` needs packets.
+    // The relay starts before the cell, because `await_ready` needs packets.
     let (driver_told, driver_tell) = std::sync::mpsc::channel();
     let (stop, stopped) = std::sync::mpsc::channel::<()>();
     let relay = std::thread::spawn(move || -> io::Result<Relay> {
         let port = driver_tell.recv().map_err(io::Error::other)?;
         let mut relay = Relay::bind(controller, port)?;
         if !promote(None, PRIORITY) {
-            eprintln!("without real-time permission the relay is part of what is measured");
+            eprintln!(
+                "real-time priority not permitted: the latencies include delays of the relay"
+            );
         }
-        // Ends when it is told to, or when the other end is gone.
+        // Ends on a message or when the sender is dropped.
         while matches!(
             stopped.try_recv(),
             Err(std::sync::mpsc::TryRecvError::Empty)
@@ -248,14 +251,14 @@ fn free_udp_port() -> io::Result<u16> {
 }
 
 impl Figures {
-    /// The latency that this part of the packets keeps, ms.
+    /// Returns the latency at this quantile (0 to 1), ms.
     fn part(&self, part: f64) -> f64 {
         let last = self.latencies_ns.len().saturating_sub(1);
         let place = (part * last as f64).round() as usize;
         self.latencies_ns.get(place).copied().unwrap_or(0) as f64 * 1e-6
     }
 
-    /// The part of the packets that were answered before the next one came, %.
+    /// Returns the share of the packets answered within 1 ms, before the next packet, %.
     fn within_a_period(&self) -> f64 {
         let count = self.latencies_ns.iter().filter(|ns| **ns < 1_000_000);
         100.0 * count.count() as f64 / self.latencies_ns.len().max(1) as f64

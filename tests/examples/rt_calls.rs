@@ -1,5 +1,5 @@
-//! Counts the system calls of the real-time thread in 100,000 cycles while nets, monitors, drivers and loaders come and
-//! go. Run by hand: main, one thread. `cargo run -p rcc-tests --example rt_calls [CYCLES]`
+//! Counts the system calls of the real-time thread in 100,000 cycles while nets, monitors, drivers and loaders start
+//! and end. Runs on the main thread. Usage: `cargo run -p rcc-tests --example rt_calls [CYCLES]`
 
 use rcc_tests::rt_calls::count;
 
@@ -17,6 +17,6 @@ fn main() -> Result<(), String> {
     if counted.others().is_empty() {
         Ok(())
     } else {
-        Err("the real-time thread calls the system".to_owned())
+        Err("the real-time thread makes system calls other than its sleep".to_owned())
     }
 }

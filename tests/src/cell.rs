@@ -79,8 +79,8 @@ impl TestCell {
 
     /// Kills `rcc-cli up` and waits until it is dead.
     pub fn kill_supervisor(&mut self) {
-        self.up.kill().expect("the child is ours");
-        self.up.wait().expect("the child is ours");
+        self.up.kill().expect("the process is a child of this one");
+        self.up.wait().expect("the process is a child of this one");
     }
 
     /// Waits until `rcc-cli up` has exited.

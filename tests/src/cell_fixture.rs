@@ -254,7 +254,7 @@ impl CellFixture {
         let announced = self.announced(role, label);
         assert!(
             signal(announced.pid, Signal::SIGKILL),
-            "{role} {label} is gone already"
+            "{role} {label} has already exited"
         );
         announced.incarnation
     }

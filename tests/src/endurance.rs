@@ -1,5 +1,6 @@
-//! A moving cell under load from all sides for as long as one likes: every late cycle is explained, nothing grows, and
-//! nothing moves that nobody asked for. Run by the calling thread, which starts one thread for each side.
+//! Endurance run: a moving cell under load from all sides for any time, in which every late cycle must be explained, no
+//! resource may grow and nothing may move unrequested. Runs on the calling thread, which starts one thread per
+//! activity.
 
 mod arm;
 mod clients;
@@ -26,42 +27,43 @@ use crate::journal::Journal;
 use crate::lateness::{LatenessMonitor, steal_ticks};
 use crate::process::Process;
 
-/// The executor's core and priority; the reference thread has the one above.
+/// Core of the executor and the reference thread.
 pub const CORE: usize = 1;
-/// See [`CORE`].
+/// SCHED_FIFO priority of the executor; the reference thread has the next higher one.
 pub const PRIORITY: u8 = 88;
 
-/// What is asked for.
+/// Parameters of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// For how long.
+    /// Minimum duration.
     pub time: Duration,
-    /// Choices are drawn from it.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// How often the drivers are killed and started again, in all.
+    /// Total number of driver restarts after a kill.
     pub restarts: u64,
-    /// How many monitors come, stall and go.
+    /// Number of monitors that start, stall and end.
     pub monitors: u64,
-    /// How often two processes are killed at the same moment.
+    /// Number of times that two processes are killed at the same moment.
     pub pairs: u64,
-    /// How often, beside that, the executor and another one.
+    /// Number of additional times that the executor and another process are killed at the same moment.
     pub executor_pairs: u32,
-    /// With floods of requests, big nets, killed loaders, and load on processor, disk and memory.
+    /// Whether to add floods of requests, big nets, killed loaders, and load on processor, disk and memory.
     pub load: bool,
-    /// Until the first count: what is made once has been made then.
+    /// Time until the first count, so that one-time allocations are over.
     pub warm_up: Duration,
-    /// Between two counts.
+    /// Interval between two counts.
     pub census_every: Duration,
 }
 
-/// Runs it to its end, or until somebody ends the journal.
+/// Runs until the options are fulfilled or the journal is ended.
 ///
 /// # Panics
-/// The cell does not start. What happens later is a finding in the report.
+/// Panics if the cell does not start. Later failures are findings in the report.
 pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
     let begun = Instant::now();
     let pin = format!("{{priority: {PRIORITY}, core: {CORE}}}");
-    // Plans of nets that are gone are kept as long as a recording may need them: not beyond a quiet moment.
+    // Plans of unloaded nets are kept while a recording may need them; with 1 s they are gone when resources are
+    // counted.
     let mut cell = UnsupervisedCell::new(move |text| {
         let text = text.replace("{priority: 80}", &pin);
         text.replacen(
@@ -86,7 +88,7 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
         scope.spawn(|| clients::loader(&field));
         scope.spawn(|| arm::run(&field));
         scope.spawn(|| io::run(&field));
-        // The threads above start the rest of the cell; the others need it.
+        // The threads above start the rest of the cell, which the ones below need.
         await_ready(&field);
         for number in 0..3 {
             let field = &field;
@@ -104,7 +106,7 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
                 scope.spawn(|| machine::processor(&field));
             }
         }
-        // Also when it panics: the threads of this scope run until the end.
+        // Ends the journal also on a panic; otherwise the threads of this scope would run forever.
         let _end = EndJournalOnDrop(journal);
         watch(&field, &mut report, &mut executor);
     });
@@ -118,7 +120,7 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
     report
 }
 
-/// Ends the journal when it is dropped.
+/// Ends the journal on drop.
 struct EndJournalOnDrop<'a>(&'a Journal);
 
 impl Drop for EndJournalOnDrop<'_> {
@@ -127,7 +129,7 @@ impl Drop for EndJournalOnDrop<'_> {
     }
 }
 
-/// Waits until the cell is up: its drivers are started by threads that have just begun.
+/// Waits until the loader answers and both devices are ready; they are started by threads that have just begun.
 fn await_ready(field: &Field<'_>) {
     let watch = field.place.watch();
     crate::await_some("the cell to be up", || {
@@ -138,8 +140,8 @@ fn await_ready(field: &Field<'_>) {
     });
 }
 
-/// Counts now and then in a quiet moment, and tells how it goes. After some counts the executor is killed with another
-/// process, and judged anew.
+/// Counts the resources at intervals while no round is running, and prints the progress. At regular times the executor
+/// is killed together with another process; its successor gets a new lateness monitor and a new first count.
 fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
     let (options, journal, begun) = (field.options, &field.journal, field.begun);
     let mut random = field.random(30);
@@ -153,7 +155,7 @@ fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
             + options.monitors.min(field.counts.monitors())
             == options.restarts + options.monitors;
         let over = begun.elapsed() >= options.time && wanted || journal.is_over();
-        // The report tells what was not reached.
+        // Ends anyway after 110 % of the time plus 60 s; the report shows which numbers were not reached.
         let over = over || begun.elapsed() >= options.time * 11 / 10 + Duration::from_secs(60);
         let quiet = journal.quiet();
         let now = settled(field, report.first.as_ref());
@@ -168,7 +170,7 @@ fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
             journal.findings().1,
         );
         if over {
-            // Nobody begins another round.
+            // No thread begins another round after this.
             journal.end();
             drop(quiet);
             if let Some(monitor) = monitor {
@@ -200,8 +202,9 @@ fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
     }
 }
 
-/// Counts when what dead processes left has been cleaned: half-made files and names of commands without one only when
-/// they are old enough, and the executor lets go of dead monitors with the next record that it publishes.
+/// Counts the resources once leftovers of dead processes are cleaned up, or after 8 s. The janitor removes incomplete
+/// files and names of missing commands only when they are old enough, and the executor closes its connections to dead
+/// monitors with the next record that it publishes.
 fn settled(field: &Field<'_>, first: Option<&Census>) -> Census {
     let begun = Instant::now();
     loop {

@@ -64,12 +64,12 @@ impl Interfaces {
     /// Returns an error if the interface is not served or the response is not HTTP.
     pub fn ask(
         &self,
-        door: Interface,
+        interface: Interface,
         method: &str,
         path: &str,
         body: &[u8],
     ) -> std::io::Result<Reply> {
-        match door {
+        match interface {
             Interface::Tcp => {
                 let stream = TcpStream::connect(self.address)?;
                 let limit = Some(Duration::from_secs(20));
@@ -114,26 +114,28 @@ pub fn flood_if_asked() {
     let [kind, socket, address] = words[..] else {
         panic!("{FLOOD} is KIND SOCKET ADDRESS, not `{order}`");
     };
-    let doors = Interfaces {
+    let interfaces = Interfaces {
         socket: PathBuf::from(socket),
         address: address.parse().expect("an address"),
     };
-    FloodKind::named(kind).expect("a kind of flood").run(&doors);
+    FloodKind::named(kind)
+        .expect("a kind of flood")
+        .run(&interfaces);
 }
 
 /// Flooding processes, killed on drop.
 struct Flooders(Vec<Child>);
 
 impl Flooders {
-    fn start(options: &Options, doors: &Interfaces, again: &dyn Fn() -> Command) -> Flooders {
+    fn start(options: &Options, interfaces: &Interfaces, again: &dyn Fn() -> Command) -> Flooders {
         let mut all = Flooders(Vec::new());
         for kind in &options.kinds {
             for _ in 0..options.processes {
                 let order = format!(
                     "{} {} {}",
                     kind.name(),
-                    doors.socket.display(),
-                    doors.address
+                    interfaces.socket.display(),
+                    interfaces.address
                 );
                 let mut command = again();
                 command
@@ -151,7 +153,9 @@ impl Flooders {
     /// Asserts that every flood is still running.
     fn assert_running(&mut self) {
         for child in &mut self.0 {
-            let ended = child.try_wait().expect("the child is ours");
+            let ended = child
+                .try_wait()
+                .expect("the process is a child of this one");
             assert!(ended.is_none(), "a flood ended by itself: {ended:?}");
         }
     }
@@ -175,25 +179,26 @@ fn cell(folder: &Path) -> (TestCell, Interfaces) {
     let options = options.write(true).create(true).truncate(true).mode(0o600);
     let mut file = options.open(&token).expect("a token file");
     std::io::Write::write_all(&mut file, TOKEN.as_bytes()).expect("written");
-    let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|door| door.local_addr());
+    let free =
+        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|listener| listener.local_addr());
     let address = free.expect("a free port");
     let access = format!(
         "access: {{tcp: {{listen: {address}, token_file: {}}}}}\n",
         token.display()
     );
     let cell = TestCell::changed(|text| text + &access);
-    let doors = Interfaces {
+    let interfaces = Interfaces {
         socket: cell.cell().socket(),
         address,
     };
-    (cell, doors)
+    (cell, interfaces)
 }
 
 /// Loads the large nets, floods every interface, and cancels small nets one after the other. `again` returns the
 /// command that starts this program again, so that it calls [`flood_if_asked`].
 pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     let folder = std::env::temp_dir().join(format!("rcc-flood-{}", std::process::id()));
-    let (cell, doors) = cell(&folder);
+    let (cell, interfaces) = cell(&folder);
     for number in 0..options.nets {
         cell.load(&net(&format!("large-{number}"), options.primitives));
     }
@@ -201,12 +206,12 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     let mut report = Report::new(options.clone(), resident(loader));
     let watch = cell.watch();
     let stalls = Stalls::watch();
-    let mut flooders = Flooders::start(options, &doors, again);
+    let mut flooders = Flooders::start(options, &interfaces, again);
     for number in 0..options.cancels {
-        let door = Interface::ALL[number % Interface::ALL.len()];
+        let interface = Interface::ALL[number % Interface::ALL.len()];
         report
             .cancels
-            .push(cancel(&cell, &doors, &watch, door, number));
+            .push(cancel(&cell, &interfaces, &watch, interface, number));
         report.loader_peak = report.loader_peak.max(resident(loader));
         flooders.assert_running();
     }
@@ -225,16 +230,16 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
 /// Loads and starts a small net, retrying while floods occupy the command table, and cancels it once.
 fn cancel(
     cell: &TestCell,
-    doors: &Interfaces,
+    interfaces: &Interfaces,
     watch: &ExecutorBoards,
-    door: Interface,
+    interface: Interface,
     number: usize,
 ) -> Cancel {
     let name = format!("small-{number}");
     let text = net(&name, 2);
     let retried = |what: &str, method: &str, path: &str, body: &[u8], good: u16| -> Value {
         await_some(&format!("{what} of {name}"), || {
-            let reply = doors.ask(Interface::Unix, method, path, body).ok()?;
+            let reply = interfaces.ask(Interface::Unix, method, path, body).ok()?;
             (reply.status == good).then_some(reply.body)
         })
     };
@@ -250,7 +255,7 @@ fn cancel(
     };
     await_some(&format!("{name} to run"), || {
         // Refused while the floods hold all slots, or answered too late; the executor's table decides.
-        let _ = doors.ask(
+        let _ = interfaces.ask(
             Interface::Unix,
             "POST",
             &format!("/commands/{id}/start"),
@@ -259,19 +264,21 @@ fn cancel(
         (state()?.0 == CommandState::Running).then_some(())
     });
     let begun = Instant::now();
-    let (answered, words) = match door {
+    let (answered, words) = match interface {
         Interface::Cli => {
             let output = cell.cli(&["cancel", &name]);
             let words = String::from_utf8_lossy(&output.stderr).into_owned();
             (output.status.success(), words)
         }
-        door => match doors.ask(door, "POST", &format!("/commands/{name}/cancel"), b"") {
-            Ok(reply) => (
-                reply.status == 200,
-                format!("{} {}", reply.status, reply.error_text()),
-            ),
-            Err(error) => (false, error.to_string()),
-        },
+        interface => {
+            match interfaces.ask(interface, "POST", &format!("/commands/{name}/cancel"), b"") {
+                Ok(reply) => (
+                    reply.status == 200,
+                    format!("{} {}", reply.status, reply.error_text()),
+                ),
+                Err(error) => (false, error.to_string()),
+            }
+        }
     };
     let took = begun.elapsed();
     let done = await_some(&format!("the end of {name}"), || {
@@ -280,7 +287,7 @@ fn cancel(
     });
     retried("the unload", "DELETE", &format!("/commands/{id}"), b"", 200);
     Cancel {
-        door,
+        interface,
         took,
         answered,
         done,

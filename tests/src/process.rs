@@ -93,8 +93,8 @@ impl Process {
             }
             std::thread::sleep(Duration::from_millis(1));
         }
-        child.kill().expect("the child is ours");
-        child.wait().expect("the child is ours");
+        child.kill().expect("the process is a child of this one");
+        child.wait().expect("the process is a child of this one");
         None
     }
 }

@@ -43,10 +43,7 @@ impl RecordCollector {
             loop {
                 // Loaded before the last read, so that every record published before the end is read.
                 let last = stopped.load(Ordering::Acquire);
-                while stream
-                    .read_into(&mut all)
-                    .expect("the stream is ours to read")
-                {}
+                while stream.read_into(&mut all).expect("the stream can be read") {}
                 if last {
                     return all;
                 }

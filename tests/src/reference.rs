@@ -49,7 +49,7 @@ impl ReferenceThread {
             stalls
         });
         tell.recv()
-            .expect("the thread tells")
+            .expect("the thread reports its priority")
             .then_some(ReferenceThread { stop, thread })
     }
 
@@ -77,7 +77,7 @@ impl ReferenceThread {
             Vec::new()
         });
         let mut handed = handed;
-        let granted = tell.recv().expect("the thread tells");
+        let granted = tell.recv().expect("the thread reports its priority");
         while handed.pop().is_ok_and(|stall| stall.to_ns == 0) {}
         granted.then_some((ReferenceThread { stop, thread }, handed))
     }

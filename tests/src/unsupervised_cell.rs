@@ -106,7 +106,7 @@ impl UnsupervisedCell {
     pub fn end(&mut self, name: &str, with: Signal) {
         let mut child = self.children.remove(name).expect("it was started");
         signal(child.id(), with);
-        child.wait().expect("the child is ours");
+        child.wait().expect("the process is a child of this one");
         self.clean();
     }
 
@@ -120,7 +120,9 @@ impl UnsupervisedCell {
     /// Returns the exit status of a child if it has exited. The child is then forgotten and can be started again.
     pub fn ended(&mut self, name: &str) -> Option<ExitStatus> {
         let child = self.children.get_mut(name).expect("it was started");
-        let status = child.try_wait().expect("the child is ours");
+        let status = child
+            .try_wait()
+            .expect("the process is a child of this one");
         if status.is_some() {
             self.children.remove(name);
         }
@@ -142,11 +144,11 @@ impl UnsupervisedCell {
         for name in ["executor", "loader", "lwr", "io", "lwr-sim", "io-sim"] {
             if let Some(mut child) = self.children.remove(name) {
                 signal(child.id(), Signal::SIGTERM);
-                let status = child.wait().expect("the child is ours");
+                let status = child.wait().expect("the process is a child of this one");
                 assert!(status.success(), "{name}: {status}\n{}", self.logs());
             }
         }
-        clean::remove_cell(self.cell()).expect("nobody is in the cell any more");
+        clean::remove_cell(self.cell()).expect("all processes of the cell have ended");
         self.assert_nothing_left();
     }
 

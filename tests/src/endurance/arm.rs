@@ -1,5 +1,5 @@
-//! Moves the arm back and forth: nets that finish, that are cancelled, that are aborted, that lose their driver, and
-//! that go on or not while two processes are killed at the same moment. One thread, which starts the arm's driver.
+//! Moves the arm back and forth with nets that finish, are cancelled, are aborted, lose their driver, or run while two
+//! processes are killed at the same moment. Runs on one thread, which also starts the arm's driver.
 
 use std::time::Duration;
 
@@ -14,11 +14,11 @@ use crate::journal::Random;
 use crate::nets;
 use crate::simulator::{STILL, Simulator, assert_within_limits, joints_of};
 
-/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+/// Value of `$FRI_TO_INT[2]` if the controller stopped because answers were lost.
 const LOST: i64 = 1;
-/// To the sides, m.
+/// Distance of the targets from the middle in y, m.
 const SIDE: f64 = 0.12;
-/// The flange is this near to where a finished line ends, m.
+/// Tolerance between the flange and the target of a finished line, m.
 const NEAR: f64 = 0.002;
 
 struct Arm<'a> {
@@ -28,7 +28,7 @@ struct Arm<'a> {
     random: Random,
 }
 
-/// What becomes of a motion.
+/// What the test does to a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum PlannedOutcome {
     Finish,
@@ -39,7 +39,7 @@ enum PlannedOutcome {
 }
 
 impl PlannedOutcome {
-    /// The arm's driver is killed.
+    /// True if the arm's driver is killed.
     fn kills(self) -> bool {
         match self {
             PlannedOutcome::Kill => true,
@@ -74,7 +74,7 @@ impl Arm<'_> {
         let fate = self.fate();
         let calm = (fate == PlannedOutcome::Kill).then(|| {
             let mut driver = held(&field.io_driver);
-            // Whoever holds it starts it again, if it was killed together with another one.
+            // The thread that locks the driver restarts it if it was killed in a pair.
             io::recover(field, &mut driver, &self.watch);
             driver
         });
@@ -104,7 +104,7 @@ impl Arm<'_> {
             self.start_driver();
         }
         if let Some(lamp) = lamp {
-            // The simulated station has ordinary priority: on a busy machine it may be silent for too long by itself.
+            // The simulated station has no real-time priority: on a busy machine its answers may be late on their own.
             let row = field.row(lamp);
             let starved = row["fault"]["device"] == "io";
             if starved {
@@ -112,7 +112,7 @@ impl Arm<'_> {
             }
             assert!(
                 row["state"] == "running" || starved,
-                "the net beside did not notice: {row}"
+                "the net on the other device was disturbed: {row}"
             );
             field.stop(lamp, "cancel");
             field.await_end(lamp);
@@ -120,7 +120,8 @@ impl Arm<'_> {
         }
     }
 
-    /// A fifth of all restarts are the arm's, spread over the time.
+    /// Chooses what happens to the next motion. A fifth of all restarts are those of the arm's driver, spread over the
+    /// time.
     fn fate(&mut self) -> PlannedOutcome {
         if pairs::due(self.field) {
             return PlannedOutcome::Pair(Pair::choose(&mut self.random));
@@ -145,7 +146,7 @@ impl Arm<'_> {
         }
     }
 
-    /// Since the last reset, when the arm rested, no joint moved.
+    /// Records a finding if a joint moved since the last reset, at which the arm was at rest.
     fn assert_nothing_moved(&mut self) {
         let state = self.simulator.state();
         let fastest = joints_of(&state["velocity_max"]);
@@ -179,7 +180,7 @@ impl Arm<'_> {
         field.await_end(line)
     }
 
-    /// The end is as asked for, the arm is at rest and was within its limits.
+    /// Checks that the motion ended as planned, and that the arm is at rest and stayed within its limits.
     fn check_end(&mut self, fate: PlannedOutcome, row: &Value, y: f64) {
         let (field, counts) = (self.field, &self.field.counts);
         let rest = self.simulator.await_rest();
@@ -209,11 +210,11 @@ impl Arm<'_> {
                 .journal
                 .add_finding(format!("asked to {fate:?}, ended as {row}")),
         }
-        // From here on nothing may move.
+        // No joint may move from here on.
         self.simulator.reset_statistics();
     }
 
-    /// Starts the driver again at once; each tenth time it is killed while it starts.
+    /// Restarts the driver at once; with a probability of 10 % it is killed again while it starts.
     fn start_driver(&mut self) {
         let (field, counts) = (self.field, &self.field.counts);
         let mut driver = held(&field.arm_driver);
@@ -231,7 +232,7 @@ impl Arm<'_> {
     }
 }
 
-/// Starts the driver if it was killed together with the executor.
+/// Starts the driver if it has exited because it was killed together with the executor.
 pub fn recover(field: &Field<'_>, watch: &ExecutorBoards) {
     let mut driver = held(&field.arm_driver);
     if driver.ended().is_some() {

@@ -1,5 +1,5 @@
-//! Whoever talks to the loader: the one who kills it, the one with big nets, and those who flood it.
-//! A thread each; the first one starts the loader.
+//! The activities around the loader: killing it, loading big nets, and flooding it with requests.
+//! Each runs on its own thread; the first one starts the loader.
 
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use super::field::{Field, count, held};
 use crate::process::Process;
 use crate::{await_some, nets};
 
-/// Starts the loader, and kills it now and then under load.
+/// Starts the loader; under load, kills and restarts it every 10 s to 30 s.
 pub fn loader(field: &Field<'_>) {
     serve(field, &mut held(&field.loader));
     let mut random = field.random(3);
@@ -46,7 +46,7 @@ fn serve(field: &Field<'_>, loader: &mut Process) {
     });
 }
 
-/// Starts the loader if it was killed together with another process.
+/// Starts the loader if it has exited because it was killed together with another process.
 pub fn recover(field: &Field<'_>, loader: &mut Process) {
     if loader.ended().is_some() {
         serve(field, loader);
@@ -54,7 +54,7 @@ pub fn recover(field: &Field<'_>, loader: &mut Process) {
     }
 }
 
-/// Loads big nets, runs the smaller of them, and unloads them.
+/// Loads big nets, runs those below 400 sums, and unloads them.
 pub fn big_nets(field: &Field<'_>) {
     let mut random = field.random(4);
     field.journal.rounds("big nets", |number| {
@@ -91,7 +91,7 @@ pub fn publish(field: &Field<'_>) {
     field.unload(id);
 }
 
-/// A sum of many sums, monitored.
+/// Returns the text of a net with a chain of `size` sums, whose result is monitored.
 fn big_net(name: &str, size: u64) -> String {
     let mut text = format!("net: {name}\nprimitives:\n  clock: {{type: Time}}\n");
     let mut before = "clock.out".to_owned();
@@ -109,7 +109,7 @@ fn big_net(name: &str, size: u64) -> String {
     text
 }
 
-/// Bursts of requests, sensible and not.
+/// Sends bursts of valid and invalid requests.
 pub fn flood(field: &Field<'_>, number: u64) {
     let mut random = field.random(20 + number);
     field.journal.rounds("flood", |_| {

@@ -1,5 +1,5 @@
-//! Kills the I/O driver and starts it again while the arm moves; now and then a net on the station loses it.
-//! One thread, which starts that driver.
+//! Kills and restarts the I/O driver while the arm moves; in a fifth of the cases a net on the station loses its
+//! device. Runs on one thread, which also starts the I/O driver.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use crate::cell_fixture::ExecutorBoards;
 use crate::nets;
 use crate::process::Process;
 
-/// Between two restarts others may have the station.
+/// Pause between two restarts, in which other threads can use the station.
 const BREATH: Duration = Duration::from_millis(5);
 
 /// Runs until the journal ends.
@@ -20,7 +20,7 @@ pub fn run(field: &Field<'_>) {
     let mut random = field.random(2);
     field.await_driver(&watch, IO, pid);
     let begun = Instant::now();
-    // Four of five restarts are this driver's, evenly over the time as far as the machine is fast enough.
+    // Four fifths of all restarts are those of this driver, spread evenly over the time if the machine is fast enough.
     let share = u32::try_from(field.options.restarts * 4 / 5).unwrap_or(u32::MAX);
     let every = field.options.time / share.max(1);
     let mut done = 0;
@@ -66,7 +66,7 @@ pub fn run(field: &Field<'_>) {
     field.end(&mut held(&field.io_driver));
 }
 
-/// Starts the driver if somebody has killed it, with another process at the same moment.
+/// Starts the driver if it has exited because it was killed together with another process.
 pub fn recover(field: &Field<'_>, driver: &mut Process, watch: &ExecutorBoards) {
     if driver.ended().is_some() {
         let pid = driver.start(field.place);

@@ -1,5 +1,5 @@
-//! Load on the machine itself: processor, disk, memory; ordinary priority.
-//! A thread each, two for the processor.
+//! Load on the machine itself (processor, disk, memory) without real-time priority.
+//! Each runs on its own thread; the processor load runs on two.
 
 use std::fs::File;
 use std::io::Write;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::field::Field;
 
-/// Busy for some seconds, then not.
+/// Computes for 3 s, then pauses for 8 s.
 pub fn processor(field: &Field<'_>) {
     field.journal.rounds("processor", |number| {
         field.journal.note("a busy loop begins".to_owned());
@@ -27,7 +27,7 @@ pub fn processor(field: &Field<'_>) {
     });
 }
 
-/// Writes a file through to the disk, and removes it.
+/// Writes 32 MiB, syncs the file to the disk and removes it, every 3 s.
 pub fn disk(field: &Field<'_>) {
     let path = std::env::temp_dir().join(format!("rcc-endurance-{}.load", std::process::id()));
     let block = vec![7_u8; 1 << 20];
@@ -44,7 +44,7 @@ pub fn disk(field: &Field<'_>) {
     });
 }
 
-/// Takes memory, touches it and gives it back.
+/// Allocates and touches 256 MiB, and frees it after 0.5 s.
 pub fn memory(field: &Field<'_>) {
     field.journal.rounds("memory", |number| {
         field.journal.note("take memory".to_owned());

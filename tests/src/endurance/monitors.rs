@@ -1,4 +1,4 @@
-//! Monitors that come, read, stall and go in every way. Several threads.
+//! Monitors that start, read, stall and end in different ways. Runs on [`THREADS`] threads.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Stdio};
@@ -9,9 +9,9 @@ use nix::sys::signal::Signal;
 use super::field::{Field, count};
 use crate::processes::signal;
 
-/// Dead monitors after which the janitor runs: a stream has room for 16.
+/// Number of dead monitors of a thread after which the janitor runs: a stream has room for 16 subscribers.
 const CLEAN_AFTER: u32 = 4;
-/// Threads that run monitors.
+/// Number of threads that run monitors.
 pub const THREADS: u32 = 3;
 
 /// Runs until the journal ends.
@@ -34,23 +34,23 @@ pub fn run(field: &Field<'_>, number: u64) {
         came += 1;
         let mut tail = start(field);
         match random.below(5) {
-            // While it starts.
+            // Killed while it starts.
             0 => std::thread::sleep(random.time_below(Duration::from_millis(40))),
-            // Reads a while.
+            // Killed after some lines were read.
             1 => read(&mut tail, 1 + random.below(200)),
-            // Does not read: its pipe fills, and it stands still.
+            // Not read: its pipe fills up and it blocks.
             2 => {
                 read(&mut tail, 1);
                 std::thread::sleep(random.time_below(Duration::from_millis(500)));
             }
-            // Stopped, and woken again.
+            // Stopped and continued.
             3 => {
                 read(&mut tail, 1);
                 signal(tail.id(), Signal::SIGSTOP);
                 std::thread::sleep(random.time_below(Duration::from_millis(500)));
                 signal(tail.id(), Signal::SIGCONT);
             }
-            // Goes by itself.
+            // Ends by itself on SIGTERM.
             _ => {
                 signal(tail.id(), Signal::SIGTERM);
                 end(field, tail);
@@ -72,7 +72,7 @@ fn start(field: &Field<'_>) -> Child {
     tail.spawn().expect("rcc-monitor starts")
 }
 
-/// Reads some lines; fewer if nothing comes for a while, because no net with a monitor runs.
+/// Reads up to this many lines; fewer if nothing arrives because no net with a monitor runs.
 fn read(tail: &mut Child, lines: u64) {
     use std::os::fd::AsFd;
 
@@ -83,7 +83,7 @@ fn read(tail: &mut Child, lines: u64) {
     if !poll(&mut ready, PollTimeout::from(500_u16)).is_ok_and(|count| count > 0) {
         return;
     }
-    // One line takes what the pipe holds; the monitor that is stopped or killed next does not mind.
+    // The reader may take more from the pipe than it returns; the monitor is stopped or killed next anyway.
     let mut reader = BufReader::with_capacity(512, pipe);
     let mut line = String::new();
     for _ in 0..lines {
@@ -105,12 +105,16 @@ fn has_more(pipe: std::os::fd::BorrowedFd<'_>) -> bool {
 
 fn end(field: &Field<'_>, mut tail: Child) {
     let begun = Instant::now();
-    while tail.try_wait().expect("the child is ours").is_none() {
+    while tail
+        .try_wait()
+        .expect("the process is a child of this one")
+        .is_none()
+    {
         if begun.elapsed() > Duration::from_secs(10) {
             field
                 .journal
                 .add_finding(format!("monitor {} does not end", tail.id()));
-            tail.kill().expect("the child is ours");
+            tail.kill().expect("the process is a child of this one");
         }
         std::thread::sleep(Duration::from_millis(1));
     }

@@ -1,5 +1,6 @@
-//! Two processes of the cell killed at the same moment. The thread that starts a process notices its death and starts
-//! it again. Run by the thread of the arm, in motion; with the executor by the calling thread, in a quiet moment.
+//! Kills two processes of the cell at the same moment. The thread that owns a process notices its death and restarts
+//! it. Runs on the thread of the arm during a motion; with the executor, on the calling thread while no round is
+//! running.
 
 use std::process::{Child, Stdio};
 use std::sync::atomic::Ordering;
@@ -14,10 +15,10 @@ use crate::processes::signal;
 use crate::simulator::assert_within_limits;
 use crate::{await_some, nets};
 
-/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+/// Value of `$FRI_TO_INT[2]` if the controller stopped because answers were lost.
 const LOST: i64 = 1;
 
-/// A process that may be struck beside another one.
+/// A process that can be killed together with another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Victim {
     /// The arm's driver.
@@ -40,24 +41,24 @@ const VICTIMS: [Victim; 5] = [
     Victim::Client,
 ];
 
-/// Two of them.
+/// Two processes that are killed together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pair(Victim, Victim);
 
 impl Pair {
-    /// Any two different ones.
+    /// Chooses two different processes at random.
     pub fn choose(random: &mut Random) -> Pair {
         let first = random.below(VICTIMS.len() as u64) as usize;
         let step = 1 + random.below(VICTIMS.len() as u64 - 1) as usize;
         Pair(VICTIMS[first], VICTIMS[(first + step) % VICTIMS.len()])
     }
 
-    /// True if the process is one of them.
+    /// True if the process is in the pair.
     pub fn contains(self, victim: Victim) -> bool {
         self.0 == victim || self.1 == victim
     }
 
-    /// Starts those of them that are not always there.
+    /// Starts the monitor and the client if they are in the pair; the other processes are always running.
     pub fn guests(self, field: &Field<'_>) -> Vec<Child> {
         let programs = [
             (Victim::Monitor, "rcc-monitor"),
@@ -75,7 +76,7 @@ impl Pair {
         chosen.map(start).collect()
     }
 
-    /// Kills both.
+    /// Kills both processes.
     pub fn strike(self, field: &Field<'_>, guests: Vec<Child>) {
         field.journal.note(format!("kill {self:?}"));
         kill(field, &[self.0, self.1], guests, None);
@@ -83,16 +84,17 @@ impl Pair {
     }
 }
 
-/// True if the next pair is due: they are spread evenly over the time.
+/// True if the next pair is due; pairs are spread evenly over the time.
 pub fn due(field: &Field<'_>) -> bool {
-    // Relaxed: counted by this thread.
+    // Relaxed: pairs without the executor are counted by this thread.
     let done = field.counts.pairs.load(Ordering::Relaxed)
         - field.counts.executor_pairs.load(Ordering::Relaxed);
     let share = field.begun.elapsed().as_secs_f64() / field.options.time.as_secs_f64();
     (done as f64) < field.options.pairs as f64 * share.min(1.0)
 }
 
-/// Kills all of them between two looks of anybody; nobody is just being restarted.
+/// Kills all victims, guests and the executor, if given, while the processes are locked: no thread checks or restarts
+/// one of them meanwhile.
 fn kill(field: &Field<'_>, victims: &[Victim], guests: Vec<Child>, executor: Option<u32>) {
     let places = [
         (Victim::ArmDriver, &field.arm_driver),
@@ -114,12 +116,12 @@ fn kill(field: &Field<'_>, victims: &[Victim], guests: Vec<Child>, executor: Opt
     }
     drop(holders);
     for mut guest in guests {
-        guest.wait().expect("the child is ours");
+        guest.wait().expect("the process is a child of this one");
     }
 }
 
-/// Kills the executor and another process while the arm moves, in a quiet moment: the arm comes to rest and nothing
-/// moves until another executor is there, which this starts.
+/// Kills the executor and another process while the arm moves and no round is running. Asserts that the arm comes to
+/// rest and does not move, and starts the next executor.
 pub fn strike_executor(field: &Field<'_>, executor: &mut Process, random: &mut Random) {
     let victim = VICTIMS[random.below(VICTIMS.len() as u64) as usize];
     field

@@ -1,5 +1,5 @@
-//! The result of an endurance run as tables in markdown.
-//! Pure.
+//! The result of an endurance run, formatted as markdown tables.
+//! Pure functions.
 
 use std::fmt;
 use std::time::Duration;
@@ -8,44 +8,44 @@ use super::Options;
 use crate::census::Census;
 use crate::lateness::{Cause, LateCycles, LatenessReport};
 
-/// Late cycles that are listed one by one.
+/// Number of explained late cycles that are listed one by one.
 const LISTED: usize = 40;
 
-/// What came out.
+/// The result of a run.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// What was asked for.
+    /// Parameters of the run.
     pub options: Options,
-    /// How long it took.
+    /// Duration of the run.
     pub time: Duration,
-    /// False: the system grants no SCHED_FIFO, and nobody can tell whose fault a late cycle is.
+    /// False if the system grants no SCHED_FIFO: late cycles cannot be attributed then.
     pub judged: bool,
-    /// About late cycles.
+    /// Late cycles with their causes.
     pub lateness: LatenessReport,
-    /// First count, after the warm-up.
+    /// First count of the current executor, after the warm-up.
     pub first: Option<Census>,
-    /// What was more at the end of each executor's life but the last.
+    /// Resources that grew during the life of each executor except the last.
     pub grown: Vec<String>,
-    /// The largest of each figure.
+    /// Maximum of each figure.
     pub most: Census,
     /// Last count.
     pub last: Census,
-    /// When was counted, and the executor's resident memory (kB) and the cell's bytes in shared memory.
+    /// Time of each count, with the executor's resident memory (kB) and the cell's shared memory (bytes).
     pub course: Vec<(Duration, u64, u64)>,
-    /// What was done, how often.
+    /// Number of times each activity was carried out.
     pub counts: Vec<(&'static str, u64)>,
-    /// What must not be.
+    /// Violated conditions, as far as they are kept.
     pub findings: Vec<String>,
-    /// How much was found; not more than so many are kept.
+    /// Number of all findings, including those not kept.
     pub found: u64,
-    /// Motions that ended by a fault although nothing was killed.
+    /// Motions that ended with a fault although nothing was killed.
     pub disturbed: Vec<String>,
-    /// Ticks of 10 ms that the host took from the executor's core.
+    /// Steal time of the executor's core during the run, ticks of 10 ms.
     pub steal_ticks: u64,
 }
 
 impl Report {
-    /// Nothing is known yet.
+    /// Creates an empty report.
     pub fn new(options: Options) -> Report {
         Report {
             options,
@@ -65,7 +65,7 @@ impl Report {
         }
     }
 
-    /// Takes a count in.
+    /// Adds a count.
     pub fn count(&mut self, at: Duration, now: Census) {
         self.first.get_or_insert(now);
         self.most = self.most.max(&now);
@@ -73,7 +73,7 @@ impl Report {
         self.course.push((at, now.rss_kb, now.shared_bytes));
     }
 
-    /// What is more at the end than after the warm-up, in the life of each executor.
+    /// Returns the resources that grew between the warm-up and the last count, for each executor.
     pub fn growth(&self) -> Vec<String> {
         let last = self
             .first
@@ -81,13 +81,13 @@ impl Report {
         [self.grown.clone(), last].concat()
     }
 
-    /// Another executor is there: its figures are its own.
+    /// Ends the comparison for a killed executor: the next count is the first one of its successor.
     pub fn executor_replaced(&mut self) {
         self.grown = self.growth();
         self.first = None;
     }
 
-    /// Everything that must hold, holds.
+    /// True if all conditions hold.
     pub fn holds(&self) -> bool {
         let late = !self.judged || self.lateness.unexplained == 0 && self.lateness.consecutive;
         late && self.found == 0 && self.growth().is_empty() && self.lateness.dropped_records == 0
@@ -102,9 +102,9 @@ impl fmt::Display for Report {
             f,
             "{}\n",
             if self.holds() {
-                "All of it holds."
+                "All conditions hold."
             } else {
-                "**Not all of it holds.**"
+                "**Some conditions do not hold.**"
             }
         )?;
         writeln!(f, "| what was done | how often |\n|---|---:|")?;
@@ -114,8 +114,8 @@ impl fmt::Display for Report {
         self.show_late(f)?;
         self.show_counts(f)?;
         for (title, lines) in [
-            ("Found", &self.findings),
-            ("Grown", &self.growth()),
+            ("Findings", &self.findings),
+            ("Resources that grew", &self.growth()),
             (
                 "Motions that ended by a fault although nothing was killed",
                 &self.disturbed,
@@ -136,7 +136,10 @@ impl Report {
     fn show_late(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let lateness = &self.lateness;
         if !self.judged {
-            return writeln!(f, "\nNo SCHED_FIFO here: late cycles were not judged.");
+            return writeln!(
+                f,
+                "\nSCHED_FIFO is not permitted here: late cycles were not attributed."
+            );
         }
         let milliseconds = |ns: u64| ns as f64 * 1e-6;
         writeln!(f, "\n| the executor's cycles | |\n|---|---:|")?;

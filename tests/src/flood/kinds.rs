@@ -70,14 +70,14 @@ impl FloodKind {
     }
 
     /// Floods until the process is killed.
-    pub(super) fn run(self, doors: &Interfaces) {
+    pub(super) fn run(self, interfaces: &Interfaces) {
         thread::scope(|scope| {
             for number in 0..THREADS {
                 scope.spawn(move || {
                     for turn in 0.. {
                         // Errors are ignored. Without the pause, an interface that refuses at once would let this
                         // process take the whole processor, and the run would measure only that.
-                        self.once(doors, number, turn);
+                        self.once(interfaces, number, turn);
                         thread::sleep(Duration::from_millis(1));
                     }
                 });
@@ -85,18 +85,18 @@ impl FloodKind {
         });
     }
 
-    fn once(self, doors: &Interfaces, number: usize, turn: usize) {
+    fn once(self, interfaces: &Interfaces, number: usize, turn: usize) {
         match self {
-            FloodKind::Rejected => load(doors, &rejected(number + turn)),
-            FloodKind::Json => json(doors, turn),
-            FloodKind::Silent => silent(doors),
-            FloodKind::Slow => slow(doors, turn),
-            FloodKind::WrongTokens => wrong_token(doors),
-            FloodKind::Looks => looks(doors, turn),
-            FloodKind::Loads => load(doors, &net(&format!("load-{number}"), 5000)),
+            FloodKind::Rejected => load(interfaces, &rejected(number + turn)),
+            FloodKind::Json => json(interfaces, turn),
+            FloodKind::Silent => silent(interfaces),
+            FloodKind::Slow => slow(interfaces, turn),
+            FloodKind::WrongTokens => wrong_token(interfaces),
+            FloodKind::Looks => looks(interfaces, turn),
+            FloodKind::Loads => load(interfaces, &net(&format!("load-{number}"), 5000)),
             FloodKind::Nonsense => {
                 // The response does not matter.
-                let _ = rest::raw(&doors.socket, b"\x16\x03\x01\r\n\r\n");
+                let _ = rest::raw(&interfaces.socket, b"\x16\x03\x01\r\n\r\n");
             }
         }
     }
@@ -112,21 +112,21 @@ fn rejected(number: usize) -> String {
 }
 
 /// Loads a net and unloads it, so that the command table does not stay full.
-fn load(doors: &Interfaces, text: &str) {
-    let loaded = doors.ask(Interface::Unix, "POST", "/commands", text.as_bytes());
+fn load(interfaces: &Interfaces, text: &str) {
+    let loaded = interfaces.ask(Interface::Unix, "POST", "/commands", text.as_bytes());
     let Some(id) = loaded.ok().and_then(|reply| reply.body["id"].as_u64()) else {
         return;
     };
     for _ in 0..200 {
         thread::sleep(Duration::from_millis(50));
-        let gone = doors.ask(Interface::Unix, "DELETE", &format!("/commands/{id}"), b"");
+        let gone = interfaces.ask(Interface::Unix, "DELETE", &format!("/commands/{id}"), b"");
         if gone.is_ok_and(|reply| reply.status == 200 || reply.status == 404) {
             return;
         }
     }
 }
 
-fn json(doors: &Interfaces, turn: usize) {
+fn json(interfaces: &Interfaces, turn: usize) {
     let (method, path) = [
         ("PUT", "/commands/large-0/inputs"),
         ("POST", "/commands/large-0/start"),
@@ -135,20 +135,20 @@ fn json(doors: &Interfaces, turn: usize) {
         ("POST", "/status/acknowledge"),
     ][turn % 5];
     let body = "[".to_owned() + &"{\"a\":1},".repeat((4 << 20) / 8 - 4) + "0]";
-    let _ = doors.ask(Interface::Unix, method, path, body.as_bytes());
+    let _ = interfaces.ask(Interface::Unix, method, path, body.as_bytes());
 }
 
-fn silent(doors: &Interfaces) {
-    let unix: Vec<_> = (0..SILENT).map(|_| connect(&doors.socket)).collect();
+fn silent(interfaces: &Interfaces) {
+    let unix: Vec<_> = (0..SILENT).map(|_| connect(&interfaces.socket)).collect();
     let tcp: Vec<_> = (0..SILENT)
-        .map(|_| TcpStream::connect(doors.address))
+        .map(|_| TcpStream::connect(interfaces.address))
         .collect();
     thread::sleep(Duration::from_millis(100));
     drop((unix, tcp));
 }
 
-fn slow(doors: &Interfaces, turn: usize) {
-    let Some(mut stream) = connect(&doors.socket) else {
+fn slow(interfaces: &Interfaces, turn: usize) {
+    let Some(mut stream) = connect(&interfaces.socket) else {
         return;
     };
     let text = match turn % 2 {
@@ -170,8 +170,8 @@ fn slow(doors: &Interfaces, turn: usize) {
     }
 }
 
-fn wrong_token(doors: &Interfaces) {
-    let Ok(mut stream) = TcpStream::connect(doors.address) else {
+fn wrong_token(interfaces: &Interfaces) {
+    let Ok(mut stream) = TcpStream::connect(interfaces.address) else {
         return;
     };
     let _ = stream.set_read_timeout(Some(Duration::from_secs(5)));
@@ -181,8 +181,8 @@ fn wrong_token(doors: &Interfaces) {
     }
 }
 
-fn looks(doors: &Interfaces, turn: usize) {
-    let door = [Interface::Unix, Interface::Tcp][turn % 2];
+fn looks(interfaces: &Interfaces, turn: usize) {
+    let interface = [Interface::Unix, Interface::Tcp][turn % 2];
     let path = [
         "/commands",
         "/commands/large-1",
@@ -192,5 +192,5 @@ fn looks(doors: &Interfaces, turn: usize) {
         "/schema",
         "/topics",
     ][turn % 7];
-    let _ = doors.ask(door, "GET", path, b"");
+    let _ = interfaces.ask(interface, "GET", path, b"");
 }

@@ -33,7 +33,7 @@ impl Interface {
 #[derive(Clone, Debug)]
 pub struct Cancel {
     /// Interface through which it was sent.
-    pub door: Interface,
+    pub interface: Interface,
     /// Time from sending the request to its response.
     pub took: Duration,
     /// True if it was accepted.
@@ -126,9 +126,12 @@ impl fmt::Display for Report {
                 ms(max)
             )
         };
-        for door in Interface::ALL {
-            let of = self.cancels.iter().filter(|cancel| cancel.door == door);
-            row(door.name(), of.map(|cancel| cancel.took).collect())?;
+        for interface in Interface::ALL {
+            let of = self
+                .cancels
+                .iter()
+                .filter(|cancel| cancel.interface == interface);
+            row(interface.name(), of.map(|cancel| cancel.took).collect())?;
         }
         row("machine: late wake-ups", self.stalls.clone())?;
         let mib = |bytes: u64| bytes >> 20;
@@ -151,10 +154,13 @@ impl fmt::Display for Report {
             failed.len()
         )?;
         for Cancel {
-            door, took, words, ..
+            interface,
+            took,
+            words,
+            ..
         } in failed
         {
-            writeln!(formatter, "  {} after {took:?}: {words}", door.name())?;
+            writeln!(formatter, "  {} after {took:?}: {words}", interface.name())?;
         }
         Ok(())
     }

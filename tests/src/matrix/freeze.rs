@@ -38,7 +38,8 @@ impl FrozenThread {
         // Set by `drop` (Release), loaded by the tracer (Acquire).
         let is_over = Arc::clone(&over);
         let tracer = thread::spawn(move || hold(thread, &told, &is_over));
-        tell.recv().expect("the tracer tells");
+        tell.recv()
+            .expect("the tracer reports that the thread is frozen");
         FrozenThread {
             over,
             tracer: Some(tracer),
@@ -60,8 +61,8 @@ impl Drop for FrozenThread {
 /// and with it its process, remains until the tracer has read its exit status.
 fn hold(thread: Pid, told: &Sender<()>, over: &AtomicBool) {
     ptrace::seize(thread, Options::empty()).expect("the thread may be traced");
-    ptrace::interrupt(thread).expect("it is ours");
-    waitpid(thread, Some(WaitPidFlag::__WALL)).expect("it is ours");
+    ptrace::interrupt(thread).expect("the thread was seized");
+    waitpid(thread, Some(WaitPidFlag::__WALL)).expect("the thread was seized");
     // Fails only if the test has already failed and dropped the receiver.
     let _ = told.send(());
     let look = WaitPidFlag::__WALL | WaitPidFlag::WNOHANG;

@@ -46,7 +46,9 @@ impl Scene {
         }
         for (_, guest) in &mut self.guests {
             await_some("a client to end", || {
-                guest.try_wait().expect("the child is ours")
+                guest
+                    .try_wait()
+                    .expect("the process is a child of this one")
             });
         }
     }
@@ -55,7 +57,9 @@ impl Scene {
     pub fn end_of_client(&mut self, way: Way) -> String {
         let client = self.guest(Target::Client).expect("a client");
         let status = await_some("the client to end", || {
-            client.try_wait().expect("the child is ours")
+            client
+                .try_wait()
+                .expect("the process is a child of this one")
         });
         match status.code() {
             Some(0) => "finished".to_owned(),

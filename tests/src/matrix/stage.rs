@@ -193,7 +193,8 @@ impl Stage {
         }
     }
 
-    /// Starts the monitor or client that is the target; `None` for the cell's own processes.
+    /// Starts the monitor or client that is the target. `None` for other targets, and for a client that sends the
+    /// cancel: it is started when the arm moves.
     fn guest_of(&self, target: Target, phase: Phase) -> Option<Child> {
         match (target, phase) {
             (Target::Monitor, _) => Some(self.monitor()),
@@ -422,7 +423,7 @@ impl Stage {
             }
             self.cell.await_successor(role, label, struck.incarnation);
             if case.way != Way::Stop {
-                // StruckProcess while it started, it may still have announced itself before it died.
+                // A process that was hit while starting may have announced itself before it died.
                 await_some("another process", || {
                     let announced = self.cell.cell().announced(role, label).ok().flatten()?;
                     (announced.pid != struck.pid && announced.liveness().is_alive()).then_some(())
