@@ -131,7 +131,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         // All threads exist: report READY.
         helpers.start();
         tokio::select! {
-            served = listeners.with_event_log(recorder.clone()).serve(router) => served?,
+            served = listeners.with_event_log(recorder.clone()).serve(router.clone()) => served?,
             _ = terminate.recv() => {}
             _ = interrupt.recv() => {}
         }
@@ -146,6 +146,8 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         Ok(())
     });
     helpers.end();
+    // Not before: its threads are helpers, and one that ends while the others work is a failure.
+    drop(router);
     runtime.shutdown_timeout(DRAIN);
     recorder.flush(DRAIN);
     let _ = std::fs::remove_file(cell.socket());

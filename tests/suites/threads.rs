@@ -161,6 +161,8 @@ fn status_shows_each_helper_with_its_age_and_its_limit() {
         "notify",
         "tend",
         "workers",
+        "stop-0",
+        "stop-1",
     ] {
         assert!(names.contains(&name), "{names:?}");
     }
