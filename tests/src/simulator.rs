@@ -78,6 +78,12 @@ impl Simulator {
         joints_of(&self.state()["q"])
     }
 
+    /// Returns true if a joint has moved faster than 0.02 rad/s since the last reset.
+    pub fn has_moved(&mut self) -> bool {
+        let fastest = joints_of(&self.state()["velocity_max"]);
+        fastest.iter().any(|velocity| *velocity > 0.02)
+    }
+
     /// Waits until a joint moves faster than 0.02 rad/s.
     pub fn await_motion(&mut self) {
         await_some("the arm to move", || {
