@@ -13,6 +13,8 @@ use crate::cell_fixture::await_some;
 /// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
 /// creeps up to it at a bandwidth of 80 rad/s.
 pub const STILL: f64 = 4e-3;
+/// A moving joint is faster than this, rad/s: well above the creep of a resting one.
+pub const MOVING: f64 = 0.02;
 /// More than the `delay` of the cells, s: set-points of a net that has ended are still played for so long.
 const PLAYED_S: f64 = 0.2;
 
@@ -78,17 +80,17 @@ impl Simulator {
         joints_of(&self.state()["q"])
     }
 
-    /// Returns true if a joint has moved faster than 0.02 rad/s since the last reset.
+    /// Returns true if a joint has moved faster than [`MOVING`] since the last reset.
     pub fn has_moved(&mut self) -> bool {
         let fastest = joints_of(&self.state()["velocity_max"]);
-        fastest.iter().any(|velocity| *velocity > 0.02)
+        fastest.iter().any(|velocity| *velocity > MOVING)
     }
 
-    /// Waits until a joint moves faster than 0.02 rad/s.
+    /// Waits until a joint moves faster than [`MOVING`].
     pub fn await_motion(&mut self) {
         await_some("the arm to move", || {
             let velocity = joints_of(&self.state()["velocity"]);
-            velocity.iter().any(|v| v.abs() > 0.02).then_some(())
+            velocity.iter().any(|v| v.abs() > MOVING).then_some(())
         });
     }
 
