@@ -11,8 +11,8 @@ use rcc_bench::executor::BenchExecutor;
 use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
 use rcc_bench::net::net;
-use rcc_ipc::control::PlanData;
 use rcc_language::compile_for;
+use rcc_protocol::control::PlanData;
 use std::time::Duration;
 
 /// Returns a chain of `count` additions, each reading the one before.

@@ -9,7 +9,7 @@ use rcc_bench::graph::Graph;
 use rcc_bench::instance::GraphInstance;
 use rcc_bench::measure::median;
 use rcc_exec::setup::{FIFO, Grants, lock_memory, prefault_stack, promote_thread};
-use rcc_ipc::clock::{monotonic_ns, sleep_until};
+use rcc_os::clock::{monotonic_ns, sleep_until};
 
 /// The priority of an executor, below the kernel's watchdogs.
 const PRIORITY: u8 = 80;

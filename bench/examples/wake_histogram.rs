@@ -7,8 +7,9 @@ use std::error::Error;
 use rcc_core::message::CycleStatus;
 use rcc_core::timing::CycleTiming;
 use rcc_exec::setup::FIFO;
-use rcc_ipc::control::{STATUS, TIMING};
-use rcc_ipc::{Cell, Role, Session};
+use rcc_ipc::{Cell, Session};
+use rcc_protocol::Role;
+use rcc_protocol::control::{STATUS, TIMING};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let name = std::env::args()

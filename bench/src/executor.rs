@@ -12,12 +12,11 @@ use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_engine::record::{FlightRecorder, FlightRecorderConfig, FlightRecorderHelper};
 use rcc_exec::rt::{self, Boards};
-use rcc_ipc::control::{Answer, HELPERS, PlanData, Refusal, STATUS, TABLES, TIMING};
-use rcc_ipc::{
-    BoardError, BoardWriter, Cell, CellError, CommandReader, Role, Session, SessionError,
-    monotonic_ns,
-};
+use rcc_ipc::{BoardError, BoardWriter, Cell, CellError, CommandReader, Session, SessionError};
 use rcc_language::devices::DeviceTable;
+use rcc_os::clock::monotonic_ns;
+use rcc_protocol::Role;
+use rcc_protocol::control::{Answer, HELPERS, PlanData, Refusal, STATUS, TABLES, TIMING};
 
 /// The defaults of a cell's configuration.
 const RECORDER_MEMORY: usize = 64 << 20;

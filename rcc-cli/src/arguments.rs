@@ -10,7 +10,7 @@ use crate::verbs::{Verb, duration};
 
 /// Robot Control Core: check, run and inspect nets.
 #[derive(Parser, Debug)]
-#[command(version = rcc_ipc::version::version(), after_help = EXIT_CODES)]
+#[command(version = rcc_protocol::version::version(), after_help = EXIT_CODES)]
 pub struct Arguments {
     /// Name of the cell [default: demo].
     #[arg(long, env = "RCC_CELL", global = true)]

@@ -3,9 +3,9 @@
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_engine::net::Net;
 use rcc_engine::replay::SlotDifference;
-use rcc_ipc::pattern::Pattern;
 use rcc_language::names::{Names, PortNames};
 use rcc_loader::server::store::CommandFile;
+use rcc_protocol::pattern::Pattern;
 use serde_json::{Number, Value};
 
 /// A net of an incident and the names of its ports.

@@ -10,9 +10,9 @@ use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
-use rcc_ipc::control::{Answer, PlanData, Refusal};
-use rcc_ipc::rehearsal::RehearsalReport;
 use rcc_language::names::Names;
+use rcc_protocol::control::{Answer, PlanData, Refusal};
+use rcc_protocol::rehearsal::RehearsalReport;
 use thiserror::Error;
 
 pub mod arm;

@@ -15,11 +15,12 @@ use std::time::{Duration, Instant};
 
 use rcc_config::{CellConfig, ConfigChange, FileWatch};
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
-use rcc_ipc::configuration::changed;
-use rcc_ipc::events::{self, EventKind, EventOrigin};
-use rcc_ipc::{Announced, Announcement, Cell, Configuration, Role, ownership, shm_space};
+use rcc_ipc::{Announced, Cell, events, ownership, shm_space};
 use rcc_loader::server::api::{DeviceView, StatusView};
 use rcc_loader::server::codes;
+use rcc_protocol::configuration::changed;
+use rcc_protocol::events::{EventKind, EventOrigin, event_text};
+use rcc_protocol::{Announcement, Configuration, Role};
 
 use crate::client::LoaderClient;
 use crate::context::cell_failure;
@@ -325,7 +326,7 @@ impl Supervisor {
             process: name.clone(),
             pid,
             how: words.to_owned(),
-            last_words: events::event_text(said.map_or("", String::as_str)),
+            last_words: event_text(said.map_or("", String::as_str)),
         });
         for line in last_words {
             self.report(&name, &format!("  | {line}"));

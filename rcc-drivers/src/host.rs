@@ -8,13 +8,15 @@ use std::time::Duration;
 
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::message::Measurement;
-use rcc_ipc::control::MEASUREMENT;
-use rcc_ipc::events::{self, EventKind, EventRecorder};
+use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{
-    AnnounceError, Announced, Announcement, BoardError, BoardWriter, Cell, CommandReader,
-    Configuration, Role, Session, SessionError, monotonic_ns,
+    AnnounceError, Announced, BoardError, BoardWriter, Cell, CommandReader, Session, SessionError,
 };
+use rcc_os::clock::monotonic_ns;
 use rcc_process::Helpers;
+use rcc_protocol::control::MEASUREMENT;
+use rcc_protocol::events::EventKind;
+use rcc_protocol::{Configuration, Role};
 use thiserror::Error;
 
 use crate::driver::{Driver, Inputs, LinkError};
@@ -119,7 +121,8 @@ impl Host {
             None => device_session,
         };
         board.write(device_session.measurement());
-        let announcement = Announcement::of(&session)
+        let announcement = session
+            .announcement()
             .configured(Configuration::new(config.identity()).only(&device.name))
             .service(MEASUREMENT, board.service())
             .note(&reason::note(reasons));

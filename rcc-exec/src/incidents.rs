@@ -18,10 +18,13 @@ use rcc_engine::incident::{
 };
 use rcc_engine::net::NetOrigin;
 use rcc_engine::record::{FlightRecorderHelper, FrozenRecording, TriggerReason};
-use rcc_ipc::control::RecordingState;
-use rcc_ipc::events::{self, EventKind, EventRecorder};
-use rcc_ipc::{Cell, ProcessInstance, monotonic_ns};
+use rcc_ipc::Cell;
+use rcc_ipc::events::EventRecorder;
+use rcc_os::clock::monotonic_ns;
+use rcc_os::process_instance::ProcessInstance;
 use rcc_process::Helper;
+use rcc_protocol::control::RecordingState;
+use rcc_protocol::events::{EventKind, event_text, hex_digits, wall_time_before};
 use tracing::{info, warn};
 
 /// Interval at which the thread checks for a frozen recording.
@@ -209,7 +212,7 @@ impl IncidentWriter {
     }
 
     fn command_file(&self, id: u64) -> Option<Vec<u8>> {
-        let folder = events::hex_digits(self.context.incarnation);
+        let folder = hex_digits(self.context.incarnation);
         let path = self.context.cell.commands_dir().join(folder);
         let path = path.join(format!("{id}.json"));
         rcc_os::file::read(&path, COMMAND_FILE_MAX as u64).ok()
@@ -281,18 +284,18 @@ impl IncidentWriter {
             format: FORMAT,
             build: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")).to_owned(),
             layout: incident::layout(),
-            catalogue: events::hex_digits(primitives::fingerprint()),
-            configuration: events::hex_digits(self.context.configuration),
+            catalogue: hex_digits(primitives::fingerprint()),
+            configuration: hex_digits(self.context.configuration),
             cell: self.context.cell.name().to_owned(),
             config: self.context.config.clone(),
-            executor: events::hex_digits(self.context.incarnation),
+            executor: hex_digits(self.context.incarnation),
             period_ns: self.context.period_ns,
             devices: self.context.devices.clone(),
             reason: reason.to_owned(),
             net,
             fault,
             cycle: trigger.cycle,
-            time: events::wall_time_before(ago),
+            time: wall_time_before(ago),
             others: trigger.others,
             first_cycle: overview.first_cycle,
             last_cycle: overview.last_cycle,
@@ -409,7 +412,7 @@ impl IncidentWriter {
             EventKind::IncidentWritten {
                 reason: head.reason.clone(),
                 command: head.net,
-                file: events::event_text(&path.display().to_string()),
+                file: event_text(&path.display().to_string()),
                 span_ms: cycles * head.period_ns / 1_000_000,
                 others: head.others,
             },
@@ -422,7 +425,7 @@ impl IncidentWriter {
     fn report_failure(&self, error: &io::Error) -> RecordingState {
         let why = format!("{}: {error}", self.folder.display());
         warn!("cannot write incident: {why}");
-        let why = events::event_text(&why);
+        let why = event_text(&why);
         self.tell(0, EventKind::IncidentLost { why: why.clone() });
         RecordingState::Lost { why }
     }

@@ -9,19 +9,20 @@ use std::time::{Duration, Instant};
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement};
-use rcc_ipc::control::{
+use rcc_ipc::events::EventRecorder;
+use rcc_ipc::request::{PollError, Request, Server};
+use rcc_ipc::{BoardReader, Session};
+use rcc_os::clock::monotonic_ns;
+use rcc_os::process_instance::{Liveness, ProcessInstance};
+use rcc_process::Helpers;
+use rcc_process::log_throttle::LogThrottle;
+use rcc_protocol::control::{
     Answer, Call, InputValue, MEASUREMENT, READ_ELEMENTS_MAX, READ_MAX, Refusal, SET_ELEMENTS_MAX,
     SET_MAX, SWITCH_MAX, installs,
 };
-use rcc_ipc::events::{self, EventKind, EventRecorder};
-use rcc_ipc::log_throttle::LogThrottle;
-use rcc_ipc::rehearsal::RehearsalReport;
-use rcc_ipc::request::{PollError, Request, Server};
-use rcc_ipc::{
-    Announcement, BoardReader, Liveness, ProcessInstance, ProcessMismatch, Role, Session,
-    monotonic_ns, wire,
-};
-use rcc_process::Helpers;
+use rcc_protocol::events::{EventKind, event_text, hex_digits};
+use rcc_protocol::rehearsal::RehearsalReport;
+use rcc_protocol::{Announcement, ProcessMismatch, Role, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
@@ -709,7 +710,7 @@ impl Intake {
         device.attached = None;
         let gone = EventKind::DriverGone {
             device: device.name.clone(),
-            driver: events::hex_digits(incarnation),
+            driver: hex_digits(incarnation),
         };
         info!("driver of {} detached", device.name);
         self.record(gone);
@@ -723,7 +724,7 @@ impl Intake {
         let name = self.devices.get(index).map_or("", |device| &device.name);
         let event = EventKind::LifeUnknown {
             process: format!("driver/{name}"),
-            why: events::event_text(&why.to_string()),
+            why: event_text(&why.to_string()),
         };
         warn!(
             "cannot tell whether driver/{name} is alive ({why}); the check is repeated; {others} more such failures since the last message"
@@ -761,7 +762,7 @@ impl Intake {
                     self.record(EventKind::DriverAttached {
                         device: self.devices[index].name.clone(),
                         pid: driver.pid,
-                        driver: events::hex_digits(incarnation),
+                        driver: hex_digits(incarnation),
                     });
                     self.devices[index].attached = Some((incarnation, mine));
                 }

@@ -29,13 +29,15 @@ use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
-use rcc_ipc::control::{CONTROL, HELPERS, RECORDS, STATUS, TABLES, TIMING, command_board};
-use rcc_ipc::events::{self, EventKind, EventRecorder};
-use rcc_ipc::{
-    Announcement, BoardError, BoardReader, Cell, Configuration, Role, Session, monotonic_ns,
-};
+use rcc_ipc::events::{self, EventRecorder};
+use rcc_ipc::{BoardError, BoardReader, Cell, Session};
+use rcc_os::clock::monotonic_ns;
 use rcc_process::signals::request_stop;
 use rcc_process::{CellArguments, ExitError, HealthReport, Helpers, Notifier, Stop, exit};
+use rcc_protocol::announcement::EXECUTOR_LABEL;
+use rcc_protocol::control::{CONTROL, HELPERS, RECORDS, STATUS, TABLES, TIMING, command_board};
+use rcc_protocol::events::{EventKind, event_text};
+use rcc_protocol::{Configuration, Role};
 use tracing::{error, info, warn};
 
 /// Maximum time between two signs of life of the threads `intake` and `pump`.
@@ -49,7 +51,7 @@ const HELPER_END_MAX: Duration = Duration::from_secs(5);
 
 /// Runs the nets of a cell, every cycle.
 #[derive(Parser)]
-#[command(version = rcc_ipc::version::version())]
+#[command(version = rcc_protocol::version::version())]
 struct Arguments {
     #[command(flatten)]
     cell: CellArguments,
@@ -66,7 +68,7 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let config = &arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
     let costs = costs();
-    let session = Session::join(&cell, Role::Executor, "exec")?;
+    let session = Session::join(&cell, Role::Executor, EXECUTOR_LABEL)?;
     let mut grants = Grants::default();
     let helpers = Helpers::default();
     let writer = helpers.helper("events", SLOW_TURN_MAX);
@@ -78,7 +80,8 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let status = session.open_board::<CycleStatus>(boards.status.service())?;
     let server = session.serve(CONTROL)?;
     let publisher = session.publisher(RECORDS)?;
-    let announcement = Announcement::of(&session)
+    let announcement = session
+        .announcement()
         .configured(Configuration::new(config.identity()))
         .service(CONTROL, server.service())
         .service(STATUS, boards.status.service())
@@ -158,7 +161,7 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
     let announced = cell.announce(&announcement.note(&grants.to_string()))?;
     recorder.tell(EventKind::Started {
-        note: events::event_text(&grants.to_string()),
+        note: event_text(&grants.to_string()),
         predecessor,
     });
     helpers.start();
@@ -456,7 +459,7 @@ fn run_until_stopped(
     match &ended {
         Err(ExitError { message: words, .. }) => {
             error!("{words}");
-            let why = events::event_text(words);
+            let why = event_text(words);
             recorder.tell(EventKind::HelperEnded { why });
         }
         Ok(()) => {

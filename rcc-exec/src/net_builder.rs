@@ -10,10 +10,10 @@ use rcc_core::message::{DeviceState, Joints};
 use rcc_engine::costs::Costs;
 use rcc_engine::net::{Net, NetOrigin};
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
-use rcc_ipc::control::{Call, InputValue, PlanData, Refusal};
-use rcc_ipc::rehearsal::RehearsalReport;
-use rcc_ipc::wire;
 use rcc_process::{Helper, Helpers};
+use rcc_protocol::control::{Call, InputValue, PlanData, Refusal};
+use rcc_protocol::rehearsal::RehearsalReport;
+use rcc_protocol::wire;
 
 /// Time allowed for one net. Path planning and rehearsal are bounded in work, not in time.
 const BUILD_MAX: Duration = Duration::from_secs(60);

@@ -8,8 +8,9 @@ use rcc_core::message::{
     CommandState, DeviceState, EndReason, FaultCode, FaultRecord, MonitorRecord,
 };
 use rcc_core::timing::{LateCause, LateCycle};
-use rcc_ipc::events::{self, CommandFault, EventKind, EventRecorder};
+use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{Cell, Publisher};
+use rcc_protocol::events::{CommandFault, Event, EventKind, EventSeverity, hex_digits};
 use rtrb::Consumer;
 use tracing::{info, warn};
 
@@ -123,11 +124,11 @@ impl Pump {
         let Some((_, recorder)) = &self.log else {
             return;
         };
-        let event = events::Event::now(recorder.source().clone(), cycle, what);
+        let event = Event::now(recorder.source().clone(), cycle, what);
         let words = event.sentence(&|_, id| format!("command {id}"));
         let cycle = cycle.map_or_else(String::new, |cycle| format!(" (cycle {cycle})"));
         match event.severity {
-            events::EventSeverity::Info => info!("{words}{cycle}"),
+            EventSeverity::Info => info!("{words}{cycle}"),
             _ => warn!("{words}{cycle}"),
         }
         recorder.record(event);
@@ -189,7 +190,7 @@ impl Pump {
     ) -> EventKind {
         let device = self.device(index).to_owned();
         let [was, state] = [was, state].map(DeviceState::from_number);
-        let driver = (driver != 0).then(|| events::hex_digits(driver));
+        let driver = (driver != 0).then(|| hex_digits(driver));
         if state == DeviceState::Offline {
             return EventKind::DeviceLost {
                 reason,

@@ -9,8 +9,8 @@ use bytemuck::Zeroable;
 use rcc_core::helper::{HelperHeartbeat, HelperTable};
 use rcc_core::message::{CycleStatus, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
-use rcc_ipc::clock::{monotonic_ns, sleep_until};
 use rcc_ipc::{BoardWriter, CommandWriter};
+use rcc_os::clock::{monotonic_ns, sleep_until};
 
 use rcc_engine::engine::Engine;
 

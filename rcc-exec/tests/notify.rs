@@ -283,7 +283,9 @@ fn a_helper_that_panics_ends_the_executor_with_its_name() {
 /// Only files with an executor's file name are considered, and only those of dead executors are removed.
 #[test]
 fn incomplete_incidents_of_dead_executors_are_removed_at_the_start() {
-    let own = rcc_ipc::ProcessInstance::current().unwrap().incarnation();
+    let own = rcc_os::process_instance::ProcessInstance::current()
+        .unwrap()
+        .incarnation();
     // No process has this id and started at boot.
     let dead = 1 << 40 | 1;
     let name = |life: u64, rest: &str| format!("{life:016x}-7-{rest}");

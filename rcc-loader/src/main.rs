@@ -12,8 +12,8 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use clap::Parser;
-use rcc_ipc::events::{self, EventKind, EventRecorder};
-use rcc_ipc::{Announcement, Cell, Configuration, Role, Session};
+use rcc_ipc::events::{self, EventRecorder};
+use rcc_ipc::{Cell, Session};
 use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
@@ -23,6 +23,8 @@ use rcc_process::helpers::Hang;
 use rcc_process::oom;
 use rcc_process::signals::{end_with_parent, unblock_stop_signals};
 use rcc_process::{CellArguments, ExitError, HealthReport, Helper, Helpers, Notifier, exit};
+use rcc_protocol::events::EventKind;
+use rcc_protocol::{Configuration, Role};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Interval at which the executor is looked up and the files of unloaded commands are removed.
@@ -46,7 +48,7 @@ const TURN_EVERY: Duration = Duration::from_millis(100);
 
 /// Loads nets and controls commands: REST on the Unix socket of a cell.
 #[derive(Parser)]
-#[command(version = rcc_ipc::version::version())]
+#[command(version = rcc_protocol::version::version())]
 struct Arguments {
     #[command(flatten)]
     cell: CellArguments,
@@ -74,8 +76,11 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     let turn = move || writer.turn();
     let recorder = EventRecorder::watched(&cell, Role::Loader, session.label(), turn)?;
     let predecessor = events::predecessor(&cell, Role::Loader, session.label());
-    let announced = cell
-        .announce(&Announcement::of(&session).configured(Configuration::new(config.identity())))?;
+    let announced = cell.announce(
+        &session
+            .announcement()
+            .configured(Configuration::new(config.identity())),
+    )?;
     recorder.tell(EventKind::Started {
         note: String::new(),
         predecessor,

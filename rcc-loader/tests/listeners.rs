@@ -196,11 +196,11 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         format!("| token | {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} characters | – |"),
         format!(
             "| request to the executor | {} | – |",
-            mib(rcc_ipc::REQUEST_MAX)
+            mib(rcc_protocol::control::REQUEST_MAX)
         ),
         format!(
             "| answer of the executor | {} | – |",
-            kib(rcc_ipc::RESPONSE_MAX)
+            kib(rcc_protocol::control::RESPONSE_MAX)
         ),
         format!(
             "| clients of the executor | {} | – |",
@@ -212,7 +212,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         ),
         format!(
             "| log lines about one kind of refusal | 1 | each {} |",
-            seconds(rcc_ipc::log_throttle::LOG_INTERVAL)
+            seconds(rcc_process::log_throttle::LOG_INTERVAL)
         ),
     ] {
         assert!(docs.contains(&row), "docs/security.md lacks:\n{row}");

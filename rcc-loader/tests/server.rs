@@ -16,7 +16,6 @@ use rcc_core::message::CommandState;
 use rcc_core::path::MotionFault;
 use rcc_core::plan::Resource;
 use rcc_core::topic::Topic;
-use rcc_ipc::control::{Call, Refusal};
 use rcc_language::names::{InputNames, Names, TopicNames};
 use rcc_loader::server::api::{CommandRef, Done, Switch};
 use rcc_loader::server::caller::Caller;
@@ -24,6 +23,7 @@ use rcc_loader::server::codes;
 use rcc_loader::server::messages::NameResolver;
 use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::{CommandFile, CommandStore};
+use rcc_protocol::control::{Call, Refusal};
 use test_server::{TestServer, ask, config, service};
 
 /// Returns a caller without a deadline.

@@ -16,13 +16,13 @@ use std::time::{Duration, Instant};
 use fake_executor::{FakeExecutor, TestCell};
 use rcc_core::message::CommandState;
 use rcc_ipc::Cell;
-use rcc_ipc::control::Call;
 use rcc_loader::server::bodies::SET_TEXT_MAX;
 use rcc_loader::server::caller::Caller;
 use rcc_loader::server::codes;
 use rcc_loader::server::connection::UNIX;
 use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::{CommandFile, CommandStore};
+use rcc_protocol::control::Call;
 use test_server::{LIMIT, TestServer, answer, ask, service};
 
 fn line() -> String {

@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
-use rcc_ipc::pattern::Pattern;
 use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, TailEnd, TailOptions, print_note, tail};
+use rcc_protocol::pattern::Pattern;
 
 /// Shows the monitored values of a cell's nets.
 #[derive(Parser)]
-#[command(version = rcc_ipc::version::version())]
+#[command(version = rcc_protocol::version::version())]
 struct Arguments {
     /// Name of the cell.
     #[arg(long, env = "RCC_CELL", default_value = "demo", global = true)]

@@ -4,13 +4,12 @@
 
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT};
-use rcc_ipc::control::RECORDS;
-use rcc_ipc::{Announcement, Build, BuildMismatch, Cell, Role, Session, Subscriber};
+use rcc_ipc::{Cell, Session, Subscriber};
+use rcc_protocol::announcement::EXECUTOR_LABEL;
+use rcc_protocol::control::RECORDS;
+use rcc_protocol::{Announcement, Build, BuildMismatch, Role};
 
 use crate::names::CommandDirectory;
-
-/// Label of the executor in its announcement.
-const EXECUTOR_LABEL: &str = "exec";
 
 /// The reason why the stream of a living executor cannot be read.
 #[derive(Debug, thiserror::Error)]

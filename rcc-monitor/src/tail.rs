@@ -11,7 +11,7 @@ use crate::names::{CommandNames, MonitorInfo};
 use crate::signals::Signals;
 use crate::stream::{ExecutorFollower, StreamError};
 use crate::value::ElementType;
-use rcc_ipc::pattern::Pattern;
+use rcc_protocol::pattern::Pattern;
 
 /// Interval at which the stream is polled; its buffers hold more than 100 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(5);

@@ -12,7 +12,7 @@ use std::time::Duration;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use rcc_core::message::{ClockState, ClockStatus};
 use rcc_drivers::fri_lwr::wire::{CMD_SIZE, MSR_SIZE};
-use rcc_ipc::monotonic_ns;
+use rcc_os::clock::monotonic_ns;
 use rcc_tests::reference::promote;
 use rcc_tests::{TestCell, await_some};
 use serde_json::Value;
@@ -318,7 +318,7 @@ fn main() -> io::Result<()> {
         .map_or(Ok(10_u64), |text| text.parse())
         .map_err(|error| io::Error::other(format!("latency [SECONDS]: {error}")))?;
     let cores = std::thread::available_parallelism()?;
-    let date = rcc_ipc::events::wall_time();
+    let date = rcc_protocol::events::wall_time();
     let date = date.split('T').next().unwrap_or_default();
     let profile = if cfg!(debug_assertions) {
         ""

@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_core::message::{CycleStatus, Tables};
-use rcc_ipc::control::{STATUS, TABLES};
-use rcc_ipc::{Announcement, BoardReader, Cell, Role, Session};
+use rcc_ipc::{BoardReader, Cell, Session};
+use rcc_protocol::control::{STATUS, TABLES};
+use rcc_protocol::{Announcement, Role};
 use serde_json::Value;
 
 use crate::processes::{self, signal};

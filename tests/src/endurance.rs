@@ -16,7 +16,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use rcc_core::message::DeviceState;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 
 pub use field::{Counts, Field};
 pub use report::Report;

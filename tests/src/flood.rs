@@ -202,7 +202,7 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     for number in 0..options.nets {
         cell.load(&net(&format!("large-{number}"), options.primitives));
     }
-    let loader = cell.announced(rcc_ipc::Role::Loader, "loader").pid;
+    let loader = cell.announced(rcc_protocol::Role::Loader, "loader").pid;
     let mut report = Report::new(options.clone(), resident(loader));
     let watch = cell.watch();
     let stalls = Stalls::watch();
@@ -218,7 +218,7 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     drop(flooders);
     report.stalls = stalls.end();
     report.late = watch.status().late;
-    let after = cell.announced(rcc_ipc::Role::Loader, "loader").pid;
+    let after = cell.announced(rcc_protocol::Role::Loader, "loader").pid;
     report.loader_restarted = after != loader;
     drop(watch);
     drop(cell);

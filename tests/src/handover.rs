@@ -4,8 +4,9 @@
 use std::cell::RefCell;
 
 use rcc_core::message::{CommandImage, Measurement};
-use rcc_ipc::control::{MEASUREMENT, command_board};
-use rcc_ipc::{BoardReader, CommandReader, Role, Session};
+use rcc_ipc::{BoardReader, CommandReader, Session};
+use rcc_protocol::Role;
+use rcc_protocol::control::{MEASUREMENT, command_board};
 use serde_json::{Value, json};
 
 use crate::cell_fixture::{CellFixture, await_some};

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, RwLock, RwLockWriteGuard};
 use std::time::Duration;
 
-use rcc_ipc::monotonic_ns;
+use rcc_os::clock::monotonic_ns;
 
 /// Number of entries that are kept; the oldest are dropped.
 const REMEMBERED: usize = 4096;

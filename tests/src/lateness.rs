@@ -11,8 +11,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rcc_core::message::CycleStatus;
-use rcc_ipc::control::STATUS;
-use rcc_ipc::{Announcement, Cell, Role, Session, monotonic_ns};
+use rcc_ipc::{Cell, Session};
+use rcc_os::clock::monotonic_ns;
+use rcc_protocol::control::STATUS;
+use rcc_protocol::{Announcement, Role};
 use rtrb::Consumer;
 
 use crate::cell_fixture::CellFixture;

@@ -7,8 +7,9 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rcc_core::message::MonitorRecord;
-use rcc_ipc::control::RECORDS;
-use rcc_ipc::{Role, Session};
+use rcc_ipc::Session;
+use rcc_protocol::Role;
+use rcc_protocol::control::RECORDS;
 
 use crate::cell_fixture::CellFixture;
 use crate::reference::promote;

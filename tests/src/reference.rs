@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 
 use nix::sched::{CpuSet, sched_setaffinity};
 use nix::unistd::Pid;
-use rcc_ipc::{monotonic_ns, sleep_until};
+use rcc_os::clock::{monotonic_ns, sleep_until};
 
 /// An eighth of the executor's period: with one whole period, a stall of half a period could fall between two wake-ups.
 const PERIOD_NS: u64 = 125_000;

@@ -9,7 +9,9 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
 use rcc_core::message::DeviceState;
-use rcc_ipc::{ProcessInstance, Role, clean};
+use rcc_ipc::clean;
+use rcc_os::process_instance::ProcessInstance;
+use rcc_protocol::Role;
 
 use crate::cell_fixture::{CellFixture, ExecutorBoards, await_some};
 use crate::processes::{ends_with_test, signal};

@@ -5,7 +5,7 @@ use std::fs;
 use std::process::{Command, Stdio};
 
 use nix::sys::signal::Signal;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{command_line, ends_with_test, signal, with_runtime_dir};
 use rcc_tests::{TestCell, nets, program, repository};

@@ -2,7 +2,7 @@
 //! nets at a lower rate. Each test has a cell of its own.
 
 use rcc_core::message::ClockState;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::cell_fixture::ExecutorBoards;
 use rcc_tests::{TestCell, await_some, nets};
 

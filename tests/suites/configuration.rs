@@ -5,8 +5,9 @@
 use std::fs;
 
 use nix::sys::signal::Signal;
-use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader};
-use rcc_ipc::{Build, Role};
+use rcc_ipc::events::EventReader;
+use rcc_protocol::events::{Event, EventKind, EventOrigin};
+use rcc_protocol::{Build, Role};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::signal;
 use rcc_tests::rest::Reply;

@@ -3,7 +3,7 @@
 
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::cell_fixture::ExecutorBoards;
 use rcc_tests::census::runtime_files;
 use rcc_tests::processes::{self, OpenResources};
@@ -205,7 +205,7 @@ impl Random {
 
 #[test]
 fn twenty_driver_kills_at_random_moments_leak_nothing() {
-    let seed = rcc_ipc::monotonic_ns() | 1;
+    let seed = rcc_os::clock::monotonic_ns() | 1;
     eprintln!("seed {seed}");
     let mut random = Random(seed);
     let mut cell = UnsupervisedCell::demo();

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
 use rcc_core::message::CommandState;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::simulator::{Simulator, assert_within_limits};

@@ -4,7 +4,7 @@
 
 use std::process::Command;
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::{TestCell, await_some, nets};
 use serde_json::Value;
 

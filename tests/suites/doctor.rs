@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use rcc_drivers::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::signal;
 use rcc_tests::{TestCell, await_some, program, repository};

@@ -8,7 +8,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::cell_fixture::LIMIT;
 use rcc_tests::injection::{
     ERRORS, NEVER_FAILS, SystemCall, calls_of, can_trace, choose, panics_of_ours, start_traced,

@@ -4,7 +4,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::{CellFixture, TestCell, await_some, nets, repository};
 use serde_json::Value;
 

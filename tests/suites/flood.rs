@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::TestCell;
 use rcc_tests::flood::{self, Options, kinds::FloodKind};
 

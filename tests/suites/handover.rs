@@ -5,7 +5,7 @@ use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandState, DeviceState};
 use rcc_core::plan::KernelRun;
 use rcc_core::primitives;
-use rcc_ipc::control::{Answer, Call, PlanData, Refusal};
+use rcc_protocol::control::{Answer, Call, PlanData, Refusal};
 use rcc_tests::handover::{Arm, hand_over};
 use rcc_tests::{TestCell, await_some, nets};
 

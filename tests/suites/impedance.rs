@@ -1,7 +1,7 @@
 //! Impedance control through all processes: a net presses with a spring of its own on a simulated table.
 //! Each test has a cell of its own.
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::simulator::{Simulator, joints_of};
 use rcc_tests::{TestCell, await_some, repository};
 

@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::{CellFixture, TestCell, await_some, nets};
 use serde_json::Value;
 

@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::{TestCell, await_some};
 
 /// Number of primitives of the net, whose text is longer than a megabyte.

@@ -6,7 +6,7 @@ use std::io::PipeReader;
 use std::process::{Child, Stdio};
 
 use nix::sys::signal::Signal;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::{TestCell, await_some, nets, repository};

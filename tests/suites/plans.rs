@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use rcc_config::CellConfig;
 use rcc_core::message::CommandState;
-use rcc_ipc::control::{Answer, CONTROL, Call, PlanData, Refusal};
-use rcc_ipc::{Client, Role, Session, wire};
+use rcc_ipc::{Client, Session};
+use rcc_protocol::control::{Answer, CONTROL, Call, PlanData, Refusal};
+use rcc_protocol::{Role, wire};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::{TestCell, await_some, nets};
 
@@ -69,7 +70,7 @@ fn bytes_that_are_not_a_call_are_refused_and_change_nothing() {
         .as_array()
         .expect("rows")
         .len();
-    let mut random = rcc_ipc::monotonic_ns() | 1;
+    let mut random = rcc_os::clock::monotonic_ns() | 1;
     eprintln!("seed {random}");
     for length in [0, 1, 2, 7, 64, 1000, 100_000] {
         // An unknown call number, followed by random bytes.
@@ -155,7 +156,7 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
     let control = Control::of(&cell);
     let watch = cell.watch();
     let plan = control.plan(&nets::input("input", "io", "lamp_on"));
-    let seed = rcc_ipc::monotonic_ns() | 1;
+    let seed = rcc_os::clock::monotonic_ns() | 1;
     eprintln!("seed {seed}");
     let (mut random, mut refused) = (seed, 0);
     for round in 0..300 {

@@ -5,7 +5,7 @@
 use std::fs;
 
 use nix::sys::signal::Signal;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::processes::signal;
 use rcc_tests::{TestCell, await_some};
 

@@ -1,7 +1,7 @@
 //! Two arms in one net, each with a driver of its own: started, cancelled and stopped as one.
 //! Each test has a cell of its own.
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 use rcc_tests::records::RecordCollector;
 use rcc_tests::{TestCell, await_some, repository};
 

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
-use rcc_ipc::ProcessInstance;
+use rcc_os::process_instance::ProcessInstance;
 use rcc_tests::cell_fixture::{ExecutorBoards, LIMIT, files_below};
 use rcc_tests::injection::{SystemCall, calls_of, can_trace, choose, start_traced, tracee};
 use rcc_tests::processes::signal;

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::process::{Child, Stdio};
 
 use nix::sys::signal::Signal;
-use rcc_ipc::{Announcement, Role};
+use rcc_protocol::{Announcement, Role};
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::processes::{ends_with_test, signal, with_runtime_dir};
 use rcc_tests::{TestCell, await_some, nets, repository};

@@ -13,7 +13,7 @@ fn programs() -> Vec<String> {
 
 #[test]
 fn every_program_prints_version_commit_catalogue_and_layout() {
-    let expected = rcc_ipc::version::version();
+    let expected = rcc_protocol::version::version();
     let catalogue = format!("catalogue {:016x}", rcc_core::primitives::fingerprint());
     for part in [env!("CARGO_PKG_VERSION"), "commit ", &catalogue, "layout "] {
         assert!(expected.contains(part), "{part}: {expected}");

@@ -10,11 +10,11 @@ use rcc_bench::measure::median;
 use rcc_bench::net::net;
 use rcc_config::yaml;
 use rcc_engine::net::Net;
-use rcc_ipc::control::PlanData;
 use rcc_language::check::{Typed, check};
 use rcc_language::devices::DeviceTable;
 use rcc_language::expand::ExpandedNet;
 use rcc_language::{compile_for, infer, lower, resolve, syntax};
+use rcc_protocol::control::PlanData;
 
 use crate::table::{digits, table};
 

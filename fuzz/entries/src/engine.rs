@@ -9,7 +9,7 @@ use rcc_core::message::{
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
-use rcc_ipc::control::{Answer, PlanData, Refusal};
+use rcc_protocol::control::{Answer, PlanData, Refusal};
 
 use crate::set_point_checker::SetPointChecker;
 use crate::shipped::{HOLD, shipped};

@@ -13,8 +13,8 @@ use rcc_engine::net::Net;
 use rcc_engine::record::hash::WordChecksum;
 use rcc_engine::record::{EvaluationRecord, FlightRecorder, FlightRecorderConfig, TriggerReason};
 use rcc_engine::replay::{ReplaySource, replay};
-use rcc_ipc::control::PlanData;
-use rcc_ipc::events;
+use rcc_protocol::control::PlanData;
+use rcc_protocol::events::hex_digits;
 
 use crate::shipped::{HOLD, shipped};
 
@@ -71,8 +71,8 @@ fn make() -> Vec<u64> {
     let head = IncidentHead {
         format: incident::FORMAT,
         layout: incident::layout(),
-        catalogue: events::hex_digits(rcc_core::primitives::fingerprint()),
-        configuration: events::hex_digits(cell.plans[0].configuration),
+        catalogue: hex_digits(rcc_core::primitives::fingerprint()),
+        configuration: hex_digits(cell.plans[0].configuration),
         ..IncidentHead::default()
     };
     let nets: Vec<_> = (1..).zip(&origins).collect();

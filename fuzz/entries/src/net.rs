@@ -3,7 +3,7 @@
 
 use rcc_config::diagnostic::{Faults, Severity};
 use rcc_engine::queue::EngineRequest;
-use rcc_ipc::control::Refusal;
+use rcc_protocol::control::Refusal;
 
 use crate::engine::EngineHarness;
 use crate::shipped::shipped;

@@ -7,7 +7,7 @@ use rcc_core::message::DeviceState;
 use rcc_core::plan::{Delay, KernelRun, MonitorPoint, NO_REGION, NullRange, PlanRegion, RunBlock};
 use rcc_core::types::Store;
 use rcc_engine::queue::EngineRequest;
-use rcc_ipc::control::PlanData;
+use rcc_protocol::control::PlanData;
 
 use crate::engine::EngineHarness;
 use crate::shipped::shipped;

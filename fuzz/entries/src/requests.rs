@@ -6,9 +6,9 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::Store;
 use rcc_engine::queue::{EngineRequest, ValueReading};
-use rcc_ipc::control::{Answer, Call, InputValue, READ_ELEMENTS_MAX, SWITCH_MAX};
-use rcc_ipc::{Announcement, wire};
 use rcc_loader::server::store::CommandFile;
+use rcc_protocol::control::{Answer, Call, InputValue, READ_ELEMENTS_MAX, SWITCH_MAX};
+use rcc_protocol::{Announcement, wire};
 
 use crate::engine::EngineHarness;
 use crate::shipped::shipped;

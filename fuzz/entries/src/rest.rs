@@ -16,15 +16,16 @@ use axum::http::{Request, StatusCode};
 use bytemuck::{Zeroable, bytes_of_mut};
 use rcc_core::message::{CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
-use rcc_ipc::control::{
-    Answer, CONTROL, Call, NetValues, READ_ELEMENTS_MAX, STATUS, TABLES, TIMING,
-};
-use rcc_ipc::{Announcement, BoardWriter, Cell, Configuration, Role, Server, Session, wire};
+use rcc_ipc::{BoardWriter, Cell, Server, Session};
 use rcc_loader::server::codes;
 use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::routes::router;
 use rcc_loader::server::service::Service;
 use rcc_process::Helpers;
+use rcc_protocol::control::{
+    Answer, CONTROL, Call, NetValues, READ_ELEMENTS_MAX, STATUS, TABLES, TIMING,
+};
+use rcc_protocol::{Configuration, Role, wire};
 use tower_service::Service as _;
 
 use crate::shipped::shipped;
@@ -141,15 +142,16 @@ fn set_up() -> RestHarness {
     let tables = unwrap_or_panic(session.create_board::<Tables>(TABLES));
     let timing = unwrap_or_panic(session.create_board::<CycleTiming>(TIMING));
     let helpers = unwrap_or_panic(
-        session.create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS),
+        session.create_board::<rcc_core::helper::HelperTable>(rcc_protocol::control::HELPERS),
     );
-    let announcement = Announcement::of(&session)
+    let announcement = session
+        .announcement()
         .configured(Configuration::new(shipped().cell.identity()))
         .service(CONTROL, server.service())
         .service(STATUS, status.service())
         .service(TABLES, tables.service())
         .service(TIMING, timing.service())
-        .service(rcc_ipc::control::HELPERS, helpers.service());
+        .service(rcc_protocol::control::HELPERS, helpers.service());
     let announced = unwrap_or_panic(cell.announce(&announcement));
     let fake = Arc::new(Mutex::new(FakeExecutorState {
         tables: bytemuck::zeroed_box(),
@@ -256,7 +258,7 @@ impl FakeExecutorState {
             Call::Unload { id } => (id, CommandState::None),
             Call::Record => return Answer::Done { cycle: 8 },
             Call::Recorded { .. } => {
-                return Answer::Recorded(rcc_ipc::control::RecordingState::Lost {
+                return Answer::Recorded(rcc_protocol::control::RecordingState::Lost {
                     why: String::new(),
                 });
             }

@@ -8,8 +8,8 @@ use std::sync::LazyLock;
 use rcc_config::CellConfig;
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::Joints;
-use rcc_ipc::control::PlanData;
 use rcc_language::devices::DeviceTable;
+use rcc_protocol::control::PlanData;
 
 /// The demo cell, as the loader sees it.
 pub struct ShippedFixtures {

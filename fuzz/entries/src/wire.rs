@@ -2,8 +2,8 @@
 //! decoded message must stay the same when it is encoded and decoded again; a truncated or extended message must be
 //! refused. Run by the thread of the target.
 
-use rcc_ipc::control::{Answer, Call};
-use rcc_ipc::wire::{Message, decode, encode};
+use rcc_protocol::control::{Answer, Call};
+use rcc_protocol::wire::{Message, decode, encode};
 
 /// Decodes the bytes as each message type.
 pub fn run(data: &[u8]) {

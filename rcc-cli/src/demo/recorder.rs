@@ -8,10 +8,11 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use rcc_core::message::MonitorRecord;
-use rcc_ipc::control::RECORDS;
-use rcc_ipc::{Cell, Role, Session, Subscriber};
+use rcc_ipc::{Cell, Session, Subscriber};
 use rcc_loader::server::codes;
-use rcc_loader::server::executor::EXECUTOR_LABEL;
+use rcc_protocol::Role;
+use rcc_protocol::announcement::EXECUTOR_LABEL;
+use rcc_protocol::control::RECORDS;
 
 use crate::failure::Failure;
 
@@ -45,7 +46,7 @@ impl MonitorRecorder {
             .announced(Role::Executor, EXECUTOR_LABEL)
             .map_err(|error| failed(error.to_string()))?;
         if let Some(executor) = &announced {
-            rcc_ipc::Build::require_layout(executor)
+            rcc_protocol::Build::require_layout(executor)
                 .map_err(|error| Failure::new(codes::OTHER_BUILD, error.to_string(), ""))?;
         }
         let service = announced

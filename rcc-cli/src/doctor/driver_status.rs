@@ -1,8 +1,9 @@
 //! Status file of a device's driver, which the driver writes once a second; unknown and missing fields are tolerated.
 //! Run by the main thread. The history starts with the driver.
 
-use rcc_ipc::{Cell, Role};
+use rcc_ipc::Cell;
 use rcc_os::{file, wall};
+use rcc_protocol::Role;
 use serde::{Deserialize, Serialize};
 
 /// Bars of a sparkline, from worst to best.

@@ -10,7 +10,7 @@ use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::unistd::Pid;
 use rcc_core::histogram::Histogram;
-use rcc_ipc::{monotonic_ns, sleep_until};
+use rcc_os::clock::{monotonic_ns, sleep_until};
 use serde::Serialize;
 
 use super::histogram::{Bucket, buckets, drawing};

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use rcc_config::cell::RealTime;
 use rcc_config::ports::PortArgument;
 use rcc_config::{CellConfig, ExecutorConfig, auto_ports};
-use rcc_ipc::{Announcement, Cell};
+use rcc_ipc::Cell;
 use rcc_loader::server::codes;
+use rcc_protocol::Announcement;
 
 use crate::context::{Context, cell_failure};
 use crate::failure::Failure;

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::clean::WipeError;
-use rcc_ipc::events::EventKind;
 use rcc_ipc::ownership;
 use rcc_loader::server::api::{CommandView, DeviceView, StatusView};
+use rcc_protocol::events::EventKind;
 
 use super::child::{self, ProcessState};
 use super::processes::ProcessKind;

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use rcc_config::{CellConfig, auto_ports};
-use rcc_ipc::control::PlanData;
 use rcc_language::compile_with;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::FileLibraries;
@@ -13,6 +12,7 @@ use rcc_language::names::Names;
 use rcc_loader::server::api::{Finding, RehearsalView};
 use rcc_loader::server::codes::{self, exit};
 use rcc_loader::server::compile::{findings, name_of};
+use rcc_protocol::control::PlanData;
 use serde::Serialize;
 
 use super::simulate::with_names;

@@ -5,10 +5,9 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use rcc_ipc::Cell;
-use rcc_ipc::events::{
-    Event, EventKind, EventOrigin, EventReader, EventSeverity, wall_time_before,
-};
+use rcc_ipc::events::EventReader;
 use rcc_loader::server::codes;
+use rcc_protocol::events::{Event, EventKind, EventOrigin, EventSeverity, wall_time_before};
 
 use crate::context::{Context, OutputFormat, cell_failure};
 use crate::failure::Failure;
@@ -260,7 +259,7 @@ fn since(text: Option<&str>) -> Result<Since, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcc_ipc::events::{CommandFault, EventSource};
+    use rcc_protocol::events::{CommandFault, EventSource};
 
     fn event(role: EventOrigin, label: &str, cycle: Option<u64>, what: EventKind) -> Event {
         Event::now(EventSource::this(role, label), cycle, what)

@@ -7,10 +7,12 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rcc_config::CellConfig;
-use rcc_ipc::events::{self, EventKind, EventOrigin};
-use rcc_ipc::{Cell, Liveness, Role};
+use rcc_ipc::{Cell, events};
 use rcc_loader::server::codes;
-use rcc_loader::server::executor::EXECUTOR_LABEL;
+use rcc_os::process_instance::Liveness;
+use rcc_protocol::Role;
+use rcc_protocol::announcement::EXECUTOR_LABEL;
+use rcc_protocol::events::{EventKind, EventOrigin};
 use serde_json::{Value, json};
 
 use crate::client::no_loader;

@@ -5,9 +5,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use rcc_core::message::EndReason;
-use rcc_ipc::control::Refusal;
 use rcc_loader::server::codes;
 use rcc_loader::server::codes::exit;
+use rcc_protocol::control::Refusal;
 use serde::Serialize;
 
 use super::simulate::{

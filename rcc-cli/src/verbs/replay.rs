@@ -11,8 +11,8 @@ use rcc_engine::net::Evaluation;
 use rcc_engine::replay::{
     Mismatch, MismatchKind, NetReplayResult, ReplaySource, ReplayStep, replay,
 };
-use rcc_ipc::pattern::Pattern;
 use rcc_loader::server::codes;
+use rcc_protocol::pattern::Pattern;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 

@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
-use rcc_ipc::control::PlanData;
 use rcc_language::names::Names;
 use rcc_loader::server::api::{FaultView, RehearsalView};
 use rcc_loader::server::codes::{self, RequestedEnd, exit};
 use rcc_loader::server::compile::compile;
 use rcc_loader::server::messages::NameResolver;
+use rcc_protocol::control::PlanData;
 use serde::Serialize;
 
 use super::check::{load_config, require_valid_settings};

@@ -11,8 +11,8 @@ use rcc_core::plan::{Delay, KernelRun, MonitorPoint, Plan};
 use rcc_core::primitive::{CatalogueEntry, Kernel, Size};
 use rcc_core::primitives::{self, CATALOGUE, KERNELS_MAX};
 use rcc_core::types::Store;
-use rcc_ipc::clock::monotonic_ns;
-use rcc_ipc::control::PlanData;
+use rcc_os::clock::monotonic_ns;
+use rcc_protocol::control::PlanData;
 
 use crate::kernel_nets;
 use crate::net::{Net, monitor_record};

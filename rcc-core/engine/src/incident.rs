@@ -15,7 +15,7 @@ use std::path::Path;
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::MAGIC;
 use rcc_core::primitives;
-use rcc_ipc::events;
+use rcc_protocol::events::hex_digits;
 use serde::{Deserialize, Serialize};
 
 use crate::net::NetOrigin;
@@ -348,7 +348,7 @@ impl Incident {
         let head = parse_head(&bytes(&mut words, length, "the head")?)?;
         let (theirs, ours) = (
             head.catalogue.clone(),
-            events::hex_digits(primitives::fingerprint()),
+            hex_digits(primitives::fingerprint()),
         );
         let build = head.build.clone();
         if head.layout != layout() {

@@ -4,7 +4,7 @@
 
 use rcc_core::plan::{InputPoint, Plan};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
-use rcc_ipc::control::{InputFault, InputValue, Refusal};
+use rcc_protocol::control::{InputFault, InputValue, Refusal};
 
 use crate::net::Nets;
 

@@ -14,7 +14,7 @@ use rcc_core::primitive::{
 };
 use rcc_core::primitives::{self, CATALOGUE, CatalogueEntry};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
-use rcc_ipc::control::{PlanData, Refusal};
+use rcc_protocol::control::{PlanData, Refusal};
 
 use crate::net::Net;
 

@@ -14,8 +14,8 @@ use rcc_core::plan::{
 };
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
-use rcc_ipc::control::{InputValue, PlanData, Refusal};
 use rcc_motion::{MotionSet, MotionSetBuilder};
+use rcc_protocol::control::{InputValue, PlanData, Refusal};
 
 use crate::input::{ArenaSlices, NetInputs, TopicSource, null};
 use crate::queue::ValueReading;

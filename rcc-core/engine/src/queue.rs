@@ -5,7 +5,7 @@ use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
 use rcc_core::plan::ValuePoint;
 use rcc_core::timing::LateCycle;
 use rcc_ipc::BoardReader;
-use rcc_ipc::control::{Answer, InputValue, NetValues, Refusal, SWITCH_MAX};
+use rcc_protocol::control::{Answer, InputValue, NetValues, Refusal, SWITCH_MAX};
 use rtrb::{Consumer, Producer};
 
 use crate::net::Net;

@@ -12,8 +12,8 @@ use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
 use rcc_core::path::MotionState;
-use rcc_ipc::control::{InputValue, Refusal};
-use rcc_ipc::rehearsal::{
+use rcc_protocol::control::{InputValue, Refusal};
+use rcc_protocol::rehearsal::{
     LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, ShortenedBlend,
 };
 

@@ -9,7 +9,7 @@ use rcc_core::primitive::Operand;
 use rcc_core::primitives;
 use rcc_core::types::Store;
 
-use rcc_ipc::control::Refusal;
+use rcc_protocol::control::Refusal;
 
 use crate::net::{Evaluation, Net, NetOrigin};
 use crate::record::entry::{NetSnapshot, RecordEntries, RecordEntry, UnknownRecord, input_of};

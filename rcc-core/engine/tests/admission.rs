@@ -6,7 +6,7 @@ use common::{EngineFixture, endless_net, output_net};
 use rcc_core::message::{CommandState, EndReason};
 use rcc_core::plan::Rate;
 use rcc_engine::queue::EngineRequest;
-use rcc_ipc::control::{Answer, Refusal, SWITCH_MAX};
+use rcc_protocol::control::{Answer, Refusal, SWITCH_MAX};
 
 const BUDGET_NS: u64 = 500_000;
 

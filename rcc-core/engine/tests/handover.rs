@@ -7,7 +7,7 @@ use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandImage, CommandState, DeviceState, EndReason};
 use rcc_core::plan::{Rate, Resource};
 use rcc_engine::queue::EngineRequest;
-use rcc_ipc::control::{Answer, PlanData, Refusal};
+use rcc_protocol::control::{Answer, PlanData, Refusal};
 
 fn cycle_of(answer: Answer) -> u64 {
     match answer {

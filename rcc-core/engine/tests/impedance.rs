@@ -10,8 +10,8 @@ use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
 use rcc_engine::net::Net;
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
-use rcc_ipc::control::{Answer, PlanData, Refusal};
-use rcc_ipc::rehearsal::RehearsalRule;
+use rcc_protocol::control::{Answer, PlanData, Refusal};
+use rcc_protocol::rehearsal::RehearsalRule;
 
 const CARTESIAN: u64 = ControlMode::CartesianImpedance as u64;
 

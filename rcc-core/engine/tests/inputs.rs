@@ -7,7 +7,7 @@ use rcc_core::message::CommandState;
 use rcc_core::plan::{PlanError, Rate, ValuePoint};
 use rcc_core::types::Store;
 use rcc_engine::queue::EngineRequest;
-use rcc_ipc::control::{Answer, InputFault, InputValue, PlanData, Refusal};
+use rcc_protocol::control::{Answer, InputFault, InputValue, PlanData, Refusal};
 
 const NULL: f64 = f64::NAN;
 

@@ -9,7 +9,7 @@ use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode};
 use rcc_core::plan::Resource;
 use rcc_core::workspace::Workspace;
 use rcc_engine::queue::EngineRequest;
-use rcc_ipc::control::{Answer, Refusal};
+use rcc_protocol::control::{Answer, Refusal};
 
 fn refused(answer: Answer) -> Refusal {
     match answer {

@@ -17,7 +17,7 @@ use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::queue::{EngineRequest, ValueReading};
 use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
-use rcc_ipc::control::{Answer, InputValue, PlanData};
+use rcc_protocol::control::{Answer, InputValue, PlanData};
 
 /// An allocator that counts the heap operations of each thread.
 struct Counting;

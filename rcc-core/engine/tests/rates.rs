@@ -6,7 +6,7 @@ use common::{EngineFixture, line_net, output_net, time_net};
 use rcc_core::message::{CommandState, DeviceState, EndReason, SetPoint};
 use rcc_core::plan::{PlanError, Rate};
 use rcc_engine::queue::EngineRequest;
-use rcc_ipc::control::{Answer, Refusal};
+use rcc_protocol::control::{Answer, Refusal};
 
 const FIFTH: Rate = Rate { every: 5, phase: 2 };
 

@@ -15,8 +15,8 @@ use rcc_core::workspace::Workspace;
 use rcc_engine::net::Net;
 use rcc_engine::queue::EngineRequest;
 use rcc_engine::rehearsal::{RehearsalScene, TIME_MAX_S, rehearse};
-use rcc_ipc::control::{Answer, PlanData, Refusal};
-use rcc_ipc::rehearsal::{PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule};
+use rcc_protocol::control::{Answer, PlanData, Refusal};
+use rcc_protocol::rehearsal::{PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule};
 
 const DT_S: f64 = 1e-3;
 /// Slots of `line_net`: y of its goal, and the limits of velocity, acceleration and jerk.

@@ -20,7 +20,7 @@ use rcc_engine::record::{
     FlightRecorder, FlightRecorderConfig, FlightRecorderHelper, FrozenRecording, TriggerReason,
 };
 use rcc_engine::replay::{MismatchKind, NetReplayResult, ReplaySource, replay};
-use rcc_ipc::control::{Answer, PlanData};
+use rcc_protocol::control::{Answer, PlanData};
 
 const CONFIGURATION: u64 = 5;
 const ROOM: usize = 64 << 20;
@@ -401,8 +401,8 @@ fn file(stage: &Recorded, tape: &RecordedTape) -> Vec<u64> {
     let head = IncidentHead {
         format: incident::FORMAT,
         layout: incident::layout(),
-        catalogue: rcc_ipc::events::hex_digits(rcc_core::primitives::fingerprint()),
-        configuration: rcc_ipc::events::hex_digits(CONFIGURATION),
+        catalogue: rcc_protocol::events::hex_digits(rcc_core::primitives::fingerprint()),
+        configuration: rcc_protocol::events::hex_digits(CONFIGURATION),
         ..IncidentHead::default()
     };
     let parts = IncidentParts {

@@ -11,7 +11,7 @@ use rcc_core::primitives::CATALOGUE;
 use rcc_core::timing::LateCause;
 use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineEvent, EngineRequest};
-use rcc_ipc::control::Answer;
+use rcc_protocol::control::Answer;
 
 /// Advance of the clock per read, unless `STEPS_NS` says otherwise.
 const LOOK_NS: u64 = 10;

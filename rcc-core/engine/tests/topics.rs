@@ -6,7 +6,7 @@ use common::{EngineFixture, publishing_net, subscribing_net};
 use rcc_core::message::{CommandState, EndReason};
 use rcc_core::plan::{PlanError, Rate, Resource, TOPICS_MAX};
 use rcc_core::topic::Topic;
-use rcc_ipc::control::{Answer, InputFault, Refusal};
+use rcc_protocol::control::{Answer, InputFault, Refusal};
 
 const NULL: f64 = f64::NAN;
 const EACH: Rate = Rate::EVERY_CYCLE;
@@ -31,7 +31,7 @@ fn sees(fixture: &mut EngineFixture, value: f64, age: f64) {
     );
 }
 
-fn started(fixture: &mut EngineFixture, plan: rcc_ipc::control::PlanData) -> u64 {
+fn started(fixture: &mut EngineFixture, plan: rcc_protocol::control::PlanData) -> u64 {
     let id = fixture.load(plan);
     assert!(matches!(fixture.start(id), Answer::Done { .. }));
     id

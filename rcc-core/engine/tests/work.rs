@@ -5,7 +5,7 @@ mod common;
 use common::{EngineFixture, TestPlan, endless_net};
 use rcc_core::plan::{Delay, PlanError};
 use rcc_core::types::Store;
-use rcc_ipc::control::Refusal;
+use rcc_protocol::control::Refusal;
 
 const WIDTH: u32 = 1 << 19;
 

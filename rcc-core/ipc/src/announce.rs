@@ -1,5 +1,5 @@
-//! Announcements: each process of a cell writes a small file that names its role, its process id and its services. Read
-//! and written by threads that are not real-time.
+//! The announcement files of a cell: each process writes one, under a lock. Read and written by threads that are not
+//! real-time.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -7,110 +7,15 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use nix::fcntl::Flock;
+use rcc_protocol::{Announcement, Role};
 
-use crate::build::Build;
 use crate::cell::{Cell, CellError};
 use crate::clean::write_private;
-use crate::configuration::Configuration;
 use crate::lock::{self, LockError};
 use crate::ownership;
-use crate::process_instance::{Liveness, ProcessInstance};
-use crate::session::{Role, Session};
 
 /// Maximum size of an announcement file, bytes.
 const BYTES_MAX: u64 = 1 << 20;
-
-/// Identity of a process and the full names of its services.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Announcement {
-    /// Role of the process in the cell.
-    pub role: Role,
-    /// Distinguishes processes of one role; for a driver, the name of its device.
-    pub label: String,
-    /// Incarnation number, unique to this run of the process (see [`ProcessInstance::incarnation`]).
-    #[serde(with = "hexadecimal")]
-    pub incarnation: u64,
-    /// Process id.
-    pub pid: u32,
-    /// Start time of the process, clock ticks after boot.
-    pub start_time_ticks: u64,
-    /// Full service names, by short name.
-    #[serde(default)]
-    pub services: BTreeMap<String, String>,
-    /// Note for people; a driver lists its reason numbers here, one `NUMBER TEXT` per line.
-    #[serde(default)]
-    pub note: String,
-    /// Configuration that the process was started with; `None` for processes without one, and for older builds.
-    #[serde(default)]
-    pub configuration: Option<Configuration>,
-    /// Build of the process; `None` for older builds, which do not announce it.
-    #[serde(default)]
-    pub build: Option<Build>,
-}
-
-impl Announcement {
-    /// Returns the announcement of this process, without services.
-    #[must_use]
-    pub fn of(session: &Session) -> Announcement {
-        let instance = session.instance();
-        Announcement {
-            role: session.role(),
-            label: session.label().to_owned(),
-            incarnation: instance.incarnation(),
-            pid: instance.pid,
-            start_time_ticks: instance.start_time_ticks,
-            services: BTreeMap::new(),
-            note: String::new(),
-            configuration: None,
-            build: Some(Build::own()),
-        }
-    }
-
-    /// Adds the service `full` under the short name `name`.
-    #[must_use]
-    pub fn service(mut self, name: &str, full: &str) -> Announcement {
-        self.services.insert(name.to_owned(), full.to_owned());
-        self
-    }
-
-    /// Sets the note for people.
-    #[must_use]
-    pub fn note(mut self, note: &str) -> Announcement {
-        note.clone_into(&mut self.note);
-        self
-    }
-
-    /// Sets the configuration that the process was started with.
-    #[must_use]
-    pub fn configured(mut self, configuration: Configuration) -> Announcement {
-        self.configuration = Some(configuration);
-        self
-    }
-
-    /// Returns a name for people: `executor`, `driver io`.
-    #[must_use]
-    pub fn who(&self) -> String {
-        match self.role {
-            Role::Driver => format!("driver {}", self.label),
-            role => role.to_string(),
-        }
-    }
-
-    /// Returns the process instance that made this announcement.
-    #[must_use]
-    pub fn instance(&self) -> ProcessInstance {
-        ProcessInstance {
-            pid: self.pid,
-            start_time_ticks: self.start_time_ticks,
-        }
-    }
-
-    /// Returns whether exactly this process instance still runs (a zombie does not), as far as the system can tell.
-    #[must_use]
-    pub fn liveness(&self) -> Liveness {
-        self.instance().liveness()
-    }
-}
 
 /// Error while making or reading an announcement.
 #[derive(Debug, thiserror::Error)]
@@ -317,18 +222,4 @@ fn write(path: &Path, announcement: &Announcement) -> Result<(), AnnounceError> 
     write_private(&beside, &text)
         .and_then(|()| fs::rename(&beside, path))
         .map_err(failed)
-}
-
-/// A `u64` as hexadecimal text: JSON readers in other languages keep only 53 bits of a number.
-pub(crate) mod hexadecimal {
-    use serde::de::{Deserialize, Deserializer, Error};
-
-    pub fn serialize<S: serde::Serializer>(value: &u64, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(&format!("{value:016x}"))
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
-        let digits = String::deserialize(deserializer)?;
-        u64::from_str_radix(&digits, 16).map_err(D::Error::custom)
-    }
 }

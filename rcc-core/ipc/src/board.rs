@@ -9,8 +9,8 @@ use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
 use iceoryx2::prelude::{ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::blackboard::{BlackboardOpenError, Creator};
+use rcc_os::process_instance::ProcessInstance;
 
-use crate::process_instance::ProcessInstance;
 use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
 use crate::shm_space::{self, OutOfSharedMemory};

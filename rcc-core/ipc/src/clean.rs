@@ -10,12 +10,14 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rcc_protocol::Role;
+
 use crate::announce::AnnounceError;
 use crate::cell::{Cell, CellError, is_simulator_socket};
 use crate::lock::LockError;
 use crate::ownership;
 use crate::ownership::ExclusiveAccess;
-use crate::session::{Role, SessionError};
+use crate::session::SessionError;
 use crate::shm_space::SHM;
 
 mod half_created;

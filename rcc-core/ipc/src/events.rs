@@ -1,11 +1,12 @@
-//! The event log of a cell: one JSON object per line, in a file that can be read without any live process. Written by
+//! The event log of a cell: one [`Event`] per line, in a file that can be read without any live process. Written by
 //! threads that are not real-time (usually by the thread of an [`EventRecorder`]); read by any process.
 //!
-//! Several processes write the log. A line is at most [`LINE_MAX`] bytes and is written by one `write` to a file opened
-//! with `O_APPEND`, so that lines of different processes never interleave (Linux holds the inode lock for the whole
-//! call). A process that is killed within that call may leave a torn line, which readers skip. A writer that finds the
-//! file full ([`FILE_MAX`]) moves it to `events.1.jsonl` under a lock. Before each line a writer checks that its open
-//! file is still the one at that path, so that no writer appends more than one line to a file that was moved.
+//! Several processes write the log. A line is at most [`LINE_MAX`](rcc_protocol::events::LINE_MAX) bytes and is written
+//! by one `write` to a file opened with `O_APPEND`, so that lines of different processes never interleave (Linux holds
+//! the inode lock for the whole call). A process that is killed within that call may leave a torn line, which readers
+//! skip. A writer that finds the file full ([`FILE_MAX`]) moves it to `events.1.jsonl` under a lock. Before each line a
+//! writer checks that its open file is still the one at that path, so that no writer appends more than one line to a
+//! file that was moved.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -13,164 +14,23 @@ use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use rcc_protocol::Role;
+use rcc_protocol::events::{
+    Event, EventKind, EventOrigin, EventSource, LastEvent, Predecessor, event_text, hex_digits,
+};
 
 use crate::cell::Cell;
 use crate::clean::CleanReport;
-use crate::clock::monotonic_ns;
 use crate::lock;
-use crate::process_instance::ProcessInstance;
-use crate::session::Role;
 
-mod kinds;
 mod reader;
 mod recorder;
-mod sentences;
-mod wall_time;
 
-pub use kinds::{CommandFault, EVENT_KINDS, EventKind, EventKindRow, LastEvent, Predecessor};
 pub use reader::EventReader;
 pub use recorder::EventRecorder;
-pub use wall_time::{wall_time, wall_time_before};
 
-/// Maximum length of a line including the line feed, bytes; longer texts are truncated.
-pub const LINE_MAX: usize = 4096;
 /// Size at which the file is rotated, bytes; at most two files of this size exist.
 pub const FILE_MAX: u64 = 1 << 20;
-/// Maximum length of a text field, bytes.
-const TEXT_MAX: usize = 480;
-
-/// Kind of process that writes an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum EventOrigin {
-    /// Runs the cycle.
-    Executor,
-    /// Compiles nets to plans and serves the REST interface.
-    Loader,
-    /// Drives one device.
-    Driver,
-    /// Reads streams.
-    Monitor,
-    /// A command entered by a person.
-    Cli,
-    /// `rcc-cli up`.
-    Supervisor,
-    /// Cleans up after dead processes.
-    Janitor,
-}
-
-impl From<Role> for EventOrigin {
-    fn from(role: Role) -> EventOrigin {
-        match role {
-            Role::Loader => EventOrigin::Loader,
-            Role::Executor => EventOrigin::Executor,
-            Role::Driver => EventOrigin::Driver,
-            Role::Monitor => EventOrigin::Monitor,
-            Role::Cli => EventOrigin::Cli,
-        }
-    }
-}
-
-impl EventOrigin {
-    /// Returns the name used in the log.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            EventOrigin::Executor => "executor",
-            EventOrigin::Loader => "loader",
-            EventOrigin::Driver => "driver",
-            EventOrigin::Monitor => "monitor",
-            EventOrigin::Cli => "cli",
-            EventOrigin::Supervisor => "supervisor",
-            EventOrigin::Janitor => "janitor",
-        }
-    }
-}
-
-/// Writer of an event.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EventSource {
-    /// Kind of the process.
-    pub role: EventOrigin,
-    /// Distinguishes processes of one kind; for a driver, the name of its device.
-    pub label: String,
-    /// Process id.
-    pub pid: u32,
-    /// Incarnation of the process, 16 hexadecimal digits.
-    pub incarnation: String,
-}
-
-impl EventSource {
-    /// Returns the source for this process.
-    #[must_use]
-    pub fn this(role: EventOrigin, label: &str) -> EventSource {
-        // `/proc` may be unreadable for a program outside a session: its events still carry the process id.
-        let instance = ProcessInstance::current().unwrap_or(ProcessInstance {
-            pid: std::process::id(),
-            start_time_ticks: 0,
-        });
-        EventSource {
-            role,
-            label: label.to_owned(),
-            pid: instance.pid,
-            incarnation: hex_digits(instance.incarnation()),
-        }
-    }
-}
-
-/// Severity of an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum EventSeverity {
-    /// Normal operation.
-    Info,
-    /// Unexpected, but the cell copes.
-    Warning,
-    /// Something was lost, or ended because of it.
-    Error,
-}
-
-/// One line of the log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Event {
-    // First field, because readers search for it to find the beginning of a line after a torn one.
-    /// Wall time, `2026-11-21T16:02:03.123456Z`.
-    pub time: String,
-    /// CLOCK_MONOTONIC, ns.
-    pub monotonic_ns: u64,
-    /// Executor cycle, if the event belongs to one.
-    pub cycle: Option<u64>,
-    /// Writer of the event.
-    pub source: EventSource,
-    /// Severity.
-    pub severity: EventSeverity,
-    /// The event itself.
-    #[serde(flatten)]
-    pub what: EventKind,
-}
-
-impl Event {
-    /// Creates an event with the current time.
-    #[must_use]
-    pub fn now(source: EventSource, cycle: Option<u64>, what: EventKind) -> Event {
-        Event {
-            time: wall_time(),
-            monotonic_ns: monotonic_ns(),
-            cycle,
-            source,
-            severity: what.severity(),
-            what,
-        }
-    }
-
-    /// Encodes the event as one line with its line feed, at most [`LINE_MAX`] bytes; `None` if that is not possible.
-    fn line(&self) -> Option<Vec<u8>> {
-        let mut line = serde_json::to_vec(self).ok()?;
-        line.push(b'\n');
-        (line.len() <= LINE_MAX).then_some(line)
-    }
-}
 
 impl Cell {
     /// Returns the path of the current log file.
@@ -354,30 +214,6 @@ pub fn reason_words(cell: &Cell, device: &str, number: u32) -> String {
         || format!("reason {number}"),
         |(_, words)| event_text(words),
     )
-}
-
-/// Formats an incarnation or a fingerprint as 16 hexadecimal digits: JSON numbers are not exact in that range.
-#[must_use]
-pub fn hex_digits(word: u64) -> String {
-    format!("{word:016x}")
-}
-
-/// Makes a text fit into an event: truncated, one line, without control characters (readers print it on terminals).
-#[must_use]
-pub fn event_text(given: &str) -> String {
-    let mut out = String::with_capacity(given.len().min(TEXT_MAX));
-    for character in given.trim().chars() {
-        if out.len() + character.len_utf8() > TEXT_MAX {
-            out.push('…');
-            break;
-        }
-        out.push(if character.is_control() {
-            ' '
-        } else {
-            character
-        });
-    }
-    out
 }
 
 #[cfg(test)]

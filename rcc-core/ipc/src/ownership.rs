@@ -8,47 +8,18 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use nix::fcntl::Flock;
+use rcc_protocol::Announcement;
 
-use crate::announce::{AnnounceError, Announced, Announcement};
+use crate::announce::{AnnounceError, Announced};
 use crate::cell::Cell;
 use crate::clean::{WipeError, WipeReport, remove_rest, wipe_locked};
 use crate::lock::{self, LockError};
-use crate::session::Role;
 
 /// Time limit for the lock of the cell: a killed process counts as dead before the system has closed its files, and a
 /// janitor is in the cell for a moment.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Interval between attempts.
 const RETRY: Duration = Duration::from_millis(2);
-/// Role and label under which the supervisor of a cell announces itself; at most one process has them.
-const SUPERVISOR: (Role, &str) = (Role::Cli, "up");
-
-impl Announcement {
-    /// Returns the announcement of this process as the supervisor of a cell.
-    ///
-    /// # Errors
-    /// Returns an error if the system does not tell the start time of this process.
-    pub fn supervisor() -> io::Result<Announcement> {
-        let instance = crate::ProcessInstance::current()?;
-        Ok(Announcement {
-            role: SUPERVISOR.0,
-            label: SUPERVISOR.1.to_owned(),
-            incarnation: instance.incarnation(),
-            pid: instance.pid,
-            start_time_ticks: instance.start_time_ticks,
-            services: Default::default(),
-            note: "supervisor".to_owned(),
-            configuration: None,
-            build: Some(crate::Build::own()),
-        })
-    }
-
-    /// Returns true if the announcing process supervises the cell.
-    #[must_use]
-    pub fn is_supervisor(&self) -> bool {
-        (self.role, self.label.as_str()) == SUPERVISOR
-    }
-}
 
 /// Acquires a cell for the process of `announcement`: removes what a dead cell left behind and announces the process,
 /// both under the lock of the cell. Of several concurrent attempts one succeeds; all others are refused before they

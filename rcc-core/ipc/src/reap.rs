@@ -7,10 +7,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use rcc_os::process_instance::started_ns;
 use rcc_os::{file, wall};
 
 use crate::cell::Cell;
-use crate::process_instance::started_ns;
 use crate::spill_file;
 
 /// Upper bound of the difference between clock ticks, clocks and their reading, ns.
@@ -245,7 +245,7 @@ fn remove_all(paths: Vec<PathBuf>) -> Result<usize, (PathBuf, io::Error)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::monotonic_ns;
+    use rcc_os::clock::monotonic_ns;
 
     fn id_of(pid: u32, created_ns: u64) -> u128 {
         let seconds = u128::from(created_ns / 1_000_000_000);

@@ -16,16 +16,13 @@ use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::request_response::PortFactory;
+use rcc_os::process_instance::ProcessInstance;
+use rcc_protocol::control::{REQUEST_MAX, RESPONSE_MAX};
 
-use crate::process_instance::ProcessInstance;
 use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shm_space::{self, OutOfSharedMemory};
 use crate::spill_file::{self, SpillError, SpillFile};
 
-/// Maximum length of a request (a plan with its tables), bytes.
-pub const REQUEST_MAX: usize = 4 << 20;
-/// Maximum length of an answer, bytes.
-pub const RESPONSE_MAX: usize = 16 << 10;
 /// Maximum number of clients of one server, including dead ones that have not been cleaned up.
 pub const CLIENTS_MAX: usize = 32;
 

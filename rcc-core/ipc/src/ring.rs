@@ -7,9 +7,9 @@ use std::fmt;
 use bytemuck::Pod;
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
+use rcc_os::process_instance::ProcessInstance;
 
 use crate::board::{BoardError, Service};
-use crate::process_instance::ProcessInstance;
 use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
 

@@ -13,11 +13,12 @@ use iceoryx2::prelude::{
     SignalHandlingMode, ipc_threadsafe, set_log_level,
 };
 use nix::fcntl::Flock;
+use rcc_os::process_instance::ProcessInstance;
+use rcc_protocol::{Announcement, Role};
 
 use crate::cell::{Cell, CellError};
 use crate::clean;
 use crate::lock::{self, LockError};
-use crate::process_instance::ProcessInstance;
 use crate::shm_space::{self, OutOfSharedMemory, SHM};
 
 /// Shared memory of a node, including the management segment that the first node of a cell creates, bytes.
@@ -28,44 +29,6 @@ const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 const WIPE_WAIT: Duration = Duration::from_secs(5);
 /// Maximum length of a label, characters.
 const LABEL_LENGTH_MAX: usize = 64;
-
-/// Role of a process in its cell.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// Compiles nets to plans and serves the REST interface.
-    Loader,
-    /// Runs the cycle.
-    Executor,
-    /// Drives one device.
-    Driver,
-    /// Reads streams.
-    Monitor,
-    /// A command entered by a person.
-    Cli,
-}
-
-impl Role {
-    /// Returns the name used in file and service names.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Role::Loader => "loader",
-            Role::Executor => "executor",
-            Role::Driver => "driver",
-            Role::Monitor => "monitor",
-            Role::Cli => "cli",
-        }
-    }
-}
-
-impl fmt::Display for Role {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(self.as_str())
-    }
-}
 
 /// Error description from iceoryx2.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -210,6 +173,12 @@ impl Session {
     #[must_use]
     pub fn incarnation(&self) -> u64 {
         self.instance.incarnation()
+    }
+
+    /// Returns the announcement of this process, without services.
+    #[must_use]
+    pub fn announcement(&self) -> Announcement {
+        Announcement::new(self.role, &self.label, self.instance)
     }
 
     pub(crate) fn node(&self) -> &Node<ipc_threadsafe::Service> {

@@ -8,8 +8,8 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::process_instance::ProcessInstance;
-use crate::request::REQUEST_MAX;
+use rcc_os::process_instance::ProcessInstance;
+use rcc_protocol::control::REQUEST_MAX;
 
 /// First byte of a message whose remaining bytes are the request.
 const INLINE: u8 = 0;

@@ -5,7 +5,8 @@ mod common;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use bytemuck::{Pod, Zeroable};
 use common::{Peer, TestCell, part, refused, run_janitor, wait_for};
-use rcc_ipc::{Announcement, BoardError, Role, Session};
+use rcc_ipc::{BoardError, Session};
+use rcc_protocol::Role;
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -39,7 +40,7 @@ fn peer() {
     };
     let session = Session::join(&cell, Role::Driver, &label).unwrap();
     let mut board = session.create_board::<Measured>("meas").unwrap();
-    let announcement = Announcement::of(&session).service("meas", board.service());
+    let announcement = session.announcement().service("meas", board.service());
     let _announced = cell.announce(&announcement).unwrap();
     for sequence in 1.. {
         board.write(&measured(sequence));

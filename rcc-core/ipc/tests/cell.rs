@@ -13,10 +13,9 @@ use std::time::{Duration, SystemTime};
 use common::{Peer, TestCell, part, refused, run_janitor, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
 use rcc_ipc::ownership::{acquire, release};
-use rcc_ipc::{
-    AnnounceError, Announcement, BoardError, Build, Cell, Configuration, ProcessInstance,
-    RequestError, Role, Session, SessionError,
-};
+use rcc_ipc::{AnnounceError, BoardError, Cell, RequestError, Session, SessionError};
+use rcc_os::process_instance::ProcessInstance;
+use rcc_protocol::{Announcement, Build, Configuration, Role};
 
 /// The child process: stays in the cell, announced or not, until it is killed.
 #[test]
@@ -32,7 +31,7 @@ fn peer() {
             std::thread::park();
         }
     }
-    let announcement = Announcement::of(&session).service("board", board.service());
+    let announcement = session.announcement().service("board", board.service());
     let _announced = cell.announce(&announcement).unwrap();
     loop {
         std::thread::park();
@@ -166,7 +165,7 @@ fn two_cells_never_see_each_other() {
     let in_two = Session::join(&two, Role::Driver, "lwr").unwrap();
     let board = in_one.create_board::<u64>("board").unwrap();
     let server = in_one.serve("server").unwrap();
-    let _announced = one.announce(&Announcement::of(&in_one)).unwrap();
+    let _announced = one.announce(&in_one.announcement()).unwrap();
     assert!(two.announced_all().unwrap().is_empty());
     let error = refused(in_two.open_board::<u64>(board.service()));
     assert!(matches!(error, BoardError::DoesNotExist { .. }), "{error}");
@@ -284,7 +283,7 @@ fn nothing_of_a_living_cell_is_open_to_other_users() {
     let _reader = session.open_board::<[u64; 64]>(board.service()).unwrap();
     let _client = session.client(server.service()).unwrap();
     let _subscriber = session.subscribe::<[u64; 8]>(publisher.service()).unwrap();
-    let _announced = cell.announce(&Announcement::of(&session)).unwrap();
+    let _announced = cell.announce(&session.announcement()).unwrap();
     run_janitor(&cell).unwrap();
     let on_disk = files_below(cell.runtime_dir());
     let in_memory = cell.leftovers().unwrap();

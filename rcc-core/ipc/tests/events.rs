@@ -6,7 +6,8 @@ mod common;
 use std::collections::BTreeMap;
 
 use common::{Peer, TestCell, part, wait_for};
-use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader, tell};
+use rcc_ipc::events::{EventReader, tell};
+use rcc_protocol::events::{Event, EventKind, EventOrigin};
 
 const LINES: u64 = 1000;
 const WRITERS: [&str; 4] = ["a", "b", "c", "d"];

@@ -8,7 +8,8 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use common::{Peer, TestCell, part, refused, run_janitor};
-use rcc_ipc::{Announcement, Role, Session};
+use rcc_ipc::Session;
+use rcc_protocol::Role;
 
 /// The child process: announced, with more shared memory than the janitor needs to join, until it is killed.
 #[test]
@@ -19,7 +20,7 @@ fn peer() {
     let session = Session::join(&cell, Role::Driver, &label).unwrap();
     let board = |number: u32| session.create_board::<[u64; 8 << 10]>(&format!("board{number}"));
     let _boards: Vec<_> = (0..24).map(|number| board(number).unwrap()).collect();
-    let _announced = cell.announce(&Announcement::of(&session)).unwrap();
+    let _announced = cell.announce(&session.announcement()).unwrap();
     loop {
         std::thread::park();
     }

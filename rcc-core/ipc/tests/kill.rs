@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for, wait_until_started};
-use rcc_ipc::{Announcement, Cell, Role, Session};
-use rcc_ipc::{board, request, stream};
+use rcc_ipc::{Cell, Session, board, request, stream};
+use rcc_protocol::Role;
 
 /// The child process: works until it is killed.
 #[test]
@@ -118,7 +118,8 @@ fn host(session: &Session, cell: &Cell, end: &AtomicBool) {
     let mut board = session.create_board::<u64>("board").unwrap();
     let mut publisher = session.publisher::<[u64; 8]>("stream").unwrap();
     let server = session.serve("server").unwrap();
-    let announcement = Announcement::of(session)
+    let announcement = session
+        .announcement()
         .service("board", board.service())
         .service("stream", publisher.service())
         .service("server", server.service());

@@ -6,10 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for};
-use rcc_ipc::{
-    Announcement, AnswerError, CallError, Client, REQUEST_MAX, RESPONSE_MAX, RequestError, Role,
-    Server, Session,
-};
+use rcc_ipc::{AnswerError, CallError, Client, RequestError, Server, Session};
+use rcc_protocol::Role;
+use rcc_protocol::control::{REQUEST_MAX, RESPONSE_MAX};
 
 const SOON: Duration = Duration::from_millis(50);
 
@@ -23,14 +22,14 @@ fn peer() {
     if let Some(service) = part.strip_prefix("call ") {
         // A client that calls until it is killed, with requests of all sizes.
         let client = session.client(service).unwrap();
-        let _announced = cell.announce(&Announcement::of(&session)).unwrap();
+        let _announced = cell.announce(&session.announcement()).unwrap();
         for size in (0..).step_by(1000) {
             client.call(&vec![7; size % 100_000], LIMIT).unwrap();
         }
         return;
     }
     let server = session.serve("ask").unwrap();
-    let announcement = Announcement::of(&session).service("ask", server.service());
+    let announcement = session.announcement().service("ask", server.service());
     let _announced = cell.announce(&announcement).unwrap();
     loop {
         match (server.poll().unwrap(), part.as_str()) {

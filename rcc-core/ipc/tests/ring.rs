@@ -5,7 +5,8 @@ mod common;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use common::{TestCell, refused};
 use rcc_core::message::{CommandImage, SET_POINTS, SetPoint};
-use rcc_ipc::{BoardError, Role, Session};
+use rcc_ipc::{BoardError, Session};
+use rcc_protocol::Role;
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;

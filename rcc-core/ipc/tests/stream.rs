@@ -7,7 +7,8 @@ use std::time::Duration;
 use bytemuck::{Pod, Zeroable};
 use common::{Peer, TestCell, part, refused, run_janitor};
 use rcc_ipc::stream::{BATCHES_MAX, batch_records_max};
-use rcc_ipc::{Announcement, Role, Session, StreamError};
+use rcc_ipc::{Session, StreamError};
+use rcc_protocol::Role;
 
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -35,13 +36,15 @@ fn peer() {
     if let Some(service) = part.strip_prefix("watch ") {
         let mut reader = session.subscribe::<Record>(service).unwrap();
         common::wait_for(|| reader.next_batch().unwrap());
-        let _announced = cell.announce(&Announcement::of(&session)).unwrap();
+        let _announced = cell.announce(&session.announcement()).unwrap();
         loop {
             std::thread::park();
         }
     }
     let mut publisher = session.publisher::<Record>("values").unwrap();
-    let announcement = Announcement::of(&session).service("values", publisher.service());
+    let announcement = session
+        .announcement()
+        .service("values", publisher.service());
     let _announced = cell.announce(&announcement).unwrap();
     for cycle in 0.. {
         publisher.publish(&records(cycle * 20, 20)).unwrap();

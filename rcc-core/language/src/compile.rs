@@ -4,7 +4,7 @@
 use rcc_config::CellConfig;
 use rcc_config::diagnostic::{Diagnostic, Faults, Severity, Span};
 use rcc_config::yaml;
-use rcc_ipc::control::PlanData;
+use rcc_protocol::control::PlanData;
 
 use crate::check::{Typed, check};
 use crate::codes;

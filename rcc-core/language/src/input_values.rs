@@ -5,7 +5,7 @@ use rcc_config::diagnostic::{Diagnostic, Faults, Severity, closest};
 use rcc_config::yaml::{self, Entry, Value};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
-use rcc_ipc::control::{InputValue, SET_ELEMENTS_MAX, SET_MAX};
+use rcc_protocol::control::{InputValue, SET_ELEMENTS_MAX, SET_MAX};
 
 use crate::check::literal_fits;
 use crate::codes;

@@ -19,7 +19,7 @@ use rcc_core::primitive::{
 };
 use rcc_core::primitives;
 use rcc_core::types::{Store, Type};
-use rcc_ipc::control::PlanData;
+use rcc_protocol::control::PlanData;
 
 use crate::check::{Typed, every, window};
 use crate::codes;

@@ -4,7 +4,7 @@
 use rcc_core::plan::InputPoint;
 use rcc_core::primitive::{Port, Role};
 use rcc_core::types::{Store, Type};
-use rcc_ipc::control::PlanData;
+use rcc_protocol::control::PlanData;
 use serde::{Deserialize, Serialize};
 
 use crate::check::{Typed, every};

@@ -227,7 +227,7 @@ fn the_plan_check_verifies_regions() {
         "{COUNT}  a: {{fragment: outer, inputs: {{x: true, inner: button.out}}, active: contact.out}}\ndiscard: [a.n, a.own]\n"
     );
     let (net, cell) = (good(&text), cell("tests/nets/cell.yaml"));
-    let check = |change: &dyn Fn(&mut rcc_ipc::control::PlanData)| {
+    let check = |change: &dyn Fn(&mut rcc_protocol::control::PlanData)| {
         let mut plan = net.plan.clone();
         change(&mut plan);
         plan.plan()

@@ -10,6 +10,7 @@ use rcc_core::printable::{Coloured, Printable};
 pub mod arguments;
 pub mod exit;
 pub mod helpers;
+pub mod log_throttle;
 pub mod notify;
 pub mod oom;
 pub mod signals;

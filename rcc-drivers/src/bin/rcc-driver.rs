@@ -15,15 +15,15 @@ use rcc_drivers::drivers;
 use rcc_drivers::host::Host;
 use rcc_drivers::priority::set_realtime_priority;
 use rcc_ipc::Cell;
-use rcc_ipc::events::EventKind;
 use rcc_process::{CellArguments, ExitError, Notifier, Stop, exit, helpers};
+use rcc_protocol::events::EventKind;
 
 /// Set by the signal thread; the host reads it.
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Hosts the driver of one device of a cell.
 #[derive(Debug, Parser)]
-#[command(name = "rcc-driver", version = rcc_ipc::version::version())]
+#[command(name = "rcc-driver", version = rcc_protocol::version::version())]
 struct Options {
     #[command(flatten)]
     cell: CellArguments,

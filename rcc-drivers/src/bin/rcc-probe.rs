@@ -20,7 +20,7 @@ const STEP: Duration = Duration::from_millis(10);
 
 /// Listens to one device of a cell and prints what it received as JSON.
 #[derive(Debug, Parser)]
-#[command(name = "rcc-probe", version = rcc_ipc::version::version())]
+#[command(name = "rcc-probe", version = rcc_protocol::version::version())]
 struct Options {
     #[command(flatten)]
     cell: CellArguments,

@@ -10,11 +10,10 @@ use std::time::{Duration, Instant};
 use bytemuck::Zeroable;
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::message::{CommandImage, DeviceState, Joints, Measurement, SetPoint};
-use rcc_ipc::control::{MEASUREMENT, command_board};
-use rcc_ipc::{
-    Announced, Announcement, BoardReader, Cell, CommandWriter, Configuration, Role, Session,
-    monotonic_ns,
-};
+use rcc_ipc::{Announced, BoardReader, Cell, CommandWriter, Session};
+use rcc_os::clock::monotonic_ns;
+use rcc_protocol::control::{MEASUREMENT, command_board};
+use rcc_protocol::{Announcement, Configuration, Role};
 
 use super::fault_path::FaultPath;
 use super::limit_checker::LimitChecker;
@@ -121,7 +120,7 @@ impl TestCell {
                 .executors
                 .as_ref()
                 .map(|config| Configuration::new(config.identity())),
-            ..Announcement::of(&session).service(&name, board.service())
+            ..session.announcement().service(&name, board.service())
         };
         let announced = self
             .cell

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::message::{CommandImage, SetPoint};
-use rcc_ipc::monotonic_ns;
+use rcc_os::clock::monotonic_ns;
 
 use super::driver_bench::all_on;
 use super::fault_path::free_udp;

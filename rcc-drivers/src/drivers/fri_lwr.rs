@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rcc_config::DeviceConfig;
-use rcc_ipc::monotonic_ns;
+use rcc_os::clock::monotonic_ns;
 
 use crate::driver::{
     Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,

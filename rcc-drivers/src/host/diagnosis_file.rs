@@ -15,7 +15,8 @@ use std::time::Duration;
 
 use rcc_config::DeviceConfig;
 use rcc_core::message::{DeviceState, Measurement};
-use rcc_ipc::{Cell, ProcessInstance};
+use rcc_ipc::Cell;
+use rcc_os::process_instance::ProcessInstance;
 use rcc_process::Helpers;
 use serde::Serialize;
 

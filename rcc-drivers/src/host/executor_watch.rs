@@ -5,11 +5,14 @@
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
-use rcc_ipc::control::command_board;
-use rcc_ipc::events::{self, EventKind, EventRecorder};
-use rcc_ipc::log_throttle::LogThrottle;
-use rcc_ipc::{Announcement, CommandReader, Liveness, ProcessMismatch, Role, Session};
+use rcc_ipc::events::EventRecorder;
+use rcc_ipc::{CommandReader, Session};
+use rcc_os::process_instance::Liveness;
+use rcc_process::log_throttle::LogThrottle;
 use rcc_process::{Helper, Helpers};
+use rcc_protocol::control::command_board;
+use rcc_protocol::events::{EventKind, event_text};
+use rcc_protocol::{Announcement, ProcessMismatch, Role};
 
 /// Watchdog limit of one turn, which reads announcements and opens boards.
 const TURN_MAX: Duration = Duration::from_secs(5);
@@ -201,7 +204,7 @@ impl WatchState {
         );
         self.recorder.tell(EventKind::LifeUnknown {
             process: "executor".to_owned(),
-            why: events::event_text(&why.to_string()),
+            why: event_text(&why.to_string()),
         });
     }
 }

@@ -3,7 +3,7 @@
 //! Run by the host's thread.
 
 use rcc_core::message::{CommandHead, MAGIC};
-use rcc_ipc::{monotonic_ns, sleep_until};
+use rcc_os::clock::{monotonic_ns, sleep_until};
 
 /// Part of the device's period, in thousandths, after which the driver answers in any case: the answer must reach the
 /// device within its period.

@@ -5,7 +5,8 @@ use rcc_config::DeviceConfig;
 use rcc_core::guard::{Violation, axis};
 use rcc_core::message::{DeviceState, Measurement};
 use rcc_core::primitive::ChannelKind;
-use rcc_ipc::events::{self, EventKind, EventRecorder};
+use rcc_ipc::events::EventRecorder;
+use rcc_protocol::events::{Event, EventKind, EventSeverity};
 
 use super::device_session::DeviceSession;
 use super::reason::{self, Reason};
@@ -139,10 +140,10 @@ impl StateLog {
 
     /// Writes to both logs.
     fn log(&self, what: EventKind) {
-        let event = events::Event::now(self.recorder.source().clone(), None, what);
+        let event = Event::now(self.recorder.source().clone(), None, what);
         let words = event.sentence(&|_, id| format!("command {id}"));
         match event.severity {
-            events::EventSeverity::Info => tracing::info!("{words}"),
+            EventSeverity::Info => tracing::info!("{words}"),
             _ => tracing::warn!("{words}"),
         }
         self.recorder.record(event);

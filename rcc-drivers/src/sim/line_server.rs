@@ -2,7 +2,7 @@
 //! is served; see [`super::control_socket`].
 //! One thread accepts, and one thread serves each connection; none of them touches a simulator's clock thread.
 
-use rcc_ipc::log_throttle::LogThrottle;
+use rcc_process::log_throttle::LogThrottle;
 use rcc_process::signals::request_stop;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};

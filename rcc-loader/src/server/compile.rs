@@ -5,9 +5,9 @@ use rcc_config::CellConfig;
 use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, Faults, Severity, render};
 use rcc_core::message::DEVICES_MAX;
 use rcc_core::plan::Resource;
-use rcc_ipc::control::PlanData;
 use rcc_language::names::Names;
 use rcc_language::syntax::is_net_name;
+use rcc_protocol::control::PlanData;
 
 use super::api::{Finding, TextLocation};
 

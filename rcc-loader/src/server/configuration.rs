@@ -7,13 +7,14 @@ use std::time::{Duration, Instant};
 
 use rcc_config::{CellConfig, ConfigChange, DeviceConfig, FileWatch};
 use rcc_core::pose::Pose;
-use rcc_ipc::configuration::changed;
-use rcc_ipc::events::{self, EventKind};
-use rcc_ipc::{Announcement, Configuration, ProcessMismatch, Role};
+use rcc_protocol::announcement::EXECUTOR_LABEL;
+use rcc_protocol::configuration::changed;
+use rcc_protocol::events::{EventKind, event_text};
+use rcc_protocol::{Announcement, Configuration, ProcessMismatch, Role};
 
 use super::codes;
 use super::error::ApiError;
-use super::executor::{EXECUTOR_LABEL, ExecutorConnection};
+use super::executor::ExecutorConnection;
 use super::service::Service;
 
 /// Interval at which the configuration's files are checked.
@@ -207,8 +208,8 @@ pub(super) fn disagreement_sentence(who: &str, why: &ProcessMismatch) -> String 
 fn described(change: &ConfigChange) -> (String, Option<String>) {
     match change {
         ConfigChange::None => (String::new(), None),
-        ConfigChange::Differs(words) => (events::event_text(&words.join("; ")), None),
-        ConfigChange::Invalid(fault) => (String::new(), Some(events::event_text(fault))),
+        ConfigChange::Differs(words) => (event_text(&words.join("; ")), None),
+        ConfigChange::Invalid(fault) => (String::new(), Some(event_text(fault))),
     }
 }
 

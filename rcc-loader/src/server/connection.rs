@@ -15,7 +15,8 @@ use axum::Router;
 use axum::http::StatusCode;
 use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
-use rcc_ipc::events::{self, EventRecorder};
+use rcc_ipc::events::EventRecorder;
+use rcc_protocol::events::{EventKind, event_text};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, UnixListener};
 use tokio::time::timeout;
@@ -75,9 +76,9 @@ impl ListenerContext {
             let (code, message) = (error.code.code, &error.message);
             tracing::warn!(%peer, code, others, "client disconnected: {message}");
             if let Some(recorder) = &self.recorder {
-                recorder.tell(events::EventKind::ClientCutOff {
+                recorder.tell(EventKind::ClientCutOff {
                     client: peer.to_string(),
-                    why: events::event_text(&format!("{code} {message}")),
+                    why: event_text(&format!("{code} {message}")),
                 });
             }
         }

@@ -8,15 +8,15 @@ use std::time::Duration;
 use rcc_core::helper::{HelperEntry, HelperTable};
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
-use rcc_ipc::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMING};
-use rcc_ipc::{Announcement, BoardReader, Build, Cell, Client, Liveness, Role, Session, wire};
+use rcc_ipc::{BoardReader, Cell, Client, Session};
+use rcc_os::process_instance::Liveness;
+use rcc_protocol::announcement::EXECUTOR_LABEL;
+use rcc_protocol::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMING};
+use rcc_protocol::{Announcement, Build, Role, wire};
 
 use super::caller::Caller;
 use super::codes;
 use super::error::ApiError;
-
-/// Label of the executor in its announcement.
-pub const EXECUTOR_LABEL: &str = "exec";
 
 /// Maximum time for an answer of the executor, which includes allocating arenas and planning paths.
 const CALL_TIMEOUT: Duration = Duration::from_secs(5);
@@ -202,7 +202,7 @@ impl ExecutorLink {
     /// Returns the loader's announcement, without its configuration.
     #[must_use]
     pub fn own(&self) -> Announcement {
-        Announcement::of(&self.session)
+        self.session.announcement()
     }
 
     /// Returns the living executor; looks it up again if the known one is dead. The second value is true if it is
@@ -268,7 +268,7 @@ impl ExecutorLink {
                     "the executor of cell '{cell}' was built from another version ({}) than the loader ({})",
                     other.theirs, other.own
                 ),
-                rcc_ipc::build::REMEDY,
+                rcc_protocol::build::REMEDY,
             )
         })?;
         let service = |name: &str| {

@@ -2,7 +2,7 @@
 //! blocking threads of the server.
 
 use rcc_core::message::CommandState;
-use rcc_ipc::control::{Answer, Call, SWITCH_MAX};
+use rcc_protocol::control::{Answer, Call, SWITCH_MAX};
 
 use super::api::{CommandRef, Done, Switch, Switched};
 use super::caller::Caller;
@@ -86,7 +86,7 @@ impl Service {
     ) -> Result<Vec<u64>, ApiError> {
         if names.len() > SWITCH_MAX {
             let max = SWITCH_MAX as u32;
-            let refusal = rcc_ipc::control::Refusal::SwitchTooLarge { max };
+            let refusal = rcc_protocol::control::Refusal::SwitchTooLarge { max };
             return Err(self.with_names(None, |names| names.refusal(0, refusal)));
         }
         let ids = names.iter().map(|name| match name {

@@ -11,9 +11,9 @@ use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
 use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
-use rcc_ipc::ProcessMismatch;
-use rcc_ipc::control::{InputFault, Refusal};
 use rcc_language::names::Names;
+use rcc_protocol::ProcessMismatch;
+use rcc_protocol::control::{InputFault, Refusal};
 
 use super::api::FaultView;
 use super::codes::{self, ErrorCode};

@@ -3,7 +3,7 @@
 
 use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::FaultCode;
-use rcc_ipc::rehearsal::{
+use rcc_protocol::rehearsal::{
     LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
 };
 

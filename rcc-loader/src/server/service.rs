@@ -7,12 +7,13 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandEntry, CommandState, EndReason};
-use rcc_ipc::control::{Answer, Call, RecordingState};
-use rcc_ipc::events::{self, EventKind, EventRecorder};
-use rcc_ipc::{Announcement, Configuration};
+use rcc_ipc::events::EventRecorder;
 use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_process::Helpers;
+use rcc_protocol::control::{Answer, Call, RecordingState};
+use rcc_protocol::events::{EventKind, event_text, hex_digits};
+use rcc_protocol::{Announcement, Configuration};
 use serde::Serialize;
 
 use super::address::{self, CommandAddress};
@@ -164,11 +165,11 @@ impl Service {
             return;
         }
         if let Some((pid, incarnation)) = std::mem::replace(&mut *reported_executor, found) {
-            let executor = events::hex_digits(incarnation);
+            let executor = hex_digits(incarnation);
             self.record(EventKind::ExecutorLost { pid, executor });
         }
         if let Some((pid, incarnation)) = found {
-            let executor = events::hex_digits(incarnation);
+            let executor = hex_digits(incarnation);
             self.record(EventKind::ExecutorFound { pid, executor });
         }
     }
@@ -315,12 +316,11 @@ impl Service {
             .unwrap_or_else(PoisonError::into_inner);
         self.record(EventKind::Rejected {
             command: id,
-            executor: reported_executor.map_or_else(String::new, |(_, incarnation)| {
-                events::hex_digits(incarnation)
-            }),
-            net: events::event_text(&net.unwrap_or_default()),
+            executor: reported_executor
+                .map_or_else(String::new, |(_, incarnation)| hex_digits(incarnation)),
+            net: event_text(&net.unwrap_or_default()),
             code: first.code.clone(),
-            words: events::event_text(&first.message),
+            words: event_text(&first.message),
             count,
         });
     }
@@ -363,13 +363,13 @@ impl Service {
         (file.diagnostics, file.primitives) = (warnings, primitives);
         self.record(EventKind::Loaded {
             command: id,
-            executor: events::hex_digits(attached.announcement.incarnation),
-            net: events::event_text(&file.net),
+            executor: hex_digits(attached.announcement.incarnation),
+            net: event_text(&file.net),
             primitives,
             uses: file
                 .uses
                 .iter()
-                .map(|use_| events::event_text(use_))
+                .map(|use_| event_text(use_))
                 .take(16)
                 .collect(),
         });
@@ -487,7 +487,7 @@ impl Service {
                 Answer::Recorded(RecordingState::Written { file }) => {
                     return Ok(WrittenIncident {
                         cycle,
-                        executor: events::hex_digits(incarnation),
+                        executor: hex_digits(incarnation),
                         file,
                     });
                 }

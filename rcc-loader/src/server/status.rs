@@ -5,7 +5,9 @@ use rcc_config::device::kind_name;
 use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
 use rcc_core::helper::{HelperEntry, HelperState};
 use rcc_core::message::{ClockState, ClockStatus, DEVICES_MAX, DeviceEntry, DeviceState, MAGIC};
-use rcc_ipc::{AnnounceError, Announcement, Role, monotonic_ns};
+use rcc_ipc::AnnounceError;
+use rcc_os::clock::monotonic_ns;
+use rcc_protocol::{Announcement, Role};
 
 use super::api::{
     ChannelView, ClockView, DeviceView, ExecutorView, HelperView, ProcessView, StatusView,

@@ -5,7 +5,7 @@ use rcc_core::histogram::Histogram;
 use rcc_core::message::CommandState;
 use rcc_core::primitives::{self, CATALOGUE};
 use rcc_core::timing::{LateCause, LateCycle, PrimitiveTime};
-use rcc_ipc::control::{Answer, Call};
+use rcc_protocol::control::{Answer, Call};
 
 use super::api::{
     Acknowledged, BucketView, HistogramView, LateView, PrimitiveTimeView, TimingView,

@@ -4,10 +4,10 @@
 use rcc_core::message::CommandState;
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
-use rcc_ipc::control::{Answer, Call, NetValues, READ_MAX};
-use rcc_ipc::pattern::Pattern;
 use rcc_language::input_values;
 use rcc_language::names::{Names, PortNames};
+use rcc_protocol::control::{Answer, Call, NetValues, READ_MAX};
+use rcc_protocol::pattern::Pattern;
 use serde_json::{Number, Value};
 
 use super::api::{InputsSet, ValueView, ValuesView};

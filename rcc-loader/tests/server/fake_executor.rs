@@ -10,10 +10,9 @@ use std::time::Duration;
 use bytemuck::Zeroable;
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
-use rcc_ipc::control::{Answer, CONTROL, Call, NetValues, Refusal, STATUS, TABLES, TIMING};
-use rcc_ipc::{
-    Announced, Announcement, BoardWriter, Cell, Configuration, Role, Server, Session, wire,
-};
+use rcc_ipc::{Announced, BoardWriter, Cell, Server, Session};
+use rcc_protocol::control::{Answer, CONTROL, Call, NetValues, Refusal, STATUS, TABLES, TIMING};
+use rcc_protocol::{Configuration, Role, wire};
 
 /// A cell in a temporary folder, removed at the end of its test.
 pub struct TestCell {
@@ -82,7 +81,7 @@ impl FakeExecutor {
         let board = session.create_board::<Tables>(TABLES).expect("tables");
         let timing = session.create_board::<CycleTiming>(TIMING).expect("timing");
         let helpers = session
-            .create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS)
+            .create_board::<rcc_core::helper::HelperTable>(rcc_protocol::control::HELPERS)
             .expect("helpers");
         status.write(&CycleStatus {
             magic: MAGIC,
@@ -92,13 +91,14 @@ impl FakeExecutor {
         });
         let announced = cell
             .announce(
-                &Announcement::of(&session)
+                &session
+                    .announcement()
                     .configured(Configuration::new(crate::test_server::config().identity()))
                     .service(CONTROL, server.service())
                     .service(STATUS, status.service())
                     .service(TABLES, board.service())
                     .service(TIMING, timing.service())
-                    .service(rcc_ipc::control::HELPERS, helpers.service()),
+                    .service(rcc_protocol::control::HELPERS, helpers.service()),
             )
             .expect("announce");
         let mut tables = Box::new(Tables::zeroed());

@@ -9,12 +9,13 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use rcc_config::{AccessConfig, CellConfig, auto_ports};
-use rcc_ipc::{Cell, Role, Session};
+use rcc_ipc::{Cell, Session};
 use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
 use rcc_process::Helpers;
+use rcc_protocol::Role;
 use serde_json::Value;
 use tracing_subscriber::fmt::MakeWriter;
 

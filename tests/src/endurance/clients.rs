@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
-use rcc_ipc::monotonic_ns;
+use rcc_os::clock::monotonic_ns;
 
 use super::field::{Field, count, held};
 use crate::process::Process;

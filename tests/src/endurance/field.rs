@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_core::message::DeviceState;
-use rcc_ipc::{ProcessInstance, clean};
+use rcc_ipc::clean;
+use rcc_os::process_instance::ProcessInstance;
 use serde_json::Value;
 
 use super::{Options, PRIORITY};

@@ -6,7 +6,7 @@ use std::process::{Child, Stdio};
 use std::sync::atomic::Ordering;
 
 use nix::sys::signal::Signal;
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 
 use super::field::{Field, count, held};
 use crate::journal::Random;

@@ -3,7 +3,7 @@
 
 use std::process::Child;
 
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 
 use super::{Target, Way};
 use crate::await_some;

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
-use rcc_ipc::{Role, clean};
+use rcc_ipc::clean;
+use rcc_protocol::Role;
 
 use super::scene::{Scene, StruckProcess};
 use super::strike::Strike;

@@ -92,7 +92,7 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
     // Processes that may be alive do not count as dead, because the dead ones' files are offered for removal.
     let (dead, living): (Vec<_>, Vec<_>) =
         announced.iter().partition(|one| one.liveness().is_dead());
-    let words = |all: Vec<&rcc_ipc::Announcement>| -> Vec<String> {
+    let words = |all: Vec<&rcc_protocol::Announcement>| -> Vec<String> {
         all.iter()
             .map(|one| format!("{}/{} (pid {})", one.role, one.label, one.pid))
             .collect()

@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use rcc_config::{DeviceConfig, auto_ports};
-use rcc_ipc::Role;
+use rcc_protocol::Role;
 
 use super::{LinkFacts, sockets};
 use crate::doctor::driver_status::DriverStatus;

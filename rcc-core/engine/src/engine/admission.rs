@@ -2,7 +2,7 @@
 
 use rcc_core::message::COMMANDS_MAX;
 use rcc_core::plan::Rate;
-use rcc_ipc::control::Refusal;
+use rcc_protocol::control::Refusal;
 
 use super::{Engine, PendingTransition, is_active};
 

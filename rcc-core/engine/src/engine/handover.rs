@@ -9,7 +9,7 @@ use rcc_core::frame::DeviceOutput;
 use rcc_core::message::{
     COMMANDS_MAX, CommandState, DeviceState, EndReason, FaultCode, FaultRecord,
 };
-use rcc_ipc::control::{Answer, Refusal, SWITCH_MAX};
+use rcc_protocol::control::{Answer, Refusal, SWITCH_MAX};
 
 use super::{Engagement, Engine, PendingTransition};
 use crate::net::Evaluation;

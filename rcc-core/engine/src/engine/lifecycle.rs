@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use rcc_core::message::{
     COMMANDS_MAX, CommandEntry, CommandState, DeviceState, EndReason, FaultCode, FaultRecord,
 };
-use rcc_ipc::control::{Answer, InputValue, Refusal};
+use rcc_protocol::control::{Answer, InputValue, Refusal};
 
 use super::{Engine, PendingTransition, SETTLE_MAX_NS, is_active};
 use crate::net::{Evaluation, Net, monitor_record};

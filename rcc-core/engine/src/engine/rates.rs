@@ -7,7 +7,7 @@
 
 use rcc_core::message::{CommandState, EndReason, FaultRecord};
 use rcc_core::plan::Rate;
-use rcc_ipc::control::{Answer, Refusal};
+use rcc_protocol::control::{Answer, Refusal};
 
 use super::devices::merge;
 use super::{Engine, PendingTransition};

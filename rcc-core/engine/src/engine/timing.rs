@@ -10,7 +10,7 @@ use rcc_core::histogram::Histogram;
 use rcc_core::message::{COMMANDS_MAX, EndReason, FaultCode, MAGIC};
 use rcc_core::primitives::{self, KERNELS_MAX};
 use rcc_core::timing::{CycleTiming, LateCause, LateCycle, PrimitiveTime};
-use rcc_ipc::clock::monotonic_ns;
+use rcc_os::clock::monotonic_ns;
 
 use super::handover::rows;
 use super::{Engine, is_active};

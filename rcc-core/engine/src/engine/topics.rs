@@ -7,7 +7,7 @@
 use rcc_core::message::COMMANDS_MAX;
 use rcc_core::plan::{InputPoint, TOPICS_MAX};
 use rcc_core::topic::Topic;
-use rcc_ipc::control::Refusal;
+use rcc_protocol::control::Refusal;
 
 use super::Engine;
 use super::handover::rows;

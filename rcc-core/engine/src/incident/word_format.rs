@@ -15,7 +15,7 @@ use rcc_core::pose::Pose;
 use rcc_core::topic::Topic;
 use rcc_core::types::Store;
 use rcc_core::workspace::Workspace;
-use rcc_ipc::control::PlanData;
+use rcc_protocol::control::PlanData;
 
 use crate::net::{NetOrigin, StartConditions};
 use crate::record::hash::packed;

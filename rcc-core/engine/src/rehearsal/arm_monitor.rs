@@ -5,7 +5,7 @@ use rcc_core::guard::Guard;
 use rcc_core::impedance::Impedance;
 use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
 use rcc_core::workspace::{WorkspaceGuard, WorkspaceViolation};
-use rcc_ipc::rehearsal::{LimitPeak, NearestSingularity, PredictedViolation, RehearsalRule};
+use rcc_protocol::rehearsal::{LimitPeak, NearestSingularity, PredictedViolation, RehearsalRule};
 
 /// Relative tolerance for velocity and acceleration limits, as in the guard.
 const RELATIVE_TOLERANCE: f64 = 1e-9;

@@ -17,7 +17,7 @@ use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, ValueReading, rings};
 use rcc_engine::record::FlightRecorder;
-use rcc_ipc::control::{Answer, InputValue, NetValues, PlanData, Refusal, SWITCH_MAX};
+use rcc_protocol::control::{Answer, InputValue, NetValues, PlanData, Refusal, SWITCH_MAX};
 
 pub const PERIOD_NS: u64 = 1_000_000;
 pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];

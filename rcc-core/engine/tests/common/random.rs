@@ -7,7 +7,7 @@ use rcc_core::primitive::{ChannelKind, Operand, PortType, Role, Size, Sizes};
 use rcc_core::primitives::{self, CATALOGUE, CatalogueEntry};
 use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
-use rcc_ipc::control::{InputValue, PlanData};
+use rcc_protocol::control::{InputValue, PlanData};
 
 use super::{HOLD, model};
 

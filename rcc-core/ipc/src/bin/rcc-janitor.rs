@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use rcc_ipc::cell::person;
-use rcc_ipc::version::version;
 use rcc_ipc::{Cell, clean, events};
+use rcc_protocol::version::version;
 
 const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]
 Removes the shared memory that dead processes of the cell left behind; with --wipe, everything of a dead cell.

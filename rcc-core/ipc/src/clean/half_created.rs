@@ -8,9 +8,10 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use rcc_os::clock::monotonic_ns;
+
 use super::{CleanError, remove_file};
 use crate::cell::Cell;
-use crate::clock::monotonic_ns;
 use crate::reap;
 use crate::shm_space::SHM;
 

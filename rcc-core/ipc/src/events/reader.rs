@@ -6,9 +6,9 @@ use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use crate::cell::Cell;
+use rcc_protocol::events::{Event, LINE_MAX};
 
-use super::{Event, LINE_MAX};
+use crate::cell::Cell;
 
 /// First bytes of every line; inside a JSON text the quotes would be escaped.
 const BEGINNING: &[u8] = b"{\"time\":";

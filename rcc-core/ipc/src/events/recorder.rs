@@ -10,10 +10,12 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::cell::Cell;
-use crate::session::Role;
+use rcc_protocol::Role;
+use rcc_protocol::events::{Event, EventKind, EventOrigin, EventSource};
 
-use super::{Event, EventKind, EventOrigin, EventSource, append_to, opened};
+use crate::cell::Cell;
+
+use super::{append_to, opened};
 
 /// Maximum interval between two calls of `turn`, the thread's sign of life.
 const TURN_EVERY: Duration = Duration::from_millis(200);

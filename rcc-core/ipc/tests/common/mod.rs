@@ -9,7 +9,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use rcc_ipc::{Announcement, Cell, Role, clean};
+use rcc_ipc::{Cell, clean};
+use rcc_protocol::{Announcement, Role};
 
 /// Far longer than any operation takes; only a broken test reaches it.
 pub const LIMIT: Duration = Duration::from_secs(60);

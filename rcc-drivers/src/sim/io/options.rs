@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// An I/O station that speaks Modbus TCP: 64 coils, discrete inputs, holding registers and input registers.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "io-sim", version = rcc_ipc::version::version())]
+#[command(name = "io-sim", version = rcc_protocol::version::version())]
 pub struct Options {
     /// Where the Modbus server listens; port 0 lets the system choose
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]

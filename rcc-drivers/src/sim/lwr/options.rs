@@ -15,7 +15,7 @@ use std::str::FromStr;
 
 /// A simulated controller (KRC) of a KUKA LWR 4+: speaks FRI 1.0 over UDP, sends first, and moves a simulated arm.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "lwr-sim", version = rcc_ipc::version::version())]
+#[command(name = "lwr-sim", version = rcc_protocol::version::version())]
 pub struct Options {
     /// Address where the PC (the driver) listens; datagrams from elsewhere are ignored
     #[arg(long, value_name = "ADDRESS:PORT")]

@@ -7,7 +7,7 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use rcc_ipc::log_throttle::LogThrottle;
+use rcc_process::log_throttle::LogThrottle;
 use tokio::sync::oneshot;
 
 use super::super::codes;

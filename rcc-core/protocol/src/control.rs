@@ -9,7 +9,6 @@ use rcc_core::plan::{
 use serde::{Deserialize, Serialize};
 
 use crate::rehearsal::{PredictedViolation, RehearsalReport};
-use crate::request::{REQUEST_MAX, RESPONSE_MAX};
 use crate::wire::{self, Message};
 
 /// Name of the executor's request service in its announcement.
@@ -26,6 +25,11 @@ pub const HELPERS: &str = "helpers";
 pub const RECORDS: &str = "records";
 /// Name of a driver's board with [`rcc_core::message::Measurement`].
 pub const MEASUREMENT: &str = "measurement";
+
+/// Maximum length of a request (a plan with its tables), bytes.
+pub const REQUEST_MAX: usize = 4 << 20;
+/// Maximum length of an answer, bytes.
+pub const RESPONSE_MAX: usize = 16 << 10;
 
 /// Maximum number of commands that one [`Call::Switch`] stops, and maximum that it starts.
 pub const SWITCH_MAX: usize = 8;

@@ -12,7 +12,7 @@ use rcc_core::message::{
 };
 use rcc_core::timing::{CycleTiming, LateCycle, PrimitiveTime};
 
-use crate::announce::Announcement;
+use crate::announcement::Announcement;
 
 /// Remedy for a mismatch of builds.
 pub const REMEDY: &str = "install all programs from one build, and restart the cell";
@@ -23,7 +23,7 @@ pub struct Build {
     /// Version of the programs.
     pub version: String,
     /// Fingerprint of the layout of everything in shared memory.
-    #[serde(with = "crate::announce::hexadecimal")]
+    #[serde(with = "crate::announcement::hexadecimal")]
     pub layout: u64,
 }
 

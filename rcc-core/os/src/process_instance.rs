@@ -169,7 +169,7 @@ fn parse(text: &str) -> Option<Stat> {
 ///
 /// # Errors
 /// Returns an error if the system cannot tell whether the process exists or when it started.
-pub(crate) fn started_ns(pid: u32) -> io::Result<Option<u64>> {
+pub fn started_ns(pid: u32) -> io::Result<Option<u64>> {
     let Some(stat) = stat_of(pid)?.filter(|stat| stat.runs || stat.threads > 1) else {
         return Ok(None);
     };

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use crate::announce::Announcement;
+use crate::announcement::Announcement;
 use crate::build;
 use crate::events::{self, EventKind};
 
@@ -14,7 +14,7 @@ pub struct Configuration {
     /// Path of the file.
     pub file: String,
     /// Fingerprint of everything that plans depend on.
-    #[serde(with = "crate::announce::hexadecimal")]
+    #[serde(with = "crate::announcement::hexadecimal")]
     pub cell: u64,
     /// The devices that the process knows, in the order of the file; a driver lists only its own.
     pub devices: Vec<DeviceFingerprints>,
@@ -275,8 +275,8 @@ pub fn changed(differs: &str, fault: Option<&str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::announcement::Role;
     use crate::build::Build;
-    use crate::session::Role;
 
     fn process(role: Role, version: &str, layout: u64) -> Announcement {
         Announcement {

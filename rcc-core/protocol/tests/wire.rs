@@ -7,8 +7,8 @@ use std::fmt::Debug;
 
 use rcc_core::plan::{Rate, ValuePoint};
 use rcc_core::types::Store;
-use rcc_ipc::control::{Answer, Call, InputValue, NetValues, PlanData, Refusal};
-use rcc_ipc::wire::{Message, decode, encode};
+use rcc_protocol::control::{Answer, Call, InputValue, NetValues, PlanData, Refusal};
+use rcc_protocol::wire::{Message, decode, encode};
 
 /// Measures the heap of a thread.
 struct Measuring;

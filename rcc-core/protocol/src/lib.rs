@@ -1,0 +1,16 @@
+//! What the programs of one cell exchange: requests and answers, announcements, events, and the names and layouts of
+//! their services. Plain data, whatever carries it; used by threads that are not real-time.
+
+pub mod announcement;
+pub mod build;
+pub mod configuration;
+pub mod control;
+pub mod events;
+pub mod pattern;
+pub mod rehearsal;
+pub mod version;
+pub mod wire;
+
+pub use announcement::{Announcement, Role};
+pub use build::{Build, BuildMismatch};
+pub use configuration::{Configuration, ProcessMismatch};
