@@ -1,6 +1,9 @@
 //! Computes the build id under which measured costs are stored: a hash (FNV-1a, 64 bits) of the sources that run in the
 //! cycle, and of the optimisation settings. Costs measured with another build are measured again.
 
+#[path = "../src/fnv.rs"]
+mod fnv;
+
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
@@ -8,19 +11,14 @@ use std::{env, fs, io};
 const SOURCES: [&str; 3] = ["../src", "../motion/src", "src"];
 
 fn main() -> io::Result<()> {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut eat = |bytes: &[u8]| {
-        for byte in bytes {
-            hash = (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
-        }
-    };
+    let mut hash = fnv::EMPTY;
     for name in ["PROFILE", "OPT_LEVEL", "DEBUG", "TARGET"] {
-        eat(env::var(name).unwrap_or_default().as_bytes());
+        hash = fnv::add(hash, env::var(name).unwrap_or_default().as_bytes());
     }
     for folder in SOURCES {
         println!("cargo:rerun-if-changed={folder}");
         for file in files(Path::new(folder))? {
-            eat(&fs::read(file)?);
+            hash = fnv::add(hash, &fs::read(file)?);
         }
     }
     println!("cargo:rustc-env=RCC_BUILD={hash:016x}");

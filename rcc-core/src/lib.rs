@@ -21,6 +21,7 @@ extern crate std;
 pub mod axis;
 pub mod cycle;
 pub mod filter;
+pub mod fnv;
 pub mod frame;
 pub mod guard;
 pub mod helper;

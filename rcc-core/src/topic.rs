@@ -3,6 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::fnv;
+
 /// A topic: published by one net, subscribed to by others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Topic {
@@ -22,15 +24,12 @@ impl Topic {
     }
 }
 
-/// FNV-1a, 64 bits (Fowler, Noll, Vo), of the texts in sequence.
+/// Returns a hash of the texts in sequence.
 pub(crate) fn hash<'a>(texts: impl IntoIterator<Item = &'a str>) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325;
-    for text in texts {
-        for byte in text.bytes().chain([0]) {
-            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
-        }
-    }
-    hash
+    let texts = texts.into_iter();
+    texts.fold(fnv::EMPTY, |hash, text| {
+        fnv::step(fnv::add(hash, text.as_bytes()), 0)
+    })
 }
 
 #[cfg(test)]

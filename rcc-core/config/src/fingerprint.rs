@@ -1,6 +1,7 @@
 //! Fingerprints of a configuration, by which the processes of a cell detect that they were started with different ones.
 //! Computed once at start-up; pure functions.
 
+use rcc_core::fnv;
 use rcc_core::pose::Pose;
 
 use crate::cell::CellConfig;
@@ -97,19 +98,19 @@ impl CellConfig {
     }
 }
 
-/// FNV-1a, 64 bits (Fowler, Noll, Vo): stable across builds and machines, unlike the hashers of the standard library.
+/// A hash under construction.
 struct Fnv(u64);
 
 impl Default for Fnv {
     fn default() -> Self {
-        Fnv(0xcbf2_9ce4_8422_2325)
+        Fnv(fnv::EMPTY)
     }
 }
 
 impl Fnv {
     fn bytes(&mut self, bytes: impl IntoIterator<Item = u8>) {
         for byte in bytes {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+            self.0 = fnv::step(self.0, byte);
         }
     }
 

@@ -9,6 +9,8 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::time::Duration;
 
+use rcc_core::fnv;
+
 use crate::cell::CellError;
 use crate::clean::below_prefix;
 use crate::lock::{self, LockError};
@@ -65,16 +67,10 @@ pub(crate) fn current(uid: u32, folder: &Path, file: &Path) -> Result<String, Ce
     }
 }
 
-/// FNV-1a over user id and folder: stable across builds and machines, unlike the hashers of the standard library.
+/// Returns a hash of user id and folder.
 fn default_prefix(uid: u32, folder: &Path) -> String {
-    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
-    for &byte in uid
-        .to_le_bytes()
-        .iter()
-        .chain(folder.as_os_str().as_bytes())
-    {
-        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-    }
+    let hash = fnv::add(fnv::EMPTY, &uid.to_le_bytes());
+    let hash = fnv::add(hash, folder.as_os_str().as_bytes());
     of_number(hash ^ (hash >> 40))
 }
 

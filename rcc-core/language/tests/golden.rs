@@ -10,6 +10,7 @@ use std::fs;
 
 use harness::{NetHarness, cell, example, folder};
 use rcc_config::CellConfig;
+use rcc_core::fnv;
 
 /// Cycles whose values are in the trace; the last one ends the run.
 const SHOWN: [u64; 5] = [1, 10, 100, 950, 2950];
@@ -46,13 +47,7 @@ fn script(harness: &mut NetHarness) {
     harness.cancel = cycle >= 2500;
 }
 
-/// FNV-1a over the bits of every output, by name and element; all nulls count as one value.
-fn mix(hash: u64, bits: u64) -> u64 {
-    bits.to_le_bytes().iter().fold(hash, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
-    })
-}
-
+/// All nulls count as one value.
 fn bits(value: f64) -> u64 {
     if value.is_nan() {
         u64::MAX
@@ -73,7 +68,8 @@ fn trace(name: &str, cell: &CellConfig) -> String {
             ports.map(|port| format!("{}.{}", primitive.id, port.name))
         })
         .collect();
-    let mut hash = 0xcbf2_9ce4_8422_2325;
+    // Of the bits of every output, by name and element.
+    let mut hash = fnv::EMPTY;
     let mut text = String::new();
     for cycle in 1..=SHOWN[SHOWN.len() - 1] {
         script(&mut harness);
@@ -84,7 +80,9 @@ fn trace(name: &str, cell: &CellConfig) -> String {
             let position = output.position.iter().map(|value| bits(*value));
             position.chain([output.digital, output.digital_commanded])
         });
-        hash = all.chain(commanded).fold(hash, mix);
+        hash = all
+            .chain(commanded)
+            .fold(hash, |hash, bits| fnv::add(hash, &bits.to_le_bytes()));
         if !SHOWN.contains(&cycle) {
             continue;
         }

@@ -4,6 +4,7 @@
 
 use std::fmt;
 
+use rcc_core::fnv;
 use rcc_core::helper::{HelperEntry, HelperTable};
 use rcc_core::message::{
     ANALOG_MAX, ClockStatus, CommandEntry, CommandHead, CycleStatus, DIGITAL_MAX, DeviceEntry,
@@ -115,18 +116,12 @@ const LAYOUT: u64 = layout![
     HelperEntry,
 ];
 
-/// FNV-1a hash of the numbers in little-endian byte order.
-const fn fingerprint(numbers: &[u64]) -> u64 {
-    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
-    let mut number = 0;
-    while number < numbers.len() {
-        let mut byte = 0;
-        while byte < 8 {
-            hash ^= (numbers[number] >> (8 * byte)) & 0xff;
-            hash = hash.wrapping_mul(0x0000_0100_0000_01b3);
-            byte += 1;
-        }
-        number += 1;
+/// Hash of the numbers in little-endian byte order.
+const fn fingerprint(mut numbers: &[u64]) -> u64 {
+    let mut hash = fnv::EMPTY;
+    while let [number, rest @ ..] = numbers {
+        hash = fnv::add(hash, &number.to_le_bytes());
+        numbers = rest;
     }
     hash
 }

@@ -10,7 +10,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use rcc_core::primitives;
+use rcc_core::{fnv, primitives};
 
 use super::Costs;
 
@@ -46,7 +46,7 @@ pub fn costs(refresh: bool) -> (Costs, CostsSource) {
 #[must_use]
 pub fn costs_in(folder: &Path, refresh: bool) -> (Costs, CostsSource) {
     let key = key();
-    let path = folder.join(format!("{PREFIX}{:016x}", fnv(&key)));
+    let path = folder.join(format!("{PREFIX}{:016x}", hash(&key)));
     let kept = rcc_os::file::read_text(&path, BYTES_MAX).ok();
     if let Some(costs) = kept.filter(|_| !refresh).and_then(|text| read(&text, &key)) {
         return (costs, CostsSource::Read(path));
@@ -83,7 +83,7 @@ fn processor() -> String {
 fn read(text: &str, key: &str) -> Option<Costs> {
     let (body, end) = text.trim_end().rsplit_once('\n')?;
     let body = format!("{body}\n");
-    let whole = end == format!("end {:016x}", fnv(&body));
+    let whole = end == format!("end {:016x}", hash(&body));
     let costs = body.strip_prefix(key)?.strip_prefix('\n')?;
     if whole { Costs::parse(costs) } else { None }
 }
@@ -101,7 +101,7 @@ fn write(folder: &Path, path: &Path, key: &str, costs: &Costs) -> io::Result<()>
         .mode(0o600)
         .open(&new)?;
     let written = file
-        .write_all(format!("{body}end {:016x}\n", fnv(&body)).as_bytes())
+        .write_all(format!("{body}end {:016x}\n", hash(&body)).as_bytes())
         .and_then(|()| fs::rename(&new, path));
     if written.is_err() {
         // Cleaning up is best effort; the original error is returned.
@@ -144,11 +144,8 @@ fn folder() -> Option<PathBuf> {
         .or_else(|| Some(variable("HOME")?.join(".cache/rcc")))
 }
 
-/// FNV-1a, 64 bits.
-fn fnv(text: &str) -> u64 {
-    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
-    })
+fn hash(text: &str) -> u64 {
+    fnv::add(fnv::EMPTY, text.as_bytes())
 }
 
 #[cfg(test)]
