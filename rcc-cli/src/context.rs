@@ -4,9 +4,9 @@
 use std::io::{self, IsTerminal};
 use std::time::Duration;
 
+use rcc_api::codes;
 use rcc_ipc::cell::base_dir;
 use rcc_ipc::{Cell, CellError};
-use rcc_loader::server::codes;
 use serde::Serialize;
 
 use crate::client::{LoaderClient, RemoteLoader, no_loader};

@@ -13,10 +13,10 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use rcc_api::bodies::StatusView;
+use rcc_api::codes::{self, exit};
 use rcc_core::kinematics::Arm;
 use rcc_core::primitive::ChannelKind;
-use rcc_loader::server::api::StatusView;
-use rcc_loader::server::codes::{self, exit};
 use serde_json::json;
 
 use crate::client::LoaderClient;

@@ -1,12 +1,12 @@
 //! Failures of verbs: the same body as over HTTP, plus the exit code. Created and printed by the main thread.
 
+use rcc_api::bodies::{ErrorBody, Finding};
+use rcc_api::codes::{self, ErrorCode, exit};
+use rcc_api::compile::findings;
 use rcc_config::diagnostic::{
     DiagnosticPosition, DiagnosticRow, Faults, Severity, SourceText, render,
 };
 use rcc_core::printable::Printable;
-use rcc_loader::server::api::{ErrorBody, Finding};
-use rcc_loader::server::codes::{self, ErrorCode, exit};
-use rcc_loader::server::compile::findings;
 
 /// A verb's failure, as reported to the person or program that called it.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,13 +4,11 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use rcc_api::bodies::{CommandDetail, CommandRef, CommandView, Done, Loaded, Switch, Switched};
+use rcc_api::codes::{self, RequestedEnd, exit};
+use rcc_api::compile::findings;
 use rcc_language::bundle::bundle;
 use rcc_language::library::FileLibraries;
-use rcc_loader::server::api::{
-    CommandDetail, CommandRef, CommandView, Done, Loaded, Switch, Switched,
-};
-use rcc_loader::server::codes::{self, RequestedEnd, exit};
-use rcc_loader::server::compile::findings;
 
 use rcc_os::file;
 
@@ -60,7 +58,7 @@ pub fn read_net(path: &str) -> Result<(String, String), Failure> {
 }
 
 /// Longest text of a net, bytes; the loader refuses longer texts as well.
-pub const TEXT_MAX: u64 = rcc_loader::server::bodies::TEXT_MAX as u64;
+pub const TEXT_MAX: u64 = rcc_api::routes::TEXT_MAX as u64;
 
 /// What to do with a command that the loader rejects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -208,7 +206,7 @@ pub fn exit_result(command: &CommandView, asked: RequestedEnd) -> Result<(), Fai
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcc_loader::server::api::FaultView;
+    use rcc_api::bodies::FaultView;
 
     fn command(reason: &str) -> CommandView {
         CommandView {

@@ -1,10 +1,10 @@
 //! Names the nets, ports and slots of an incident, from the command files stored in it. Pure.
 
+use rcc_api::command_file::CommandFile;
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_engine::net::Net;
 use rcc_engine::replay::SlotDifference;
 use rcc_language::names::{Names, PortNames};
-use rcc_loader::server::store::CommandFile;
 use rcc_protocol::pattern::Pattern;
 use serde_json::{Number, Value};
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 
-use rcc_loader::server::codes;
+use rcc_api::codes;
 use tokio::runtime::Builder;
 use tokio::signal::unix::{SignalKind, signal};
 

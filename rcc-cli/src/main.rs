@@ -7,11 +7,11 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
+use rcc_api::codes;
 use rcc_cli::arguments::Arguments;
 use rcc_cli::client::RemoteLoader;
 use rcc_cli::context::Context;
 use rcc_cli::output;
-use rcc_loader::server::codes;
 
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {

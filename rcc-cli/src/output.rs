@@ -8,8 +8,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 use std::{process, thread};
 
+use rcc_api::codes::{self, exit};
 use rcc_core::printable::{Coloured, Printable};
-use rcc_loader::server::codes::{self, exit};
 
 /// Lines that may wait to be printed; further ones are dropped.
 const QUEUE_MAX: usize = 1024;

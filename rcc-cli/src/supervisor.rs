@@ -13,11 +13,11 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use rcc_api::bodies::{DeviceView, StatusView};
+use rcc_api::codes;
 use rcc_config::{CellConfig, ConfigChange, FileWatch};
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
 use rcc_ipc::{Announced, Cell, events, ownership, shm_space};
-use rcc_loader::server::api::{DeviceView, StatusView};
-use rcc_loader::server::codes;
 use rcc_protocol::configuration::changed;
 use rcc_protocol::events::{EventKind, EventOrigin, event_text};
 use rcc_protocol::{Announcement, Configuration, Role};

@@ -1,6 +1,6 @@
 //! Formats port values for people: null stays null, numbers have few digits, angles are in degrees on request. Pure.
 
-use rcc_loader::server::api::ValueView;
+use rcc_api::bodies::ValueView;
 use serde_json::Value;
 
 use crate::table;

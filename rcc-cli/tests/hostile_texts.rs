@@ -5,12 +5,12 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Output};
 
-use rcc_core::printable::first_unprintable;
-use rcc_loader::server::api::{
+use rcc_api::bodies::{
     ChannelView, CommandDetail, CommandView, DeviceView, ErrorBody, FaultView, Finding, LateView,
     ProcessView, RehearsalView, StatusView, TextLocation, TopicEnd, TopicView, ValueView,
     ValuesView,
 };
+use rcc_core::printable::first_unprintable;
 use serde::Serialize;
 use serde_json::{Value, json};
 

@@ -17,17 +17,16 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use fake_executor::TestCell;
+use rcc_api::routes::TEXT_MAX;
+use rcc_api::token::{TOKEN_LENGTH_MAX, TOKEN_LENGTH_MIN};
 use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
-use rcc_loader::server::bodies::{self, TEXT_MAX};
 use rcc_loader::server::connection::{
     CONNECTION_TIME_MAX, ConnectionLimits, HEAD_MAX, HEAD_TIME_MAX, HEADERS_MAX, HEADS_MAX, STOPS,
     TCP, UNAUTHENTICATED, UNIX,
 };
 use rcc_loader::server::listeners::{ListenError, Listeners};
-use rcc_loader::server::routes;
-use rcc_loader::server::store;
-use rcc_loader::server::token::{TOKEN_LENGTH_MAX, TOKEN_LENGTH_MIN};
+use rcc_loader::server::{bodies, routes, store};
 use test_server::{LIMIT, TestServer, answer, ask, exchange};
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";

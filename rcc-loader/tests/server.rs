@@ -11,18 +11,19 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 
 use fake_executor::{FakeExecutor, TestCell};
+use rcc_api::bodies::{CommandRef, Done, Switch};
+use rcc_api::codes;
+use rcc_api::command_file::CommandFile;
+use rcc_api::messages::NameResolver;
 use rcc_core::frame::PrepareFault;
 use rcc_core::message::CommandState;
 use rcc_core::path::MotionFault;
 use rcc_core::plan::Resource;
 use rcc_core::topic::Topic;
 use rcc_language::names::{InputNames, Names, TopicNames};
-use rcc_loader::server::api::{CommandRef, Done, Switch};
 use rcc_loader::server::caller::Caller;
-use rcc_loader::server::codes;
-use rcc_loader::server::messages::NameResolver;
 use rcc_loader::server::service::Operation;
-use rcc_loader::server::store::{CommandFile, CommandStore};
+use rcc_loader::server::store::CommandStore;
 use rcc_protocol::control::{Call, Refusal};
 use test_server::{TestServer, ask, config, service};
 

@@ -14,14 +14,15 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fake_executor::{FakeExecutor, TestCell};
+use rcc_api::codes;
+use rcc_api::command_file::CommandFile;
 use rcc_core::message::CommandState;
 use rcc_ipc::Cell;
 use rcc_loader::server::bodies::SET_TEXT_MAX;
 use rcc_loader::server::caller::Caller;
-use rcc_loader::server::codes;
 use rcc_loader::server::connection::UNIX;
 use rcc_loader::server::service::Operation;
-use rcc_loader::server::store::{CommandFile, CommandStore};
+use rcc_loader::server::store::CommandStore;
 use rcc_protocol::control::Call;
 use test_server::{LIMIT, TestServer, answer, ask, service};
 

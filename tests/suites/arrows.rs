@@ -63,6 +63,16 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-protocol",
         ],
     ),
+    (
+        "rcc-api",
+        &[
+            "rcc-core",
+            "rcc-os",
+            "rcc-config",
+            "rcc-protocol",
+            "rcc-language",
+        ],
+    ),
     ("rcc-graph", &["rcc-language"]),
     ("rcc-robot", &["rcc-core"]),
     ("rcc-net", &["rcc-core", "rcc-config", "rcc-language"]),
@@ -76,6 +86,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-ipc",
             "rcc-process",
             "rcc-language",
+            "rcc-api",
         ],
     ),
     (
@@ -112,7 +123,6 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-ipc",
         ],
     ),
-    // The only program that uses the library of another one: for `check`, and for the types and codes of REST.
     (
         "rcc-cli",
         &[
@@ -126,7 +136,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-language",
             "rcc-graph",
             "rcc-robot",
-            "rcc-loader",
+            "rcc-api",
             // `replay` and `simulate` run the same cycle in virtual time.
             "rcc-engine",
         ],

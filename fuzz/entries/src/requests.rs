@@ -3,10 +3,10 @@
 //! the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
+use rcc_api::command_file::CommandFile;
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::Store;
 use rcc_engine::queue::{EngineRequest, ValueReading};
-use rcc_loader::server::store::CommandFile;
 use rcc_protocol::control::{Answer, Call, InputValue, READ_ELEMENTS_MAX, SWITCH_MAX};
 use rcc_protocol::{Announcement, wire};
 

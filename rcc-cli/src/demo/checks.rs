@@ -1,12 +1,12 @@
 //! Derives the checks of one motion from its recorded data. Pure; called by the demo's main thread when a motion has
 //! ended.
 
+use rcc_api::bodies::{CommandDetail, CommandView};
 use rcc_core::frame::joints_from;
 use rcc_core::kinematics::Arm;
 use rcc_core::message::MonitorRecord;
 use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
-use rcc_loader::server::api::{CommandDetail, CommandView};
 
 use super::facts::MotionFacts;
 use super::simulator::DatagramExchange;

@@ -1,10 +1,10 @@
 //! Parameters of a demo net: goal and limits of its motion, and switching positions of the torch. Read from the text
 //! that is loaded, so that the checks use the loaded values.
 
+use rcc_api::codes;
 use rcc_config::quantity;
 use rcc_config::yaml::{self, Node};
 use rcc_core::path::PathLimits;
-use rcc_loader::server::codes;
 
 use crate::failure::Failure;
 

@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use rcc_api::codes;
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::{Cell, Session, Subscriber};
-use rcc_loader::server::codes;
 use rcc_protocol::Role;
 use rcc_protocol::announcement::EXECUTOR_LABEL;
 use rcc_protocol::control::RECORDS;

@@ -3,9 +3,9 @@
 
 use std::time::{Duration, Instant};
 
+use rcc_api::bodies::{CommandDetail, DeviceView, StatusView};
+use rcc_api::codes;
 use rcc_core::message::MonitorRecord;
-use rcc_loader::server::api::{CommandDetail, DeviceView, StatusView};
-use rcc_loader::server::codes;
 
 use super::recorder::MonitorRecorder;
 use super::simulator::{DatagramExchange, SimulatorClient};

@@ -1,7 +1,7 @@
 //! Histograms for people and programs: buckets, and a drawing with logarithmic bars. Pure.
 
+pub use rcc_api::bodies::BucketView as Bucket;
 use rcc_core::histogram::Histogram;
-pub use rcc_loader::server::api::BucketView as Bucket;
 
 /// Upper bounds of the drawn rows, ns.
 const ROWS: [u64; 17] = [

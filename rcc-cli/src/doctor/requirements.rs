@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use rcc_api::codes;
 use rcc_config::cell::RealTime;
 use rcc_config::ports::PortArgument;
 use rcc_config::{CellConfig, ExecutorConfig, auto_ports};
 use rcc_ipc::Cell;
-use rcc_loader::server::codes;
 use rcc_protocol::Announcement;
 
 use crate::context::{Context, cell_failure};

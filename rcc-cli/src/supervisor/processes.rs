@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use rcc_api::codes;
 use rcc_config::{CellConfig, auto_ports, free_port};
 use rcc_ipc::cell;
-use rcc_loader::server::codes;
 use rcc_process::oom;
 
 use super::paths;

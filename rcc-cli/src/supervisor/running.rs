@@ -7,9 +7,9 @@ use std::io::Write;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 
+use rcc_api::codes;
 use rcc_config::CellConfig;
 use rcc_ipc::Cell;
-use rcc_loader::server::codes;
 use rcc_os::file;
 use serde::{Deserialize, Serialize};
 

@@ -4,9 +4,9 @@
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
+use rcc_api::bodies::{CommandView, DeviceView, StatusView};
 use rcc_ipc::clean::WipeError;
 use rcc_ipc::ownership;
-use rcc_loader::server::api::{CommandView, DeviceView, StatusView};
 use rcc_protocol::events::EventKind;
 
 use super::child::{self, ProcessState};

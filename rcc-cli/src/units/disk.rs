@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use rcc_loader::server::codes;
+use rcc_api::codes;
 
 use super::{DROP_IN, MARK, PACKAGED, SHIPPED, UNITS, UnitFile};
 use crate::failure::Failure;

@@ -1,6 +1,6 @@
 //! `abort NAME`: ends a net at once; the drivers bring its devices to rest.
 
-use rcc_loader::server::api::Done;
+use rcc_api::bodies::Done;
 
 use super::NetName;
 use crate::context::Context;

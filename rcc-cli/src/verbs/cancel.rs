@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use rcc_loader::server::api::CommandView;
-use rcc_loader::server::codes::{self, RequestedEnd};
+use rcc_api::bodies::CommandView;
+use rcc_api::codes::{self, RequestedEnd};
 
 use super::NetName;
 use crate::context::Context;

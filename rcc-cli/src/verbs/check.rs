@@ -4,14 +4,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use rcc_api::bodies::{Finding, RehearsalView};
+use rcc_api::codes::{self, exit};
+use rcc_api::compile::{findings, name_of};
 use rcc_config::{CellConfig, auto_ports};
 use rcc_language::compile_with;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::FileLibraries;
 use rcc_language::names::Names;
-use rcc_loader::server::api::{Finding, RehearsalView};
-use rcc_loader::server::codes::{self, exit};
-use rcc_loader::server::compile::{findings, name_of};
 use rcc_protocol::control::PlanData;
 use serde::Serialize;
 

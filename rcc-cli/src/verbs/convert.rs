@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use rcc_api::codes;
+use rcc_api::compile::findings;
 use rcc_language::devices::DeviceTable;
 use rcc_language::{Faults, compile, directionet, write};
-use rcc_loader::server::{codes, compile as compile_server};
 
 use super::check::load_config;
 use crate::context::Context;
@@ -76,7 +77,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let Some(converted) = converted else {
         return Err(invalid(&Faults::new(name, text, faults)));
     };
-    let warnings = compile_server::findings(&compiled.warnings);
+    let warnings = findings(&compiled.warnings);
     print_diagnostics(&draw(&warnings, Some(&(name, text)), Context::colour()));
     match arguments.into {
         None => print_file(&converted),

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use rcc_api::bodies::DeviceView;
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventReader;
-use rcc_loader::server::api::DeviceView;
 use rcc_os::clock::monotonic_ns;
 use rcc_protocol::events::EventKind;
 use serde::Serialize;

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::time::Duration;
 
+use rcc_api::codes::{self, exit};
 use rcc_ipc::cell::base_dir;
-use rcc_loader::server::codes::{self, exit};
 
 use crate::context::{Context, OutputFormat};
 use crate::doctor::FindingLevel;

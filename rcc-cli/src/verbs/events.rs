@@ -4,9 +4,9 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use rcc_api::codes;
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventReader;
-use rcc_loader::server::codes;
 use rcc_protocol::events::{Event, EventKind, EventOrigin, EventSeverity, wall_time_before};
 
 use crate::context::{Context, OutputFormat, cell_failure};

@@ -6,8 +6,8 @@ mod text;
 
 use std::path::PathBuf;
 
+use rcc_api::bodies::{CommandView, StatusView};
 use rcc_engine::costs::cache;
-use rcc_loader::server::api::{CommandView, StatusView};
 
 use self::report::{CellCapacity, Explanation};
 use super::{costs, source};

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use rcc_api::codes;
 use rcc_config::CellConfig;
 use rcc_ipc::{Cell, events};
-use rcc_loader::server::codes;
 use rcc_os::process_instance::Liveness;
 use rcc_protocol::Role;
 use rcc_protocol::announcement::EXECUTOR_LABEL;

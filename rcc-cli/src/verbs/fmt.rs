@@ -1,7 +1,7 @@
 //! `fmt FILE...`: formats nets and libraries, keeping comments. Needs no cell.
 
+use rcc_api::codes::{self, exit};
 use rcc_language::format::{FormatError, format};
-use rcc_loader::server::codes::{self, exit};
 use serde::Serialize;
 
 use crate::context::{Context, OutputFormat};

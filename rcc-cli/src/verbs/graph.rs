@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
+use rcc_api::bodies::ValueView;
+use rcc_api::codes;
 use rcc_graph::PortValues;
 use rcc_graph::scene::{BOXES_MAX, scene};
 use rcc_graph::{dot::dot, mermaid::mermaid, svg::svg};
 use rcc_language::structure::literal_label;
 use rcc_language::syntax::literal::{Literal, LiteralShape};
-use rcc_loader::server::api::ValueView;
-use rcc_loader::server::codes;
 use serde_json::Value;
 
 use super::source::{self, ResolvedNet};

@@ -4,10 +4,10 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use rcc_api::bodies::WrittenIncident;
+use rcc_api::codes;
 use rcc_engine::incident::{EXTENSION, IncidentError, IncidentHead, read_head};
 use rcc_ipc::Cell;
-use rcc_loader::server::api::WrittenIncident;
-use rcc_loader::server::codes;
 use serde::Serialize;
 
 use crate::context::{Context, cell_failure};

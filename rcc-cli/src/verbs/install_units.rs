@@ -4,9 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use rcc_api::codes;
 use rcc_config::ports::PortArgument;
 use rcc_config::{CellConfig, auto_ports};
-use rcc_loader::server::codes;
 
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;

@@ -1,6 +1,6 @@
 //! `load FILE`: loads a net and waits until it is ready.
 
-use rcc_loader::server::api::CommandView;
+use rcc_api::bodies::CommandView;
 
 use crate::context::Context;
 use crate::failure::{Failure, draw};

@@ -1,6 +1,6 @@
 //! `ls`: lists the loaded nets.
 
-use rcc_loader::server::api::CommandView;
+use rcc_api::bodies::CommandView;
 
 use crate::context::Context;
 use crate::failure::Failure;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use clap::CommandFactory;
-use rcc_loader::server::codes;
+use rcc_api::codes;
 
 use crate::context::Context;
 use crate::failure::Failure;

@@ -4,9 +4,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use rcc_api::codes::{self, exit};
 use rcc_core::message::EndReason;
-use rcc_loader::server::codes;
-use rcc_loader::server::codes::exit;
 use rcc_protocol::control::Refusal;
 use serde::Serialize;
 

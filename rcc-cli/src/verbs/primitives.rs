@@ -1,10 +1,9 @@
 //! `primitives [NAME|WORD]`: the manual: all primitives by group, one type in detail, or the types that mention a word.
 //! Needs no cell.
 
-use rcc_loader::server::api::{ExampleView, ParameterView, PortView, PrimitiveView};
-use rcc_loader::server::catalogue::{self, GROUPS};
-use rcc_loader::server::codes;
-use rcc_loader::server::manual;
+use rcc_api::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
+use rcc_api::catalogue::{self, GROUPS};
+use rcc_api::{codes, manual};
 
 use crate::context::Context;
 use crate::failure::Failure;

@@ -6,12 +6,12 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use rcc_api::codes;
 use rcc_engine::incident::{Incident, IncidentError};
 use rcc_engine::net::Evaluation;
 use rcc_engine::replay::{
     Mismatch, MismatchKind, NetReplayResult, ReplaySource, ReplayStep, replay,
 };
-use rcc_loader::server::codes;
 use rcc_protocol::pattern::Pattern;
 use serde::Serialize;
 use serde_json::{Map, Value, json};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rcc_loader::server::codes;
+use rcc_api::codes;
 
 use crate::context::Context;
 use crate::failure::Failure;

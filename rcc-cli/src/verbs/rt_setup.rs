@@ -7,7 +7,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use rcc_loader::server::codes;
+use rcc_api::codes;
 use rcc_process::{HealthReport, Helpers, Notifier, Stop};
 
 use crate::context::Context;

@@ -3,8 +3,8 @@
 
 use std::time::{Duration, Instant};
 
-use rcc_loader::server::api::CommandView;
-use rcc_loader::server::codes::{RequestedEnd, exit};
+use rcc_api::bodies::CommandView;
+use rcc_api::codes::{RequestedEnd, exit};
 
 use crate::client::LoaderClient;
 use crate::context::{Context, OutputFormat};

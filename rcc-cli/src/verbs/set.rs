@@ -1,8 +1,8 @@
 //! `set NET NAME=VALUE…`: sets inputs of a net, all from the same cycle on, or none of them.
 
+use rcc_api::bodies::{InputsSet, ValuesView};
+use rcc_api::codes;
 use rcc_language::names::{InputNames, Names};
-use rcc_loader::server::api::{InputsSet, ValuesView};
-use rcc_loader::server::codes;
 
 use crate::client::segment;
 use crate::context::Context;

@@ -6,13 +6,13 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use rcc_api::bodies::{FaultView, RehearsalView};
+use rcc_api::codes::{self, RequestedEnd, exit};
+use rcc_api::compile::compile;
+use rcc_api::messages::NameResolver;
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
 use rcc_language::names::Names;
-use rcc_loader::server::api::{FaultView, RehearsalView};
-use rcc_loader::server::codes::{self, RequestedEnd, exit};
-use rcc_loader::server::compile::compile;
-use rcc_loader::server::messages::NameResolver;
 use rcc_protocol::control::PlanData;
 use serde::Serialize;
 

@@ -3,13 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
+use rcc_api::bodies::StatusView;
+use rcc_api::codes::exit;
+use rcc_api::compile::findings;
 use rcc_config::CellConfig;
 use rcc_language::library::{FileLibraries, LibrarySource, NoLibraries};
 use rcc_language::structure::NetStructure;
 use rcc_language::{Compiled, compile_with_structure};
-use rcc_loader::server::api::StatusView;
-use rcc_loader::server::codes::exit;
-use rcc_loader::server::compile::findings;
 
 use super::check::load_config;
 use crate::client::LoaderClient;

@@ -1,6 +1,6 @@
 //! `start NAME…`: starts nets at the next cycle; with `--after-stopping`, ends others between the same two cycles.
 
-use rcc_loader::server::api::{Done, Switched};
+use rcc_api::bodies::{Done, Switched};
 
 use crate::context::Context;
 use crate::failure::Failure;

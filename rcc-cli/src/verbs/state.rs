@@ -1,6 +1,6 @@
 //! `state [NAME]`: shows everything about one net, or the states of all.
 
-use rcc_loader::server::api::{CommandDetail, CommandView, ValuesView};
+use rcc_api::bodies::{CommandDetail, CommandView, ValuesView};
 
 use super::ls;
 use crate::context::Context;

@@ -1,9 +1,7 @@
 //! `status`: shows the executor's health, its late cycles until they are acknowledged, the real-time grade that it
 //! obtained, and the processes of the cell.
 
-use rcc_loader::server::api::{
-    Acknowledged, ClockView, ExecutorView, HelperView, LateView, StatusView,
-};
+use rcc_api::bodies::{Acknowledged, ClockView, ExecutorView, HelperView, LateView, StatusView};
 use serde::Serialize;
 
 use crate::context::Context;

@@ -3,7 +3,7 @@
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
-use rcc_loader::server::codes;
+use rcc_api::codes;
 
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;

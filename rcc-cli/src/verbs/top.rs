@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use ratatui::DefaultTerminal;
 use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyModifiers};
+use rcc_api::bodies::{Acknowledged, CommandView, StatusView, TimingView};
+use rcc_api::codes;
 use rcc_core::printable::first_unprintable;
-use rcc_loader::server::api::{Acknowledged, CommandView, StatusView, TimingView};
-use rcc_loader::server::codes;
 use serde::Serialize;
 
 use super::duration;

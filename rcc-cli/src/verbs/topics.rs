@@ -1,6 +1,6 @@
 //! `topics`: lists the topics that connect nets, with their publishers and subscribers.
 
-use rcc_loader::server::api::{TopicEnd, TopicView};
+use rcc_api::bodies::{TopicEnd, TopicView};
 
 use crate::context::Context;
 use crate::failure::Failure;

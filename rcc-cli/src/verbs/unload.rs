@@ -1,6 +1,6 @@
 //! `unload NAME`: unloads a net that is not active.
 
-use rcc_loader::server::api::Done;
+use rcc_api::bodies::Done;
 
 use super::NetName;
 use crate::client::segment;

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use rcc_loader::server::codes::exit;
+use rcc_api::codes::exit;
 
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;

@@ -4,8 +4,8 @@
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-use rcc_loader::server::api::ValuesView;
-use rcc_loader::server::codes::{self, RequestedEnd, exit};
+use rcc_api::bodies::ValuesView;
+use rcc_api::codes::{self, RequestedEnd, exit};
 
 use super::state::shown;
 use crate::client::LoaderClient;

@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use rcc_loader::server::codes;
+use rcc_api::codes;
 use serde::Serialize;
 
 use crate::context::Context;

@@ -3,9 +3,9 @@
 //! A number is always an id, because a net's name neither begins with a digit nor contains a `#`
 //! ([`rcc_language::syntax::is_net_name`]). If both are given, both must match.
 
-use super::codes;
-use super::error::ApiError;
-use super::messages;
+use rcc_api::codes;
+use rcc_api::error::ApiError;
+use rcc_api::messages;
 
 /// The address of a loaded net.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,13 +12,11 @@ use axum::http::{Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use http_body_util::{BodyExt, Full};
 use hyper::body::{Body as _, Frame, SizeHint};
+use rcc_api::codes;
+use rcc_api::error::ApiError;
+use rcc_api::routes::TEXT_MAX;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use super::codes;
-use super::error::ApiError;
-
-/// Maximum size of a net's text, bytes.
-pub const TEXT_MAX: usize = 4 << 20;
 /// Texts longer than this are compiled one after the other, bytes. Compiling takes a hundred times the text's size in
 /// memory, which is returned afterwards; shorter texts do not wait for long ones.
 pub const LONG_TEXT: usize = 256 << 10;

@@ -7,11 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::codes;
-use super::error::ApiError;
-
-/// The request header that gives the time for which the client waits, ms.
-pub const TIMEOUT_HEADER: &str = "rcc-timeout-ms";
+use rcc_api::codes;
+use rcc_api::error::ApiError;
 
 /// A client that waits for an answer.
 #[derive(Clone, Debug, Default)]

@@ -1,10 +1,9 @@
 //! What the loader keeps in memory about each command: its name, and what lists, operations and refusals show. Plain
 //! data behind the lock of the store; used by the server's blocking threads and by the workers of CANCEL and ABORT.
 
+use rcc_api::bodies::{Finding, RehearsalView};
+use rcc_api::command_file::CommandFile;
 use rcc_language::names::Names;
-
-use super::api::{Finding, RehearsalView};
-use super::store::CommandFile;
 
 /// A command without its long parts: its text and the slots of its ports are only in its file.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
+use rcc_api::codes;
+use rcc_api::error::ApiError;
 use rcc_config::{CellConfig, ConfigChange, DeviceConfig, FileWatch};
 use rcc_core::pose::Pose;
 use rcc_protocol::announcement::EXECUTOR_LABEL;
@@ -12,8 +14,6 @@ use rcc_protocol::configuration::changed;
 use rcc_protocol::events::{EventKind, event_text};
 use rcc_protocol::{Announcement, Configuration, ProcessMismatch, Role};
 
-use super::codes;
-use super::error::ApiError;
 use super::executor::ExecutorConnection;
 use super::service::Service;
 

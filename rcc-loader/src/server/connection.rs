@@ -15,6 +15,9 @@ use axum::Router;
 use axum::http::StatusCode;
 use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
+use rcc_api::codes;
+use rcc_api::error::ApiError;
+use rcc_api::token::Token;
 use rcc_ipc::events::EventRecorder;
 use rcc_protocol::events::{EventKind, event_text};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
@@ -24,10 +27,7 @@ use tokio::time::timeout;
 use quotas::{ClientPeer, HeadPermit, Quotas, RequestClass};
 pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, TCP, UNAUTHENTICATED, UNIX};
 
-use super::codes;
-use super::error::ApiError;
 use super::request_head::{self, PrefixedStream, RequestHead};
-use super::token::Token;
 
 /// Maximum size of a request head, bytes.
 pub const HEAD_MAX: usize = 16 << 10;

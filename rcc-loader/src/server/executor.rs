@@ -5,6 +5,8 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
+use rcc_api::codes;
+use rcc_api::error::ApiError;
 use rcc_core::helper::{HelperEntry, HelperTable};
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
@@ -15,8 +17,7 @@ use rcc_protocol::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMI
 use rcc_protocol::{Announcement, Build, Role, wire};
 
 use super::caller::Caller;
-use super::codes;
-use super::error::ApiError;
+use super::error::{no_executor, of_call};
 
 /// Maximum time for an answer of the executor, which includes allocating arenas and planning paths.
 const CALL_TIMEOUT: Duration = Duration::from_secs(5);
@@ -143,9 +144,7 @@ impl ExecutorConnection {
         };
         let bytes = wire::encode(call).map_err(|error| other_build(&error))?;
         let class = CallClass::of(call);
-        let client = self
-            .port(class)
-            .ok_or_else(|| ApiError::no_executor(cell))?;
+        let client = self.port(class).ok_or_else(|| no_executor(cell))?;
         // Checked only now that the port is free: other callers may have used up all of this caller's time. An
         // operation that ends a motion is carried out even if nobody waits any more, because its client wanted the arm
         // to stop.
@@ -155,7 +154,7 @@ impl ExecutorConnection {
         };
         let answer = client
             .call(&bytes, patience)
-            .map_err(|error| ApiError::of_call(cell, &error))?;
+            .map_err(|error| of_call(cell, &error))?;
         drop(client);
         wire::decode(&answer).map_err(|error| other_build(&error))
     }
@@ -231,10 +230,10 @@ impl ExecutorLink {
         let announcement = cell
             .announced(Role::Executor, EXECUTOR_LABEL)
             .map_err(|error| unknown(error.to_string()))?
-            .ok_or_else(|| ApiError::no_executor(cell.name()))?;
+            .ok_or_else(|| no_executor(cell.name()))?;
         match announcement.liveness() {
             Liveness::Alive => {}
-            Liveness::Dead => return Err(ApiError::no_executor(cell.name())),
+            Liveness::Dead => return Err(no_executor(cell.name())),
             Liveness::Unknown(error) => return Err(unknown(error.to_string())),
         }
         let found = Arc::new(self.open(announcement)?);

@@ -1,13 +1,13 @@
 //! Hand-over by name: some commands end and others start between the same two cycles, or nothing changes. Run by
 //! blocking threads of the server.
 
+use rcc_api::bodies::{CommandRef, Done, Switch, Switched};
+use rcc_api::codes;
+use rcc_api::error::ApiError;
 use rcc_core::message::CommandState;
 use rcc_protocol::control::{Answer, Call, SWITCH_MAX};
 
-use super::api::{CommandRef, Done, Switch, Switched};
 use super::caller::Caller;
-use super::codes;
-use super::error::ApiError;
 use super::executor::ExecutorConnection;
 use super::service::{Operation, Service, unexpected};
 use super::store::CommandStore;

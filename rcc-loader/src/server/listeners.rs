@@ -7,13 +7,13 @@ use std::os::unix::net::UnixListener;
 
 use axum::Router;
 use nix::unistd::Group;
+use rcc_api::token::{Token, TokenError};
 use rcc_config::AccessConfig;
 use rcc_ipc::events::EventRecorder;
 use rcc_ipc::{Cell, CellError};
 
 use super::connection::{self, Listener};
 use super::socket::{self, SocketError};
-use super::token::{Token, TokenError};
 
 /// The reason why a listener cannot be opened.
 #[derive(Debug, thiserror::Error)]

@@ -6,11 +6,12 @@ use std::pin::Pin;
 use std::task::{Context, Poll};
 
 use axum::http::{Method, Uri};
+use rcc_api::codes;
+use rcc_api::error::ApiError;
+use rcc_api::routes::is_stop;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 
-use super::codes;
 use super::connection::{HEAD_MAX, HEADERS_MAX};
-use super::error::ApiError;
 
 /// Up to this many bytes the head is parsed after each read, so that garbage is answered at once; beyond, only at line
 /// ends.
@@ -117,16 +118,6 @@ fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
         return Err(malformed(why));
     }
     Ok(())
-}
-
-/// Returns true for the paths of CANCEL and ABORT.
-#[must_use]
-pub fn is_stop(path: &str) -> bool {
-    let path = path.split('?').next().unwrap_or_default();
-    let name = path
-        .strip_prefix("/commands/")
-        .and_then(|rest| rest.split_once('/'));
-    name.is_some_and(|(_, what)| matches!(what, "cancel" | "abort"))
 }
 
 fn malformed(why: impl std::fmt::Display) -> ApiError {

@@ -12,23 +12,23 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Json, Router};
-
+use rcc_api::bodies::{
+    Acknowledged, CommandDetail, CommandRef, CommandView, DeviceView, Done, ErrorBody, Finding,
+    InputsSet, Loaded, PrimitiveView, Start, StatusView, Switch, Switched, TextLocation,
+    TimingView, TopicView, ValuesView, WrittenIncident,
+};
+use rcc_api::error::ApiError;
+use rcc_api::routes::TIMEOUT_HEADER;
+use rcc_api::{catalogue, codes};
 use rcc_core::printable::Printable;
 use rcc_process::Helpers;
 use serde::{Deserialize, Serialize};
 use tokio::sync::Semaphore;
 use utoipa::OpenApi;
 
-use super::api;
-use super::api::{
-    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, InputsSet, Loaded,
-    PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView, WrittenIncident,
-};
 use super::bodies::{self, ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
-use super::caller::{Caller, TIMEOUT_HEADER};
-use super::catalogue;
-use super::codes;
-use super::error::ApiError;
+use super::caller::Caller;
+use super::error::ErrorResponse;
 use super::service::{Operation, Service};
 use super::stop_workers::StopWorkers;
 
@@ -81,7 +81,7 @@ struct ServerState {
         topics,
         acknowledge
     ),
-    components(schemas(ErrorBody, api::Finding, api::TextLocation))
+    components(schemas(ErrorBody, Finding, TextLocation))
 )]
 struct ApiDocument;
 
@@ -149,7 +149,7 @@ async fn limited(State(state): State<ServerState>, mut request: Request, next: N
     };
     let caller = match caller(request.headers()) {
         Ok(caller) => caller,
-        Err(error) => return error.into_response(),
+        Err(error) => return ErrorResponse(error).into_response(),
     };
     // This future lives as long as the client's connection is open.
     let _presence = caller.guard();
@@ -157,16 +157,16 @@ async fn limited(State(state): State<ServerState>, mut request: Request, next: N
     // Read the body first: a slow sender occupies nothing that others need.
     let request = match read_body(request, bytes_max, &state).await {
         Ok(request) => request,
-        Err(error) => return error.into_response(),
+        Err(error) => return ErrorResponse(error).into_response(),
     };
     let Ok(_place) = state.requests.try_acquire() else {
-        return too_many(REQUESTS_MAX).into_response();
+        return ErrorResponse(too_many(REQUESTS_MAX)).into_response();
     };
     with_time_limit(next.run(request)).await
 }
 
 async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
-    match tokio::time::timeout(REQUEST_TIME_MAX, answer).await {
+    let error = match tokio::time::timeout(REQUEST_TIME_MAX, answer).await {
         Ok(response) if response.status().is_client_error() && !is_json(&response) => {
             let message = "invalid address or query";
             ApiError::new(
@@ -174,21 +174,20 @@ async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
                 message,
                 "encode it as UTF-8, percent-encoded",
             )
-            .into_response()
         }
         Ok(response) if response.status().is_server_error() && !is_json(&response) => {
             let message = format!("the loader could not answer: {}", response.status());
             let help = "this is a bug in the loader: report it";
-            ApiError::new(codes::PROCESS_FAILED, message, help).into_response()
+            ApiError::new(codes::PROCESS_FAILED, message, help)
         }
-        Ok(response) => response,
+        Ok(response) => return response,
         Err(_) => ApiError::new(
             codes::LOADER_SILENT,
             format!("the request took longer than {REQUEST_TIME_MAX:?}"),
             "try again; it may or may not have been carried out",
-        )
-        .into_response(),
-    }
+        ),
+    };
+    ErrorResponse(error).into_response()
 }
 
 /// Returns the caller with the waiting time that the client announces.
@@ -256,17 +255,17 @@ async fn blocking<T: Send + 'static>(
 async fn answering<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     let answers = Arc::clone(&state.answers);
     let bytes = blocking(state, |service| written(&what(service)?)).await?;
-    bodies::answer(bytes, &answers)
+    Ok(bodies::answer(bytes, &answers)?)
 }
 
 /// As [`answering`], for requests that read command files.
 async fn reading<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     let places = Arc::clone(&state.reading);
     // The semaphores are never closed.
     let place = places.acquire_owned().await.ok();
@@ -316,7 +315,7 @@ async fn load(
     Extension(caller): Extension<Caller>,
     Extension(memory): Extension<TextMemory>,
     body: Bytes,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     let place = Arc::clone(&state.loading)
         .try_acquire_owned()
         .map_err(|_| too_many(LOADING_MAX))?;
@@ -347,7 +346,7 @@ async fn load(
 /// Lists all commands, sorted by id.
 #[utoipa::path(get, path = "/commands",
     responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody)))]
-async fn list(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn list(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::list).await
 }
 
@@ -367,7 +366,7 @@ async fn detail(
     State(state): State<ServerState>,
     Path(name): Path<String>,
     Query(DetailQuery { brief }): Query<DetailQuery>,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     match brief {
         true => answering(state, move |service| service.detail(&name, false)).await,
         false => reading(state, move |service| service.detail(&name, true)).await,
@@ -375,21 +374,21 @@ async fn detail(
 }
 
 /// Carries out CANCEL or ABORT, even if the client is gone: it wanted the arm to stop.
-async fn stop(state: ServerState, name: String, what: Operation) -> Result<Response, ApiError> {
+async fn stop(
+    state: ServerState,
+    name: String,
+    what: Operation,
+) -> Result<Response, ErrorResponse> {
     let service = state.service;
     let stopped = move || service.operate(&Caller::default(), &name, what);
-    state
-        .stops
-        .run(stopped)
-        .await
-        .map(|done| Json(done).into_response())
+    Ok(Json(state.stops.run(stopped).await?).into_response())
 }
 
 /// START: the net is evaluated from the next cycle on. With `after_stopping`, those commands end between the same two
 /// cycles, and an arm that they command continues with the first set-point of this net; if that is impossible, nothing
 /// changes.
 #[utoipa::path(post, path = "/commands/{name}/start", params(("name" = String, Path, description = "id or name")),
-    request_body(content = Option<api::Start>, description = "optional"),
+    request_body(content = Option<Start>, description = "optional"),
     responses((status = 200, body = Done), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
 async fn start(
@@ -397,18 +396,18 @@ async fn start(
     Path(name): Path<String>,
     Extension(caller): Extension<Caller>,
     body: Bytes,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     answering(state, move |service| {
-        let api::Start { after_stopping } = match body.is_empty() {
-            true => api::Start::default(),
+        let Start { after_stopping } = match body.is_empty() {
+            true => Start::default(),
             false => json(&body)?,
         };
         if after_stopping.is_empty() {
             return service.operate(&caller, &name, Operation::Start);
         }
-        let switch = api::Switch {
+        let switch = Switch {
             stop: after_stopping,
-            start: vec![api::CommandRef::Name(name)],
+            start: vec![CommandRef::Name(name)],
         };
         service.start_after(&caller, &switch)
     })
@@ -417,14 +416,14 @@ async fn start(
 
 /// Hand-over: some commands end and others start between the same two cycles, or nothing changes. An arm continues
 /// without a gap: the first set-point must continue from the last one.
-#[utoipa::path(post, path = "/switch", request_body(content = api::Switch),
+#[utoipa::path(post, path = "/switch", request_body(content = Switch),
     responses((status = 200, body = Switched), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
 async fn switch(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
     body: Bytes,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     answering(state, move |service| service.switch(&caller, &json(&body)?)).await
 }
 
@@ -440,7 +439,7 @@ async fn set(
     Path(name): Path<String>,
     Extension(caller): Extension<Caller>,
     body: Bytes,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     answering(state, move |service| {
         service.set(&caller, &name, &text_of(body, "the values are")?)
     })
@@ -473,7 +472,7 @@ async fn values(
     Path(name): Path<String>,
     Query(query): Query<ValuesQuery>,
     Extension(caller): Extension<Caller>,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     reading(state, move |service| {
         service.values(&caller, &name, &query.patterns())
     })
@@ -497,7 +496,7 @@ fn json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
 async fn cancel(
     State(state): State<ServerState>,
     Path(name): Path<String>,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     stop(state, name, Operation::Cancel).await
 }
 
@@ -507,7 +506,7 @@ async fn cancel(
 async fn abort(
     State(state): State<ServerState>,
     Path(name): Path<String>,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     stop(state, name, Operation::Abort).await
 }
 
@@ -518,7 +517,7 @@ async fn unload(
     State(state): State<ServerState>,
     Path(name): Path<String>,
     Extension(caller): Extension<Caller>,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     answering(state, move |service| {
         service.operate(&caller, &name, Operation::Unload)
     })
@@ -531,20 +530,20 @@ async fn unload(
 async fn incident(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     answering(state, move |service| service.freeze(&caller)).await
 }
 
 /// Lists the devices, in the order of the cell's configuration.
 #[utoipa::path(get, path = "/devices",
     responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
-async fn devices(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn devices(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::devices).await
 }
 
 /// Lists every primitive with its ports and parameters.
 #[utoipa::path(get, path = "/primitives", responses((status = 200, body = Vec<PrimitiveView>)))]
-async fn primitives(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn primitives(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| written(&catalogue::primitives())).await
 }
@@ -554,7 +553,7 @@ async fn constant(
     state: ServerState,
     kept: &'static OnceLock<Bytes>,
     make: impl FnOnce(&Service) -> Result<Vec<u8>, ApiError> + Send + 'static,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     let bytes = match kept.get() {
         Some(bytes) => bytes.clone(),
         None => {
@@ -567,14 +566,14 @@ async fn constant(
 
 /// Returns the JSON Schema of nets, with the names of this cell's devices and channels.
 #[utoipa::path(get, path = "/schema", responses((status = 200, body = serde_json::Value)))]
-async fn schema(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn schema(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, |service| Ok(service.schema())).await
 }
 
 /// Returns the executor's health and the processes of the cell.
 #[utoipa::path(get, path = "/status",
     responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
-async fn status(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn status(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::status).await
 }
 
@@ -584,25 +583,25 @@ async fn status(State(state): State<ServerState>) -> Result<Response, ApiError> 
 async fn acknowledge(
     State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
-) -> Result<Response, ApiError> {
+) -> Result<Response, ErrorResponse> {
     answering(state, move |service| service.acknowledge(&caller)).await
 }
 
 /// Lists the topics: who publishes each value, and who subscribes to it.
 #[utoipa::path(get, path = "/topics",
     responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody)))]
-async fn topics(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn topics(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::topics).await
 }
 
 /// Returns histograms of the cycle and the measured cost of primitives.
 #[utoipa::path(get, path = "/timing",
     responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
-async fn timing(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn timing(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::timing).await
 }
 
-async fn openapi(State(state): State<ServerState>) -> Result<Response, ApiError> {
+async fn openapi(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| {
         let text = document();
@@ -617,12 +616,12 @@ async fn openapi(State(state): State<ServerState>) -> Result<Response, ApiError>
     .await
 }
 
-async fn no_route() -> ApiError {
-    ApiError::new(
+async fn no_route() -> ErrorResponse {
+    ErrorResponse(ApiError::new(
         codes::NO_ROUTE,
         "unknown address or method",
         "`GET /openapi.json` lists all",
-    )
+    ))
 }
 
 #[cfg(test)]

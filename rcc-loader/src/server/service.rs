@@ -5,6 +5,12 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use rcc_api::bodies::{CommandView, Done, Finding, WrittenIncident};
+use rcc_api::codes;
+use rcc_api::command_file::CommandFile;
+use rcc_api::compile::{self, Compiled};
+use rcc_api::error::ApiError;
+use rcc_api::messages::{self, NameResolver};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandEntry, CommandState, EndReason};
 use rcc_ipc::events::EventRecorder;
@@ -17,16 +23,11 @@ use rcc_protocol::{Announcement, Configuration};
 use serde::Serialize;
 
 use super::address::{self, CommandAddress};
-use super::api::{CommandView, Done, Finding, WrittenIncident};
 use super::caller::Caller;
-use super::codes;
 use super::command_summary::CommandSummary;
-use super::compile::{self, Compiled};
 use super::configuration::WatchedFiles;
-use super::error::ApiError;
 use super::executor::{ExecutorConnection, ExecutorLink};
-use super::messages::{self, NameResolver};
-use super::store::{CommandFile, CommandStore, StoreError};
+use super::store::{self, CommandStore, StoreError};
 
 /// Maximum time until a recording is in a file.
 const RECORD_MAX: Duration = Duration::from_secs(8);
@@ -239,7 +240,7 @@ impl Service {
             let mut file = store.read(row.id).unwrap_or_default();
             file.id = row.id;
             file.diagnostics.push(lost.finding());
-            file.discard_excess();
+            store::discard_excess(&mut file);
             if let Err(error) = store.write(&file) {
                 tracing::warn!(%error, "cannot write the file of a rejected command");
             }
@@ -347,7 +348,7 @@ impl Service {
                     self.record_rejected(id, first, errors.count());
                 }
                 file.diagnostics = diagnostics;
-                file.discard_excess();
+                store::discard_excess(&mut file);
                 // If the file cannot be written, the findings stay in memory and the command is rejected all the same.
                 let kept = stored(&file);
                 self.executor.call(&Call::Reject { id })?;
@@ -394,7 +395,7 @@ impl Service {
         let finding = refused.finding();
         self.record_rejected(id, &finding, 1);
         file.diagnostics.push(finding);
-        file.discard_excess();
+        store::discard_excess(&mut file);
         stored(&file)
     }
 

@@ -1,6 +1,11 @@
 //! Status of a cell other than commands: devices, processes, and the executor's health. Read from boards and
 //! announcements by blocking threads of the server; never asks the real-time thread.
 
+use rcc_api::bodies::{
+    ChannelView, ClockView, DeviceView, ExecutorView, HelperView, ProcessView, StatusView,
+};
+use rcc_api::codes;
+use rcc_api::error::ApiError;
 use rcc_config::device::kind_name;
 use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
 use rcc_core::helper::{HelperEntry, HelperState};
@@ -9,12 +14,7 @@ use rcc_ipc::AnnounceError;
 use rcc_os::clock::monotonic_ns;
 use rcc_protocol::{Announcement, Role};
 
-use super::api::{
-    ChannelView, ClockView, DeviceView, ExecutorView, HelperView, ProcessView, StatusView,
-};
-use super::codes;
 use super::configuration::disagreement_sentence;
-use super::error::ApiError;
 use super::executor::ExecutorConnection;
 use super::service::Service;
 use super::store::CommandStore;

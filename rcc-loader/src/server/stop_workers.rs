@@ -6,12 +6,12 @@ use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use rcc_api::codes;
+use rcc_api::error::ApiError;
 use rcc_process::{Helper, Helpers, helpers};
 use tokio::sync::oneshot;
 
-use super::codes;
 use super::connection::STOPS;
-use super::error::ApiError;
 
 /// Names of the threads: while one waits for an executor that does not answer, the other takes the next request.
 const THREADS: [&str; 2] = ["stop-0", "stop-1"];

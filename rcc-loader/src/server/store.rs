@@ -10,11 +10,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
+use rcc_api::bodies::{Finding, RehearsalView, TextLocation};
+use rcc_api::codes;
+use rcc_api::command_file::CommandFile;
 use rcc_ipc::Cell;
 use rcc_language::names::{InputNames, Names, TopicNames};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use super::api::{Finding, RehearsalView};
 use super::command_summary::CommandSummary;
 
 /// Maximum size of all command files together, bytes; they are in memory (tmpfs).
@@ -24,68 +26,27 @@ pub const REJECTED_TEXT_MAX: usize = 64 << 10;
 /// Maximum size of the stored findings of a command, bytes; beyond it only their number is stored.
 pub const FINDINGS_MAX: usize = 128 << 10;
 
-/// Everything that the loader knows about a command and the executor does not.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct CommandFile {
-    /// The command's id.
-    pub id: u64,
-    /// The net's name; empty if the text does not even contain a valid one.
-    pub net: String,
-    /// The net's description.
-    #[serde(default)]
-    pub description: String,
-    /// The text that was loaded; only the beginning for a rejected command.
-    #[serde(default)]
-    pub text: String,
-    /// Slots of every port and monitor in the plan; `None` if the command was never ready.
-    #[serde(default)]
-    pub names: Option<Names>,
-    /// Errors and warnings of the text.
-    #[serde(default)]
-    pub diagnostics: Vec<Finding>,
-    /// Unique resources, as shown to people.
-    #[serde(default)]
-    pub uses: Vec<String>,
-    /// Number of primitives.
-    #[serde(default)]
-    pub primitives: u32,
-    /// Result of its rehearsal.
-    #[serde(default)]
-    pub rehearsal: Option<RehearsalView>,
-    /// Time of loading, seconds since the Unix epoch.
-    #[serde(default)]
-    pub loaded_at: u64,
-}
-
-impl CommandFile {
-    /// Returns true if the diagnostics contain an error.
-    #[must_use]
-    pub fn is_rejected(&self) -> bool {
-        self.diagnostics.iter().any(|row| row.severity == "error")
+/// Drops the data that a rejected command does not need: it cannot be started, but people look at its errors.
+pub fn discard_excess(file: &mut CommandFile) {
+    limit_findings(&mut file.diagnostics);
+    if !file.is_rejected() {
+        return;
     }
-
-    /// Drops the data that a rejected command does not need: it cannot be started, but people look at its errors.
-    pub fn discard_excess(&mut self) {
-        limit_findings(&mut self.diagnostics);
-        if !self.is_rejected() {
-            return;
-        }
-        self.names = None;
-        let size = self.text.len();
-        if size > REJECTED_TEXT_MAX {
-            let end = self.text.floor_char_boundary(REJECTED_TEXT_MAX);
-            self.text.truncate(end);
-            self.text.shrink_to_fit();
-            self.text
-                .push_str(&format!("\n# the loader stored {end} of {size} bytes\n"));
-        }
+    file.names = None;
+    let size = file.text.len();
+    if size > REJECTED_TEXT_MAX {
+        let end = file.text.floor_char_boundary(REJECTED_TEXT_MAX);
+        file.text.truncate(end);
+        file.text.shrink_to_fit();
+        file.text
+            .push_str(&format!("\n# the loader stored {end} of {size} bytes\n"));
     }
 }
 
 /// Keeps as many findings as fit into [`FINDINGS_MAX`], errors first, and adds one that tells how many there were.
 fn limit_findings(findings: &mut Vec<Finding>) {
     let size = |row: &Finding| {
-        let place = |place: &Option<super::api::TextLocation>| {
+        let place = |place: &Option<TextLocation>| {
             place
                 .as_ref()
                 .map_or(0, |place| place.file.len() + place.label.len())
@@ -121,7 +82,7 @@ fn limit_findings(findings: &mut Vec<Finding>) {
     let (kept, message) = (findings.len(), "the loader stores only the first ones");
     if kept < count {
         findings.push(Finding {
-            code: super::codes::NOT_KEPT.code.to_owned(),
+            code: codes::NOT_KEPT.code.to_owned(),
             severity: "warning".to_owned(),
             message: format!("{count} findings, {kept} are shown: {message}"),
             help: Some("`rcc-cli check FILE` shows all".to_owned()),

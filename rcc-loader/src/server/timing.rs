@@ -1,17 +1,17 @@
 //! Timing for clients: late cycles with their nets, histograms, and the cost of primitives. Read from boards by
 //! blocking threads of the server; only the acknowledgement calls the executor.
 
+use rcc_api::bodies::{
+    Acknowledged, BucketView, HistogramView, LateView, PrimitiveTimeView, TimingView,
+};
+use rcc_api::error::ApiError;
 use rcc_core::histogram::Histogram;
 use rcc_core::message::CommandState;
 use rcc_core::primitives::{self, CATALOGUE};
 use rcc_core::timing::{LateCause, LateCycle, PrimitiveTime};
 use rcc_protocol::control::{Answer, Call};
 
-use super::api::{
-    Acknowledged, BucketView, HistogramView, LateView, PrimitiveTimeView, TimingView,
-};
 use super::caller::Caller;
-use super::error::ApiError;
 use super::executor::{ExecutorConnection, TableSnapshot};
 use super::service::{Service, unexpected};
 use super::store::CommandStore;

@@ -1,78 +1,14 @@
-//! Topics, the values that go from net to net: who publishes each, and who subscribes to it. Pure, except for the list
-//! of all topics, which blocking threads of the server create.
+//! Topics, the values that go from net to net: who publishes each, and who subscribes to it. Created by blocking threads
+//! of the server.
 
 use std::collections::BTreeMap;
 
+use rcc_api::bodies::{TopicEnd, TopicView};
+use rcc_api::error::ApiError;
+use rcc_api::topics::uses;
 use rcc_core::message::CommandState;
-use rcc_core::topic::Topic;
-use rcc_language::names::Names;
 
-use super::api::{TopicEnd, TopicView};
-use super::error::ApiError;
 use super::service::Service;
-
-/// A net's use of a topic.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TopicUse<'a> {
-    /// Name of the topic.
-    pub topic: &'a str,
-    /// True if the net publishes the topic, false if it subscribes to it.
-    pub publishes: bool,
-    /// Id of the primitive.
-    pub primitive: &'a str,
-    /// Type.
-    pub ty: &'a str,
-    /// Unit; empty if the type implies it.
-    pub unit: &'a str,
-}
-
-impl TopicUse<'_> {
-    /// Returns the type and unit, for example `Real in N`, or `Wrench`.
-    #[must_use]
-    pub fn kind(&self) -> String {
-        match self.unit {
-            "" => self.ty.to_owned(),
-            unit => format!("{} in {unit}", self.ty),
-        }
-    }
-
-    /// Returns `publishes` or `subscribes to`.
-    #[must_use]
-    pub fn verb(&self) -> &'static str {
-        match self.publishes {
-            true => "publishes",
-            false => "subscribes to",
-        }
-    }
-}
-
-/// Returns all uses of topics in a net.
-pub fn uses(names: &Names) -> impl Iterator<Item = TopicUse<'_>> {
-    let published = names.publishes.iter().map(|row| TopicUse {
-        topic: &row.topic,
-        publishes: true,
-        primitive: &row.primitive,
-        ty: &row.type_name,
-        unit: row.unit.as_deref().unwrap_or_default(),
-    });
-    let shown = names.inputs.iter().filter_map(|row| {
-        Some(TopicUse {
-            topic: row.topic.as_deref()?,
-            publishes: false,
-            primitive: &row.primitive,
-            ty: &row.type_name,
-            unit: row.unit.as_deref().unwrap_or_default(),
-        })
-    });
-    published.chain(shown)
-}
-
-/// Returns the net's use of the topic with this key.
-#[must_use]
-pub fn of_key(names: &Names, key: u64) -> Option<TopicUse<'_>> {
-    uses(names)
-        .find(|topic_use| Topic::new(topic_use.topic, topic_use.ty, topic_use.unit).key == key)
-}
 
 impl Service {
     /// Returns the topics of all nets that are ready or active, sorted by name; a name used with two types has two

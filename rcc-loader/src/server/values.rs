@@ -1,6 +1,10 @@
 //! Sets inputs of a net, and reads its ports as of one cycle. Run by blocking threads of the server; the real-time
 //! thread sees only numbers.
 
+use rcc_api::bodies::{InputsSet, ValueView, ValuesView};
+use rcc_api::codes;
+use rcc_api::compile::findings;
+use rcc_api::error::ApiError;
 use rcc_core::message::CommandState;
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
@@ -10,11 +14,7 @@ use rcc_protocol::control::{Answer, Call, NetValues, READ_MAX};
 use rcc_protocol::pattern::Pattern;
 use serde_json::{Number, Value};
 
-use super::api::{InputsSet, ValueView, ValuesView};
 use super::caller::Caller;
-use super::codes;
-use super::compile::findings;
-use super::error::ApiError;
 use super::service::{Service, unexpected};
 
 /// A selected port, or one element of it.

@@ -69,7 +69,7 @@ fn cell_findings(cell: &CellFacts) -> Vec<HealthFinding> {
 mod tests {
     use super::*;
     use crate::doctor::FindingLevel;
-    use rcc_loader::server::api::ExecutorView;
+    use rcc_api::bodies::ExecutorView;
 
     #[test]
     fn a_running_cell_is_reported_with_its_health() {

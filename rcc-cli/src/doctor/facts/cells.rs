@@ -7,9 +7,8 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use rcc_api::bodies::{ExecutorView, StatusView};
 use rcc_ipc::Cell;
-use rcc_loader::server::api::ExecutorView;
-use rcc_loader::server::api::StatusView;
 use rcc_os::wall;
 
 use crate::client::LoaderClient;

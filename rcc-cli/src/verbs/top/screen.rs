@@ -87,9 +87,7 @@ fn table<const N: usize>(
 mod tests {
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
-    use rcc_loader::server::api::{
-        BucketView, CommandView, HistogramView, LateView, PrimitiveTimeView,
-    };
+    use rcc_api::bodies::{BucketView, CommandView, HistogramView, LateView, PrimitiveTimeView};
 
     use super::*;
 

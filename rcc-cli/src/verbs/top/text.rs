@@ -1,6 +1,6 @@
 //! The contents of `top` as rows of text, for the live view and for `--once`. Pure.
 
-use rcc_loader::server::api::{CommandView, HistogramView};
+use rcc_api::bodies::{CommandView, HistogramView};
 
 use super::TopSnapshot;
 use crate::doctor::histogram::drawing;

@@ -7,11 +7,10 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use rcc_api::codes;
+use rcc_api::error::ApiError;
 use rcc_process::log_throttle::LogThrottle;
 use tokio::sync::oneshot;
-
-use super::super::codes;
-use super::super::error::ApiError;
 
 /// Limits of a listener or of a class of requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

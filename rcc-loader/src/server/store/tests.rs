@@ -128,7 +128,7 @@ fn a_rejected_text_and_its_findings_are_truncated_to_their_limits() {
     let mut long = file.diagnostics[0].clone();
     long.rendered = "y".repeat(1 << 20);
     file.diagnostics = vec![long; 1000];
-    file.discard_excess();
+    discard_excess(&mut file);
     assert!(file.text.len() <= REJECTED_TEXT_MAX + 100 && file.text.contains("4194304 bytes"));
     let bytes = serde_json::to_vec(&file).map_or(usize::MAX, |bytes| bytes.len());
     assert!(
@@ -143,7 +143,7 @@ fn a_rejected_text_and_its_findings_are_truncated_to_their_limits() {
         ..command(1)
     };
     let whole = small.clone();
-    small.discard_excess();
+    discard_excess(&mut small);
     assert_eq!(
         small, whole,
         "a net that can be started is stored completely"

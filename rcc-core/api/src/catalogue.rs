@@ -9,7 +9,7 @@ use rcc_core::primitive::{
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
 
-use super::api::{ExampleView, ParameterView, PortView, PrimitiveView};
+use crate::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
 
 /// Returns every primitive, sorted by name.
 #[must_use]

@@ -1,8 +1,8 @@
 //! The manual of the primitives in Markdown, generated from their specs: `docs/primitives.md` and `rcc-cli primitives
 //! --markdown`. Computed on request; a test compares the document with it.
 
-use super::api::{ExampleView, ParameterView, PortView, PrimitiveView};
-use super::catalogue::GROUPS;
+use crate::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
+use crate::catalogue::GROUPS;
 
 const HEAD: &str = "# Primitives
 
@@ -180,12 +180,12 @@ fn worked(text: &mut String, example: &ExampleView) {
 mod tests {
     use std::path::Path;
 
-    use super::super::catalogue::primitives;
     use super::*;
+    use crate::catalogue::primitives;
 
     #[test]
     fn the_document_is_current() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/primitives.md");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/primitives.md");
         let wanted = document(&primitives());
         if std::env::var_os("RCC_BLESS").is_some() {
             std::fs::write(&path, &wanted).unwrap();
@@ -200,7 +200,7 @@ mod tests {
             .find(|(is, wanted)| is != wanted);
         assert!(
             is == wanted,
-            "docs/primitives.md is out of date ({first:?}): run RCC_BLESS=1 cargo test -p rcc-loader --lib manual"
+            "docs/primitives.md is out of date ({first:?}): run RCC_BLESS=1 cargo test -p rcc-api --lib manual"
         );
     }
 

@@ -9,7 +9,8 @@ use rcc_language::names::Names;
 use rcc_language::syntax::is_net_name;
 use rcc_protocol::control::PlanData;
 
-use super::api::{Finding, TextLocation};
+use crate::bodies::{Finding, TextLocation};
+use crate::codes;
 
 /// A successfully compiled net.
 #[derive(Clone, Debug)]
@@ -46,7 +47,7 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
         .check(&cell.models(), cell.fingerprint())
         .map_err(|error| {
             vec![Finding {
-                code: super::codes::PLAN_REFUSED.code.to_owned(),
+                code: codes::PLAN_REFUSED.code.to_owned(),
                 severity: "error".to_owned(),
                 message: format!("the compiled plan is invalid: {error:?}"),
                 help: Some("this is a bug in the loader: report it with the net".to_owned()),

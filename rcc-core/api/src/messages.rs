@@ -15,10 +15,10 @@ use rcc_language::names::Names;
 use rcc_protocol::ProcessMismatch;
 use rcc_protocol::control::{InputFault, Refusal};
 
-use super::api::FaultView;
-use super::codes::{self, ErrorCode};
-use super::error::ApiError;
-use super::{impedance, topics};
+use crate::bodies::FaultView;
+use crate::codes::{self, ErrorCode};
+use crate::error::ApiError;
+use crate::{impedance, topics};
 
 /// Resolves numbers to names: from the configuration, the nets, and the reasons that drivers give.
 pub struct NameResolver<'a> {

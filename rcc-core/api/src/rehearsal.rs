@@ -7,10 +7,10 @@ use rcc_protocol::rehearsal::{
     LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
 };
 
-use super::api::{PeakView, RehearsalView};
-use super::codes::{self, ErrorCode};
-use super::impedance;
-use super::messages::NameResolver;
+use crate::bodies::{PeakView, RehearsalView};
+use crate::codes::{self, ErrorCode};
+use crate::impedance;
+use crate::messages::NameResolver;
 
 /// Distances to a singularity below this are mentioned in the summary (sine of the remaining angle).
 const NEAR: f64 = 0.05;
