@@ -86,7 +86,7 @@ fn run_blocks<'a>(
             blanks = others;
             decided += 1;
         }
-        if region.is_none_or(|region| frame.bool(region.active) == 1) {
+        if region.is_none_or(|region| region.is_active(frame)) {
             run(frame, first, now);
         }
         first += now.len();

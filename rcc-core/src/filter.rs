@@ -8,7 +8,7 @@
 use core::f64::consts::PI;
 
 use crate::frame::{Frame, Preparation};
-use crate::primitive::{StateSpec, finite};
+use crate::primitive::{Real, Slot, StateSpec, finite};
 use crate::types::NULL_REAL;
 
 /// A filter `H(z) = (b0 + b1/z + b2/z²) / (1 + a1/z + a2/z²)`.
@@ -77,10 +77,10 @@ pub const STATE: StateSpec = StateSpec {
 const MEMORY: u32 = 6;
 
 /// Writes a filter with empty memory into the initial arena; `state` is the slot of its [`STATE`].
-pub fn prepare(preparation: &mut Preparation<'_>, state: u32, filter: Biquad) {
+pub fn prepare(preparation: &mut Preparation<'_>, state: Slot<[Real; 8]>, filter: Biquad) {
     let ([b0, b1, b2], [a1, a2]) = (filter.b, filter.a);
     let gain = finite(filter.steady_gain());
-    preparation.set_reals(state, [b0, b1, b2, a1, a2, gain, NULL_REAL, NULL_REAL]);
+    preparation.put(state, [b0, b1, b2, a1, a2, gain, NULL_REAL, NULL_REAL]);
 }
 
 /// Runs one cycle in the transposed direct form II (Oppenheim and Schafer, section 6.3.4).
@@ -88,9 +88,14 @@ pub fn prepare(preparation: &mut Preparation<'_>, state: u32, filter: Biquad) {
 /// With empty memory, at the start and after an overflow, the filter starts in the steady state of its input; an
 /// integrating filter starts at rest. A null input gives null and holds the memory.
 #[inline(always)]
-pub fn step(frame: &mut Frame<'_>, input: u32, out: u32, state: u32) -> Option<()> {
-    let x = frame.get_real(input)?;
-    let [b0, b1, b2, a1, a2, gain, mut s1, mut s2] = frame.get_reals(state)?;
+pub fn step(
+    frame: &mut Frame<'_>,
+    input: Slot<Real>,
+    out: Slot<Real>,
+    state: Slot<[Real; 8]>,
+) -> Option<()> {
+    let x = frame.get(input)?;
+    let [b0, b1, b2, a1, a2, gain, mut s1, mut s2] = frame.get(state)?;
     if s1.is_nan() {
         let steady = gain * x;
         let integrates = gain.is_nan();
@@ -102,13 +107,13 @@ pub fn step(frame: &mut Frame<'_>, input: u32, out: u32, state: u32) -> Option<(
         };
     }
     let y = finite(b0 * x + s1);
-    frame.put_real(out, y)?;
+    frame.put(out, y)?;
     if x.is_nan() {
         return Some(());
     }
     // An overflow makes the memory NaN, which restarts the filter.
     let memory = [finite(b1 * x - a1 * y + s2), b2 * x - a2 * y];
-    frame.put_reals(state.saturating_add(MEMORY), memory)
+    frame.put(state.cast::<[Real; 2]>() + MEMORY, memory)
 }
 
 #[cfg(test)]

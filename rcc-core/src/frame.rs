@@ -11,8 +11,9 @@ use crate::kinematics::Arm;
 use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
 use crate::path::{MotionBuilder, MotionFault, Motions};
 use crate::pose::Pose;
+use crate::primitive::{Device, Element, Real, Rotation, Slot, Value};
 use crate::rotation::{self, Quaternion};
-use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
+use crate::types::NULL_REAL;
 use crate::workspace::Workspace;
 
 /// The static model of a device, from the cell's configuration.
@@ -124,222 +125,118 @@ pub struct Frame<'a> {
     pub motion_failed: bool,
 }
 
-// Accessors for primitives that occur in nets by the hundred: they need no fallback value for a slot that does not
-// exist.
 impl Frame<'_> {
-    /// Reads a `Real`; `None` outside of the arena.
+    /// Reads a value; `None` outside of the arena. A null pose contains NaN.
     #[inline(always)]
-    pub fn get_real(&self, slot: u32) -> Option<f64> {
-        self.reals.get(slot as usize).copied()
+    pub fn get<T: Value>(&self, slot: Slot<T>) -> Option<T> {
+        T::get(T::Element::arena(self), slot.index())
     }
 
-    /// Reads a `Bool`: 0, 1 or 2 (null); `None` outside of the arena.
+    /// Writes a value; `None` outside of the arena. A pose that is not finite is written as null.
     #[inline(always)]
-    pub fn get_bool(&self, slot: u32) -> Option<u8> {
-        self.bools.get(slot as usize).copied()
+    pub fn put<T: Value>(&mut self, slot: Slot<T>, value: T) -> Option<()> {
+        value.put(T::Element::arena_mut(self), slot.index())
     }
 
-    /// Reads an `Int`; `None` outside of the arena.
+    /// Reads `N` reals; `None` if an element is null or not finite.
     #[inline(always)]
-    pub fn get_int(&self, slot: u32) -> Option<i64> {
-        self.ints.get(slot as usize).copied()
+    pub fn composite<const N: usize>(&self, slot: Slot<[Real; N]>) -> Option<[f64; N]> {
+        let values = self.get(slot)?;
+        let finite = values.iter().all(|value: &f64| value.is_finite());
+        finite.then_some(values)
     }
 
-    /// Reads `N` contiguous reals without interpretation.
+    /// Writes `N` reals; `None`, or any element that is not finite, writes null in every element.
     #[inline(always)]
-    pub fn get_reals<const N: usize>(&self, slot: u32) -> Option<[f64; N]> {
-        self.reals.get(slot as usize..)?.first_chunk().copied()
-    }
-
-    /// Writes a `Real`; `None` outside of the arena.
-    #[inline(always)]
-    pub fn put_real(&mut self, slot: u32, value: f64) -> Option<()> {
-        *self.reals.get_mut(slot as usize)? = value;
-        Some(())
-    }
-
-    /// Writes a `Bool`: 0, 1 or 2 (null); `None` outside of the arena.
-    #[inline(always)]
-    pub fn put_bool(&mut self, slot: u32, value: u8) -> Option<()> {
-        *self.bools.get_mut(slot as usize)? = value;
-        Some(())
-    }
-
-    /// Writes an `Int`; `None` outside of the arena.
-    #[inline(always)]
-    pub fn put_int(&mut self, slot: u32, value: i64) -> Option<()> {
-        *self.ints.get_mut(slot as usize)? = value;
-        Some(())
-    }
-
-    /// Writes `N` contiguous reals; `None` outside of the arena.
-    #[inline(always)]
-    pub fn put_reals<const N: usize>(&mut self, slot: u32, values: [f64; N]) -> Option<()> {
-        *self.reals.get_mut(slot as usize..)?.first_chunk_mut()? = values;
-        Some(())
-    }
-}
-
-impl Frame<'_> {
-    /// Reads a `Real`.
-    #[inline(always)]
-    pub fn real(&self, slot: u32) -> f64 {
-        self.reals.get(slot as usize).copied().unwrap_or(NULL_REAL)
-    }
-
-    /// Writes a `Real`.
-    #[inline(always)]
-    pub fn set_real(&mut self, slot: u32, value: f64) {
-        if let Some(place) = self.reals.get_mut(slot as usize) {
-            *place = value;
-        }
-    }
-
-    /// Reads a `Bool`: 0, 1 or 2 (null).
-    #[inline(always)]
-    pub fn bool(&self, slot: u32) -> u8 {
-        self.bools.get(slot as usize).copied().unwrap_or(NULL_BOOL)
-    }
-
-    /// Writes a `Bool`: 0, 1 or 2 (null).
-    #[inline(always)]
-    pub fn set_bool(&mut self, slot: u32, value: u8) {
-        if let Some(place) = self.bools.get_mut(slot as usize) {
-            *place = value;
-        }
-    }
-
-    /// Reads an `Int`.
-    #[inline(always)]
-    pub fn int(&self, slot: u32) -> i64 {
-        self.ints.get(slot as usize).copied().unwrap_or(NULL_INT)
-    }
-
-    /// Writes an `Int`.
-    #[inline(always)]
-    pub fn set_int(&mut self, slot: u32, value: i64) {
-        if let Some(place) = self.ints.get_mut(slot as usize) {
-            *place = value;
-        }
-    }
-
-    /// Reads `N` contiguous reals without interpretation.
-    #[inline(always)]
-    pub fn reals<const N: usize>(&self, slot: u32) -> [f64; N] {
-        let tail = self.reals.get(slot as usize..).unwrap_or(&[]);
-        tail.first_chunk().copied().unwrap_or([NULL_REAL; N])
-    }
-
-    /// Writes `N` contiguous reals.
-    #[inline(always)]
-    pub fn set_reals<const N: usize>(&mut self, slot: u32, values: [f64; N]) {
-        let tail = self.reals.get_mut(slot as usize..).unwrap_or(&mut []);
-        if let Some(place) = tail.first_chunk_mut() {
-            *place = values;
-        }
-    }
-
-    /// Reads a composite of `N` reals; `None` if an element is null or not finite.
-    #[inline(always)]
-    pub fn composite<const N: usize>(&self, slot: u32) -> Option<[f64; N]> {
-        let values = self.reals(slot);
-        values
-            .iter()
-            .all(|value: &f64| value.is_finite())
-            .then_some(values)
-    }
-
-    /// Writes a composite; `None`, or any element that is not finite, writes null in every element.
-    #[inline(always)]
-    pub fn set_composite<const N: usize>(&mut self, slot: u32, value: Option<[f64; N]>) {
+    pub fn put_composite<const N: usize>(
+        &mut self,
+        slot: Slot<[Real; N]>,
+        value: Option<[f64; N]>,
+    ) -> Option<()> {
         let finite = value.filter(|value| value.iter().all(|element| element.is_finite()));
-        self.set_reals(slot, finite.unwrap_or([NULL_REAL; N]));
+        self.put(slot, finite.unwrap_or([NULL_REAL; N]))
     }
 
-    /// Reads a `Rotation`, normalized; `None` if it is null or cannot be normalized.
+    /// Reads a rotation, normalized; `None` if it is null or cannot be normalized.
     #[inline(always)]
-    pub fn rotation(&self, slot: u32) -> Option<Quaternion> {
-        rotation::unit(self.reals(slot))
+    pub fn rotation(&self, slot: Slot<Rotation>) -> Option<Quaternion> {
+        rotation::unit(self.get(slot)?)
     }
 
-    /// Reads a `Pose` with normalized orientation; `None` if it is null or its orientation cannot be normalized.
+    /// Reads a pose with normalized orientation; `None` if it is null or its orientation cannot be normalized.
     #[inline(always)]
-    pub fn known_pose(&self, slot: u32) -> Option<Pose> {
-        let [x, y, z, qx, qy, qz, qw] = self.composite(slot)?;
+    pub fn known_pose(&self, slot: Slot<Pose>) -> Option<Pose> {
+        let [x, y, z, qx, qy, qz, qw] = self.composite(slot.cast())?;
         Some(Pose {
             position: [x, y, z],
             orientation: rotation::unit([qx, qy, qz, qw])?,
         })
     }
 
-    /// Writes a `Pose`; `None` or a pose that is not finite is written as null.
+    /// Writes a pose; `None` or a pose that is not finite is written as null.
     #[inline(always)]
-    pub fn set_known_pose(&mut self, slot: u32, pose: Option<Pose>) {
-        self.set_composite(slot, pose.map(|pose| pose.to_slots()));
+    pub fn put_pose(&mut self, slot: Slot<Pose>, pose: Option<Pose>) -> Option<()> {
+        self.put_composite(slot.cast(), pose.map(|pose| pose.to_slots()))
     }
 
-    /// Reads a `Real[width]`; `None` if any element is null.
-    pub fn joints(&self, slot: u32, width: u32) -> Option<Joints> {
-        let values = self.reals.get(slot as usize..)?.get(..width as usize)?;
-        joints_from(values)
+    /// Reads the `width` joints that begin at `first`; `None` if any of them is null.
+    pub fn joints(&self, first: Slot<Real>, width: u32) -> Option<Joints> {
+        let values = self.reals.get(first.index() as usize..)?;
+        joints_from(values.get(..width as usize)?)
     }
 
-    /// Writes a `Real[width]`; `None` writes null in every element.
-    pub fn set_joints(&mut self, slot: u32, width: u32, value: Option<&Joints>) {
+    /// Writes the `width` joints that begin at `first`; `None` writes null in every element.
+    pub fn put_joints(
+        &mut self,
+        first: Slot<Real>,
+        width: u32,
+        value: Option<&Joints>,
+    ) -> Option<()> {
         let value = value.copied().unwrap_or([NULL_REAL; JOINTS_MAX]);
-        let tail = self.reals.get_mut(slot as usize..).unwrap_or(&mut []);
+        let tail = self.reals.get_mut(first.index() as usize..)?;
         for (place, value) in tail.iter_mut().zip(value).take(width as usize) {
             *place = value;
         }
-    }
-
-    /// Reads a `Pose`; a null pose contains NaN.
-    pub fn pose(&self, slot: u32) -> Pose {
-        Pose::from_slots(self.reals(slot))
-    }
-
-    /// Writes a `Pose`; one that is not finite is written as null.
-    pub fn set_pose(&mut self, slot: u32, pose: Pose) {
-        let pose = if pose.is_finite() {
-            pose.to_slots()
-        } else {
-            [NULL_REAL; 7]
-        };
-        self.set_reals(slot, pose);
+        Some(())
     }
 
     /// Returns the measurement of a device; `None` if it is not present.
     #[inline]
-    pub fn measured(&self, device: u32) -> Option<&Measurement> {
-        let input = self.devices.get(device as usize)?;
+    pub fn measured(&self, device: Device) -> Option<&Measurement> {
+        let input = self.devices.get(device.0 as usize)?;
         input.present.then_some(&input.measurement)
     }
 
     /// Returns the commands to a device.
     #[inline]
-    pub fn output(&mut self, device: u32) -> Option<&mut DeviceOutput> {
-        self.outputs.get_mut(device as usize)
+    pub fn output(&mut self, device: Device) -> Option<&mut DeviceOutput> {
+        self.outputs.get_mut(device.0 as usize)
     }
 }
 
 impl<'a> Frame<'a> {
     /// Returns the kinematics of a device; `None` if it has none.
     #[inline]
-    pub fn arm(&self, device: u32) -> Option<&'a Arm> {
+    pub fn arm(&self, device: Device) -> Option<&'a Arm> {
         let models: &'a [DeviceModel] = self.models;
-        models.get(device as usize)?.arm.as_ref()
+        models.get(device.0 as usize)?.arm.as_ref()
     }
 
     /// Returns the joint limits of a device.
     #[inline]
-    pub fn limits(&self, device: u32) -> Option<&'a JointLimits> {
+    pub fn limits(&self, device: Device) -> Option<&'a JointLimits> {
         let models: &'a [DeviceModel] = self.models;
-        models.get(device as usize).map(|model| &model.limits)
+        models.get(device.0 as usize).map(|model| &model.limits)
     }
 
     /// Returns the kinematics of a device and the joint positions at `joints`; `None` if a position is null or not
     /// finite.
-    pub fn arm_at(&self, device: u32, joints: u32, width: u32) -> Option<(&'a Arm, Joints)> {
+    pub fn arm_at(
+        &self,
+        device: Device,
+        joints: Slot<Real>,
+        width: u32,
+    ) -> Option<(&'a Arm, Joints)> {
         let joints = self.joints(joints, width)?;
         let finite = joints.iter().all(|joint| joint.is_finite());
         self.arm(device).filter(|_| finite).map(|arm| (arm, joints))
@@ -374,36 +271,22 @@ pub struct Preparation<'a> {
 }
 
 impl Preparation<'_> {
-    /// Reads `N` contiguous reals.
-    pub fn reals<const N: usize>(&self, slot: u32) -> [f64; N] {
-        let tail = self.reals.get(slot as usize..).unwrap_or(&[]);
-        tail.first_chunk().copied().unwrap_or([NULL_REAL; N])
+    /// Reads a value; null outside of the arena.
+    pub fn get<T: Value>(&self, slot: Slot<T>) -> T {
+        T::get(T::Element::initial(self), slot.index()).unwrap_or(T::NULL)
     }
 
-    /// Writes `N` contiguous reals.
-    pub fn set_reals<const N: usize>(&mut self, slot: u32, values: [f64; N]) {
-        let tail = self.reals.get_mut(slot as usize..).unwrap_or(&mut []);
-        if let Some(place) = tail.first_chunk_mut() {
-            *place = values;
-        }
-    }
-
-    /// Reads a `Bool`.
-    pub fn bool(&self, slot: u32) -> u8 {
-        self.bools.get(slot as usize).copied().unwrap_or(NULL_BOOL)
-    }
-
-    /// Reads an `Int`.
-    pub fn int(&self, slot: u32) -> i64 {
-        self.ints.get(slot as usize).copied().unwrap_or(NULL_INT)
+    /// Writes reals; does nothing outside of the arena.
+    pub fn put<T: Value<Element = Real>>(&mut self, slot: Slot<T>, value: T) {
+        value.put(self.reals, slot.index());
     }
 
     /// Returns the kinematics of an arm and its hold set-point, rad.
     ///
     /// # Errors
     /// Returns `NoArm` if the device has no kinematics, `HoldUnknown` while the driver does not reach it.
-    pub fn arm_at_rest(&self, device: u32) -> Result<(Arm, Joints), PrepareFault> {
-        arm_at_rest(self.models, self.holds, device)
+    pub fn arm_at_rest(&self, device: Device) -> Result<(Arm, Joints), PrepareFault> {
+        arm_at_rest(self.models, self.holds, device.0)
     }
 }
 

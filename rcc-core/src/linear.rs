@@ -2,6 +2,7 @@
 //! Computations", 4th edition, sections 3.2 and 3.4. Run by the real-time thread.
 
 use crate::frame::Frame;
+use crate::primitive::{Real, Slot};
 
 /// Maximum number of rows of a square matrix.
 pub const SIDE_MAX: usize = 8;
@@ -14,7 +15,7 @@ pub struct AugmentedMatrix<const W: usize> {
 
 impl<const W: usize> AugmentedMatrix<W> {
     /// Reads a square matrix; `None` if it is too large, or if an element is null or infinite.
-    pub fn read(frame: &Frame<'_>, slot: u32, side: u32) -> Option<AugmentedMatrix<W>> {
+    pub fn read(frame: &Frame<'_>, slot: Slot<Real>, side: u32) -> Option<AugmentedMatrix<W>> {
         let count = side as usize;
         let mut rows = [[0.0; W]; SIDE_MAX];
         if count > SIDE_MAX || count > W {
@@ -22,7 +23,7 @@ impl<const W: usize> AugmentedMatrix<W> {
         }
         for (row, from) in rows.iter_mut().take(count).zip(0u32..) {
             for (place, column) in row.iter_mut().take(count).zip(0u32..) {
-                *place = frame.get_real(slot + from * side + column)?;
+                *place = frame.get(slot + from * side + column)?;
                 if !place.is_finite() {
                     return None;
                 }

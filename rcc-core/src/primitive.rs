@@ -11,23 +11,30 @@ mod duration;
 mod elements;
 mod operand;
 mod port;
+mod slot;
 mod step;
 mod wide;
 mod window;
 
 pub use channel::{each_bit_channel, each_real_channel};
 pub use duration::{elapsed, reached};
-pub use elements::{ELEMENTS, TRUTHS, fold_bool, fold_int, fold_real};
+pub use elements::{ELEMENTS, TRUTHS, fold_bool, reduce};
 pub use operand::{CYCLES_MAX, DIMS_MAX, MemorySpec, Operand, Size, Sizes, Width};
 pub use port::{
     ChannelKind, DefaultValue, Dim, ElementType, Parameter, ParameterKind, Port, PortType,
     TypeFamily, UnitRule,
 };
-pub use step::{
-    StepResult, choose, compare_int, compare_real, each, each_bool, each_finite, each_int,
-    each_real, finite, higher, lower, map_real, map_whole, real_unless, whole, within,
+pub(crate) use slot::operands;
+pub use slot::{
+    Bool, ByElement, Channel, Clock, Device, Element, Field, FieldKind, Int, Operands, Prepare,
+    Real, Rotation, Slot, Spatial, Step, Value, Vector3,
 };
-pub use wide::{copy, fill_null, is_null, wide_int, wide_real};
+pub use step::{
+    Operation, Unary, by_element, choose, compare, each, each_bool, each_element, each_finite,
+    each_int, each_pair, each_step, finite, higher, int_unless, lower, map_real, map_whole,
+    real_unless, whole, within,
+};
+pub use wide::{copy, fill_null, is_null};
 pub use window::{Fold, WINDOW, each_window};
 
 /// The state that a primitive keeps from cycle to cycle; each kind is one contiguous block in the arena. Reals start as
@@ -221,6 +228,10 @@ pub struct Kernel {
     pub store: Option<Store>,
     /// Handles only single-element values; its operands then have no width.
     pub single: bool,
+    /// Applies its operands to each element; the width follows them.
+    pub by_element: bool,
+    /// Name and kind of the operands; empty for the kernels of shared functions.
+    pub fields: &'static [(&'static str, FieldKind)],
     /// Evaluates all primitives of a run: `operands` is a whole number of operand groups.
     pub run: fn(&mut Frame<'_>, operands: &[u32]),
 }
@@ -231,6 +242,8 @@ impl Kernel {
         Kernel {
             store: None,
             single: false,
+            by_element: false,
+            fields: &[],
             run,
         }
     }
@@ -239,8 +252,7 @@ impl Kernel {
     pub const fn of(store: Store, run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
         Kernel {
             store: Some(store),
-            single: false,
-            run,
+            ..Kernel::new(run)
         }
     }
 
@@ -248,15 +260,49 @@ impl Kernel {
     /// values.
     pub const fn single(store: Store, run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
         Kernel {
-            store: Some(store),
             single: true,
-            run,
+            ..Kernel::of(store, run)
+        }
+    }
+
+    /// Creates the kernel that evaluates each group of operands by `S`.
+    pub const fn each<S: Step>() -> Kernel {
+        Kernel {
+            store: S::STORE,
+            fields: S::FIELDS,
+            ..Kernel::new(each_step::<S>)
+        }
+    }
+
+    /// As [`Kernel::each`], for single-element values: the primitive also has a kernel for wide values.
+    pub const fn scalar<S: Step>() -> Kernel {
+        Kernel {
+            single: true,
+            ..Kernel::each::<S>()
+        }
+    }
+
+    /// Creates the kernel that evaluates each element of wide values by `S`; its operands are those of `S` and the
+    /// width.
+    pub const fn by_element<S: ByElement>() -> Kernel {
+        Kernel {
+            store: S::STORE,
+            by_element: true,
+            fields: S::FIELDS,
+            ..Kernel::new(each_element::<S>)
         }
     }
 }
 
-/// Computes the start values of one primitive when its command becomes ready, off the RT thread.
-pub type Prepare = fn(&mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault>;
+/// Computes the start values of one primitive from its group of operands.
+pub type PrepareGroup = fn(&mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault>;
+
+fn prepare_group<P: Prepare>(
+    preparation: &mut Preparation<'_>,
+    operands: &[u32],
+) -> Result<(), PrepareFault> {
+    P::split(operands).map_or(Ok(()), |(primitive, _)| primitive.prepare(preparation))
+}
 
 /// One row of the catalogue.
 #[derive(Clone, Copy)]
@@ -266,8 +312,9 @@ pub struct CatalogueEntry {
     /// Kernels for the cycle, at most 8. The first one that fits is used, so kernels for single-element values come
     /// first.
     pub kernels: &'static [Kernel],
-    /// Computes start values that depend on the devices; `None` if there are none.
-    pub prepare: Option<Prepare>,
+    /// Computes start values that depend on the devices from one group of operands, off the real-time thread; `None` if
+    /// there are none.
+    pub prepare: Option<PrepareGroup>,
 }
 
 impl CatalogueEntry {
@@ -280,10 +327,10 @@ impl CatalogueEntry {
         }
     }
 
-    /// Adds the computation of start values.
-    pub const fn prepared_by(self, prepare: Prepare) -> CatalogueEntry {
+    /// Adds the computation of start values by `P`.
+    pub const fn prepared_by<P: Prepare>(self) -> CatalogueEntry {
         CatalogueEntry {
-            prepare: Some(prepare),
+            prepare: Some(prepare_group::<P>),
             ..self
         }
     }

@@ -600,4 +600,40 @@ mod tests {
             );
         }
     }
+
+    /// The name of a field for a port or parameter; a name that several have is written out in the struct.
+    fn is_field(field: &str, name: &str) -> bool {
+        match name {
+            "in" => field == "input",
+            _ => field == name || field.ends_with(&std::format!("_{name}")) || field == "flange",
+        }
+    }
+
+    /// A field at the wrong position would read another operand: names and kinds agree with the spec.
+    #[test]
+    fn the_fields_of_kernels_are_the_operands_of_their_specs() {
+        let (mut fields, mut wrong) = (0, std::vec![]);
+        for entry in CATALOGUE {
+            let spec = &entry.spec;
+            let names = spec.operand_names();
+            for kernel in entry
+                .kernels
+                .iter()
+                .filter(|kernel| !kernel.fields.is_empty())
+            {
+                let operands: std::vec::Vec<_> = spec.operands(kernel).collect();
+                let width = usize::from(kernel.by_element);
+                assert_eq!(operands.len(), kernel.fields.len() + width, "{}", spec.name);
+                for ((field, kind), operand) in kernel.fields.iter().zip(&operands) {
+                    assert!(kind.fits(*operand), "{}: {field} is {operand:?}", spec.name);
+                }
+                let pairs = kernel.fields.iter().zip(names.clone());
+                let others = pairs.filter(|((field, _), name)| !is_field(field, name));
+                wrong.extend(others.map(|((field, _), name)| (spec.name, *field, name)));
+                fields += kernel.fields.len();
+            }
+        }
+        assert!(wrong.is_empty(), "{wrong:#?}");
+        assert!(fields > 800, "{fields}");
+    }
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{OPERANDS_MAX, Plan, PlanError};
 use crate::frame::Frame;
+use crate::primitive::{Bool, Slot};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
 /// Maximum number of regions of a net.
@@ -103,14 +104,20 @@ impl PlanRegion {
     /// Decides whether the region is evaluated in this cycle, and sets its values to null when it is deactivated;
     /// `blanks` are the region's own ranges.
     pub(crate) fn decide(&self, blanks: &[NullRange], frame: &mut Frame<'_>) {
-        let around = self.within == NO_REGION || frame.bool(self.within) == 1;
-        let active = around && frame.bool(self.condition) == 1;
-        if frame.bool(self.active) == 1 && !active {
+        let is_true = |slot: u32| frame.get(Slot::<Bool>::at(slot)) == Some(1);
+        let around = self.within == NO_REGION || is_true(self.within);
+        let active = around && is_true(self.condition);
+        if self.is_active(frame) && !active {
             for blank in blanks {
                 blank.make_null(frame);
             }
         }
-        frame.set_bool(self.active, u8::from(active));
+        frame.put(Slot::<Bool>::at(self.active), u8::from(active));
+    }
+
+    /// Returns true if the region is evaluated in this cycle.
+    pub(crate) fn is_active(&self, frame: &Frame<'_>) -> bool {
+        frame.get(Slot::<Bool>::at(self.active)) == Some(1)
     }
 }
 

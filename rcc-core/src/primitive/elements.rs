@@ -1,9 +1,12 @@
 //! Shared parts of primitives that reduce an array to one value: their ports, and the fold from the first element to
 //! the last. The specs are read by the loader, the kernels by the real-time thread.
 
-use super::{Dim, ElementType, Port, PortType, Spec, UnitRule, choose, each};
+use super::{
+    Bool, Dim, Element, ElementType, Int, Kernel, Operation, Port, PortType, Real, Slot, Spec,
+    UnitRule, choose, each, operands,
+};
 use crate::frame::Frame;
-use crate::types::{NULL_BOOL, NULL_INT, Type};
+use crate::types::{NULL_BOOL, Store, Type};
 
 /// Spec of a primitive that reduces an array of numbers to one number.
 pub const ELEMENTS: Spec = Spec {
@@ -30,35 +33,26 @@ pub const TRUTHS: Spec = Spec {
     ..Spec::PLAIN
 };
 
-/// `Real[n] → Real`; `operation` must return NaN if an operand is NaN.
-#[inline(always)]
-pub fn fold_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> f64) {
-    each(frame, operands, |frame, [input, out, length]| {
-        let mut result = frame.get_real(input)?;
-        for i in 1..length {
-            result = operation(result, frame.get_real(input + i)?);
-        }
-        frame.put_real(out, result)
-    });
+operands! {
+    struct Elements<E> { input: Slot<E>, out: Slot<E>, length: u32 }
 }
 
-/// `Int[n] → Int`: null if an element is null, or if `operation` flags its result as out of range.
+/// The kernels that reduce an array of numbers from the first element to the last; null if an element is null.
+pub const fn reduce<O: Operation<Real> + Operation<Int>>() -> [Kernel; 2] {
+    [
+        Kernel::of(Store::Real, fold::<Real, O>),
+        Kernel::of(Store::Int, fold::<Int, O>),
+    ]
+}
+
 #[inline(always)]
-pub fn fold_int(
-    frame: &mut Frame<'_>,
-    operands: &[u32],
-    operation: impl Fn(i64, i64) -> (i64, bool),
-) {
-    each(frame, operands, |frame, [input, out, length]| {
-        let mut result = frame.get_int(input)?;
-        let mut null = result == NULL_INT;
-        for i in 1..length {
-            let value = frame.get_int(input + i)?;
-            let (next, out_of_range) = operation(result, value);
-            null |= (value == NULL_INT) | out_of_range;
-            result = next;
+fn fold<E: Element, O: Operation<E>>(frame: &mut Frame<'_>, operands: &[u32]) {
+    each(frame, operands, |frame, array: Elements<E>| {
+        let mut result = frame.get(array.input)?;
+        for i in 1..array.length {
+            result = O::apply(result, frame.get(array.input + i)?);
         }
-        frame.put_int(out, choose(null, NULL_INT, result))
+        frame.put(array.out, result)
     });
 }
 
@@ -70,13 +64,13 @@ pub fn fold_bool(
     first: u8,
     operation: impl Fn(u8, u8) -> u8,
 ) {
-    each(frame, operands, |frame, [input, out, length]| {
+    each(frame, operands, |frame, array: Elements<Bool>| {
         let (mut result, mut null) = (first, 0);
-        for i in 0..length {
-            let value = frame.get_bool(input + i)?;
+        for i in 0..array.length {
+            let value = frame.get(array.input + i)?;
             null |= value & NULL_BOOL;
             result = operation(result, value & 1);
         }
-        frame.put_bool(out, choose(null != 0, NULL_BOOL, result))
+        frame.put(array.out, choose(null != 0, NULL_BOOL, result))
     });
 }

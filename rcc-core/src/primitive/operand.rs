@@ -1,7 +1,7 @@
 //! The meaning of each number in a plan's operand list. The loader writes operands, `Plan::check` verifies them and
 //! kernels read them; all three follow [`Spec::operands`]. Not used in the cycle.
 
-use super::{ChannelKind, Dim, Kernel, ParameterKind, PortType, Role, Spec};
+use super::{ChannelKind, Dim, Kernel, Parameter, ParameterKind, PortType, Role, Spec};
 use crate::types::{Store, Type};
 
 /// Maximum number of length variables of a primitive.
@@ -279,6 +279,21 @@ fn of_dim(dim: Dim) -> Width {
     }
 }
 
+fn parameter_operand(parameter: &Parameter, store: Option<Store>) -> Option<Operand> {
+    match parameter.kind {
+        ParameterKind::Value(ty, _) => Some(slot(ty, store, false)),
+        ParameterKind::Poses(_) | ParameterKind::Path(_) => {
+            let (ty, _) = parameter.kind.value()?;
+            Some(slot(ty, store, false))
+        }
+        ParameterKind::Word(_) => Some(slot(PortType::Is(Type::Int), store, false)),
+        ParameterKind::Arm => Some(Operand::Arm),
+        ParameterKind::Device => Some(Operand::Device),
+        ParameterKind::Channel(kind) => Some(Operand::Channel(kind)),
+        _ => None,
+    }
+}
+
 impl Spec {
     /// Returns the types of all ports and of all parameters that are values.
     pub fn types(&self) -> impl Iterator<Item = PortType> + use<'_> {
@@ -321,6 +336,15 @@ impl Spec {
         self.memory.operand(kernel.store)
     }
 
+    /// Returns the names of the inputs, outputs and of those parameters that are operands, in operand order.
+    pub fn operand_names(&self) -> impl Iterator<Item = &'static str> + Clone + use<'_> {
+        let ports = self.inputs.iter().chain(self.outputs).map(|port| port.name);
+        let parameters = self.parameters.iter();
+        let parameters =
+            parameters.filter(|parameter| parameter_operand(parameter, None).is_some());
+        ports.chain(parameters.map(|parameter| parameter.name))
+    }
+
     /// Returns the operands of a kernel of this primitive, in order: inputs, outputs, parameters, state (reals, bools,
     /// ints), memory, path clock, sizes. This order is the contract between loader, check and kernels.
     pub fn operands(&self, kernel: &Kernel) -> impl Iterator<Item = Operand> + use<'_> {
@@ -332,18 +356,10 @@ impl Spec {
         ];
         let inputs = self.inputs.iter().map(move |p| slot(p.ty, store, false));
         let outputs = self.outputs.iter().map(move |p| slot(p.ty, store, true));
-        let parameters = self.parameters.iter().filter_map(move |p| match p.kind {
-            ParameterKind::Value(ty, _) => Some(slot(ty, store, false)),
-            ParameterKind::Poses(_) | ParameterKind::Path(_) => {
-                let (ty, _) = p.kind.value()?;
-                Some(slot(ty, store, false))
-            }
-            ParameterKind::Word(_) => Some(slot(PortType::Is(Type::Int), store, false)),
-            ParameterKind::Arm => Some(Operand::Arm),
-            ParameterKind::Device => Some(Operand::Device),
-            ParameterKind::Channel(kind) => Some(Operand::Channel(kind)),
-            _ => None,
-        });
+        let parameters = self
+            .parameters
+            .iter()
+            .filter_map(move |parameter| parameter_operand(parameter, store));
         let state = state.into_iter().filter(|(_, count)| *count > 0);
         let state = state.map(|(store, count)| Operand::Slot {
             store,

@@ -4,7 +4,9 @@
 //! Schneider, Wu: "General incremental sliding-window aggregation", PVLDB 8 (2015), section 4 (FlatFAT). Run by the
 //! real-time thread.
 
-use super::{Parameter, ParameterKind, Port, Spec, StateSpec, UnitRule, each};
+use super::{
+    Int, Parameter, ParameterKind, Port, Real, Slot, Spec, StateSpec, UnitRule, each, operands,
+};
 use crate::frame::Frame;
 
 /// The part of the spec that all windows of numbers share: null rule and types. A primitive adds its name, texts,
@@ -45,28 +47,33 @@ pub trait Fold {
     fn result(root: f64, count: f64) -> f64;
 }
 
-/// Runs the step for operands `[in, out, ints, tree, width, cycles]`: one tree of `2 · cycles` nodes for each element.
-/// The first of the two Ints is the index of the next value, the second the number of values so far, at most `cycles`.
+operands! {
+    /// The first of the two Ints is the index of the next value, the second the number of values so far, at most
+    /// `cycles`; one tree of `2 · cycles` nodes for each element.
+    struct Window {
+        input: Slot<Real>, out: Slot<Real>, ints: Slot<Int>, tree: Slot<Real>, width: u32, cycles: u32,
+    }
+}
+
+/// Runs the step of a window.
 #[inline(always)]
 pub fn each_window<F: Fold>(frame: &mut Frame<'_>, operands: &[u32]) {
     each(frame, operands, step::<F>);
 }
 
-fn step<F: Fold>(
-    frame: &mut Frame<'_>,
-    [input, out, ints, tree, width, cycles]: [u32; 6],
-) -> Option<()> {
-    let place = u32::try_from(frame.get_int(ints)?).ok()?;
+fn step<F: Fold>(frame: &mut Frame<'_>, window: Window) -> Option<()> {
+    let Window { ints, cycles, .. } = window;
+    let place = u32::try_from(frame.get(ints)?).ok()?;
     let place = place.min(cycles.saturating_sub(1));
     let count = frame
-        .get_int(ints + 1)?
+        .get(ints + 1)?
         .saturating_add(1)
         .min(i64::from(cycles));
-    for i in 0..width {
-        let tree = tree + i * 2 * cycles;
-        let value = frame.get_real(input + i)?;
+    for i in 0..window.width {
+        let tree = window.tree + i * 2 * cycles;
+        let value = frame.get(window.input + i)?;
         let mut node = cycles + place;
-        frame.put_real(tree + node, F::leaf(value))?;
+        frame.put(tree + node, F::leaf(value))?;
         // At most one step for each bit of the window's length.
         for _ in 0..u32::BITS {
             if node < 2 {
@@ -74,15 +81,15 @@ fn step<F: Fold>(
             }
             node /= 2;
             let (a, b) = (
-                frame.get_real(tree + 2 * node)?,
-                frame.get_real(tree + 2 * node + 1)?,
+                frame.get(tree + 2 * node)?,
+                frame.get(tree + (2 * node + 1))?,
             );
-            frame.put_real(tree + node, F::combine(a, b))?;
+            frame.put(tree + node, F::combine(a, b))?;
         }
-        let root = frame.get_real(tree + 1)?;
-        frame.put_real(out + i, F::result(root, count as f64))?;
+        let root = frame.get(tree + 1)?;
+        frame.put(window.out + i, F::result(root, count as f64))?;
     }
-    frame.put_int(ints + 1, count)?;
+    frame.put(ints + 1, count)?;
     let next = if place + 1 < cycles { place + 1 } else { 0 };
-    frame.put_int(ints, i64::from(next))
+    frame.put(ints, i64::from(next))
 }

@@ -1,9 +1,8 @@
 //! `Add`: out = a + b, rounded once; an `Int` overflow gives null.
 
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+    CatalogueEntry, Example, Int, Operation, Port, Real, Spec, UnitRule, by_element, int_unless,
 };
-use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -42,21 +41,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::linear("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
-    &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each_real(frame, operands, |a, b| a + b);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            wide_real(frame, operands, |a, b| a + b);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each_int(frame, operands, i64::overflowing_add);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            wide_int(frame, operands, i64::overflowing_add);
-        }),
-    ],
+    &const { by_element::<Add>() },
 );
+
+/// a + b.
+#[derive(Clone, Copy)]
+pub struct Add;
+
+impl Operation<Real> for Add {
+    #[inline(always)]
+    fn apply(a: Real, b: Real) -> Real {
+        a + b
+    }
+}
+
+impl Operation<Int> for Add {
+    #[inline(always)]
+    fn apply(a: Int, b: Int) -> Int {
+        int_unless(a, b, a.overflowing_add(b))
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -5,7 +5,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Role, Spec, UnitRule, each,
+    CatalogueEntry, Channel, ChannelKind, Device, Kernel, Parameter, ParameterKind, Port, Real,
+    Role, Slot, Spec, Step, UnitRule, operands,
 };
 
 /// The row of the catalogue.
@@ -30,17 +31,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::CommandsChannel,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<AnalogOutput>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, device, channel]: [u32; 3]) {
-    let value = frame.real(input);
-    if let Some(place) = frame
-        .output(device)
-        .and_then(|output| output.analog.get_mut(channel as usize))
-    {
-        *place = value;
+operands! {
+    struct AnalogOutput { input: Slot<Real>, device: Device, channel: Channel }
+}
+
+impl Step for AnalogOutput {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        if let Some(place) = frame
+            .output(self.device)
+            .and_then(|output| output.analog.get_mut(self.channel.0 as usize))
+        {
+            *place = value;
+        }
+        Some(())
     }
 }
 

@@ -1,7 +1,10 @@
 //! `AngleBetween`: the unsigned angle between two directions.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 use crate::vector;
@@ -41,14 +44,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .within(0.0, core::f64::consts::PI)],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<AngleBetween>()],
 );
 
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let direction = |slot| frame.composite(slot).and_then(vector::normalized);
-    let angle = direction(a).zip(direction(b)).map(|(a, b)| {
-        let (apart, together) = (vector::subtract(a, b), vector::add(a, b));
-        2.0 * libm::atan2(vector::norm(apart), vector::norm(together))
-    });
-    frame.set_real(out, angle.unwrap_or(NULL_REAL));
+operands! {
+    struct AngleBetween { a: Slot<Vector3>, b: Slot<Vector3>, out: Slot<Real> }
+}
+
+impl Step for AngleBetween {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let direction = |slot| frame.composite(slot).and_then(vector::normalized);
+        let angle = direction(self.a).zip(direction(self.b)).map(|(a, b)| {
+            let (apart, together) = (vector::subtract(a, b), vector::add(a, b));
+            2.0 * libm::atan2(vector::norm(apart), vector::norm(together))
+        });
+        frame.put(self.out, angle.unwrap_or(NULL_REAL))
+    }
 }

@@ -4,7 +4,8 @@ use core::f64::consts::PI;
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Device, Example, Int, Kernel, Parameter, Port, PortType, Real, Slot, Spec,
+    Step, UnitRule, operands,
 };
 use crate::types::{NULL_INT, NULL_REAL};
 use crate::unit::Unit;
@@ -26,17 +27,23 @@ outputs: &[Port::real("angle", UnitRule::Is(Unit::RADIAN), "rotation of the elbo
 parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ArmAngle>()],
 );
 
-fn step(frame: &mut Frame<'_>, [joints, angle, branch, device, width]: [u32; 5]) {
-    let found = frame.arm_at(device, joints, width);
-    let (radians, number) = found.map_or((NULL_REAL, NULL_INT), |(arm, joints)| {
-        (
-            arm.arm_angle(&joints).unwrap_or(NULL_REAL),
-            i64::from(arm.branch(&joints).index()),
-        )
-    });
-    frame.set_real(angle, radians);
-    frame.set_int(branch, number);
+operands! {
+    struct ArmAngle { joints: Slot<Real>, angle: Slot<Real>, branch: Slot<Int>, device: Device, width: u32 }
+}
+
+impl Step for ArmAngle {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let found = frame.arm_at(self.device, self.joints, self.width);
+        let (radians, number) = found.map_or((NULL_REAL, NULL_INT), |(arm, joints)| {
+            (
+                arm.arm_angle(&joints).unwrap_or(NULL_REAL),
+                i64::from(arm.branch(&joints).index()),
+            )
+        });
+        frame.put(self.angle, radians)?;
+        frame.put(self.branch, number)
+    }
 }

@@ -5,8 +5,10 @@
 
 use crate::frame::Frame;
 use crate::kinematics::Arm;
+use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each, finite,
+    CatalogueEntry, Device, Example, Kernel, Parameter, Port, PortType, Real, Slot, Spec, Step,
+    UnitRule, finite, operands,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -50,23 +52,31 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ArmAngleLimits>()],
 );
 
-fn step(frame: &mut Frame<'_>, [pose, hint, lower, upper, device, width]: [u32; 6]) {
-    let pose = frame.known_pose(pose);
-    let there = frame.arm_at(device, hint, width).zip(pose);
-    let limits = frame.limits(device);
-    let found = there.zip(limits).and_then(|(((arm, hint), pose), limits)| {
-        let Arm::Srs(srs) = arm else {
-            return None;
-        };
-        let angles = srs.arm_angles(&pose, arm.branch(&hint), limits).ok()?;
-        angles.around(arm.arm_angle(&hint)?)
-    });
-    let [from, to] = found.map_or([f64::NAN; 2], |interval| interval);
-    frame.set_real(lower, finite(from));
-    frame.set_real(upper, finite(to));
+operands! {
+    struct ArmAngleLimits {
+        pose: Slot<Pose>, hint: Slot<Real>, lower: Slot<Real>, upper: Slot<Real>, device: Device, width: u32,
+    }
+}
+
+impl Step for ArmAngleLimits {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let pose = frame.known_pose(self.pose);
+        let there = frame.arm_at(self.device, self.hint, self.width).zip(pose);
+        let limits = frame.limits(self.device);
+        let found = there.zip(limits).and_then(|(((arm, hint), pose), limits)| {
+            let Arm::Srs(srs) = arm else {
+                return None;
+            };
+            let angles = srs.arm_angles(&pose, arm.branch(&hint), limits).ok()?;
+            angles.around(arm.arm_angle(&hint)?)
+        });
+        let [from, to] = found.map_or([f64::NAN; 2], |interval| interval);
+        frame.put(self.lower, finite(from))?;
+        frame.put(self.upper, finite(to))
+    }
 }
 
 #[cfg(test)]

@@ -2,10 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
-    fill_null,
+    Bool, CatalogueEntry, Dim, Element, ElementType, Example, Int, Kernel, Port, PortType, Real,
+    Slot, Spec, Step, UnitRule, copy, operands,
 };
-use crate::types::Store;
 
 const LENGTH: Dim = Dim::Var(0);
 
@@ -42,29 +41,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Real, group)
-            });
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Bool, group)
-            });
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Int, group)
-            });
-        }),
+        Kernel::each::<At<Real>>(),
+        Kernel::each::<At<Bool>>(),
+        Kernel::each::<At<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, store: Store, [input, index, out, length]: [u32; 4]) -> Option<()> {
-    // A null index is negative.
-    match u32::try_from(frame.get_int(index)?) {
-        Ok(index) if index < length => copy(frame, store, input + index, out, 1),
-        _ => fill_null(frame, store, out, 1),
+operands! {
+    struct At<E> { input: Slot<E>, index: Slot<Int>, out: Slot<E>, length: u32 }
+}
+
+impl<E: Element> Step for At<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        // A null index is negative.
+        match u32::try_from(frame.get(self.index)?) {
+            Ok(index) if index < self.length => copy(frame, self.input + index, self.out, 1),
+            _ => frame.put(self.out, E::NULL),
+        }
     }
 }

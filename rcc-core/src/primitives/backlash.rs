@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
-    UnitRule, each, finite, higher, lower,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Real, Slot,
+    Spec, StateSpec, Step, UnitRule, finite, higher, lower, operands,
 };
 use crate::types::Type;
 
@@ -44,20 +44,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Backlash>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, width, last]: [u32; 4]) -> Option<()> {
-    let (value, before) = (frame.get_real(input)?, frame.get_real(last)?);
-    let half = frame.get_real(width)? / 2.0;
-    let pushed = lower(higher(before, value - half), value + half);
-    // `lower` and `higher` ignore NaN, so that without a state or with a null input there is nothing to hold back.
-    let now = finite(if before.is_nan() | value.is_nan() {
-        value
-    } else {
-        pushed
-    });
-    frame.put_real(out, now)?;
-    frame.put_real(last, if now.is_nan() { before } else { now })
+operands! {
+    struct Backlash { input: Slot<Real>, out: Slot<Real>, width: Slot<Real>, last: Slot<Real> }
+}
+
+impl Step for Backlash {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        let half = frame.get(self.width)? / 2.0;
+        let pushed = lower(higher(before, value - half), value + half);
+        // `lower` and `higher` ignore NaN, so that without a state or with a null input there is nothing to hold back.
+        let now = finite(if before.is_nan() | value.is_nan() {
+            value
+        } else {
+            pushed
+        });
+        frame.put(self.out, now)?;
+        frame.put(self.last, if now.is_nan() { before } else { now })
+    }
 }

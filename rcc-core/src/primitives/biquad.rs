@@ -2,9 +2,10 @@
 //! series.
 
 use crate::filter;
-use crate::frame::{Preparation, PrepareFault};
+use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Prepare, Real, Slot, Spec,
+    Step, UnitRule, operands,
 };
 
 /// The row of the catalogue.
@@ -45,25 +46,28 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         state: filter::STATE,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| {
-        each(frame, operands, |frame, [input, out, _, _, _, _, _, state]| {
-            filter::step(frame, input, out, state)
-        });
-    })],
+    &[Kernel::each::<Biquad>()],
 )
-.prepared_by(prepare);
+.prepared_by::<Biquad>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    if let &[_input, _out, b0, b1, b2, a1, a2, state] = operands {
-        let [b0, b1, b2, a1, a2] = [b0, b1, b2, a1, a2].map(|slot| {
-            let [value] = preparation.reals(slot);
-            value
-        });
-        let biquad = filter::Biquad {
-            b: [b0, b1, b2],
-            a: [a1, a2],
-        };
-        filter::prepare(preparation, state, biquad);
+operands! {
+    struct Biquad { input: Slot<Real>, out: Slot<Real>, b0: Slot<Real>, b1: Slot<Real>, b2: Slot<Real>, a1: Slot<Real>, a2: Slot<Real>, state: Slot<[Real; 8]> }
+}
+
+impl Step for Biquad {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        filter::step(frame, self.input, self.out, self.state)
     }
-    Ok(())
+}
+
+impl Prepare for Biquad {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let biquad = filter::Biquad {
+            b: [self.b0, self.b1, self.b2].map(|slot| preparation.get(slot)),
+            a: [self.a1, self.a2].map(|slot| preparation.get(slot)),
+        };
+        filter::prepare(preparation, self.state, biquad);
+        Ok(())
+    }
 }

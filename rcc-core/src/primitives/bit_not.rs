@@ -1,7 +1,9 @@
 //! `BitNot`: bitwise complement of an integer, in two's complement.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, choose, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Int, Kernel, Port, Slot, Spec, Step, choose, operands,
+};
 use crate::types::NULL_INT;
 
 /// The row of the catalogue.
@@ -24,11 +26,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::int("out", "!in, of 64 bits in two's complement")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<BitNot>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    frame.put_int(out, choose(value == NULL_INT, NULL_INT, !value))
+operands! {
+    struct BitNot { input: Slot<Int>, out: Slot<Int> }
+}
+
+impl Step for BitNot {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        frame.put(self.out, choose(value == NULL_INT, NULL_INT, !value))
+    }
 }

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule,
-    choose, each, higher, whole,
+    Bool, CatalogueEntry, DefaultValue, Example, Int, Kernel, Parameter, Port, Real, Slot, Spec,
+    StateSpec, Step, UnitRule, choose, higher, operands, whole,
 };
 use crate::types::NULL_BOOL;
 
@@ -49,20 +49,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Blink>()],
 );
 
-/// `age`: cycles since the current period of the pattern started, with the first cycle of true as 0.
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [enable, out, on, off, age]: [u32; 5]) -> Option<()> {
-    let (enabled, dt_s) = (frame.get_bool(enable)?, frame.dt_s);
-    let cycles = |time_s: f64| whole(higher(libm::round(time_s / dt_s), 1.0)).max(1);
-    let (on, off) = (cycles(frame.get_real(on)?), cycles(frame.get_real(off)?));
-    let before = frame.get_int(age)?;
-    let next = before.saturating_add(1);
-    let next = choose(next >= on.saturating_add(off), 0, next);
-    let is_enabled = enabled == 1;
-    frame.put_int(age, choose(is_enabled, next, 0))?;
-    let value = u8::from(is_enabled & (before < on));
-    frame.put_bool(out, choose(enabled & NULL_BOOL != 0, NULL_BOOL, value))
+operands! {
+    struct Blink { enable: Slot<Bool>, out: Slot<Bool>, on: Slot<Real>, off: Slot<Real>, age: Slot<Int> }
+}
+
+impl Step for Blink {
+    /// `age`: cycles since the current period of the pattern started, with the first cycle of true as 0.
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (enabled, dt_s) = (frame.get(self.enable)?, frame.dt_s);
+        let cycles = |time_s: f64| whole(higher(libm::round(time_s / dt_s), 1.0)).max(1);
+        let (on, off) = (cycles(frame.get(self.on)?), cycles(frame.get(self.off)?));
+        let before = frame.get(self.age)?;
+        let next = before.saturating_add(1);
+        let next = choose(next >= on.saturating_add(off), 0, next);
+        let is_enabled = enabled == 1;
+        frame.put(self.age, choose(is_enabled, next, 0))?;
+        let value = u8::from(is_enabled & (before < on));
+        frame.put(self.out, choose(enabled & NULL_BOOL != 0, NULL_BOOL, value))
+    }
 }

@@ -2,7 +2,9 @@
 //! IV-C).
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Role, Spec, each};
+use crate::primitive::{
+    Bool, CatalogueEntry, Example, Kernel, Port, Role, Slot, Spec, Step, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -20,13 +22,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::Cancel,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Cancel>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [requested]: [u32; 1]) {
-    let value = u8::from(frame.cancel_requested);
-    frame.set_bool(requested, value);
+operands! {
+    struct Cancel { requested: Slot<Bool> }
+}
+
+impl Step for Cancel {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = u8::from(frame.cancel_requested);
+        frame.put(self.requested, value)
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use crate::frame::Frame;
 use crate::impedance::{ControlMode, Impedance};
 use crate::message::JOINTS_MAX;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Device, Kernel, Parameter, Port, PortType, Real, Role, Slot,
+    Spatial, Spec, Step, UnitRule, Vector3, operands,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -60,42 +61,51 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::CommandsArm,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<CartesianImpedanceCommand>()],
 );
 
-fn step(
-    frame: &mut Frame<'_>,
-    [
-        position,
-        along,
-        about,
-        damping,
-        turning,
-        wrench,
-        device,
-        width,
-    ]: [u32; 8],
-) {
-    let command = frame.joints(position, width);
-    let stiffness = (frame.composite(along), frame.composite(about));
-    let ratio = (frame.composite(damping), frame.composite(turning));
-    let (Some(position), (Some(along), Some(about)), (Some(damping), Some(turning)), Some(wrench)) =
-        (command, stiffness, ratio, frame.composite(wrench))
-    else {
-        return;
-    };
-    if let Some(output) = frame.output(device) {
-        output.has_position = true;
-        output.position = position;
-        output.impedance = Impedance {
-            strategy: ControlMode::CartesianImpedance as u64,
-            stiffness: six(along, about),
-            damping: six(damping, turning),
-            added: {
-                let [fx, fy, fz, tx, ty, tz] = wrench;
-                six([fx, fy, fz], [tx, ty, tz])
-            },
+operands! {
+    struct CartesianImpedanceCommand {
+        position: Slot<Real>, stiffness: Slot<Vector3>, rotational_stiffness: Slot<Vector3>,
+        damping: Slot<Vector3>, rotational_damping: Slot<Vector3>, wrench: Slot<Spatial>, device: Device,
+        width: u32,
+    }
+}
+
+impl Step for CartesianImpedanceCommand {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let command = frame.joints(self.position, self.width);
+        let stiffness = (
+            frame.composite(self.stiffness),
+            frame.composite(self.rotational_stiffness),
+        );
+        let ratio = (
+            frame.composite(self.damping),
+            frame.composite(self.rotational_damping),
+        );
+        let (
+            Some(position),
+            (Some(along), Some(about)),
+            (Some(damping), Some(turning)),
+            Some(wrench),
+        ) = (command, stiffness, ratio, frame.composite(self.wrench))
+        else {
+            return Some(());
         };
+        if let Some(output) = frame.output(self.device) {
+            output.has_position = true;
+            output.position = position;
+            output.impedance = Impedance {
+                strategy: ControlMode::CartesianImpedance as u64,
+                stiffness: six(along, about),
+                damping: six(damping, turning),
+                added: {
+                    let [fx, fy, fz, tx, ty, tz] = wrench;
+                    six([fx, fy, fz], [tx, ty, tz])
+                },
+            };
+        }
+        Some(())
     }
 }
 

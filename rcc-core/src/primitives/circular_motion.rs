@@ -3,17 +3,16 @@
 //! The position follows the circle through start, `via` and `to`; the orientation has three modes. Joints are computed
 //! as well, with the arm angle and the branch of the start.
 
-use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::{Leg, MotionLimits, PathRequest, PathSegment, leg_row};
+use super::path_motion::{self, motion_operands};
+use crate::frame::{Preparation, PrepareFault};
+use crate::path::{Leg, PathRequest, PathSegment, leg_row};
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, PortType, Role, Spec,
-    UnitRule, each,
+    Bool, CatalogueEntry, DefaultValue, Int, Kernel, NullRule, Parameter, ParameterKind, PortType,
+    Prepare, Real, Role, Slot, Spec, UnitRule, Vector3,
 };
 use crate::types::Type;
 use crate::unit::Unit;
-
-use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -63,66 +62,49 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::Motion,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<CircularMotion>()],
 )
-.prepared_by(prepare);
+.prepared_by::<CircularMotion>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[
-        ..,
-        device,
-        via,
-        to,
-        angle,
-        orientation,
-        v,
-        a,
-        j,
-        w,
-        wa,
-        wj,
-        scale,
-        fastest,
-        arm_angle,
-        elbow,
-        motion,
-        _width,
-    ] = operands
-    else {
-        return Ok(());
-    };
-    let number = |slot: u32| {
-        let [value] = preparation.reals(slot);
-        value
-    };
-    let angle = number(angle);
-    let orientation = preparation.int(orientation);
-    let segment = PathSegment::Circle {
-        via: preparation.reals(via),
-        to: Pose::from_slots(preparation.reals(to)),
-        // The language refuses any other number.
-        orientation: leg_row::arc_orientation(orientation as f64),
-        angle: (!angle.is_nan()).then_some(angle),
-    };
-    let leg = Leg {
-        line: MotionLimits::of([v, a, j].map(number)),
-        turn: MotionLimits::of([w, wa, wj].map(number)),
-        elbow: path_motion::elbow(preparation, [arm_angle, elbow]),
-        scale: number(scale),
-        ..Leg::new(segment)
-    };
-    let request = PathRequest {
-        device,
-        from: None,
-        legs: &[leg],
-        pace: path_motion::pace(preparation, fastest),
-    };
-    preparation.motions.path(motion, &request)
+motion_operands! {
+    CircularMotion {
+via: Slot<Vector3>, to: Slot<Pose>, angle: Slot<Real>, orientation: Slot<Int>,
+velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
+    angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
+    scale: Slot<Real>, time_optimal: Slot<Bool>, arm_angle: Slot<Real>, elbow: Slot<Int>,
+    }
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 17]) {
-    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
-    if let (Some(ports), Some([motion, width])) = (ports, rest) {
-        path_motion::step(frame, *ports, *motion, *width);
+impl Prepare for CircularMotion {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let angle = preparation.get(self.angle);
+        let segment = PathSegment::Circle {
+            via: preparation.get(self.via),
+            to: preparation.get(self.to),
+            // The language refuses any other number.
+            orientation: leg_row::arc_orientation(preparation.get(self.orientation) as f64),
+            angle: (!angle.is_nan()).then_some(angle),
+        };
+        let leg = Leg {
+            line: path_motion::limits(preparation, [self.velocity, self.acceleration, self.jerk]),
+            turn: path_motion::limits(
+                preparation,
+                [
+                    self.angular_velocity,
+                    self.angular_acceleration,
+                    self.angular_jerk,
+                ],
+            ),
+            elbow: path_motion::elbow(preparation, self.arm_angle, self.elbow),
+            scale: preparation.get(self.scale),
+            ..Leg::new(segment)
+        };
+        let request = PathRequest {
+            device: self.device.0,
+            from: None,
+            legs: &[leg],
+            pace: path_motion::pace(preparation, self.time_optimal),
+        };
+        preparation.motions.path(self.motion.0, &request)
     }
 }

@@ -3,9 +3,12 @@
 //! Each element of a product of transforms is ((a₀·b₀ + a₁·b₁) + a₂·b₂) + a₃·b₃, with every operation rounded once.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, TypeFamily, UnitRule, operands,
+};
 use crate::rotation;
-use crate::types::{NULL_REAL, Store, Type};
+use crate::types::{NULL_REAL, Type};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -59,36 +62,47 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::of(Store::Real, |frame, operands| {
-        each(frame, operands, step);
-    })],
+    &[Kernel::each::<Compose>()],
 );
 
 const ROTATION: u32 = Type::Rotation.width();
 const POSE: u32 = Type::Pose.width();
+type Transform = [Real; 16];
 const TRANSFORM: u32 = Type::TRANSFORM.width();
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out, width]: [u32; 4]) -> Option<()> {
-    match width {
-        TRANSFORM => transforms(frame, a, b, out),
-        POSE => {
-            let pose = frame.pose(a).compose(&frame.pose(b));
-            frame.set_pose(out, pose);
-            Some(())
+operands! {
+    struct Compose for Real { a: Slot<Real>, b: Slot<Real>, out: Slot<Real>, width: u32 }
+}
+
+impl Step for Compose {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        match self.width {
+            TRANSFORM => transforms(frame, self.a.cast(), self.b.cast(), self.out.cast()),
+            POSE => {
+                let a: Pose = frame.get(self.a.cast())?;
+                let b: Pose = frame.get(self.b.cast())?;
+                frame.put(self.out.cast(), a.compose(&b))
+            }
+            ROTATION => {
+                let both = frame
+                    .rotation(self.a.cast())
+                    .zip(frame.rotation(self.b.cast()));
+                frame.put_composite(self.out.cast(), both.map(|(a, b)| rotation::product(a, b)))
+            }
+            _ => None,
         }
-        ROTATION => {
-            let both = frame.rotation(a).zip(frame.rotation(b));
-            frame.set_composite(out, both.map(|(a, b)| rotation::product(a, b)));
-            Some(())
-        }
-        _ => None,
     }
 }
 
 #[inline(always)]
-fn transforms(frame: &mut Frame<'_>, a: u32, b: u32, out: u32) -> Option<()> {
-    let [a, b] = [frame.get_reals::<16>(a)?, frame.get_reals::<16>(b)?];
+fn transforms(
+    frame: &mut Frame<'_>,
+    a: Slot<Transform>,
+    b: Slot<Transform>,
+    out: Slot<Transform>,
+) -> Option<()> {
+    let [a, b] = [frame.get(a)?, frame.get(b)?];
     let ([.., last_a], [.., last_b]) = (a, b);
     let [a0, a1, a2, a3]: [[f64; 4]; 4] = bytemuck::cast(a);
     let b: [[f64; 4]; 4] = bytemuck::cast(b);
@@ -97,7 +111,7 @@ fn transforms(frame: &mut Frame<'_>, a: u32, b: u32, out: u32) -> Option<()> {
     } else {
         [row(a0, &b), row(a1, &b), row(a2, &b), row(a3, &b)]
     };
-    frame.put_reals::<16>(out, bytemuck::cast(product))
+    frame.put(out, bytemuck::cast(product))
 }
 
 /// Returns one row of the product.

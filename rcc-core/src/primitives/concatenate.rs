@@ -2,9 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
+    Bool, CatalogueEntry, Dim, Element, ElementType, Example, Int, Kernel, Port, PortType, Real,
+    Slot, Spec, Step, UnitRule, copy, operands,
 };
-use crate::types::Store;
 
 const fn array(length: Dim) -> PortType {
     PortType::Array(ElementType::Open, length)
@@ -44,26 +44,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Real, group)
-            });
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Bool, group)
-            });
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Int, group)
-            });
-        }),
+        Kernel::each::<Concatenate<Real>>(),
+        Kernel::each::<Concatenate<Bool>>(),
+        Kernel::each::<Concatenate<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, store: Store, [a, b, out, first, second]: [u32; 5]) -> Option<()> {
-    copy(frame, store, a, out, first)?;
-    copy(frame, store, b, out + first, second)
+operands! {
+    struct Concatenate<E> { a: Slot<E>, b: Slot<E>, out: Slot<E>, first: u32, second: u32 }
+}
+
+impl<E: Element> Step for Concatenate<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        copy(frame, self.a, self.out, self.first)?;
+        copy(frame, self.b, self.out + self.first, self.second)
+    }
 }

@@ -1,9 +1,10 @@
 //! `Copy`: out = in. The loader inserts it where values must be contiguous, for a list of links.
 
+use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
+    Bool, ByElement, CatalogueEntry, Element, Example, Int, Kernel, Port, PortType, Real, Slot,
+    Spec, Step, UnitRule, operands,
 };
-use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -31,38 +32,36 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, [from, to]| {
-                let value = frame.get_real(from)?;
-                frame.put_real(to, value)
-            });
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, [from, to, width]| {
-                copy(frame, Store::Real, from, to, width)
-            });
-        }),
-        Kernel::single(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, [from, to]| {
-                let value = frame.get_bool(from)?;
-                frame.put_bool(to, value)
-            });
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, [from, to, width]| {
-                copy(frame, Store::Bool, from, to, width)
-            });
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, [from, to]| {
-                let value = frame.get_int(from)?;
-                frame.put_int(to, value)
-            });
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, [from, to, width]| {
-                copy(frame, Store::Int, from, to, width)
-            });
-        }),
+        Kernel::scalar::<Copy<Real>>(),
+        Kernel::by_element::<Copy<Real>>(),
+        Kernel::scalar::<Copy<Bool>>(),
+        Kernel::by_element::<Copy<Bool>>(),
+        Kernel::scalar::<Copy<Int>>(),
+        Kernel::by_element::<Copy<Int>>(),
     ],
 );
+
+operands! {
+    struct Copy<E> { input: Slot<E>, out: Slot<E> }
+}
+
+impl<E: Element> Step for Copy<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        frame.put(self.out, value)
+    }
+}
+
+impl<E: Element> ByElement for Copy<E>
+where
+    Copy<E>: Step,
+{
+    #[inline(always)]
+    fn element(self, i: u32) -> Self {
+        Copy {
+            input: self.input + i,
+            out: self.out + i,
+        }
+    }
+}

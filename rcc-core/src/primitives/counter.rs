@@ -3,7 +3,9 @@
 //! After a `RisingEdge` it counts events.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, choose, each};
+use crate::primitive::{
+    Bool, CatalogueEntry, Example, Int, Kernel, Port, Slot, Spec, StateSpec, Step, choose, operands,
+};
 use crate::types::{NULL_BOOL, NULL_INT};
 
 /// The row of the catalogue.
@@ -35,17 +37,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Counter>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, count]: [u32; 3]) -> Option<()> {
-    let value = frame.get_bool(input)?;
-    // At a cycle of 125 µs it would overflow after 36 million years.
-    let counted = frame.get_int(count)?.saturating_add(i64::from(value & 1));
-    let null = value & NULL_BOOL != 0;
-    frame.put_int(out, choose(null, NULL_INT, counted))?;
-    frame.put_int(count, counted)
+operands! {
+    struct Counter { input: Slot<Bool>, out: Slot<Int>, count: Slot<Int> }
+}
+
+impl Step for Counter {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        // At a cycle of 125 µs it would overflow after 36 million years.
+        let counted = frame.get(self.count)?.saturating_add(i64::from(value & 1));
+        let null = value & NULL_BOOL != 0;
+        frame.put(self.out, choose(null, NULL_INT, counted))?;
+        frame.put(self.count, counted)
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! `Cross`: the cross product of two vectors, a × b.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spec, Step, UnitRule, Vector3, operands,
+};
 use crate::types::Type;
 use crate::vector;
 
@@ -44,10 +46,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Cross>()],
 );
 
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let factors = frame.composite(a).zip(frame.composite(b));
-    frame.set_composite(out, factors.map(|(a, b)| vector::cross(a, b)));
+operands! {
+    struct Cross { a: Slot<Vector3>, b: Slot<Vector3>, out: Slot<Vector3> }
+}
+
+impl Step for Cross {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let factors = frame.composite(self.a).zip(frame.composite(self.b));
+        frame.put_composite(self.out, factors.map(|(a, b)| vector::cross(a, b)))
+    }
 }

@@ -1,7 +1,9 @@
 //! `CubicBezier`: a smooth curve given by its end points and two control points.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, finite, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -37,17 +39,33 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::Var(0), "number on the curve")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<CubicBezier>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [from, control1, control2, to, t, out]: [u32; 6]) -> Option<()> {
-    let points = [from, control1, control2, to].map(|slot| frame.get_real(slot));
-    let [Some(a), Some(b), Some(c), Some(d)] = points else {
-        return None;
-    };
-    let t = frame.get_real(t)?;
-    frame.put_real(out, finite(bezier([a, b, c, d], t)))
+operands! {
+    struct CubicBezier {
+        from: Slot<Real>, control1: Slot<Real>, control2: Slot<Real>, to: Slot<Real>, t: Slot<Real>,
+        out: Slot<Real>,
+    }
+}
+
+impl Step for CubicBezier {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let CubicBezier {
+            from,
+            control1,
+            control2,
+            to,
+            ..
+        } = self;
+        let points = [from, control1, control2, to].map(|slot| frame.get(slot));
+        let [Some(a), Some(b), Some(c), Some(d)] = points else {
+            return None;
+        };
+        let t = frame.get(self.t)?;
+        frame.put(self.out, finite(bezier([a, b, c, d], t)))
+    }
 }
 
 /// Returns the point of the curve at `t`.

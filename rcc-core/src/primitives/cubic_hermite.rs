@@ -2,7 +2,9 @@
 
 use super::cubic_bezier::bezier;
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, finite, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -45,14 +47,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::Var(0), "number on the curve")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<CubicHermite>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [from, from_slope, to, to_slope, t, out]: [u32; 6]) -> Option<()> {
-    let (from, from_slope) = (frame.get_real(from)?, frame.get_real(from_slope)?);
-    let (to, to_slope) = (frame.get_real(to)?, frame.get_real(to_slope)?);
-    let points = [from, from + from_slope / 3.0, to - to_slope / 3.0, to];
-    let t = frame.get_real(t)?;
-    frame.put_real(out, finite(bezier(points, t)))
+operands! {
+    struct CubicHermite {
+        from: Slot<Real>, from_slope: Slot<Real>, to: Slot<Real>, to_slope: Slot<Real>, t: Slot<Real>,
+        out: Slot<Real>,
+    }
+}
+
+impl Step for CubicHermite {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (from, from_slope) = (frame.get(self.from)?, frame.get(self.from_slope)?);
+        let (to, to_slope) = (frame.get(self.to)?, frame.get(self.to_slope)?);
+        let points = [from, from + from_slope / 3.0, to - to_slope / 3.0, to];
+        let t = frame.get(self.t)?;
+        frame.put(self.out, finite(bezier(points, t)))
+    }
 }

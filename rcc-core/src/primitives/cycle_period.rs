@@ -1,7 +1,9 @@
 //! `CyclePeriod`: the time from one evaluation of the net to the next.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, NullRule, Port, Real, Slot, Spec, Step, UnitRule, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -22,11 +24,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         .within(0.0, 1.0)],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<CyclePeriod>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [out]: [u32; 1]) -> Option<()> {
-    let period_s = frame.dt_s;
-    frame.put_real(out, period_s)
+operands! {
+    struct CyclePeriod { out: Slot<Real> }
+}
+
+impl Step for CyclePeriod {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let period_s = frame.dt_s;
+        frame.put(self.out, period_s)
+    }
 }

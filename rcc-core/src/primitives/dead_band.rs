@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite, real_unless,
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, finite, operands,
+    real_unless,
 };
 
 /// The row of the catalogue.
@@ -35,20 +36,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<DeadBand>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
-    let beyond = if value > high {
-        value - high
-    } else if value < low {
-        value - low
-    } else {
-        0.0
-    };
-    let known = !value.is_nan() & (low <= high);
-    frame.put_real(out, real_unless(!known, finite(beyond)))
+operands! {
+    struct DeadBand { input: Slot<Real>, low: Slot<Real>, high: Slot<Real>, out: Slot<Real> }
+}
+
+impl Step for DeadBand {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        let (low, high) = (frame.get(self.low)?, frame.get(self.high)?);
+        let beyond = if value > high {
+            value - high
+        } else if value < low {
+            value - low
+        } else {
+            0.0
+        };
+        let known = !value.is_nan() & (low <= high);
+        frame.put(self.out, real_unless(!known, finite(beyond)))
+    }
 }

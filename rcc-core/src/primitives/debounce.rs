@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule, choose, each,
-    reached,
+    Bool, CatalogueEntry, Example, Int, Kernel, Parameter, Port, Real, Slot, Spec, StateSpec, Step,
+    UnitRule, choose, operands, reached,
 };
 use crate::types::NULL_BOOL;
 
@@ -41,20 +41,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Debounce>()],
 );
 
-/// `age`: cycles in which `in` has differed from `out`, including the current one.
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, time, last, age]: [u32; 5]) -> Option<()> {
-    let (value, before) = (frame.get_bool(input)?, frame.get_bool(last)?);
-    let null = value & NULL_BOOL != 0;
-    let differs = !null & (value != before);
-    let count = choose(differs, frame.get_int(age)?.saturating_add(1), 0);
-    let stays = reached(count.saturating_sub(1), frame.dt_s, frame.get_real(time)?);
-    let changes = differs & (stays | (before & NULL_BOOL != 0));
-    let now = choose(changes, value, before);
-    frame.put_int(age, choose(changes, 0, count))?;
-    frame.put_bool(last, now)?;
-    frame.put_bool(out, choose(null, NULL_BOOL, now))
+operands! {
+    struct Debounce { input: Slot<Bool>, out: Slot<Bool>, time: Slot<Real>, last: Slot<Bool>, age: Slot<Int> }
+}
+
+impl Step for Debounce {
+    /// `age`: cycles in which `in` has differed from `out`, including the current one.
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        let null = value & NULL_BOOL != 0;
+        let differs = !null & (value != before);
+        let count = choose(differs, frame.get(self.age)?.saturating_add(1), 0);
+        let stays = reached(count.saturating_sub(1), frame.dt_s, frame.get(self.time)?);
+        let changes = differs & (stays | (before & NULL_BOOL != 0));
+        let now = choose(changes, value, before);
+        frame.put(self.age, choose(changes, 0, count))?;
+        frame.put(self.last, now)?;
+        frame.put(self.out, choose(null, NULL_BOOL, now))
+    }
 }

@@ -2,10 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, MemorySpec, Parameter, ParameterKind, Port, PortType, Spec,
-    StateSpec, UnitRule, copy, each, fill_null,
+    Bool, CatalogueEntry, Element, Example, Int, Kernel, MemorySpec, Parameter, ParameterKind,
+    Port, PortType, Real, Slot, Spec, StateSpec, Step, UnitRule, copy, fill_null, operands,
 };
-use crate::types::Store;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
@@ -59,39 +58,41 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, it| step(frame, Store::Real, it));
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, it| step(frame, Store::Bool, it));
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, it| step(frame, Store::Int, it));
-        }),
+        Kernel::each::<Delay<Real>>(),
+        Kernel::each::<Delay<Bool>>(),
+        Kernel::each::<Delay<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    store: Store,
-    [input, age, out, place, ring, width, cycles]: [u32; 7],
-) -> Option<()> {
-    let length = i64::from(cycles.max(1));
-    let next = frame.get_int(place)?;
-    let next = if (0..length).contains(&next) { next } else { 0 };
-    // At most CYCLES_MAX elements; the plan's check multiplied this with the width.
-    let slot = |place: i64| ring + place as u32 * width;
-    let back = libm::round(frame.get_real(age)? / frame.dt_s);
-    if back == 0.0 {
-        copy(frame, store, input, out, width)?;
-    } else if back >= 1.0 && back <= length as f64 {
-        let then = next - back as i64;
-        let then = if then < 0 { then + length } else { then };
-        copy(frame, store, slot(then), out, width)?;
-    } else {
-        fill_null(frame, store, out, width)?;
+operands! {
+    /// `place`: index in the ring of the next value.
+    struct Delay<E> {
+        input: Slot<E>, age: Slot<Real>, out: Slot<E>, place: Slot<Int>, ring: Slot<E>, width: u32, cycles: u32,
     }
-    copy(frame, store, input, slot(next), width)?;
-    frame.put_int(place, if next + 1 < length { next + 1 } else { 0 })
+}
+
+impl<E: Element> Step for Delay<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Delay {
+            input, out, width, ..
+        } = self;
+        let length = i64::from(self.cycles.max(1));
+        let next = frame.get(self.place)?;
+        let next = if (0..length).contains(&next) { next } else { 0 };
+        // At most CYCLES_MAX elements; the plan's check multiplied this with the width.
+        let slot = |place: i64| self.ring + place as u32 * width;
+        let back = libm::round(frame.get(self.age)? / frame.dt_s);
+        if back == 0.0 {
+            copy(frame, input, out, width)?;
+        } else if back >= 1.0 && back <= length as f64 {
+            let then = next - back as i64;
+            let then = if then < 0 { then + length } else { then };
+            copy(frame, slot(then), out, width)?;
+        } else {
+            fill_null(frame, out, width)?;
+        }
+        copy(frame, input, slot(next), width)?;
+        frame.put(self.place, if next + 1 < length { next + 1 } else { 0 })
+    }
 }

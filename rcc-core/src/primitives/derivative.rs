@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule,
-    each, finite,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Real, Slot, Spec, StateSpec,
+    Step, UnitRule, finite, operands,
 };
 use crate::types::NULL_REAL;
 
@@ -50,26 +50,32 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Derivative>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, time_constant, state]: [u32; 4]) -> Option<()> {
-    let (value, dt_s) = (frame.get_real(input)?, frame.dt_s);
-    let [last, rate] = frame.get_reals(state)?;
-    let moved = rate + (value - last - rate * dt_s) / (frame.get_real(time_constant)? + dt_s);
-    let now = finite(if last.is_nan() & value.is_finite() {
-        0.0
-    } else {
-        moved
-    });
-    frame.put_real(out, now)?;
-    frame.put_reals(
-        state,
-        if now.is_nan() {
-            [NULL_REAL; 2]
+operands! {
+    struct Derivative { input: Slot<Real>, out: Slot<Real>, time_constant: Slot<Real>, state: Slot<[Real; 2]> }
+}
+
+impl Step for Derivative {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, dt_s) = (frame.get(self.input)?, frame.dt_s);
+        let [last, rate] = frame.get(self.state)?;
+        let moved = rate + (value - last - rate * dt_s) / (frame.get(self.time_constant)? + dt_s);
+        let now = finite(if last.is_nan() & value.is_finite() {
+            0.0
         } else {
-            [value, now]
-        },
-    )
+            moved
+        });
+        frame.put(self.out, now)?;
+        frame.put(
+            self.state,
+            if now.is_nan() {
+                [NULL_REAL; 2]
+            } else {
+                [value, now]
+            },
+        )
+    }
 }

@@ -3,7 +3,8 @@
 use crate::frame::Frame;
 use crate::linear::AugmentedMatrix;
 use crate::primitive::{
-    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule,
+    operands,
 };
 use crate::types::NULL_REAL;
 use crate::unit::Unit;
@@ -36,15 +37,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Determinant>()],
 );
 
-#[inline]
-fn step(frame: &mut Frame<'_>, [input, out, side]: [u32; 3]) -> Option<()> {
-    let Some(mut tableau) = AugmentedMatrix::<8>::read(frame, input, side) else {
-        return frame.put_real(out, NULL_REAL);
-    };
-    // Only a zero pivot ends the elimination early.
-    let determinant = tableau.reduce(0.0).unwrap_or(0.0);
-    frame.put_real(out, determinant)
+operands! {
+    struct Determinant { input: Slot<Real>, out: Slot<Real>, side: u32 }
+}
+
+impl Step for Determinant {
+    #[inline]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Some(mut tableau) = AugmentedMatrix::<8>::read(frame, self.input, self.side) else {
+            return frame.put(self.out, NULL_REAL);
+        };
+        // Only a zero pivot ends the elimination early.
+        let determinant = tableau.reduce(0.0).unwrap_or(0.0);
+        frame.put(self.out, determinant)
+    }
 }

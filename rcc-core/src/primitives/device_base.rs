@@ -2,7 +2,9 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Parameter, Port, Spec, each};
+use crate::primitive::{
+    CatalogueEntry, Device, Example, Kernel, Parameter, Port, Slot, Spec, Step, operands,
+};
 use crate::types::Type;
 
 /// The row of the catalogue.
@@ -23,13 +25,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<DeviceBase>()],
 );
 
-fn step(frame: &mut Frame<'_>, [pose, device]: [u32; 2]) {
-    let model = frame.models.get(device as usize);
-    let base = model.map_or(Pose::NULL, |model| model.base);
-    frame.set_pose(pose, base);
+operands! {
+    struct DeviceBase { pose: Slot<Pose>, device: Device }
+}
+
+impl Step for DeviceBase {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let model = frame.models.get(self.device.0 as usize);
+        let base = model.map_or(Pose::NULL, |model| model.base);
+        frame.put(self.pose, base)
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,10 @@
 //! A cycle has no clock: the age is counted in evaluations of the net, so that a replay gives the same value.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, Spec, StateSpec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Device, Int, Kernel, Parameter, Port, Real, Slot, Spec, StateSpec, Step,
+    UnitRule, operands,
+};
 use crate::types::{NULL_INT, NULL_REAL};
 use crate::unit::Unit;
 
@@ -19,47 +22,53 @@ parameters: &[Parameter::device()],
 state: StateSpec { ints: 2, ..StateSpec::NONE },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<DeviceStatus>()],
 );
 
-fn step(
-    frame: &mut Frame<'_>,
-    [
-        state,
-        reason,
-        quality,
-        age,
-        late,
-        refused,
-        starved,
-        device,
-        memory,
-    ]: [u32; 9],
-) {
-    let Some(m) = frame.measured(device).copied() else {
-        for slot in [state, reason, late, refused, starved] {
-            frame.set_int(slot, NULL_INT);
+operands! {
+    struct DeviceStatus {
+        state: Slot<Int>, reason: Slot<Int>, quality: Slot<Real>, age: Slot<Real>, late: Slot<Int>,
+        refused: Slot<Int>, starved: Slot<Int>, device: Device, memory: Slot<[Int; 2]>,
+    }
+}
+
+impl Step for DeviceStatus {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Some(m) = frame.measured(self.device).copied() else {
+            for slot in [
+                self.state,
+                self.reason,
+                self.late,
+                self.refused,
+                self.starved,
+            ] {
+                frame.put(slot, NULL_INT)?;
+            }
+            frame.put(self.quality, NULL_REAL)?;
+            return frame.put(self.age, NULL_REAL);
+        };
+        // The last sequence number, and the number of evaluations since then.
+        let [seen, waited] = frame.get(self.memory)?;
+        let sequence = whole(m.sequence);
+        let waited = if sequence == seen {
+            waited.saturating_add(1)
+        } else {
+            0
+        };
+        frame.put(self.memory, [sequence, waited])?;
+        frame.put(self.age, waited as f64 * frame.dt_s)?;
+        frame.put(self.quality, f64::from(m.quality_permille) / 1000.0)?;
+        frame.put(self.state, i64::from(m.state))?;
+        frame.put(self.reason, i64::from(m.reason))?;
+        let counts = [
+            (self.late, m.late),
+            (self.refused, m.refused),
+            (self.starved, m.starved),
+        ];
+        for (slot, count) in counts {
+            frame.put(slot, whole(count))?;
         }
-        frame.set_real(quality, NULL_REAL);
-        frame.set_real(age, NULL_REAL);
-        return;
-    };
-    // The last sequence number, and the number of evaluations since then.
-    let (seen, waited) = (frame.int(memory), frame.int(memory + 1));
-    let sequence = whole(m.sequence);
-    let waited = if sequence == seen {
-        waited.saturating_add(1)
-    } else {
-        0
-    };
-    frame.set_int(memory, sequence);
-    frame.set_int(memory + 1, waited);
-    frame.set_real(age, waited as f64 * frame.dt_s);
-    frame.set_real(quality, f64::from(m.quality_permille) / 1000.0);
-    frame.set_int(state, i64::from(m.state));
-    frame.set_int(reason, i64::from(m.reason));
-    for (slot, count) in [(late, m.late), (refused, m.refused), (starved, m.starved)] {
-        frame.set_int(slot, whole(count));
+        Some(())
     }
 }
 

@@ -4,7 +4,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Role, Spec, each,
+    Bool, CatalogueEntry, Channel, ChannelKind, Device, Kernel, Parameter, ParameterKind, Port,
+    Role, Slot, Spec, Step, operands,
 };
 use crate::types::NULL_BOOL;
 
@@ -26,20 +27,27 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::CommandsChannel,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<DigitalOutput>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, device, channel]: [u32; 3]) {
-    let value = frame.bool(input);
-    let bit = 1 << (channel & 63);
-    if let (Some(output), true) = (frame.output(device), value & NULL_BOOL == 0) {
-        output.digital_commanded |= bit;
-        output.digital = if value == 1 {
-            output.digital | bit
-        } else {
-            output.digital & !bit
-        };
+operands! {
+    struct DigitalOutput { input: Slot<Bool>, device: Device, channel: Channel }
+}
+
+impl Step for DigitalOutput {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        let bit = 1 << (self.channel.0 & 63);
+        if let (Some(output), true) = (frame.output(self.device), value & NULL_BOOL == 0) {
+            output.digital_commanded |= bit;
+            output.digital = if value == 1 {
+                output.digital | bit
+            } else {
+                output.digital & !bit
+            };
+        }
+        Some(())
     }
 }
 

@@ -1,7 +1,9 @@
 //! `Divide`: out = a / b, rounded once; a division by zero gives null.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, operands, real_unless,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -25,13 +27,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::Quotient(0, 1), "result")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Divide>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) -> Option<()> {
-    let (a, b) = (frame.get_real(a)?, frame.get_real(b)?);
-    frame.put_real(out, real_unless(b == 0.0, a / b))
+operands! {
+    struct Divide { a: Slot<Real>, b: Slot<Real>, out: Slot<Real> }
+}
+
+impl Step for Divide {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (a, b) = (frame.get(self.a)?, frame.get(self.b)?);
+        frame.put(self.out, real_unless(b == 0.0, a / b))
+    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
 //! `Dot`: the sum of the products of the elements of two vectors, in order.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
-use crate::types::{NULL_REAL, Store};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, TypeFamily, UnitRule, operands,
+};
+use crate::types::NULL_REAL;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -32,15 +34,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::Product(0, 1), "a · b")],
         ..Spec::PLAIN
     },
-    &[Kernel::of(Store::Real, |frame, operands| {
-        each(frame, operands, step);
-    })],
+    &[Kernel::each::<Dot>()],
 );
 
-fn step(frame: &mut Frame<'_>, [a, b, out, width]: [u32; 4]) -> Option<()> {
-    let mut sum = 0.0;
-    for i in 0..width {
-        sum += frame.get_real(a + i)? * frame.get_real(b + i)?;
+operands! {
+    struct Dot for Real { a: Slot<Real>, b: Slot<Real>, out: Slot<Real>, width: u32 }
+}
+
+impl Step for Dot {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let mut sum = 0.0;
+        for i in 0..self.width {
+            sum += frame.get(self.a + i)? * frame.get(self.b + i)?;
+        }
+        frame.put(self.out, if sum.is_finite() { sum } else { NULL_REAL })
     }
-    frame.put_real(out, if sum.is_finite() { sum } else { NULL_REAL })
 }

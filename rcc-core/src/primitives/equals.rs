@@ -4,10 +4,10 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
-    UnitRule, each,
+    Bool, CatalogueEntry, DefaultValue, Element, Example, Int, Kernel, Parameter, ParameterKind,
+    Port, PortType, Real, Slot, Spec, Step, UnitRule, operands,
 };
-use crate::types::{NULL_BOOL, NULL_INT, Store, Type};
+use crate::types::{NULL_BOOL, Type};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -55,57 +55,55 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, step_real)
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool)
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, step_int)
-        }),
+        Kernel::each::<Equals<Real>>(),
+        Kernel::each::<Equals<Bool>>(),
+        Kernel::each::<Equals<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [a, b, out, tolerance]: [u32; 4]) {
-    let (a, b) = (frame.real(a), frame.real(b));
-    // The difference of equal infinities is NaN, hence the first comparison.
-    let result = u8::from((a == b) | ((a - b).abs() <= frame.real(tolerance)));
-    frame.set_bool(
-        out,
-        if a.is_nan() | b.is_nan() {
-            NULL_BOOL
-        } else {
-            result
-        },
-    );
+operands! {
+    struct Equals<E> { a: Slot<E>, b: Slot<E>, out: Slot<Bool>, tolerance: Slot<Real> }
+}
+
+impl Step for Equals<Real> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (a, b) = (frame.get(self.a)?, frame.get(self.b)?);
+        // The difference of equal infinities is NaN, hence the first comparison.
+        let equal = (a == b) | ((a - b).abs() <= frame.get(self.tolerance)?);
+        frame.put(self.out, equality([a, b], equal))
+    }
+}
+
+impl Step for Equals<Bool> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (a, b) = (frame.get(self.a)?, frame.get(self.b)?);
+        frame.put(self.out, equality([a, b], a == b))
+    }
+}
+
+impl Step for Equals<Int> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (a, b) = (frame.get(self.a)?, frame.get(self.b)?);
+        frame.put(self.out, equality([a, b], a == b))
+    }
 }
 
 #[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [a, b, out, _tolerance]: [u32; 4]) {
-    let (a, b) = (frame.bool(a), frame.bool(b));
-    frame.set_bool(
-        out,
-        if (a | b) & NULL_BOOL != 0 {
-            NULL_BOOL
-        } else {
-            u8::from(a == b)
-        },
-    );
-}
-
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [a, b, out, _tolerance]: [u32; 4]) {
-    let (a, b) = (frame.int(a), frame.int(b));
-    let null = (a == NULL_INT) | (b == NULL_INT);
-    frame.set_bool(out, if null { NULL_BOOL } else { u8::from(a == b) });
+fn equality<E: Element>([a, b]: [E; 2], equal: bool) -> Bool {
+    if a.is_null() | b.is_null() {
+        NULL_BOOL
+    } else {
+        u8::from(equal)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::testing::PrimitiveHarness;
+    use crate::types::{NULL_INT, Store};
 
     #[test]
     fn numbers_are_equal_within_the_tolerance() {

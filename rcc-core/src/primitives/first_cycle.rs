@@ -1,7 +1,9 @@
 //! `FirstCycle`: true in the first cycle of the net, for actions that must run once.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, each};
+use crate::primitive::{
+    Bool, CatalogueEntry, Example, Kernel, NullRule, Port, Slot, Spec, Step, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -18,11 +20,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::bool("out", "true in the first cycle")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<FirstCycle>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [out]: [u32; 1]) -> Option<()> {
-    let is_first = u8::from(frame.cycle == 0);
-    frame.put_bool(out, is_first)
+operands! {
+    struct FirstCycle { out: Slot<Bool> }
+}
+
+impl Step for FirstCycle {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let is_first = u8::from(frame.cycle == 0);
+        frame.put(self.out, is_first)
+    }
 }

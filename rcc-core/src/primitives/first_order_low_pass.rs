@@ -3,7 +3,8 @@
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule, each, finite,
+    CatalogueEntry, Example, Kernel, Parameter, Port, Prepare, Real, Slot, Spec, StateSpec, Step,
+    UnitRule, finite, operands,
 };
 use crate::types::NULL_REAL;
 
@@ -38,24 +39,32 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<FirstOrderLowPass>()],
 )
-.prepared_by(prepare);
+.prepared_by::<FirstOrderLowPass>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    if let &[_input, _out, time_constant, state] = operands {
-        let [time_constant] = preparation.reals(time_constant);
-        let gain = -libm::expm1(-preparation.dt_s / time_constant);
-        preparation.set_reals(state, [gain, NULL_REAL]);
+impl Prepare for FirstOrderLowPass {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let time_constant_s = preparation.get(self.time_constant);
+        let gain = -libm::expm1(-preparation.dt_s / time_constant_s);
+        preparation.put(self.state, [gain, NULL_REAL]);
+        Ok(())
     }
-    Ok(())
 }
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, _time_constant, state]: [u32; 4]) -> Option<()> {
-    let (value, [gain, before]) = (frame.get_real(input)?, frame.get_reals(state)?);
-    let moved = before + (value - before) * gain;
-    let now = finite(if before.is_nan() { value } else { moved });
-    frame.put_real(out, now)?;
-    frame.put_reals(state, [gain, if now.is_nan() { before } else { now }])
+operands! {
+    struct FirstOrderLowPass {
+        input: Slot<Real>, out: Slot<Real>, time_constant: Slot<Real>, state: Slot<[Real; 2]>,
+    }
+}
+
+impl Step for FirstOrderLowPass {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, [gain, before]) = (frame.get(self.input)?, frame.get(self.state)?);
+        let moved = before + (value - before) * gain;
+        let now = finite(if before.is_nan() { value } else { moved });
+        frame.put(self.out, now)?;
+        frame.put(self.state, [gain, if now.is_nan() { before } else { now }])
+    }
 }

@@ -5,15 +5,14 @@
 //! beyond `travel`: if contact is lost, the tool does not keep searching.
 
 use crate::frame::Frame;
+use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
-    PortType, Spec, StateSpec, UnitRule, each, within,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
+    PortType, Real, Slot, Spatial, Spec, StateSpec, Step, UnitRule, Vector3, operands, within,
 };
-use crate::rotation;
-use crate::spatial;
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
-use crate::vector;
+use crate::{rotation, spatial, vector};
 
 const FORCE: UnitRule = UnitRule::Is(Unit::NEWTON);
 const METRE: UnitRule = UnitRule::Is(Unit::METRE);
@@ -89,7 +88,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ForceControl>()],
 );
 
 /// Limits of the offset along the axis.
@@ -111,71 +110,75 @@ struct OffsetState {
     held: f64,
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
-    let [pose, force, wrench, active, outputs @ .., state] = operands;
-    let [
-        pose_out,
-        offset,
-        velocity,
-        acceleration,
-        missing,
-        limited,
-        resting,
-        parameters @ ..,
-    ] = outputs;
-    let [axis, in_tool, gain, v_max, a_max, j_max, travel] = parameters;
-    let limits = OffsetLimits {
-        velocity: frame.real(v_max),
-        acceleration: frame.real(a_max),
-        jerk: frame.real(j_max),
-        travel: frame.real(travel),
-    };
-    let axis = frame.composite(axis).and_then(vector::normalized);
-    let pushed = frame.composite(wrench).map(spatial::split);
-    let pressed = pushed
-        .zip(axis)
-        .map(|((pushed, _), axis)| -vector::dot(pushed, axis));
-    let wanted = frame.real(force) - pressed.unwrap_or(NULL_REAL);
-    let acts = (frame.bool(active) == 1) & wanted.is_finite();
-    let goal = if acts { frame.real(gain) * wanted } else { 0.0 };
-    let before = match frame.reals(state) {
-        [s, v, a, held] if s.is_finite() => OffsetState { s, v, a, held },
-        _ => OffsetState {
-            s: 0.0,
-            v: 0.0,
-            a: 0.0,
-            held: 0.0,
-        },
-    };
-    let next = follow(
-        before,
-        within(goal, -limits.velocity, limits.velocity),
-        &limits,
-        frame.dt_s,
-    );
-    frame.set_reals(state, [next.s, next.v, next.a, next.held]);
-    for (slot, value) in [(offset, next.s), (velocity, next.v), (acceleration, next.a)] {
-        frame.set_real(slot, value);
+operands! {
+    struct ForceControl {
+        pose: Slot<Pose>, force: Slot<Real>, wrench: Slot<Spatial>, active: Slot<Bool>,
+        pose_out: Slot<Pose>, offset: Slot<Real>, offset_velocity: Slot<Real>, offset_acceleration: Slot<Real>,
+        missing: Slot<Real>, limited: Slot<Bool>, resting: Slot<Bool>,
+        axis: Slot<Vector3>, in_tool: Slot<Bool>, gain: Slot<Real>,
+        velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>, travel: Slot<Real>,
+        state: Slot<[Real; 4]>,
     }
-    frame.set_real(
-        missing,
-        if wanted.is_finite() {
+}
+
+impl Step for ForceControl {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let limits = OffsetLimits {
+            velocity: frame.get(self.velocity)?,
+            acceleration: frame.get(self.acceleration)?,
+            jerk: frame.get(self.jerk)?,
+            travel: frame.get(self.travel)?,
+        };
+        let axis = frame.composite(self.axis).and_then(vector::normalized);
+        let pushed = frame.composite(self.wrench).map(spatial::split);
+        let pressed = pushed
+            .zip(axis)
+            .map(|((pushed, _), axis)| -vector::dot(pushed, axis));
+        let wanted = frame.get(self.force)? - pressed.unwrap_or(NULL_REAL);
+        let acts = (frame.get(self.active)? == 1) & wanted.is_finite();
+        let goal = if acts {
+            frame.get(self.gain)? * wanted
+        } else {
+            0.0
+        };
+        let before = match frame.get(self.state)? {
+            [s, v, a, held] if s.is_finite() => OffsetState { s, v, a, held },
+            _ => OffsetState {
+                s: 0.0,
+                v: 0.0,
+                a: 0.0,
+                held: 0.0,
+            },
+        };
+        let goal = within(goal, -limits.velocity, limits.velocity);
+        let next = follow(before, goal, &limits, frame.dt_s);
+        frame.put(self.state, [next.s, next.v, next.a, next.held])?;
+        frame.put(self.offset, next.s)?;
+        frame.put(self.offset_velocity, next.v)?;
+        frame.put(self.offset_acceleration, next.a)?;
+        let missing = if wanted.is_finite() {
             wanted
         } else {
             NULL_REAL
-        },
-    );
-    frame.set_bool(limited, u8::from(next.held != 0.0));
-    frame.set_bool(resting, u8::from((next.v == 0.0) & (next.a == 0.0)));
-    let moved = frame.known_pose(pose).zip(axis).map(|(mut pose, axis)| {
-        let axis = match frame.bool(in_tool) {
-            1 => rotation::rotate(pose.orientation, axis),
-            _ => axis,
         };
-        pose.position = vector::add(pose.position, vector::scale(axis, next.s));
-        pose
-    });
-    frame.set_known_pose(pose_out, moved);
+        frame.put(self.missing, missing)?;
+        frame.put(self.limited, u8::from(next.held != 0.0))?;
+        frame.put(self.resting, u8::from((next.v == 0.0) & (next.a == 0.0)))?;
+        let in_tool = frame.get(self.in_tool)? == 1;
+        let moved = frame
+            .known_pose(self.pose)
+            .zip(axis)
+            .map(|(mut pose, axis)| {
+                let axis = if in_tool {
+                    rotation::rotate(pose.orientation, axis)
+                } else {
+                    axis
+                };
+                pose.position = vector::add(pose.position, vector::scale(axis, next.s));
+                pose
+            });
+        frame.put_pose(self.pose_out, moved)
+    }
 }
 
 /// Advances one period towards the velocity `goal`, or to rest if that velocity would lead beyond `travel`.

@@ -1,7 +1,10 @@
 //! `ForceTorque`: the external force and torque at the flange that an arm measures or estimates.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Device, Kernel, Parameter, Port, Real, Slot, Spatial, Spec, Step, UnitRule,
+    operands,
+};
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 
@@ -32,17 +35,37 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ForceTorque>()],
 );
 
-fn step(frame: &mut Frame<'_>, [fx, fy, fz, tx, ty, tz, wrench, device]: [u32; 8]) {
-    let measured = frame.measured(device).map_or([NULL_REAL; 6], |m| m.wrench);
-    let known = measured.iter().all(|value| !value.is_nan());
-    let values = if known { measured } else { [NULL_REAL; 6] };
-    for (slot, value) in [fx, fy, fz, tx, ty, tz].into_iter().zip(values) {
-        frame.set_real(slot, value);
+operands! {
+    struct ForceTorque {
+        fx: Slot<Real>, fy: Slot<Real>, fz: Slot<Real>, tx: Slot<Real>, ty: Slot<Real>, tz: Slot<Real>,
+        wrench: Slot<Spatial>, device: Device,
     }
-    frame.set_reals(wrench, values);
+}
+
+impl Step for ForceTorque {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let ForceTorque {
+            fx,
+            fy,
+            fz,
+            tx,
+            ty,
+            tz,
+            ..
+        } = self;
+        let measured = frame
+            .measured(self.device)
+            .map_or([NULL_REAL; 6], |m| m.wrench);
+        let known = measured.iter().all(|value| !value.is_nan());
+        let values = if known { measured } else { [NULL_REAL; 6] };
+        for (slot, value) in [fx, fy, fz, tx, ty, tz].into_iter().zip(values) {
+            frame.put(slot, value)?;
+        }
+        frame.put(self.wrench, values)
+    }
 }
 
 #[cfg(test)]

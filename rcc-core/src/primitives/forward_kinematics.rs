@@ -2,7 +2,10 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Device, Kernel, Parameter, Port, PortType, Real, Slot, Spec, Step, UnitRule,
+    operands,
+};
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 
@@ -21,15 +24,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ForwardKinematics>()],
 );
 
-fn step(frame: &mut Frame<'_>, [joints, pose, device, width]: [u32; 4]) {
-    let flange = match (frame.arm(device), frame.joints(joints, width)) {
-        (Some(arm), Some(joints)) => arm.forward(&joints),
-        _ => Pose::from_slots([NULL_REAL; 7]),
-    };
-    frame.set_pose(pose, flange);
+operands! {
+    struct ForwardKinematics { joints: Slot<Real>, pose: Slot<Pose>, device: Device, width: u32 }
+}
+
+impl Step for ForwardKinematics {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let flange = match (
+            frame.arm(self.device),
+            frame.joints(self.joints, self.width),
+        ) {
+            (Some(arm), Some(joints)) => arm.forward(&joints),
+            _ => Pose::from_slots([NULL_REAL; 7]),
+        };
+        frame.put(self.pose, flange)
+    }
 }
 
 #[cfg(test)]

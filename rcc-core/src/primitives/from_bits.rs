@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, Parameter, ParameterKind,
-    Port, PortType, Spec, UnitRule, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Dim, ElementType, Example, Int, Kernel, Parameter,
+    ParameterKind, Port, PortType, Slot, Spec, Step, UnitRule, choose, operands,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Type};
 
@@ -44,24 +44,31 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<FromBits>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, signed, length]: [u32; 4]) -> Option<()> {
-    let signed = frame.get_bool(signed)? & 1 == 1;
-    let last = length.saturating_sub(1);
-    let negative = signed && frame.get_bool(input + last)? & 1 == 1;
-    let (mut number, mut null) = (0i64, false);
-    for i in 0..length {
-        let bit = frame.get_bool(input + i)?;
-        null |= bit & NULL_BOOL != 0;
-        // Above bit 62 only the sign extension is allowed.
-        let differs = (bit & 1 == 1) != negative;
-        null |= i > 62 && differs;
-        number |= choose(i > 62, 0, i64::from(bit & 1) << i.min(62));
+operands! {
+    struct FromBits { input: Slot<Bool>, out: Slot<Int>, signed: Slot<Bool>, length: u32 }
+}
+
+impl Step for FromBits {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let FromBits { length, .. } = self;
+        let signed = frame.get(self.signed)? & 1 == 1;
+        let last = length.saturating_sub(1);
+        let negative = signed && frame.get(self.input + last)? & 1 == 1;
+        let (mut number, mut null) = (0i64, false);
+        for i in 0..length {
+            let bit = frame.get(self.input + i)?;
+            null |= bit & NULL_BOOL != 0;
+            // Above bit 62 only the sign extension is allowed.
+            let differs = (bit & 1 == 1) != negative;
+            null |= i > 62 && differs;
+            number |= choose(i > 62, 0, i64::from(bit & 1) << i.min(62));
+        }
+        let sign = choose(negative, -1i64 << last.min(63), 0);
+        let number = number | sign;
+        frame.put(self.out, choose(null, NULL_INT, number))
     }
-    let sign = choose(negative, -1i64 << last.min(63), 0);
-    let number = number | sign;
-    frame.put_int(out, choose(null, NULL_INT, number))
 }

@@ -2,8 +2,11 @@
 //! prepared.
 
 use crate::filter::{self, Biquad};
-use crate::frame::{Preparation, PrepareFault};
-use crate::primitive::{CatalogueEntry, Example, Kernel, Parameter, Port, Spec, UnitRule, each};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, Prepare, Real, Slot, Spec, Step, UnitRule,
+    operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -26,17 +29,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         state: filter::STATE,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| {
-        each(frame, operands, |frame, [input, out, _, state]| filter::step(frame, input, out, state));
-    })],
+    &[Kernel::each::<HighPass>()],
 )
-.prepared_by(prepare);
+.prepared_by::<HighPass>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    if let &[_input, _out, cutoff, state] = operands {
-        let [cutoff_hz] = preparation.reals(cutoff);
-        let high_pass = Biquad::high_pass(cutoff_hz, preparation.dt_s);
-        filter::prepare(preparation, state, high_pass);
+operands! {
+    struct HighPass { input: Slot<Real>, out: Slot<Real>, cutoff: Slot<Real>, state: Slot<[Real; 8]> }
+}
+
+impl Step for HighPass {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        filter::step(frame, self.input, self.out, self.state)
     }
-    Ok(())
+}
+
+impl Prepare for HighPass {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let cutoff_hz = preparation.get(self.cutoff);
+        let high_pass = Biquad::high_pass(cutoff_hz, preparation.dt_s);
+        filter::prepare(preparation, self.state, high_pass);
+        Ok(())
+    }
 }

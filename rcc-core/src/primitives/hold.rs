@@ -2,10 +2,10 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, NullRule, Parameter, ParameterKind,
-    Port, PortType, Spec, UnitRule, copy, each, is_null,
+    Bool, CatalogueEntry, DefaultValue, Element, Example, Int, Kernel, MemorySpec, NullRule,
+    Parameter, ParameterKind, Port, PortType, Real, Slot, Spec, Step, UnitRule, copy, is_null,
+    operands,
 };
-use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -55,26 +55,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, it| step(frame, Store::Real, it));
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, it| step(frame, Store::Bool, it));
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, it| step(frame, Store::Int, it));
-        }),
+        Kernel::each::<Hold<Real>>(),
+        Kernel::each::<Hold<Bool>>(),
+        Kernel::each::<Hold<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    store: Store,
-    [input, sample, out, held, width]: [u32; 5],
-) -> Option<()> {
-    if frame.get_bool(sample)? == 1 && !is_null(frame, store, input, width)? {
-        copy(frame, store, input, held, width)?;
+operands! {
+    struct Hold<E> { input: Slot<E>, sample: Slot<Bool>, out: Slot<E>, held: Slot<E>, width: u32 }
+}
+
+impl<E: Element> Step for Hold<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let samples = frame.get(self.sample)? == 1;
+        if samples && !is_null(frame, self.input, self.width)? {
+            copy(frame, self.input, self.held, self.width)?;
+        }
+        copy(frame, self.held, self.out, self.width)
     }
-    copy(frame, store, held, out, width)
 }

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
-    UnitRule, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Real,
+    Slot, Spec, StateSpec, Step, UnitRule, choose, operands,
 };
 use crate::types::{NULL_BOOL, Type};
 
@@ -53,15 +53,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Hysteresis>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, low, high, out, last]: [u32; 5]) -> Option<()> {
-    let (value, before) = (frame.get_real(input)?, frame.get_bool(last)?);
-    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
-    let known = !value.is_nan() & (low <= high);
-    let now = choose(value > high, 1, choose(value < low, 0, before));
-    frame.put_bool(out, choose(known, now, NULL_BOOL))?;
-    frame.put_bool(last, choose(known, now, before))
+operands! {
+    struct Hysteresis { input: Slot<Real>, low: Slot<Real>, high: Slot<Real>, out: Slot<Bool>, last: Slot<Bool> }
+}
+
+impl Step for Hysteresis {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        let (low, high) = (frame.get(self.low)?, frame.get(self.high)?);
+        let known = !value.is_nan() & (low <= high);
+        let now = choose(value > high, 1, choose(value < low, 0, before));
+        frame.put(self.out, choose(known, now, NULL_BOOL))?;
+        frame.put(self.last, choose(known, now, before))
+    }
 }

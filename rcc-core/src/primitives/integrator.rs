@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
-    StateSpec, UnitRule, each, finite, within,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType,
+    Real, Slot, Spec, StateSpec, Step, UnitRule, finite, operands, within,
 };
 use crate::types::{NULL_BOOL, Type};
 
@@ -60,22 +60,28 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Integrator>()],
 );
 
-#[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    [input, reset, out, initial, low, high, sum]: [u32; 7],
-) -> Option<()> {
-    let (rate, reset) = (frame.get_real(input)?, frame.get_bool(reset)?);
-    let (initial, before) = (frame.get_real(initial)?, frame.get_real(sum)?);
-    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
-    let from = if before.is_nan() { initial } else { before };
-    let moved = from + rate * frame.dt_s;
-    let null = rate.is_nan() | (reset & NULL_BOOL != 0);
-    let now = within(if reset == 1 { initial } else { moved }, low, high);
-    let known = !null & now.is_finite();
-    frame.put_real(out, finite(if known { now } else { f64::NAN }))?;
-    frame.put_real(sum, if known { now } else { before })
+operands! {
+    struct Integrator {
+        input: Slot<Real>, reset: Slot<Bool>, out: Slot<Real>, initial: Slot<Real>, low: Slot<Real>,
+        high: Slot<Real>, sum: Slot<Real>,
+    }
+}
+
+impl Step for Integrator {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (rate, reset) = (frame.get(self.input)?, frame.get(self.reset)?);
+        let (initial, before) = (frame.get(self.initial)?, frame.get(self.sum)?);
+        let (low, high) = (frame.get(self.low)?, frame.get(self.high)?);
+        let from = if before.is_nan() { initial } else { before };
+        let moved = from + rate * frame.dt_s;
+        let null = rate.is_nan() | (reset & NULL_BOOL != 0);
+        let now = within(if reset == 1 { initial } else { moved }, low, high);
+        let known = !null & now.is_finite();
+        frame.put(self.out, finite(if known { now } else { f64::NAN }))?;
+        frame.put(self.sum, if known { now } else { before })
+    }
 }

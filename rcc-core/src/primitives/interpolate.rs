@@ -2,11 +2,12 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
-use crate::rotation;
-use crate::types::{Store, Type};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, TypeFamily, UnitRule, operands,
+};
+use crate::types::Type;
 use crate::unit::Unit;
-use crate::vector;
+use crate::{rotation, vector};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -50,34 +51,41 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::of(Store::Real, |frame, operands| {
-        each(frame, operands, step);
-    })],
+    &[Kernel::each::<Interpolate>()],
 );
 
 const ROTATION: u32 = Type::Rotation.width();
 const POSE: u32 = Type::Pose.width();
 
-fn step(frame: &mut Frame<'_>, [from, to, t, out, width]: [u32; 5]) -> Option<()> {
-    let t = frame.real(t);
-    match width {
-        ROTATION => {
-            let ends = frame.rotation(from).zip(frame.rotation(to));
-            let between = ends.and_then(|(from, to)| rotation::slerp(from, to, t));
-            frame.set_composite(out, between);
+operands! {
+    struct Interpolate for Real { from: Slot<Real>, to: Slot<Real>, t: Slot<Real>, out: Slot<Real>, width: u32 }
+}
+
+impl Step for Interpolate {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let t = frame.get(self.t)?;
+        match self.width {
+            ROTATION => {
+                let ends = frame
+                    .rotation(self.from.cast())
+                    .zip(frame.rotation(self.to.cast()));
+                let between = ends.and_then(|(from, to)| rotation::slerp(from, to, t));
+                frame.put_composite(self.out.cast(), between)
+            }
+            POSE => {
+                let ends = frame
+                    .known_pose(self.from.cast())
+                    .zip(frame.known_pose(self.to.cast()));
+                let between = ends.and_then(|(from, to)| {
+                    let translation = vector::subtract(to.position, from.position);
+                    Some(Pose {
+                        position: vector::add(from.position, vector::scale(translation, t)),
+                        orientation: rotation::slerp(from.orientation, to.orientation, t)?,
+                    })
+                });
+                frame.put_pose(self.out.cast(), between)
+            }
+            _ => None,
         }
-        POSE => {
-            let ends = frame.known_pose(from).zip(frame.known_pose(to));
-            let between = ends.and_then(|(from, to)| {
-                let translation = vector::subtract(to.position, from.position);
-                Some(Pose {
-                    position: vector::add(from.position, vector::scale(translation, t)),
-                    orientation: rotation::slerp(from.orientation, to.orientation, t)?,
-                })
-            });
-            frame.set_known_pose(out, between);
-        }
-        _ => return None,
     }
-    Some(())
 }

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, finite, higher, lower,
-    real_unless,
+    Bool, CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, choose, finite,
+    higher, lower, operands, real_unless,
 };
 use crate::types::NULL_BOOL;
 
@@ -47,17 +47,25 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Interval>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, low, high, inside, fraction]: [u32; 5]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
-    let length = high - low;
-    let known = !value.is_nan() & (length > 0.0) & length.is_finite();
-    let is_inside = (low <= value) & (value <= high);
-    let part = finite((lower(higher(value, low), high) - low) / length);
-    frame.put_bool(inside, choose(known, u8::from(is_inside), NULL_BOOL))?;
-    frame.put_real(fraction, real_unless(!known, part))
+operands! {
+    struct Interval {
+        input: Slot<Real>, low: Slot<Real>, high: Slot<Real>, inside: Slot<Bool>, fraction: Slot<Real>,
+    }
+}
+
+impl Step for Interval {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        let (low, high) = (frame.get(self.low)?, frame.get(self.high)?);
+        let length = high - low;
+        let known = !value.is_nan() & (length > 0.0) & length.is_finite();
+        let is_inside = (low <= value) & (value <= high);
+        let part = finite((lower(higher(value, low), high) - low) / length);
+        frame.put(self.inside, choose(known, u8::from(is_inside), NULL_BOOL))?;
+        frame.put(self.fraction, real_unless(!known, part))
+    }
 }

@@ -3,9 +3,9 @@
 use crate::frame::Frame;
 use crate::linear::AugmentedMatrix;
 use crate::primitive::{
-    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each, fill_null,
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule,
+    fill_null, operands,
 };
-use crate::types::Store;
 use crate::unit::Unit;
 
 const SQUARE: PortType = PortType::Matrix(Dim::Small(0), Dim::Small(0));
@@ -39,23 +39,30 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Inverse>()],
 );
 
-#[inline]
-fn step(frame: &mut Frame<'_>, [input, out, side]: [u32; 3]) -> Option<()> {
-    let Some(tableau) = inverted(frame, input, side) else {
-        return fill_null(frame, Store::Real, out, side.saturating_mul(side));
-    };
-    for row in 0..side {
-        for column in 0..side {
-            frame.put_real(out + row * side + column, tableau.get(row, column)?)?;
-        }
-    }
-    Some(())
+operands! {
+    struct Inverse { input: Slot<Real>, out: Slot<Real>, side: u32 }
 }
 
-fn inverted(frame: &Frame<'_>, input: u32, side: u32) -> Option<AugmentedMatrix<16>> {
+impl Step for Inverse {
+    #[inline]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let side = self.side;
+        let Some(tableau) = inverted(frame, self.input, side) else {
+            return fill_null(frame, self.out, side.saturating_mul(side));
+        };
+        for row in 0..side {
+            for column in 0..side {
+                frame.put(self.out + row * side + column, tableau.get(row, column)?)?;
+            }
+        }
+        Some(())
+    }
+}
+
+fn inverted(frame: &Frame<'_>, input: Slot<Real>, side: u32) -> Option<AugmentedMatrix<16>> {
     let mut tableau = AugmentedMatrix::read(frame, input, side)?;
     tableau.fill(|row, column| Some(if row == column { 1.0 } else { 0.0 }))?;
     tableau.reduce(tableau.least_pivot())?;

@@ -8,8 +8,10 @@
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::kinematics::{Branch, InverseKinematicsError, within_limits};
 use crate::message::{JOINTS_MAX, Joints};
+use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, StateSpec, UnitRule, each,
+    CatalogueEntry, Device, Int, Kernel, Parameter, Port, PortType, Prepare, Real, Slot, Spec,
+    StateSpec, Step, UnitRule, operands,
 };
 use crate::types::{NULL_INT, Type};
 use crate::unit::Unit;
@@ -49,52 +51,82 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<InverseKinematics>()],
 )
-.prepared_by(prepare);
+.prepared_by::<InverseKinematics>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[_pose, _joints, _reason, _joint, device, state, _width] = operands else {
-        return Ok(());
-    };
-    let (arm, hold) = preparation.arm_at_rest(device)?;
-    let start = arm.configuration(&hold);
-    let branch = f64::from(start.branch.index());
-    preparation.set_reals(state, [start.arm_angle, branch]);
-    preparation.set_reals(state + 2, hold);
-    Ok(())
-}
-
-fn step(frame: &mut Frame<'_>, [pose, joints, reason, joint, device, state, width]: [u32; 7]) {
-    let [angle, branch] = frame.reals(state);
-    let hint: Joints = frame.reals(state + 2);
-    let pose = frame.pose(pose);
-    let device = frame.arm(device).zip(frame.limits(device));
-    let found = device.map(|(arm, limits)| {
-        let solution = arm.inverse(&pose, angle, Branch::from_bits(branch as u8), &hint)?;
-        within_limits(&solution, limits)?;
-        Ok(solution)
-    });
-    if let Some(Ok(solution)) = found {
-        frame.set_reals(state + 2, solution);
+impl Prepare for InverseKinematics {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let (arm, hold) = preparation.arm_at_rest(self.device)?;
+        let start = arm.configuration(&hold);
+        let branch = f64::from(start.branch.index());
+        preparation.put(self.state, [start.arm_angle, branch]);
+        preparation.put(self.hint(), hold);
+        Ok(())
     }
-    put(frame, [joints, reason, joint, width], found);
 }
 
-/// Writes joints, or the reason why there are none.
-pub(super) fn put(
-    frame: &mut Frame<'_>,
-    [joints, reason, joint, width]: [u32; 4],
-    found: Option<Result<Joints, InverseKinematicsError>>,
-) {
-    let (why, which) = match &found {
-        Some(Ok(_)) => (0, 0),
-        Some(Err(fault)) => (fault.reason(), fault.joint()),
-        None => (NULL_INT, NULL_INT),
-    };
-    frame.set_joints(joints, width, found.and_then(Result::ok).as_ref());
-    frame.set_int(reason, why);
-    frame.set_int(joint, which);
+operands! {
+    struct InverseKinematics {
+        pose: Slot<Pose>, joints: Slot<Real>, reason: Slot<Int>, joint: Slot<Int>, device: Device,
+        /// Arm angle and branch index; the hint joints follow.
+        state: Slot<[Real; 2]>, width: u32,
+    }
+}
+
+impl InverseKinematics {
+    fn hint(self) -> Slot<[Real; JOINTS_MAX]> {
+        (self.state + 2).cast()
+    }
+}
+
+impl Step for InverseKinematics {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let [angle, branch] = frame.get(self.state)?;
+        let hint: Joints = frame.get(self.hint())?;
+        let pose = frame.get(self.pose)?;
+        let device = frame.arm(self.device).zip(frame.limits(self.device));
+        let found = device.map(|(arm, limits)| {
+            let solution = arm.inverse(&pose, angle, Branch::from_bits(branch as u8), &hint)?;
+            within_limits(&solution, limits)?;
+            Ok(solution)
+        });
+        if let Some(Ok(solution)) = found {
+            frame.put(self.hint(), solution)?;
+        }
+        let outputs = JointSolution {
+            joints: self.joints,
+            width: self.width,
+            reason: self.reason,
+            joint: self.joint,
+        };
+        outputs.put(frame, found)
+    }
+}
+
+/// The outputs of an inverse kinematics: joints, or the reason why there are none.
+pub(super) struct JointSolution {
+    pub(super) joints: Slot<Real>,
+    pub(super) width: u32,
+    pub(super) reason: Slot<Int>,
+    pub(super) joint: Slot<Int>,
+}
+
+impl JointSolution {
+    pub(super) fn put(
+        self,
+        frame: &mut Frame<'_>,
+        found: Option<Result<Joints, InverseKinematicsError>>,
+    ) -> Option<()> {
+        let (reason, joint) = match &found {
+            Some(Ok(_)) => (0, 0),
+            Some(Err(fault)) => (fault.reason(), fault.joint()),
+            None => (NULL_INT, NULL_INT),
+        };
+        frame.put_joints(self.joints, self.width, found.and_then(Result::ok).as_ref())?;
+        frame.put(self.reason, reason)?;
+        frame.put(self.joint, joint)
+    }
 }
 
 #[cfg(test)]

@@ -3,14 +3,17 @@
 //!
 //! `InverseKinematics` keeps arm angle and branch of the start; here the net chooses both in each cycle.
 
+use super::inverse_kinematics::{JOINT, JointSolution, REASON};
 use crate::frame::Frame;
 use crate::kinematics::{ArmConfiguration, Unreachable};
 use crate::message::JOINTS_MAX;
-use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Device, Int, Kernel, Parameter, Port, PortType, Real, Slot, Spec, Step,
+    UnitRule, operands,
+};
 use crate::types::Type;
 use crate::unit::Unit;
-
-use super::inverse_kinematics::{JOINT, REASON, put};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -49,27 +52,39 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<InverseKinematicsNear>()],
 );
 
-fn step(
-    frame: &mut Frame<'_>,
-    [pose, angle, hint, joints, reason, joint, device, width]: [u32; 8],
-) {
-    let (pose, angle) = (frame.known_pose(pose), frame.real(angle));
-    let near = frame.joints(hint, width).zip(pose);
-    let device = frame.arm(device).zip(frame.limits(device));
-    let found = device.map(|(arm, limits)| {
-        let (hint, pose) = near
-            .filter(|(hint, _)| angle.is_finite() && hint.iter().all(|joint| joint.is_finite()))
-            .ok_or(Unreachable::NotFinite)?;
-        let configuration = ArmConfiguration {
-            branch: arm.branch(&hint),
-            arm_angle: angle,
+operands! {
+    struct InverseKinematicsNear {
+        pose: Slot<Pose>, arm_angle: Slot<Real>, hint: Slot<Real>, joints: Slot<Real>, reason: Slot<Int>,
+        joint: Slot<Int>, device: Device, width: u32,
+    }
+}
+
+impl Step for InverseKinematicsNear {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (pose, angle) = (frame.known_pose(self.pose), frame.get(self.arm_angle)?);
+        let near = frame.joints(self.hint, self.width).zip(pose);
+        let device = frame.arm(self.device).zip(frame.limits(self.device));
+        let found = device.map(|(arm, limits)| {
+            let (hint, pose) = near
+                .filter(|(hint, _)| angle.is_finite() && hint.iter().all(|joint| joint.is_finite()))
+                .ok_or(Unreachable::NotFinite)?;
+            let configuration = ArmConfiguration {
+                branch: arm.branch(&hint),
+                arm_angle: angle,
+            };
+            arm.inverse_within(&pose, configuration, &hint, limits)
+        });
+        let outputs = JointSolution {
+            joints: self.joints,
+            width: self.width,
+            reason: self.reason,
+            joint: self.joint,
         };
-        arm.inverse_within(&pose, configuration, &hint, limits)
-    });
-    put(frame, [joints, reason, joint, width], found);
+        outputs.put(frame, found)
+    }
 }
 
 #[cfg(test)]

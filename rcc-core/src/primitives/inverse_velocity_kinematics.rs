@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Device, Example, Kernel, Parameter, Port, PortType, Real, Slot, Spatial, Spec,
+    Step, UnitRule, operands,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -26,14 +27,23 @@ outputs: &[Port::new("velocity", PortType::Joints, UnitRule::Is(Unit::RADIAN_PER
 parameters: &[Parameter::arm(), Parameter::real("damping", UnitRule::Is(Unit::ONE), "λ: 0 is exact but unbounded near singularities; 0.05 follows within 1 % where the smallest singular value is above 0.5, and no joint exceeds 1/(2 λ) times the twist").at_least(0.0)],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<InverseVelocityKinematics>()],
 );
 
-fn step(frame: &mut Frame<'_>, [joints, twist, velocity, device, damping, width]: [u32; 6]) {
-    let damping = frame.real(damping);
-    let there = frame.arm_at(device, joints, width);
-    let rates = there
-        .zip(frame.composite(twist))
-        .and_then(|((arm, joints), twist)| arm.joint_velocities(&joints, &twist, damping));
-    frame.set_joints(velocity, width, rates.as_ref());
+operands! {
+    struct InverseVelocityKinematics {
+        joints: Slot<Real>, twist: Slot<Spatial>, velocity: Slot<Real>, device: Device, damping: Slot<Real>,
+        width: u32,
+    }
+}
+
+impl Step for InverseVelocityKinematics {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let damping = frame.get(self.damping)?;
+        let there = frame.arm_at(self.device, self.joints, self.width);
+        let rates = there
+            .zip(frame.composite(self.twist))
+            .and_then(|((arm, joints), twist)| arm.joint_velocities(&joints, &twist, damping));
+        frame.put_joints(self.velocity, self.width, rates.as_ref())
+    }
 }

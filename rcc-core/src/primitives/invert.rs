@@ -4,9 +4,12 @@
 //! operation rounded once.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, TypeFamily, UnitRule, operands,
+};
 use crate::rotation;
-use crate::types::{NULL_REAL, Store, Type};
+use crate::types::{NULL_REAL, Type};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -50,36 +53,39 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::of(Store::Real, |frame, operands| {
-        each(frame, operands, step);
-    })],
+    &[Kernel::each::<Invert>()],
 );
 
 const ROTATION: u32 = Type::Rotation.width();
 const POSE: u32 = Type::Pose.width();
+type Transform = [Real; 16];
 const TRANSFORM: u32 = Type::TRANSFORM.width();
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> {
-    match width {
-        TRANSFORM => transform(frame, input, out),
-        POSE => {
-            let pose = frame.pose(input).inverse();
-            frame.set_pose(out, pose);
-            Some(())
+operands! {
+    struct Invert for Real { input: Slot<Real>, out: Slot<Real>, width: u32 }
+}
+
+impl Step for Invert {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        match self.width {
+            TRANSFORM => transform(frame, self.input.cast(), self.out.cast()),
+            POSE => {
+                let pose: Pose = frame.get(self.input.cast())?;
+                frame.put(self.out.cast(), pose.inverse())
+            }
+            ROTATION => {
+                let back = frame.rotation(self.input.cast()).map(rotation::inverse);
+                frame.put_composite(self.out.cast(), back)
+            }
+            _ => None,
         }
-        ROTATION => {
-            let back = frame.rotation(input).map(rotation::inverse);
-            frame.set_composite(out, back);
-            Some(())
-        }
-        _ => None,
     }
 }
 
 #[inline(always)]
-fn transform(frame: &mut Frame<'_>, input: u32, out: u32) -> Option<()> {
-    let [a, b, c, x, d, e, f, y, g, h, i, z, _, _, _, last] = frame.get_reals(input)?;
+fn transform(frame: &mut Frame<'_>, input: Slot<Transform>, out: Slot<Transform>) -> Option<()> {
+    let [a, b, c, x, d, e, f, y, g, h, i, z, _, _, _, last] = frame.get(input)?;
     let back = |p: f64, q: f64, r: f64| -(p * x + q * y + r * z);
     let inverse = [
         [a, d, g, back(a, d, g)],
@@ -88,7 +94,7 @@ fn transform(frame: &mut Frame<'_>, input: u32, out: u32) -> Option<()> {
         [0.0, 0.0, 0.0, 1.0],
     ];
     let null = last.is_nan();
-    frame.put_reals(
+    frame.put(
         out,
         if null {
             [NULL_REAL; 16]

@@ -4,9 +4,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, each, is_null,
+    Bool, CatalogueEntry, Element, Example, Int, Kernel, NullRule, Port, PortType, Real, Slot,
+    Spec, Step, UnitRule, is_null, operands,
 };
-use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -33,70 +33,43 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, wide_real);
-        }),
-        Kernel::single(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool);
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, wide_bool);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, wide_int);
-        }),
+        Kernel::scalar::<IsNull<Real>>(),
+        Kernel::each::<WideIsNull<Real>>(),
+        Kernel::scalar::<IsNull<Bool>>(),
+        Kernel::each::<WideIsNull<Bool>>(),
+        Kernel::scalar::<IsNull<Int>>(),
+        Kernel::each::<WideIsNull<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    frame.put_bool(out, u8::from(value.is_nan()))
+operands! {
+    struct IsNull<E> { input: Slot<E>, out: Slot<Bool> }
 }
 
-#[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_bool(input)?;
-    frame.put_bool(out, u8::from(value & NULL_BOOL != 0))
-}
-
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    frame.put_bool(out, u8::from(value == NULL_INT))
-}
-
-#[inline]
-fn wide_real(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    if let Some(null) = is_null(frame, Store::Real, input, width) {
-        frame.set_bool(out, u8::from(null));
+impl<E: Element> Step for IsNull<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let null = frame.get(self.input)?.is_null();
+        frame.put(self.out, u8::from(null))
     }
 }
 
-#[inline]
-fn wide_bool(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    if let Some(null) = is_null(frame, Store::Bool, input, width) {
-        frame.set_bool(out, u8::from(null));
-    }
+operands! {
+    struct WideIsNull<E> { input: Slot<E>, out: Slot<Bool>, width: u32 }
 }
 
-#[inline]
-fn wide_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    if let Some(null) = is_null(frame, Store::Int, input, width) {
-        frame.set_bool(out, u8::from(null));
+impl<E: Element> Step for WideIsNull<E> {
+    #[inline]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let null = is_null(frame, self.input, self.width)?;
+        frame.put(self.out, u8::from(null))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::testing::PrimitiveHarness;
+    use crate::types::{NULL_INT, Store};
 
     #[test]
     fn detects_null_in_every_arena() {

@@ -3,7 +3,8 @@
 use crate::frame::Frame;
 use crate::message::JOINTS_MAX;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Device, Example, Kernel, Parameter, Port, PortType, Real, Slot, Spec, Step,
+    UnitRule, operands,
 };
 use crate::types::NULL_REAL;
 use crate::unit::Unit;
@@ -45,16 +46,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Jacobian>()],
 );
 
-fn step(frame: &mut Frame<'_>, [joints, out, device, width]: [u32; 4]) {
-    let there = frame.arm_at(device, joints, width);
-    let jacobian = there.map(|(arm, joints)| arm.jacobian(&joints));
-    let finite = jacobian.filter(|rows| rows.iter().flatten().all(|element| element.is_finite()));
-    let mut row_at = out;
-    for row in finite.unwrap_or([[NULL_REAL; JOINTS_MAX]; 6]) {
-        frame.set_joints(row_at, width, Some(&row));
-        row_at = row_at.saturating_add(width);
+operands! {
+    struct Jacobian { joints: Slot<Real>, out: Slot<Real>, device: Device, width: u32 }
+}
+
+impl Step for Jacobian {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let there = frame.arm_at(self.device, self.joints, self.width);
+        let jacobian = there.map(|(arm, joints)| arm.jacobian(&joints));
+        let finite =
+            jacobian.filter(|rows| rows.iter().flatten().all(|element| element.is_finite()));
+        let mut row_at = self.out;
+        for row in finite.unwrap_or([[NULL_REAL; JOINTS_MAX]; 6]) {
+            frame.put_joints(row_at, self.width, Some(&row))?;
+            row_at = row_at + self.width;
+        }
+        Some(())
     }
 }

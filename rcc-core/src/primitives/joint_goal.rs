@@ -6,13 +6,13 @@
 //! (median) and 29 µs (99th percentile) in a cycle in which all goals change. Every loop has a constant bound: each
 //! joint is planned at most once per cycle, with two evaluations of the closed forms (`docs/performance-motion.md`).
 
-use crate::axis::{AXIS_WORDS, AxisFollower, is_new, rest_at, share_of, step_axis};
+use crate::axis::{AXIS_WORDS, AxisFollower, AxisSlot, axes, is_new, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::message::{JOINTS_MAX, Joints};
 use crate::path::MotionLimits;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
-    StateSpec, UnitRule, each,
+    Bool, CatalogueEntry, DefaultValue, Device, Kernel, NullRule, Parameter, ParameterKind, Port,
+    PortType, Prepare, Real, Slot, Spec, StateSpec, Step, UnitRule, operands,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 use crate::unit::Unit;
@@ -100,76 +100,87 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<JointGoal>()],
 )
-.prepared_by(prepare);
+.prepared_by::<JointGoal>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[_, _, _, _, _, _, _, device, _, _, _, _, state, _width] = operands else {
-        return Ok(());
-    };
-    let hold = preparation.holds.get(device as usize).copied().flatten();
-    let hold = hold.ok_or(PrepareFault::HoldUnknown { device })?;
-    for (position, slot) in hold.into_iter().zip(axes(state)) {
-        preparation.set_reals(slot, rest_at(position));
+operands! {
+    struct JointGoal {
+        goal: Slot<Real>, speed: Slot<Real>, stop: Slot<Bool>,
+        position: Slot<Real>, velocity: Slot<Real>, done: Slot<Bool>, accepted: Slot<Bool>,
+        device: Device, scale: Slot<Real>, max_velocity: Slot<Real>, max_acceleration: Slot<Real>,
+        max_jerk: Slot<Real>, state: AxisSlot, width: u32,
     }
-    Ok(())
 }
 
-/// Slots of the axes in the arena.
-fn axes(state: u32) -> impl Iterator<Item = u32> {
-    (0..JOINTS_MAX as u32).map(move |joint| state + joint * AXIS_WORDS as u32)
-}
-
-fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
-    let [
-        goal,
-        speed,
-        stop,
-        position,
-        velocity,
-        done,
-        accepted,
-        device,
-        scale,
-        rest @ ..,
-    ] = operands;
-    let [v, a, j, state, width] = rest;
-    let Some(model) = frame.models.get(device as usize) else {
-        return;
-    };
-    let robot = model.limits;
-    let (share, stopped) = (share_of(frame, speed, stop), frame.bool(stop) != 0);
-    let (scale, given) = (frame.real(scale), [v, a, j].map(|slot| frame.real(slot)));
-    let inside = |goal: &Joints| {
-        let ranges = robot.lower.iter().zip(&robot.upper);
-        let mut joints = goal.iter().zip(ranges).take(width as usize);
-        joints.all(|(goal, (lower, upper))| lower <= goal && goal <= upper)
-    };
-    let goal = frame.joints(goal, width).filter(inside);
-    let begins = is_new(frame, state);
-    let rows = robot.velocity_max.iter().zip(&robot.acceleration_max);
-    let rows = rows.zip(&robot.jerk_max).zip(axes(state));
-    let (mut positions, mut velocities) = ([NULL_REAL; JOINTS_MAX], [NULL_REAL; JOINTS_MAX]);
-    let (mut known, mut there, mut rests) = (true, true, true);
-    let places = positions.iter_mut().zip(&mut velocities).enumerate();
-    for ((joint, places), (((v, a), j), slot)) in places.zip(rows).take(width as usize) {
-        let limits = limits([*v, *a, *j], scale, given, share);
-        let goal = goal.filter(|_| !begins);
-        let goal = goal.and_then(|goal| goal.get(joint).copied());
-        let axis = step_axis(frame, slot, goal, &limits);
-        known &= axis.is_some();
-        if let Some(now) = axis.as_ref().map(AxisFollower::state) {
-            (*places.0, *places.1) = (now.position, now.velocity);
-            rests &= now.rests();
+impl Prepare for JointGoal {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let device = self.device.0;
+        let hold = preparation.holds.get(device as usize).copied().flatten();
+        let hold = hold.ok_or(PrepareFault::HoldUnknown { device })?;
+        for (position, slot) in hold.into_iter().zip(self.axes()) {
+            preparation.put(slot, rest_at(position));
         }
-        there &= axis.is_some_and(|axis| axis.arrived());
+        Ok(())
     }
-    frame.set_joints(position, width, Some(&positions).filter(|_| known));
-    frame.set_joints(velocity, width, Some(&velocities).filter(|_| known));
-    let at_rest = u8::from(there || stopped && rests);
-    frame.set_bool(done, if known { at_rest } else { NULL_BOOL });
-    frame.set_bool(accepted, u8::from(goal.is_some()));
+}
+
+impl JointGoal {
+    fn axes(self) -> impl Iterator<Item = AxisSlot> {
+        axes(self.state, JOINTS_MAX as u32)
+    }
+}
+
+impl Step for JointGoal {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let width = self.width as usize;
+        let robot = frame.models.get(self.device.0 as usize)?.limits;
+        let share = share_of(frame, self.speed, self.stop)?;
+        let stopped = frame.get(self.stop)? != 0;
+        let scale = frame.get(self.scale)?;
+        let given = [
+            frame.get(self.max_velocity)?,
+            frame.get(self.max_acceleration)?,
+            frame.get(self.max_jerk)?,
+        ];
+        let inside = |goal: &Joints| {
+            let ranges = robot.lower.iter().zip(&robot.upper);
+            let mut joints = goal.iter().zip(ranges).take(width);
+            joints.all(|(goal, (lower, upper))| lower <= goal && goal <= upper)
+        };
+        let goal = frame.joints(self.goal, self.width).filter(inside);
+        let begins = is_new(frame, self.state)?;
+        let rows = robot.velocity_max.iter().zip(&robot.acceleration_max);
+        let rows = rows.zip(&robot.jerk_max).zip(self.axes());
+        let (mut positions, mut velocities) = ([NULL_REAL; JOINTS_MAX], [NULL_REAL; JOINTS_MAX]);
+        let (mut known, mut there, mut rests) = (true, true, true);
+        let places = positions.iter_mut().zip(&mut velocities).enumerate();
+        for ((joint, places), (((v, a), j), slot)) in places.zip(rows).take(width) {
+            let limits = limits([*v, *a, *j], scale, given, share);
+            let goal = goal.filter(|_| !begins);
+            let goal = goal.and_then(|goal| goal.get(joint).copied());
+            let axis = step_axis(frame, slot, goal, &limits);
+            known &= axis.is_some();
+            if let Some(now) = axis.as_ref().map(AxisFollower::state) {
+                (*places.0, *places.1) = (now.position, now.velocity);
+                rests &= now.rests();
+            }
+            there &= axis.is_some_and(|axis| axis.arrived());
+        }
+        frame.put_joints(
+            self.position,
+            self.width,
+            Some(&positions).filter(|_| known),
+        )?;
+        frame.put_joints(
+            self.velocity,
+            self.width,
+            Some(&velocities).filter(|_| known),
+        )?;
+        let at_rest = u8::from(there || stopped && rests);
+        frame.put(self.done, if known { at_rest } else { NULL_BOOL })?;
+        frame.put(self.accepted, u8::from(goal.is_some()))
+    }
 }
 
 /// Returns the limits of one joint: the robot's, scaled, or the given ones if they are lower.

@@ -6,7 +6,8 @@
 use crate::frame::Frame;
 use crate::impedance::{ControlMode, Impedance};
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Device, Kernel, Parameter, Port, PortType, Real, Role, Slot,
+    Spec, Step, UnitRule, operands,
 };
 use crate::unit::Unit;
 
@@ -42,25 +43,38 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::CommandsArm,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<JointImpedanceCommand>()],
 );
 
-fn step(frame: &mut Frame<'_>, [position, stiffness, damping, torque, device, width]: [u32; 6]) {
-    let of = |slot| frame.joints(slot, width);
-    let (Some(position), Some(stiffness), Some(damping), Some(added)) =
-        (of(position), of(stiffness), of(damping), of(torque))
-    else {
-        return;
-    };
-    if let Some(output) = frame.output(device) {
-        output.has_position = true;
-        output.position = position;
-        output.impedance = Impedance {
-            strategy: ControlMode::JointImpedance as u64,
-            stiffness,
-            damping,
-            added,
+operands! {
+    struct JointImpedanceCommand {
+        position: Slot<Real>, stiffness: Slot<Real>, damping: Slot<Real>, torque: Slot<Real>, device: Device,
+        width: u32,
+    }
+}
+
+impl Step for JointImpedanceCommand {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let of = |slot| frame.joints(slot, self.width);
+        let (Some(position), Some(stiffness), Some(damping), Some(added)) = (
+            of(self.position),
+            of(self.stiffness),
+            of(self.damping),
+            of(self.torque),
+        ) else {
+            return Some(());
         };
+        if let Some(output) = frame.output(self.device) {
+            output.has_position = true;
+            output.position = position;
+            output.impedance = Impedance {
+                strategy: ControlMode::JointImpedance as u64,
+                stiffness,
+                damping,
+                added,
+            };
+        }
+        Some(())
     }
 }
 

@@ -3,18 +3,17 @@
 //!
 //! One path parameter moves all joints, so that a stop, a pause or a different speed keeps them on the line.
 
+use super::path_motion::{self, motion_operands};
 use crate::frame::{Preparation, PrepareFault};
 use crate::message::JOINTS_MAX;
 use crate::path::{Leg, PathRequest, PathSegment, SpeedProfile};
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, PortType, Role, Spec,
-    UnitRule, each,
+    CatalogueEntry, DefaultValue, Int, Kernel, NullRule, Parameter, ParameterKind, PortType,
+    Prepare, Real, Role, Slot, Spec, UnitRule,
 };
 use crate::types::Type;
 use crate::unit::Unit;
-
-use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -66,65 +65,48 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::Motion,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<JointMotion>()],
 )
-.prepared_by(prepare);
+.prepared_by::<JointMotion>();
 
 /// Converts a small bit field; `None` if the number is not one.
 fn bits(value: i64) -> Option<u8> {
     u8::try_from(value).ok()
 }
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[
-        ..,
-        device,
-        to,
-        pose,
-        branch,
-        status,
-        turn,
-        scale,
-        motion,
-        width,
-    ] = operands
-    else {
-        return Ok(());
-    };
-    let mut joints = [f64::NAN; JOINTS_MAX];
-    let given = preparation.reals.get(to as usize..).unwrap_or(&[]);
-    for (place, joint) in joints.iter_mut().zip(given).take(width as usize) {
-        *place = *joint;
+motion_operands! {
+    JointMotion {
+to: Slot<Real>, pose: Slot<Pose>, branch: Slot<Int>, status: Slot<Int>, turn: Slot<Int>,
+    scale: Slot<Real>,
     }
-    let [scale] = preparation.reals(scale);
-    let pose = Pose::from_slots(preparation.reals(pose));
-    let segment = if joints.iter().any(|joint| !joint.is_nan()) {
-        PathSegment::Joints { to: joints }
-    } else {
-        let [branch, status, turn] = [branch, status, turn].map(|slot| bits(preparation.int(slot)));
-        PathSegment::JointsToPose {
-            to: pose,
-            branch,
-            status,
-            turn,
-        }
-    };
-    let leg = Leg {
-        scale,
-        ..Leg::new(segment)
-    };
-    let request = PathRequest {
-        device,
-        from: None,
-        legs: &[leg],
-        pace: SpeedProfile::Uniform,
-    };
-    preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut crate::frame::Frame<'_>, operands: [u32; PORTS + 9]) {
-    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
-    if let (Some(ports), Some([motion, width])) = (ports, rest) {
-        path_motion::step(frame, *ports, *motion, *width);
+impl Prepare for JointMotion {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let mut joints = [f64::NAN; JOINTS_MAX];
+        for (place, joint) in joints.iter_mut().zip(0..self.width) {
+            *place = preparation.get(self.to + joint);
+        }
+        let segment = if joints.iter().any(|joint| !joint.is_nan()) {
+            PathSegment::Joints { to: joints }
+        } else {
+            PathSegment::JointsToPose {
+                to: preparation.get(self.pose),
+                branch: bits(preparation.get(self.branch)),
+                status: bits(preparation.get(self.status)),
+                turn: bits(preparation.get(self.turn)),
+            }
+        };
+        let leg = Leg {
+            scale: preparation.get(self.scale),
+            ..Leg::new(segment)
+        };
+        let request = PathRequest {
+            device: self.device.0,
+            from: None,
+            legs: &[leg],
+            pace: SpeedProfile::Uniform,
+        };
+        preparation.motions.path(self.motion.0, &request)
     }
 }

@@ -5,7 +5,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
+    CatalogueEntry, Device, Kernel, Parameter, Port, PortType, Real, Role, Slot, Spec, Step,
+    UnitRule, operands,
 };
 use crate::unit::Unit;
 
@@ -25,14 +26,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::CommandsArm,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<JointPositionCommand>()],
 );
 
-fn step(frame: &mut Frame<'_>, [position, device, width]: [u32; 3]) {
-    let command = frame.joints(position, width);
-    if let (Some(output), Some(position)) = (frame.output(device), command) {
-        output.has_position = true;
-        output.position = position;
+operands! {
+    struct JointPositionCommand { position: Slot<Real>, device: Device, width: u32 }
+}
+
+impl Step for JointPositionCommand {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let command = frame.joints(self.position, self.width);
+        if let (Some(output), Some(position)) = (frame.output(self.device), command) {
+            output.has_position = true;
+            output.position = position;
+        }
+        Some(())
     }
 }
 

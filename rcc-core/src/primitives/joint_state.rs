@@ -1,8 +1,10 @@
 //! `JointState`: the measurements of an arm's joints, latched at the beginning of the cycle.
 
 use crate::frame::Frame;
-use crate::message::Joints;
-use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Device, Kernel, Parameter, Port, PortType, Real, Slot, Spec, Step, UnitRule,
+    operands,
+};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
@@ -44,20 +46,30 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<JointState>()],
 );
 
-fn step(frame: &mut Frame<'_>, [position, hold, torque, external, device, width]: [u32; 6]) {
-    let measured = frame
-        .measured(device)
-        .map(|m| [m.position, m.hold, m.torque, m.external_torque]);
-    let mut set = |slot: u32, pick: fn([Joints; 4]) -> Joints| {
-        frame.set_joints(slot, width, measured.map(pick).as_ref());
-    };
-    set(position, |[position, ..]| position);
-    set(hold, |[_, hold, ..]| hold);
-    set(torque, |[_, _, torque, _]| torque);
-    set(external, |[.., external]| external);
+operands! {
+    struct JointState {
+        position: Slot<Real>, hold: Slot<Real>, torque: Slot<Real>, external_torque: Slot<Real>, device: Device,
+        width: u32,
+    }
+}
+
+impl Step for JointState {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let measured = frame
+            .measured(self.device)
+            .map(|m| [m.position, m.hold, m.torque, m.external_torque]);
+        let outputs = [self.position, self.hold, self.torque, self.external_torque];
+        let Some(measured) = measured else {
+            return outputs
+                .into_iter()
+                .try_for_each(|output| frame.put_joints(output, self.width, None));
+        };
+        let mut pairs = outputs.into_iter().zip(&measured);
+        pairs.try_for_each(|(output, joints)| frame.put_joints(output, self.width, Some(joints)))
+    }
 }
 
 #[cfg(test)]

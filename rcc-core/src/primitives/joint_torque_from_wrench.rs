@@ -3,7 +3,8 @@
 use crate::frame::Frame;
 use crate::message::JOINTS_MAX;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Device, Example, Kernel, Parameter, Port, PortType, Real, Slot, Spatial, Spec,
+    Step, UnitRule, operands,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -53,21 +54,29 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<JointTorqueFromWrench>()],
 );
 
-fn step(frame: &mut Frame<'_>, [joints, wrench, torque, device, width]: [u32; 5]) {
-    let there = frame.arm_at(device, joints, width);
-    let wrench: Option<[f64; 6]> = frame.composite(wrench);
-    let torques = there.zip(wrench).map(|((arm, joints), wrench)| {
-        let mut torques = [0.0; JOINTS_MAX];
-        for (row, force) in arm.jacobian(&joints).iter().zip(wrench) {
-            for (torque, arm) in torques.iter_mut().zip(row) {
-                *torque += arm * force;
+operands! {
+    struct JointTorqueFromWrench {
+        joints: Slot<Real>, wrench: Slot<Spatial>, torque: Slot<Real>, device: Device, width: u32,
+    }
+}
+
+impl Step for JointTorqueFromWrench {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let there = frame.arm_at(self.device, self.joints, self.width);
+        let wrench: Option<[f64; 6]> = frame.composite(self.wrench);
+        let torques = there.zip(wrench).map(|((arm, joints), wrench)| {
+            let mut torques = [0.0; JOINTS_MAX];
+            for (row, force) in arm.jacobian(&joints).iter().zip(wrench) {
+                for (torque, arm) in torques.iter_mut().zip(row) {
+                    *torque += arm * force;
+                }
             }
-        }
-        torques
-    });
-    let finite = torques.filter(|torques| torques.iter().all(|torque| torque.is_finite()));
-    frame.set_joints(torque, width, finite.as_ref());
+            torques
+        });
+        let finite = torques.filter(|torques| torques.iter().all(|torque| torque.is_finite()));
+        frame.put_joints(self.torque, self.width, finite.as_ref())
+    }
 }

@@ -6,7 +6,8 @@
 use crate::frame::Frame;
 use crate::message::{JOINTS_MAX, Joints};
 use crate::primitive::{
-    CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, StateSpec, UnitRule, each,
+    CatalogueEntry, Device, Int, Kernel, Parameter, Port, PortType, Real, Slot, Spec, StateSpec,
+    Step, UnitRule, operands,
 };
 use crate::types::NULL_REAL;
 use crate::unit::Unit;
@@ -45,37 +46,45 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<JointVelocity>()],
 );
 
-fn step(frame: &mut Frame<'_>, [velocity, commanded, device, reals, periods, width]: [u32; 6]) {
-    let [was, held, mut rate, mut held_rate]: [Joints; 4] =
-        bytemuck::cast(frame.reals::<REALS>(reals));
-    let Some(m) = frame.measured(device).copied() else {
-        frame.set_reals(reals, [NULL_REAL; REALS]);
-        frame.set_joints(velocity, width, None);
-        frame.set_joints(commanded, width, None);
-        return;
-    };
-    let now = i64::try_from(m.periods).unwrap_or(i64::MAX);
-    let passed = now.saturating_sub(frame.int(periods));
-    if passed != 0 {
-        // A restarted driver counts from 0 again: no difference can be computed then.
-        let time = if passed > 0 {
-            passed as f64 * m.period_ns as f64 * 1e-9
-        } else {
-            NULL_REAL
-        };
-        (rate, held_rate) = (
-            quotient(&m.position, &was, time),
-            quotient(&m.hold, &held, time),
-        );
-        let memory: [Joints; 4] = [m.position, m.hold, rate, held_rate];
-        frame.set_reals::<REALS>(reals, bytemuck::cast(memory));
-        frame.set_int(periods, now);
+operands! {
+    struct JointVelocity {
+        velocity: Slot<Real>, commanded: Slot<Real>, device: Device, reals: Slot<[Real; 32]>,
+        periods: Slot<Int>, width: u32,
     }
-    frame.set_joints(velocity, width, Some(&rate));
-    frame.set_joints(commanded, width, Some(&held_rate));
+}
+
+impl Step for JointVelocity {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let [was, held, mut rate, mut held_rate]: [Joints; 4] =
+            bytemuck::cast(frame.get(self.reals)?);
+        let Some(m) = frame.measured(self.device).copied() else {
+            frame.put(self.reals, [NULL_REAL; REALS])?;
+            frame.put_joints(self.velocity, self.width, None)?;
+            return frame.put_joints(self.commanded, self.width, None);
+        };
+        let now = i64::try_from(m.periods).unwrap_or(i64::MAX);
+        let passed = now.saturating_sub(frame.get(self.periods)?);
+        if passed != 0 {
+            // A restarted driver counts from 0 again: no difference can be computed then.
+            let time = if passed > 0 {
+                passed as f64 * m.period_ns as f64 * 1e-9
+            } else {
+                NULL_REAL
+            };
+            (rate, held_rate) = (
+                quotient(&m.position, &was, time),
+                quotient(&m.hold, &held, time),
+            );
+            let memory: [Joints; 4] = [m.position, m.hold, rate, held_rate];
+            frame.put(self.reals, bytemuck::cast(memory))?;
+            frame.put(self.periods, now)?;
+        }
+        frame.put_joints(self.velocity, self.width, Some(&rate))?;
+        frame.put_joints(self.commanded, self.width, Some(&held_rate))
+    }
 }
 
 /// Returns the change per time; null if a value is unknown, or if no time has passed.

@@ -3,10 +3,10 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, NullRule, Parameter, ParameterKind,
-    Port, PortType, Spec, UnitRule, copy, each, is_null,
+    Bool, CatalogueEntry, DefaultValue, Element, Example, Int, Kernel, MemorySpec, NullRule,
+    Parameter, ParameterKind, Port, PortType, Real, Slot, Spec, Step, UnitRule, copy, is_null,
+    operands,
 };
-use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -55,28 +55,22 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Real, group)
-            });
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Bool, group)
-            });
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Int, group)
-            });
-        }),
+        Kernel::each::<LastKnown<Real>>(),
+        Kernel::each::<LastKnown<Bool>>(),
+        Kernel::each::<LastKnown<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, store: Store, [input, out, memory, width]: [u32; 4]) -> Option<()> {
-    if !is_null(frame, store, input, width)? {
-        copy(frame, store, input, memory, width)?;
+operands! {
+    struct LastKnown<E> { input: Slot<E>, out: Slot<E>, memory: Slot<E>, width: u32 }
+}
+
+impl<E: Element> Step for LastKnown<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        if !is_null(frame, self.input, self.width)? {
+            copy(frame, self.input, self.memory, self.width)?;
+        }
+        copy(frame, self.memory, self.out, self.width)
     }
-    copy(frame, store, memory, out, width)
 }

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
-    UnitRule, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Slot,
+    Spec, StateSpec, Step, UnitRule, choose, operands,
 };
 use crate::types::{NULL_BOOL, Type};
 
@@ -63,17 +63,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Latch>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [set, reset, out, set_wins, last]: [u32; 5]) -> Option<()> {
-    let (set, reset) = (frame.get_bool(set)?, frame.get_bool(reset)?);
-    let (wins, before) = (frame.get_bool(set_wins)?, frame.get_bool(last)?);
-    let null = (set | reset) & NULL_BOOL != 0;
-    let both = (set & reset & 1) & wins;
-    // Set or held, and not reset unless set wins.
-    let now = (set | before) & !reset & 1 | both;
-    frame.put_bool(out, choose(null, NULL_BOOL, now))?;
-    frame.put_bool(last, choose(null, before, now))
+operands! {
+    struct Latch { set: Slot<Bool>, reset: Slot<Bool>, out: Slot<Bool>, set_wins: Slot<Bool>, last: Slot<Bool> }
+}
+
+impl Step for Latch {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (set, reset) = (frame.get(self.set)?, frame.get(self.reset)?);
+        let (wins, before) = (frame.get(self.set_wins)?, frame.get(self.last)?);
+        let null = (set | reset) & NULL_BOOL != 0;
+        let both = (set & reset & 1) & wins;
+        // Set or held, and not reset unless set wins.
+        let now = (set | before) & !reset & 1 | both;
+        frame.put(self.out, choose(null, NULL_BOOL, now))?;
+        frame.put(self.last, choose(null, before, now))
+    }
 }

@@ -1,7 +1,9 @@
 //! `Lerp`: linear interpolation between two numbers, and extrapolation beyond them.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, finite, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -28,18 +30,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::Var(0), "interpolated number")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Lerp>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [from, to, t, out]: [u32; 4]) -> Option<()> {
-    let (from, to) = (frame.get_real(from)?, frame.get_real(to)?);
-    let t = frame.get_real(t)?;
-    // Computed from the nearer end, which makes both ends exact.
-    let value = if t < 0.5 {
-        from + t * (to - from)
-    } else {
-        to - (1.0 - t) * (to - from)
-    };
-    frame.put_real(out, finite(value))
+operands! {
+    struct Lerp { from: Slot<Real>, to: Slot<Real>, t: Slot<Real>, out: Slot<Real> }
+}
+
+impl Step for Lerp {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (from, to) = (frame.get(self.from)?, frame.get(self.to)?);
+        let t = frame.get(self.t)?;
+        // Computed from the nearer end, which makes both ends exact.
+        let value = if t < 0.5 {
+            from + t * (to - from)
+        } else {
+            to - (1.0 - t) * (to - from)
+        };
+        frame.put(self.out, finite(value))
+    }
 }

@@ -1,8 +1,6 @@
 //! `Less`: out = a < b, for two numbers of the same unit; null if either is null.
 
-use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, compare_int, compare_real,
-};
+use crate::primitive::{CatalogueEntry, Example, Int, Kernel, Port, Real, Spec, UnitRule, compare};
 use crate::types::Store;
 
 /// The row of the catalogue.
@@ -37,10 +35,10 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     },
     &[
         Kernel::of(Store::Real, |frame, operands| {
-            compare_real(frame, operands, |a, b| a < b);
+            compare::<Real>(frame, operands, |a, b| a < b);
         }),
         Kernel::of(Store::Int, |frame, operands| {
-            compare_int(frame, operands, |a, b| a < b);
+            compare::<Int>(frame, operands, |a, b| a < b);
         }),
     ],
 );

@@ -4,9 +4,10 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, real_unless,
+    ByElement, CatalogueEntry, Element, Example, Int, Kernel, Port, Real, Slot, Spec, Step,
+    UnitRule, choose, operands, real_unless,
 };
-use crate::types::{NULL_INT, Store};
+use crate::types::NULL_INT;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -38,55 +39,60 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, wide_real);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, wide_int);
-        }),
+        Kernel::scalar::<Limit<Real>>(),
+        Kernel::by_element::<Limit<Real>>(),
+        Kernel::scalar::<Limit<Int>>(),
+        Kernel::by_element::<Limit<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
-    // A NaN is neither less nor greater and passes through; a NaN bound fails the order check.
-    let raised = if value < low { low } else { value };
-    let limited = if raised > high { high } else { raised };
-    let in_order = low <= high;
-    frame.put_real(out, real_unless(!in_order, limited))
+operands! {
+    struct Limit<E> { input: Slot<E>, low: Slot<E>, high: Slot<E>, out: Slot<E> }
 }
 
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    let (low, high) = (frame.get_int(low)?, frame.get_int(high)?);
-    let limited = value.max(low).min(high);
-    let null = (value == NULL_INT) | (low == NULL_INT) | (low > high);
-    frame.put_int(out, choose(null, NULL_INT, limited))
+impl Step for Limit<Real> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        let (low, high) = (frame.get(self.low)?, frame.get(self.high)?);
+        // A NaN is neither less nor greater and passes through; a NaN bound fails the order check.
+        let raised = if value < low { low } else { value };
+        let limited = if raised > high { high } else { raised };
+        let in_order = low <= high;
+        frame.put(self.out, real_unless(!in_order, limited))
+    }
 }
 
-#[inline(always)]
-fn wide_real(frame: &mut Frame<'_>, [input, low, high, out, width]: [u32; 5]) -> Option<()> {
-    (0..width).try_for_each(|i| step_real(frame, [input + i, low + i, high + i, out + i]))
+impl Step for Limit<Int> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        let (low, high) = (frame.get(self.low)?, frame.get(self.high)?);
+        let limited = value.max(low).min(high);
+        let null = (value == NULL_INT) | (low == NULL_INT) | (low > high);
+        frame.put(self.out, choose(null, NULL_INT, limited))
+    }
 }
 
-#[inline(always)]
-fn wide_int(frame: &mut Frame<'_>, [input, low, high, out, width]: [u32; 5]) -> Option<()> {
-    (0..width).try_for_each(|i| step_int(frame, [input + i, low + i, high + i, out + i]))
+impl<E: Element> ByElement for Limit<E>
+where
+    Limit<E>: Step,
+{
+    #[inline(always)]
+    fn element(self, i: u32) -> Self {
+        Limit {
+            input: self.input + i,
+            low: self.low + i,
+            high: self.high + i,
+            out: self.out + i,
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::testing::PrimitiveHarness;
+    use crate::types::{NULL_INT, Store};
 
     #[test]
     fn stays_between_the_bounds() {

@@ -3,16 +3,15 @@
 //! Without `from` it starts at the arm's hold set-point at the time the command becomes ready; START verifies that the
 //! arm is still there. Joints are computed as well, with the arm angle and the branch of the hold set-point.
 
-use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::{Leg, MotionLimits, PathRequest, PathSegment};
+use super::path_motion::{self, motion_operands};
+use crate::frame::{Preparation, PrepareFault};
+use crate::path::{Leg, PathRequest, PathSegment};
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, PortType, Role, Spec,
-    UnitRule, each,
+    Bool, CatalogueEntry, DefaultValue, Int, Kernel, NullRule, Parameter, ParameterKind, PortType,
+    Prepare, Real, Role, Slot, Spec, UnitRule,
 };
 use crate::types::Type;
-
-use super::path_motion::{self, PORTS};
 
 const POSE: ParameterKind = ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed);
 
@@ -65,58 +64,43 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::Motion,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<LinearMotion>()],
 )
-.prepared_by(prepare);
+.prepared_by::<LinearMotion>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[
-        ..,
-        device,
-        to,
-        from,
-        v,
-        a,
-        j,
-        w,
-        wa,
-        wj,
-        scale,
-        fastest,
-        arm_angle,
-        elbow,
-        motion,
-        _width,
-    ] = operands
-    else {
-        return Ok(());
-    };
-    let number = |slot: u32| {
-        let [value] = preparation.reals(slot);
-        value
-    };
-    let from = Pose::from_slots(preparation.reals(from));
-    let to = Pose::from_slots(preparation.reals(to));
-    let leg = Leg {
-        line: MotionLimits::of([v, a, j].map(number)),
-        turn: MotionLimits::of([w, wa, wj].map(number)),
-        elbow: path_motion::elbow(preparation, [arm_angle, elbow]),
-        scale: number(scale),
-        ..Leg::new(PathSegment::Line { to })
-    };
-    let request = PathRequest {
-        device,
-        from: from.is_finite().then_some(from),
-        legs: &[leg],
-        pace: path_motion::pace(preparation, fastest),
-    };
-    preparation.motions.path(motion, &request)
+motion_operands! {
+    LinearMotion {
+to: Slot<Pose>, from: Slot<Pose>, velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
+    angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
+    scale: Slot<Real>, time_optimal: Slot<Bool>, arm_angle: Slot<Real>, elbow: Slot<Int>,
+    }
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
-    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
-    if let (Some(ports), Some([motion, width])) = (ports, rest) {
-        path_motion::step(frame, *ports, *motion, *width);
+impl Prepare for LinearMotion {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let from = preparation.get(self.from);
+        let to = preparation.get(self.to);
+        let leg = Leg {
+            line: path_motion::limits(preparation, [self.velocity, self.acceleration, self.jerk]),
+            turn: path_motion::limits(
+                preparation,
+                [
+                    self.angular_velocity,
+                    self.angular_acceleration,
+                    self.angular_jerk,
+                ],
+            ),
+            elbow: path_motion::elbow(preparation, self.arm_angle, self.elbow),
+            scale: preparation.get(self.scale),
+            ..Leg::new(PathSegment::Line { to })
+        };
+        let request = PathRequest {
+            device: self.device.0,
+            from: from.is_finite().then_some(from),
+            legs: &[leg],
+            pace: path_motion::pace(preparation, self.time_optimal),
+        };
+        preparation.motions.path(self.motion.0, &request)
     }
 }
 

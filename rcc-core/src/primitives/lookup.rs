@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, Parameter, ParameterKind,
-    Port, PortType, Spec, UnitRule, each, real_unless,
+    Bool, CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, Parameter,
+    ParameterKind, Port, PortType, Real, Slot, Spec, Step, UnitRule, operands, real_unless,
 };
 use crate::types::Type;
 
@@ -59,38 +59,47 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Lookup>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, x, y, extrapolate, length]: [u32; 6]) -> Option<()> {
-    let at = frame.get_real(input)?;
-    let extrapolate = frame.get_bool(extrapolate)? == 1;
-    if length < 2 {
-        let only = frame.get_real(y)?;
-        return frame.put_real(out, real_unless(at.is_nan(), only));
+operands! {
+    struct Lookup {
+        input: Slot<Real>, out: Slot<Real>, x: Slot<Real>, y: Slot<Real>, extrapolate: Slot<Bool>, length: u32,
     }
-    let (mut low, mut high) = (0, length - 1);
-    // Bisection: at most one step for each bit of the length.
-    for _ in 0..u32::BITS {
-        if high - low < 2 {
-            break;
+}
+
+impl Step for Lookup {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Lookup { length, .. } = self;
+        let at = frame.get(self.input)?;
+        let extrapolate = frame.get(self.extrapolate)? == 1;
+        if length < 2 {
+            let only = frame.get(self.y)?;
+            return frame.put(self.out, real_unless(at.is_nan(), only));
         }
-        let middle = low + (high - low) / 2;
-        if frame.get_real(x + middle)? <= at {
-            low = middle;
-        } else {
-            high = middle;
+        let (mut low, mut high) = (0, length - 1);
+        // Bisection: at most one step for each bit of the length.
+        for _ in 0..u32::BITS {
+            if high - low < 2 {
+                break;
+            }
+            let middle = low + (high - low) / 2;
+            if frame.get(self.x + middle)? <= at {
+                low = middle;
+            } else {
+                high = middle;
+            }
         }
+        let (x0, x1) = (frame.get(self.x + low)?, frame.get(self.x + high)?);
+        let (y0, y1) = (frame.get(self.y + low)?, frame.get(self.y + high)?);
+        let line = y0 + (at - x0) * (y1 - y0) / (x1 - x0);
+        let held = match extrapolate {
+            false if at <= x0 => y0,
+            false if at >= x1 => y1,
+            _ => line,
+        };
+        let null = at.is_nan() || x1 <= x0;
+        frame.put(self.out, real_unless(null, held))
     }
-    let (x0, x1) = (frame.get_real(x + low)?, frame.get_real(x + high)?);
-    let (y0, y1) = (frame.get_real(y + low)?, frame.get_real(y + high)?);
-    let line = y0 + (at - x0) * (y1 - y0) / (x1 - x0);
-    let held = match extrapolate {
-        false if at <= x0 => y0,
-        false if at >= x1 => y1,
-        _ => line,
-    };
-    let null = at.is_nan() || x1 <= x0;
-    frame.put_real(out, real_unless(null, held))
 }

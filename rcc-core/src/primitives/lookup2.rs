@@ -3,7 +3,7 @@
 use crate::frame::Frame;
 use crate::primitive::{
     CatalogueEntry, Dim, ElementType, Example, Kernel, Parameter, ParameterKind, Port, PortType,
-    Spec, UnitRule, each, real_unless,
+    Real, Slot, Spec, Step, UnitRule, operands, real_unless,
 };
 use crate::types::Type;
 
@@ -66,28 +66,34 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Lookup2>()],
 );
 
-#[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    [x, y, out, rows, columns, table, row_count, column_count]: [u32; 8],
-) -> Option<()> {
-    let (x, y) = (frame.get_real(x)?, frame.get_real(y)?);
-    let (above, below, u) = place(frame, rows, row_count, x)?;
-    let (left, right, v) = place(frame, columns, column_count, y)?;
-    let at = |row: u32, column: u32| frame.get_real(table + row * column_count + column);
-    let upper = (1.0 - v) * at(above, left)? + v * at(above, right)?;
-    let lower = (1.0 - v) * at(below, left)? + v * at(below, right)?;
-    let value = (1.0 - u) * upper + u * lower;
-    frame.put_real(out, real_unless(x.is_nan() | y.is_nan(), value))
+operands! {
+    struct Lookup2 {
+        x: Slot<Real>, y: Slot<Real>, out: Slot<Real>, rows: Slot<Real>, columns: Slot<Real>, table: Slot<Real>,
+        row_count: u32, column_count: u32,
+    }
+}
+
+impl Step for Lookup2 {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (x, y) = (frame.get(self.x)?, frame.get(self.y)?);
+        let (above, below, u) = place(frame, self.rows, self.row_count, x)?;
+        let (left, right, v) = place(frame, self.columns, self.column_count, y)?;
+        let at = |row: u32, column: u32| frame.get(self.table + row * self.column_count + column);
+        let upper = (1.0 - v) * at(above, left)? + v * at(above, right)?;
+        let lower = (1.0 - v) * at(below, left)? + v * at(below, right)?;
+        let value = (1.0 - u) * upper + u * lower;
+        frame.put(self.out, real_unless(x.is_nan() | y.is_nan(), value))
+    }
 }
 
 /// Returns the indices of the points before and after a number on an axis, and its relative position between them, 0 to
 /// 1.
 #[inline(always)]
-fn place(frame: &Frame<'_>, axis: u32, length: u32, at: f64) -> Option<(u32, u32, f64)> {
+fn place(frame: &Frame<'_>, axis: Slot<Real>, length: u32, at: f64) -> Option<(u32, u32, f64)> {
     let (mut low, mut high) = (0, length.saturating_sub(1));
     // Bisection: at most one step for each bit of the length.
     for _ in 0..u32::BITS {
@@ -95,13 +101,13 @@ fn place(frame: &Frame<'_>, axis: u32, length: u32, at: f64) -> Option<(u32, u32
             break;
         }
         let middle = low + (high - low) / 2;
-        if frame.get_real(axis + middle)? <= at {
+        if frame.get(axis + middle)? <= at {
             low = middle;
         } else {
             high = middle;
         }
     }
-    let (before, after) = (frame.get_real(axis + low)?, frame.get_real(axis + high)?);
+    let (before, after) = (frame.get(axis + low)?, frame.get(axis + high)?);
     let part = if at <= before {
         0.0
     } else if at >= after {

@@ -4,8 +4,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
-    UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Real, Slot,
+    Spec, StateSpec, Step, UnitRule, operands,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -51,18 +51,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<LowPass>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, gain, last]: [u32; 4]) -> Option<()> {
-    let (value, before) = (frame.get_real(input)?, frame.get_real(last)?);
-    let moved = before + (value - before) * frame.get_real(gain)?;
-    // Without a state, at the start or after an infinite state, it starts at the input.
-    let now = if before.is_nan() { value } else { moved };
-    // A null input makes the result NaN.
-    frame.put_real(out, now)?;
-    frame.put_real(last, if value.is_nan() { before } else { now })
+operands! {
+    struct LowPass { input: Slot<Real>, out: Slot<Real>, gain: Slot<Real>, last: Slot<Real> }
+}
+
+impl Step for LowPass {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        let moved = before + (value - before) * frame.get(self.gain)?;
+        // Without a state, at the start or after an infinite state, it starts at the input.
+        let now = if before.is_nan() { value } else { moved };
+        // A null input makes the result NaN.
+        frame.put(self.out, now)?;
+        frame.put(self.last, if value.is_nan() { before } else { now })
+    }
 }
 
 #[cfg(test)]

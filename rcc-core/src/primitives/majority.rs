@@ -2,7 +2,9 @@
 //! unknown.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, choose, each};
+use crate::primitive::{
+    Bool, CatalogueEntry, Example, Kernel, NullRule, Port, Slot, Spec, Step, choose, operands,
+};
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
@@ -33,13 +35,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::bool("out", "value of the majority")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Majority>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, c, out]: [u32; 4]) -> Option<()> {
-    let (a, b, c) = (frame.get_bool(a)?, frame.get_bool(b)?, frame.get_bool(c)?);
-    let votes = |value: u8| u8::from(a == value) + u8::from(b == value) + u8::from(c == value);
-    let result = choose(votes(1) >= 2, 1, choose(votes(0) >= 2, 0, NULL_BOOL));
-    frame.put_bool(out, result)
+operands! {
+    struct Majority { a: Slot<Bool>, b: Slot<Bool>, c: Slot<Bool>, out: Slot<Bool> }
+}
+
+impl Step for Majority {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (a, b, c) = (frame.get(self.a)?, frame.get(self.b)?, frame.get(self.c)?);
+        let votes = |value: u8| u8::from(a == value) + u8::from(b == value) + u8::from(c == value);
+        let result = choose(votes(1) >= 2, 1, choose(votes(0) >= 2, 0, NULL_BOOL));
+        frame.put(self.out, result)
+    }
 }

@@ -2,7 +2,10 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Rotation, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::types::Type;
 use crate::unit::Unit;
 
@@ -32,14 +35,22 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed("out", Type::Pose, "pose of B in A")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<MakePose>()],
 );
 
-fn step(frame: &mut Frame<'_>, [position, rotation, out]: [u32; 3]) {
-    let parts = frame.composite(position).zip(frame.rotation(rotation));
-    let pose = parts.map(|(position, orientation)| Pose {
-        position,
-        orientation,
-    });
-    frame.set_known_pose(out, pose);
+operands! {
+    struct MakePose { position: Slot<Vector3>, rotation: Slot<Rotation>, out: Slot<Pose> }
+}
+
+impl Step for MakePose {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let parts = frame
+            .composite(self.position)
+            .zip(frame.rotation(self.rotation));
+        let pose = parts.map(|(position, orientation)| Pose {
+            position,
+            orientation,
+        });
+        frame.put_pose(self.out, pose)
+    }
 }

@@ -1,7 +1,10 @@
 //! `MakeTwist`: a twist from its two vectors.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spatial, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::spatial;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -37,13 +40,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed("out", Type::Twist, "twist, same axes")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<MakeTwist>()],
 );
 
-fn step(frame: &mut Frame<'_>, [linear, angular, out]: [u32; 3]) {
-    let parts = frame.composite(linear).zip(frame.composite(angular));
-    frame.set_composite(
-        out,
-        parts.map(|(linear, angular)| spatial::join(linear, angular)),
-    );
+operands! {
+    struct MakeTwist { linear: Slot<Vector3>, angular: Slot<Vector3>, out: Slot<Spatial> }
+}
+
+impl Step for MakeTwist {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let parts = frame
+            .composite(self.linear)
+            .zip(frame.composite(self.angular));
+        frame.put_composite(
+            self.out,
+            parts.map(|(linear, angular)| spatial::join(linear, angular)),
+        )
+    }
 }

@@ -1,7 +1,10 @@
 //! `MakeVector`: a vector from three numbers of the same unit.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::types::Type;
 
 /// The row of the catalogue.
@@ -30,10 +33,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<MakeVector>()],
 );
 
-fn step(frame: &mut Frame<'_>, [x, y, z, out]: [u32; 4]) {
-    let vector = [x, y, z].map(|slot| frame.real(slot));
-    frame.set_composite(out, Some(vector));
+operands! {
+    struct MakeVector { x: Slot<Real>, y: Slot<Real>, z: Slot<Real>, out: Slot<Vector3> }
+}
+
+impl Step for MakeVector {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let vector = [frame.get(self.x)?, frame.get(self.y)?, frame.get(self.z)?];
+        frame.put_composite(self.out, Some(vector))
+    }
 }

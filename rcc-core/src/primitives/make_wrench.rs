@@ -1,7 +1,10 @@
 //! `MakeWrench`: a wrench from its two vectors.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spatial, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::spatial;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -37,13 +40,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed("out", Type::Wrench, "wrench, same axes")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<MakeWrench>()],
 );
 
-fn step(frame: &mut Frame<'_>, [force, torque, out]: [u32; 3]) {
-    let parts = frame.composite(force).zip(frame.composite(torque));
-    frame.set_composite(
-        out,
-        parts.map(|(force, torque)| spatial::join(force, torque)),
-    );
+operands! {
+    struct MakeWrench { force: Slot<Vector3>, torque: Slot<Vector3>, out: Slot<Spatial> }
+}
+
+impl Step for MakeWrench {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let parts = frame
+            .composite(self.force)
+            .zip(frame.composite(self.torque));
+        frame.put_composite(
+            self.out,
+            parts.map(|(force, torque)| spatial::join(force, torque)),
+        )
+    }
 }

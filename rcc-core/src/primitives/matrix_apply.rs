@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Real, Slot, Spec, Step,
+    UnitRule, operands,
 };
 use crate::types::Type;
 
@@ -45,18 +46,25 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<MatrixApply>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [matrix, input, out, rows, columns]: [u32; 5]) -> Option<()> {
-    for row in 0..rows {
-        let mut sum = 0.0;
-        for column in 0..columns {
-            let element = frame.get_real(matrix + row * columns + column)?;
-            sum += element * frame.get_real(input + column)?;
+operands! {
+    struct MatrixApply { matrix: Slot<Real>, input: Slot<Real>, out: Slot<Real>, rows: u32, columns: u32 }
+}
+
+impl Step for MatrixApply {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let MatrixApply { rows, columns, .. } = self;
+        for row in 0..rows {
+            let mut sum = 0.0;
+            for column in 0..columns {
+                let element = frame.get(self.matrix + row * columns + column)?;
+                sum += element * frame.get(self.input + column)?;
+            }
+            frame.put(self.out + row, sum)?;
         }
-        frame.put_real(out + row, sum)?;
+        Some(())
     }
-    Some(())
 }

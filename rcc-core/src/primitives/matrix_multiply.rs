@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule,
+    operands,
 };
 
 const ROWS: Dim = Dim::Var(0);
@@ -44,20 +45,32 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<MatrixMultiply>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out, rows, inner, columns]: [u32; 6]) -> Option<()> {
-    for row in 0..rows {
-        for column in 0..columns {
-            let mut sum = 0.0;
-            for i in 0..inner {
-                let left = frame.get_real(a + row * inner + i)?;
-                sum += left * frame.get_real(b + i * columns + column)?;
+operands! {
+    struct MatrixMultiply { a: Slot<Real>, b: Slot<Real>, out: Slot<Real>, rows: u32, inner: u32, columns: u32 }
+}
+
+impl Step for MatrixMultiply {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let MatrixMultiply {
+            rows,
+            inner,
+            columns,
+            ..
+        } = self;
+        for row in 0..rows {
+            for column in 0..columns {
+                let mut sum = 0.0;
+                for i in 0..inner {
+                    let left = frame.get(self.a + row * inner + i)?;
+                    sum += left * frame.get(self.b + i * columns + column)?;
+                }
+                frame.put(self.out + row * columns + column, sum)?;
             }
-            frame.put_real(out + row * columns + column, sum)?;
         }
+        Some(())
     }
-    Some(())
 }

@@ -1,9 +1,8 @@
 //! `Max`: out = the larger of a and b; null if either is null.
 
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+    CatalogueEntry, Example, Int, Operation, Port, Real, Spec, UnitRule, by_element, int_unless,
 };
-use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -25,29 +24,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::linear("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
-    &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each_real(
-                frame,
-                operands,
-                |a, b| if a.is_nan() | (a > b) { a } else { b },
-            );
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            wide_real(
-                frame,
-                operands,
-                |a, b| if a.is_nan() | (a > b) { a } else { b },
-            );
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each_int(frame, operands, |a, b| (a.max(b), false));
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            wide_int(frame, operands, |a, b| (a.max(b), false));
-        }),
-    ],
+    &const { by_element::<Max>() },
 );
+
+/// The larger of two numbers.
+#[derive(Clone, Copy)]
+pub struct Max;
+
+impl Operation<Real> for Max {
+    #[inline(always)]
+    fn apply(a: Real, b: Real) -> Real {
+        if a.is_nan() | (a > b) { a } else { b }
+    }
+}
+
+impl Operation<Int> for Max {
+    #[inline(always)]
+    fn apply(a: Int, b: Int) -> Int {
+        int_unless(a, b, (a.max(b), false))
+    }
+}
 
 #[cfg(test)]
 mod tests {

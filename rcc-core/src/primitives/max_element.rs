@@ -1,7 +1,7 @@
 //! `MaxElement`: the largest element of an array.
 
-use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Kernel, Spec, fold_int, fold_real};
-use crate::types::Store;
+use super::max::Max;
+use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Spec, reduce};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -17,16 +17,5 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..ELEMENTS
     },
-    &[
-        Kernel::of(Store::Real, |frame, operands| {
-            fold_real(
-                frame,
-                operands,
-                |a, b| if a.is_nan() | (a > b) { a } else { b },
-            );
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            fold_int(frame, operands, |a, b| (a.max(b), false));
-        }),
-    ],
+    &const { reduce::<Max>() },
 );

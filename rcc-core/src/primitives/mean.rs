@@ -3,7 +3,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Real, Slot, Spec, Step,
+    UnitRule, operands,
 };
 use crate::types::Type;
 
@@ -30,14 +31,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Mean>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, length]: [u32; 3]) -> Option<()> {
-    let mut sum = 0.0;
-    for i in 0..length {
-        sum += frame.get_real(input + i)?;
+operands! {
+    struct Mean { input: Slot<Real>, out: Slot<Real>, length: u32 }
+}
+
+impl Step for Mean {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Mean { length, .. } = self;
+        let mut sum = 0.0;
+        for i in 0..length {
+            sum += frame.get(self.input + i)?;
+        }
+        frame.put(self.out, sum / f64::from(length))
     }
-    frame.put_real(out, sum / f64::from(length))
 }

@@ -2,9 +2,10 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, higher, lower, real_unless,
+    CatalogueEntry, Example, Int, Kernel, Port, Real, Slot, Spec, Step, UnitRule, choose, higher,
+    lower, operands, real_unless,
 };
-use crate::types::{NULL_INT, Store};
+use crate::types::NULL_INT;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -43,26 +44,33 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
+        Kernel::each::<Median<Real>>(),
+        Kernel::each::<Median<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [a, b, c, out]: [u32; 4]) -> Option<()> {
-    let (a, b, c) = (frame.get_real(a)?, frame.get_real(b)?, frame.get_real(c)?);
-    let null = a.is_nan() | b.is_nan() | c.is_nan();
-    let middle = higher(lower(a, b), lower(higher(a, b), c));
-    frame.put_real(out, real_unless(null, middle))
+operands! {
+    struct Median<E> { a: Slot<E>, b: Slot<E>, c: Slot<E>, out: Slot<E> }
 }
 
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [a, b, c, out]: [u32; 4]) -> Option<()> {
-    let (a, b, c) = (frame.get_int(a)?, frame.get_int(b)?, frame.get_int(c)?);
-    let null = (a == NULL_INT) | (b == NULL_INT) | (c == NULL_INT);
-    frame.put_int(out, choose(null, NULL_INT, a.min(b).max(a.max(b).min(c))))
+impl Step for Median<Real> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (a, b, c) = (frame.get(self.a)?, frame.get(self.b)?, frame.get(self.c)?);
+        let null = a.is_nan() | b.is_nan() | c.is_nan();
+        let middle = higher(lower(a, b), lower(higher(a, b), c));
+        frame.put(self.out, real_unless(null, middle))
+    }
+}
+
+impl Step for Median<Int> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (a, b, c) = (frame.get(self.a)?, frame.get(self.b)?, frame.get(self.c)?);
+        let null = (a == NULL_INT) | (b == NULL_INT) | (c == NULL_INT);
+        frame.put(
+            self.out,
+            choose(null, NULL_INT, a.min(b).max(a.max(b).min(c))),
+        )
+    }
 }

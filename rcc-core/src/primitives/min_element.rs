@@ -1,7 +1,7 @@
 //! `MinElement`: the smallest element of an array.
 
-use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Kernel, Spec, fold_int, fold_real};
-use crate::types::Store;
+use super::min::Min;
+use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Spec, reduce};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -17,16 +17,5 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..ELEMENTS
     },
-    &[
-        Kernel::of(Store::Real, |frame, operands| {
-            fold_real(
-                frame,
-                operands,
-                |a, b| if a.is_nan() | (a < b) { a } else { b },
-            );
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            fold_int(frame, operands, |a, b| (a.min(b), false));
-        }),
-    ],
+    &const { reduce::<Min>() },
 );

@@ -5,15 +5,15 @@
 //! distance after it, by a curve that is smooth to the second derivative. Blends from and to a `ptp` are computed in
 //! joint space.
 
-use crate::frame::{Frame, Preparation, PrepareFault};
+use super::path_motion::{self, motion_operands};
+use crate::frame::{Preparation, PrepareFault};
 use crate::path::leg_row::{self, LegRow};
 use crate::path::{LEGS_MAX, Leg, MotionFault, PathRequest, PathSegment};
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, Dim, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each,
+    Bool, CatalogueEntry, Clock, Dim, Kernel, NullRule, Parameter, ParameterKind, Prepare, Real,
+    Role, Slot, Spec,
 };
-
-use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -38,61 +38,60 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::Motion,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<MotionSequence>()],
 )
-.prepared_by(prepare);
+.prepared_by::<MotionSequence>();
 
 /// The fault for a path with too many legs.
-pub(super) fn too_many(motion: u32, count: u32) -> PrepareFault {
+pub(super) fn too_many(motion: Clock, count: u32) -> PrepareFault {
     PrepareFault::Motion {
-        motion,
+        motion: motion.0,
         leg: 0,
         fault: MotionFault::Legs { count },
     }
 }
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[.., device, path, scale, fastest, motion, _width, count] = operands else {
-        return Ok(());
-    };
-    let [scale] = preparation.reals(scale);
-    if count as usize > LEGS_MAX {
-        return Err(too_many(motion, count));
-    }
-    let row = |number: u32| -> LegRow { preparation.reals(path + leg_row::WIDTH as u32 * number) };
-    let mut poses = [Pose::NULL; LEGS_MAX];
-    for (pose, number) in poses.iter_mut().zip(0..count) {
-        *pose = leg_row::pose(&row(number));
-    }
-    let nothing = Leg::new(PathSegment::Spline { through: &[] });
-    let mut legs = [nothing; LEGS_MAX];
-    let (mut used, mut first) = (0usize, 0usize);
-    for (number, behind) in (0..count).zip(1usize..) {
-        let through = poses.get(first..behind).unwrap_or(&[]);
-        let row = row(number);
-        if let (Some(leg), Some(place)) = (leg_row::leg(&row, through), legs.get_mut(used)) {
-            *place = Leg {
-                scale: leg.scale * scale,
-                ..leg
-            };
-            used += 1;
-            first = behind;
-        } else if row.first() != Some(&leg_row::THROUGH) {
-            first = behind;
-        }
-    }
-    let request = PathRequest {
-        device,
-        from: None,
-        legs: legs.get(..used).unwrap_or(&[]),
-        pace: path_motion::pace(preparation, fastest),
-    };
-    preparation.motions.path(motion, &request)
+motion_operands! {
+    MotionSequence {
+path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool>,
+    } count
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 7]) {
-    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
-    if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
-        path_motion::step(frame, *ports, *motion, *width);
+impl Prepare for MotionSequence {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let scale = preparation.get(self.scale);
+        let count = self.count;
+        if count as usize > LEGS_MAX {
+            return Err(too_many(self.motion, count));
+        }
+        let row = |number: u32| preparation.get(self.path + leg_row::WIDTH as u32 * number);
+        let mut poses = [Pose::NULL; LEGS_MAX];
+        for (pose, number) in poses.iter_mut().zip(0..count) {
+            *pose = leg_row::pose(&row(number));
+        }
+        let nothing = Leg::new(PathSegment::Spline { through: &[] });
+        let mut legs = [nothing; LEGS_MAX];
+        let (mut used, mut first) = (0usize, 0usize);
+        for (number, behind) in (0..count).zip(1usize..) {
+            let through = poses.get(first..behind).unwrap_or(&[]);
+            let row = row(number);
+            if let (Some(leg), Some(place)) = (leg_row::leg(&row, through), legs.get_mut(used)) {
+                *place = Leg {
+                    scale: leg.scale * scale,
+                    ..leg
+                };
+                used += 1;
+                first = behind;
+            } else if row.first() != Some(&leg_row::THROUGH) {
+                first = behind;
+            }
+        }
+        let request = PathRequest {
+            device: self.device.0,
+            from: None,
+            legs: legs.get(..used).unwrap_or(&[]),
+            pace: path_motion::pace(preparation, self.time_optimal),
+        };
+        preparation.motions.path(self.motion.0, &request)
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, Kernel, NullRule, Port, PortType, Spec, UnitRule, copy, each, fill_null,
+    Bool, CatalogueEntry, Dim, Element, Int, Kernel, NullRule, Port, PortType, Real, Slot, Spec,
+    Step, UnitRule, copy, fill_null, operands,
 };
-use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -32,33 +32,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Real, group)
-            });
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Bool, group)
-            });
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Int, group)
-            });
-        }),
+        Kernel::each::<Multiplexer<Real>>(),
+        Kernel::each::<Multiplexer<Bool>>(),
+        Kernel::each::<Multiplexer<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    store: Store,
-    [index, input, out, width, count]: [u32; 5],
-) -> Option<()> {
-    // A null index is negative.
-    match u32::try_from(frame.get_int(index)?) {
-        Ok(index) if index < count => copy(frame, store, input + index * width, out, width),
-        _ => fill_null(frame, store, out, width),
+operands! {
+    struct Multiplexer<E> { index: Slot<Int>, input: Slot<E>, out: Slot<E>, width: u32, count: u32 }
+}
+
+impl<E: Element> Step for Multiplexer<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        // A null index is negative.
+        match u32::try_from(frame.get(self.index)?) {
+            Ok(index) if index < self.count => {
+                let input = self.input + index * self.width;
+                copy(frame, input, self.out, self.width)
+            }
+            _ => fill_null(frame, self.out, self.width),
+        }
     }
 }

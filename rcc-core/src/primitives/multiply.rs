@@ -1,7 +1,8 @@
 //! `Multiply`: out = a · b, rounded once; an `Int` overflow gives null.
 
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real,
+    CatalogueEntry, Example, Int, Kernel, Operation, Port, Real, Spec, UnitRule, each_pair,
+    int_unless,
 };
 use crate::types::Store;
 
@@ -45,14 +46,28 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each_real(frame, operands, |a, b| a * b);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each_int(frame, operands, i64::overflowing_mul);
-        }),
+        Kernel::of(Store::Real, each_pair::<Real, Multiply>),
+        Kernel::of(Store::Int, each_pair::<Int, Multiply>),
     ],
 );
+
+/// a · b.
+#[derive(Clone, Copy)]
+pub struct Multiply;
+
+impl Operation<Real> for Multiply {
+    #[inline(always)]
+    fn apply(a: Real, b: Real) -> Real {
+        a * b
+    }
+}
+
+impl Operation<Int> for Multiply {
+    #[inline(always)]
+    fn apply(a: Int, b: Int) -> Int {
+        int_unless(a, b, a.overflowing_mul(b))
+    }
+}
 
 #[cfg(test)]
 mod tests {

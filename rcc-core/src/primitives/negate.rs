@@ -1,8 +1,10 @@
 //! `Negate`: out = -in.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
-use crate::types::Store;
+use crate::primitive::{
+    ByElement, CatalogueEntry, Element, Example, Int, Kernel, Port, Real, Slot, Spec, Step,
+    UnitRule, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -29,49 +31,52 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, wide_real);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, wide_int);
-        }),
+        Kernel::scalar::<Negate<Real>>(),
+        Kernel::by_element::<Negate<Real>>(),
+        Kernel::scalar::<Negate<Int>>(),
+        Kernel::by_element::<Negate<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    frame.put_real(out, -value)
+operands! {
+    struct Negate<E> { input: Slot<E>, out: Slot<E> }
 }
 
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    // Null (`i64::MIN`) is its own negation.
-    frame.put_int(out, value.wrapping_neg())
+impl Step for Negate<Real> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        frame.put(self.out, -value)
+    }
 }
 
-#[inline(always)]
-fn wide_real(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> {
-    (0..width).try_for_each(|i| step_real(frame, [input + i, out + i]))
+impl Step for Negate<Int> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        // Null (`i64::MIN`) is its own negation.
+        frame.put(self.out, value.wrapping_neg())
+    }
 }
 
-#[inline(always)]
-fn wide_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> {
-    (0..width).try_for_each(|i| step_int(frame, [input + i, out + i]))
+impl<E: Element> ByElement for Negate<E>
+where
+    Negate<E>: Step,
+{
+    #[inline(always)]
+    fn element(self, i: u32) -> Self {
+        Negate {
+            input: self.input + i,
+            out: self.out + i,
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::testing::PrimitiveHarness;
     use crate::types::NULL_INT;
+    use crate::types::Store;
 
     #[test]
     fn worked_values_and_null() {

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule,
-    each, finite,
+    CatalogueEntry, DefaultValue, Example, Int, Kernel, Parameter, Port, Real, Slot, Spec,
+    StateSpec, Step, UnitRule, finite, operands,
 };
 
 /// The row of the catalogue.
@@ -38,18 +38,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Noise>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [amplitude, out, seed, count]: [u32; 4]) -> Option<()> {
-    let (amplitude, number) = (frame.get_real(amplitude)?, frame.get_int(count)?);
-    let next = number.wrapping_add(1).max(0);
-    let bits = mixed(frame.get_int(seed)? as u64, next as u64);
-    // 53 bits are exact in a Real; 2^52 is the middle of their range.
-    let even = ((bits >> 11) as f64 - 4_503_599_627_370_496.0) / 4_503_599_627_370_496.0;
-    frame.put_real(out, finite(amplitude * even))?;
-    frame.put_int(count, next)
+operands! {
+    struct Noise { amplitude: Slot<Real>, out: Slot<Real>, seed: Slot<Int>, count: Slot<Int> }
+}
+
+impl Step for Noise {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (amplitude, number) = (frame.get(self.amplitude)?, frame.get(self.count)?);
+        let next = number.wrapping_add(1).max(0);
+        let bits = mixed(frame.get(self.seed)? as u64, next as u64);
+        // 53 bits are exact in a Real; 2^52 is the middle of their range.
+        let even = ((bits >> 11) as f64 - 4_503_599_627_370_496.0) / 4_503_599_627_370_496.0;
+        frame.put(self.out, finite(amplitude * even))?;
+        frame.put(self.count, next)
+    }
 }
 
 /// Returns output `number` of SplitMix64.

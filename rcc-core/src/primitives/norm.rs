@@ -1,8 +1,10 @@
 //! `Norm`: the Euclidean length of a vector.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
-use crate::types::{NULL_REAL, Store};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, TypeFamily, UnitRule, operands,
+};
+use crate::types::NULL_REAL;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -30,20 +32,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::Var(0), "length").within(0.0, f64::MAX)],
         ..Spec::PLAIN
     },
-    &[Kernel::of(Store::Real, |frame, operands| {
-        each(frame, operands, step);
-    })],
+    &[Kernel::each::<Norm>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> {
-    let mut length = 0.0;
-    let mut null = false;
-    for i in 0..width {
-        let element = frame.get_real(input + i)?;
-        // The hypotenuse of infinity and NaN is infinite.
-        null |= !element.is_finite();
-        length = libm::hypot(length, element);
+operands! {
+    struct Norm for Real { input: Slot<Real>, out: Slot<Real>, width: u32 }
+}
+
+impl Step for Norm {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let mut length = 0.0;
+        let mut null = false;
+        for i in 0..self.width {
+            let element = frame.get(self.input + i)?;
+            // The hypotenuse of infinity and NaN is infinite.
+            null |= !element.is_finite();
+            length = libm::hypot(length, element);
+        }
+        let known = !null && length.is_finite();
+        frame.put(self.out, if known { length } else { NULL_REAL })
     }
-    let known = !null && length.is_finite();
-    frame.put_real(out, if known { length } else { NULL_REAL })
 }

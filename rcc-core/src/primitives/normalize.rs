@@ -1,7 +1,9 @@
 //! `Normalize`: the unit vector in the direction of a vector.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spec, Step, UnitRule, Vector3, operands,
+};
 use crate::types::Type;
 use crate::unit::Unit;
 use crate::vector;
@@ -36,10 +38,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Normalize>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let direction = frame.composite(input).and_then(vector::normalized);
-    frame.set_composite(out, direction);
+operands! {
+    struct Normalize { input: Slot<Vector3>, out: Slot<Vector3> }
+}
+
+impl Step for Normalize {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let direction = frame.composite(self.input).and_then(vector::normalized);
+        frame.put_composite(self.out, direction)
+    }
 }

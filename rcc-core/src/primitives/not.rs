@@ -1,7 +1,9 @@
 //! `Not`: out = not in; null if it is null.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, choose, each};
+use crate::primitive::{
+    Bool, CatalogueEntry, Example, Kernel, Port, Slot, Spec, Step, choose, operands,
+};
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
@@ -21,13 +23,22 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::bool("out", "not in")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Not>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_bool(input)?;
-    frame.put_bool(out, choose(value & NULL_BOOL != 0, NULL_BOOL, value ^ 1))
+operands! {
+    struct Not { input: Slot<Bool>, out: Slot<Bool> }
+}
+
+impl Step for Not {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        frame.put(
+            self.out,
+            choose(value & NULL_BOOL != 0, NULL_BOOL, value ^ 1),
+        )
+    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,11 @@
 //! `Notch`: a band-stop filter for one frequency. Its coefficients are computed when the net is prepared.
 
 use crate::filter::{self, Biquad};
-use crate::frame::{Preparation, PrepareFault};
-use crate::primitive::{CatalogueEntry, Example, Kernel, Parameter, Port, Spec, UnitRule, each};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, Prepare, Real, Slot, Spec, Step, UnitRule,
+    operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -32,18 +35,29 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         state: filter::STATE,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| {
-        each(frame, operands, |frame, [input, out, _, _, state]| filter::step(frame, input, out, state));
-    })],
+    &[Kernel::each::<Notch>()],
 )
-.prepared_by(prepare);
+.prepared_by::<Notch>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    if let &[_input, _out, frequency, quality, state] = operands {
-        let ([frequency_hz], [quality]) =
-            (preparation.reals(frequency), preparation.reals(quality));
-        let notch = Biquad::notch(frequency_hz, quality, preparation.dt_s);
-        filter::prepare(preparation, state, notch);
+operands! {
+    struct Notch { input: Slot<Real>, out: Slot<Real>, frequency: Slot<Real>, quality: Slot<Real>, state: Slot<[Real; 8]> }
+}
+
+impl Step for Notch {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        filter::step(frame, self.input, self.out, self.state)
     }
-    Ok(())
+}
+
+impl Prepare for Notch {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let (frequency_hz, quality) = (
+            preparation.get(self.frequency),
+            preparation.get(self.quality),
+        );
+        let notch = Biquad::notch(frequency_hz, quality, preparation.dt_s);
+        filter::prepare(preparation, self.state, notch);
+        Ok(())
+    }
 }

@@ -4,9 +4,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each, real_unless,
+    Bool, ByElement, CatalogueEntry, Element, Example, Int, Kernel, Port, PortType, Real, Slot,
+    Spec, Step, UnitRule, operands,
 };
-use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -37,73 +37,45 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, wide_real);
-        }),
-        Kernel::single(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool);
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, wide_bool);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, wide_int);
-        }),
+        Kernel::scalar::<NullIf<Real>>(),
+        Kernel::by_element::<NullIf<Real>>(),
+        Kernel::scalar::<NullIf<Bool>>(),
+        Kernel::by_element::<NullIf<Bool>>(),
+        Kernel::scalar::<NullIf<Int>>(),
+        Kernel::by_element::<NullIf<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) -> Option<()> {
-    let (value, condition) = (frame.get_real(input)?, frame.get_bool(condition)?);
-    frame.put_real(out, real_unless(condition != 0, value))
+operands! {
+    struct NullIf<E> { input: Slot<E>, condition: Slot<Bool>, out: Slot<E> }
 }
 
-#[inline]
-fn wide_real(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) -> Option<()> {
-    for i in 0..width {
-        step_real(frame, [input + i, condition, out + i])?;
+impl<E: Element> Step for NullIf<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, condition) = (frame.get(self.input)?, frame.get(self.condition)?);
+        frame.put(self.out, value.unless(condition != 0))
     }
-    Some(())
 }
 
-#[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) -> Option<()> {
-    let (value, condition) = (frame.get_bool(input)?, frame.get_bool(condition)?);
-    frame.put_bool(out, choose(condition != 0, NULL_BOOL, value))
-}
-
-#[inline]
-fn wide_bool(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) -> Option<()> {
-    for i in 0..width {
-        step_bool(frame, [input + i, condition, out + i])?;
+impl<E: Element> ByElement for NullIf<E>
+where
+    NullIf<E>: Step,
+{
+    #[inline(always)]
+    fn element(self, i: u32) -> Self {
+        NullIf {
+            input: self.input + i,
+            out: self.out + i,
+            ..self
+        }
     }
-    Some(())
-}
-
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) -> Option<()> {
-    let (value, condition) = (frame.get_int(input)?, frame.get_bool(condition)?);
-    frame.put_int(out, choose(condition != 0, NULL_INT, value))
-}
-
-#[inline]
-fn wide_int(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) -> Option<()> {
-    for i in 0..width {
-        step_int(frame, [input + i, condition, out + i])?;
-    }
-    Some(())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::testing::PrimitiveHarness;
+    use crate::types::{NULL_INT, Store};
 
     #[test]
     fn only_a_false_condition_passes_the_value() {

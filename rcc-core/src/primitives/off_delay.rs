@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, choose, each, elapsed,
-    reached, real_unless,
+    Bool, CatalogueEntry, Example, Int, Kernel, Port, Real, Slot, Spec, StateSpec, Step, UnitRule,
+    choose, elapsed, operands, reached, real_unless,
 };
 use crate::types::NULL_BOOL;
 
@@ -54,25 +54,31 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<OffDelay>()],
 );
 
-/// `age`: 0 before `in` was ever true, 1 while it is true, then incremented every cycle.
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, time, out, passed, age]: [u32; 5]) -> Option<()> {
-    let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);
-    let before = frame.get_int(age)?;
-    let later = choose(before > 0, before.saturating_add(1), 0);
-    let unknown = value & NULL_BOOL != 0;
-    let count = choose(unknown, 0, choose(value == 1, 1, later));
-    let cycles = count.saturating_sub(2).max(0);
-    let null = unknown | time_s.is_nan();
-    let runs_on = (count > 1) & !reached(cycles, frame.dt_s, time_s);
-    let now = elapsed(cycles, frame.dt_s, if time_s > 0.0 { time_s } else { 0.0 });
-    frame.put_int(age, count)?;
-    frame.put_bool(
-        out,
-        choose(null, NULL_BOOL, u8::from((count == 1) | runs_on)),
-    )?;
-    frame.put_real(passed, real_unless(null, now))
+operands! {
+    struct OffDelay { input: Slot<Bool>, time: Slot<Real>, out: Slot<Bool>, elapsed: Slot<Real>, age: Slot<Int> }
+}
+
+impl Step for OffDelay {
+    /// `age`: 0 before `in` was ever true, 1 while it is true, then incremented every cycle.
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, time_s) = (frame.get(self.input)?, frame.get(self.time)?);
+        let before = frame.get(self.age)?;
+        let later = choose(before > 0, before.saturating_add(1), 0);
+        let unknown = value & NULL_BOOL != 0;
+        let count = choose(unknown, 0, choose(value == 1, 1, later));
+        let cycles = count.saturating_sub(2).max(0);
+        let null = unknown | time_s.is_nan();
+        let runs_on = (count > 1) & !reached(cycles, frame.dt_s, time_s);
+        let now = elapsed(cycles, frame.dt_s, if time_s > 0.0 { time_s } else { 0.0 });
+        frame.put(self.age, count)?;
+        frame.put(
+            self.out,
+            choose(null, NULL_BOOL, u8::from((count == 1) | runs_on)),
+        )?;
+        frame.put(self.elapsed, real_unless(null, now))
+    }
 }

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, choose, each, elapsed,
-    reached, real_unless,
+    Bool, CatalogueEntry, Example, Int, Kernel, Port, Real, Slot, Spec, StateSpec, Step, UnitRule,
+    choose, elapsed, operands, reached, real_unless,
 };
 use crate::types::NULL_BOOL;
 
@@ -53,19 +53,25 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<OnDelay>()],
 );
 
-/// `age`: cycles in which `in` has been true, including the current one; 0 while it is not.
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, time, out, passed, age]: [u32; 5]) -> Option<()> {
-    let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);
-    let count = choose(value == 1, frame.get_int(age)?.saturating_add(1), 0);
-    let cycles = count.saturating_sub(1).max(0);
-    let null = (value & NULL_BOOL != 0) | time_s.is_nan();
-    let is_over = (count > 0) & reached(cycles, frame.dt_s, time_s);
-    let now = elapsed(cycles, frame.dt_s, if time_s > 0.0 { time_s } else { 0.0 });
-    frame.put_int(age, count)?;
-    frame.put_bool(out, choose(null, NULL_BOOL, u8::from(is_over)))?;
-    frame.put_real(passed, real_unless(null, now))
+operands! {
+    struct OnDelay { input: Slot<Bool>, time: Slot<Real>, out: Slot<Bool>, elapsed: Slot<Real>, age: Slot<Int> }
+}
+
+impl Step for OnDelay {
+    /// `age`: cycles in which `in` has been true, including the current one; 0 while it is not.
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, time_s) = (frame.get(self.input)?, frame.get(self.time)?);
+        let count = choose(value == 1, frame.get(self.age)?.saturating_add(1), 0);
+        let cycles = count.saturating_sub(1).max(0);
+        let null = (value & NULL_BOOL != 0) | time_s.is_nan();
+        let is_over = (count > 0) & reached(cycles, frame.dt_s, time_s);
+        let now = elapsed(cycles, frame.dt_s, if time_s > 0.0 { time_s } else { 0.0 });
+        frame.put(self.age, count)?;
+        frame.put(self.out, choose(null, NULL_BOOL, u8::from(is_over)))?;
+        frame.put(self.elapsed, real_unless(null, now))
+    }
 }

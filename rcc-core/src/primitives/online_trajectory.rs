@@ -7,8 +7,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Port, Spec, StateSpec, UnitRule, each,
-    finite, within,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Port, Real, Slot, Spec,
+    StateSpec, Step, UnitRule, finite, operands, within,
 };
 use crate::types::{NULL_BOOL, NULL_REAL};
 
@@ -99,57 +99,63 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<OnlineTrajectory>()],
 );
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 10]) -> Option<()> {
-    let [
-        goal,
-        goal_velocity,
-        max_velocity,
-        max_acceleration,
-        reset,
-        reset_to,
-        outputs @ ..,
-        state,
-    ] = operands;
-    let (goal, goal_velocity) = (frame.get_real(goal)?, frame.get_real(goal_velocity)?);
-    let (most, acceleration) = (
-        frame.get_real(max_velocity)?,
-        frame.get_real(max_acceleration)?,
-    );
-    let (reset, reset_to) = (frame.get_bool(reset)?, frame.get_real(reset_to)?);
-    let ([position, velocity], dt_s) = (frame.get_reals(state)?, frame.dt_s);
-    let begins = (reset == 1) | position.is_nan();
-    let (now, speed) = if begins {
-        (if reset_to.is_nan() { goal } else { reset_to }, 0.0)
-    } else {
-        // The goal has its current position now, so one cycle ago it was behind by its velocity.
-        let left = goal - goal_velocity * dt_s - position;
-        let relative = braking_speed(left, velocity - goal_velocity, acceleration, dt_s);
-        let wanted = within(goal_velocity + relative, -most, most);
-        let change = acceleration * dt_s;
-        let speed = within(wanted, velocity - change, velocity + change);
-        (position + (velocity + speed) / 2.0 * dt_s, speed)
-    };
-    let known = (reset & NULL_BOOL == 0) & (most > 0.0) & (acceleration > 0.0);
-    let known = known
-        & (goal + goal_velocity + acceleration + most).is_finite()
-        & (now + speed).is_finite();
-    let rate = finite(if begins {
-        0.0
-    } else {
-        (speed - velocity) / dt_s
-    });
-    let results = if known {
-        [now, speed, rate]
-    } else {
-        [NULL_REAL; 3]
-    };
-    for (slot, value) in outputs.into_iter().zip(results) {
-        frame.put_real(slot, value)?;
+operands! {
+    struct OnlineTrajectory {
+        goal: Slot<Real>, goal_velocity: Slot<Real>, max_velocity: Slot<Real>, max_acceleration: Slot<Real>,
+        reset: Slot<Bool>, reset_to: Slot<Real>,
+        position: Slot<Real>, velocity: Slot<Real>, acceleration: Slot<Real>, state: Slot<[Real; 2]>,
     }
-    frame.put_reals(state, if known { [now, speed] } else { [position, 0.0] })
+}
+
+impl Step for OnlineTrajectory {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (goal, goal_velocity) = (frame.get(self.goal)?, frame.get(self.goal_velocity)?);
+        let (most, acceleration) = (
+            frame.get(self.max_velocity)?,
+            frame.get(self.max_acceleration)?,
+        );
+        let (reset, reset_to) = (frame.get(self.reset)?, frame.get(self.reset_to)?);
+        let ([position, velocity], dt_s) = (frame.get(self.state)?, frame.dt_s);
+        let begins = (reset == 1) | position.is_nan();
+        let (now, speed) = if begins {
+            (if reset_to.is_nan() { goal } else { reset_to }, 0.0)
+        } else {
+            // The goal has its current position now, so one cycle ago it was behind by its velocity.
+            let left = goal - goal_velocity * dt_s - position;
+            let relative = braking_speed(left, velocity - goal_velocity, acceleration, dt_s);
+            let wanted = within(goal_velocity + relative, -most, most);
+            let change = acceleration * dt_s;
+            let speed = within(wanted, velocity - change, velocity + change);
+            (position + (velocity + speed) / 2.0 * dt_s, speed)
+        };
+        let known = (reset & NULL_BOOL == 0) & (most > 0.0) & (acceleration > 0.0);
+        let known = known
+            & (goal + goal_velocity + acceleration + most).is_finite()
+            & (now + speed).is_finite();
+        let rate = finite(if begins {
+            0.0
+        } else {
+            (speed - velocity) / dt_s
+        });
+        let results = if known {
+            [now, speed, rate]
+        } else {
+            [NULL_REAL; 3]
+        };
+        for (slot, value) in [self.position, self.velocity, self.acceleration]
+            .into_iter()
+            .zip(results)
+        {
+            frame.put(slot, value)?;
+        }
+        frame.put(
+            self.state,
+            if known { [now, speed] } else { [position, 0.0] },
+        )
+    }
 }
 
 /// Returns the velocity towards a goal at rest after one more period, from which braking with `acceleration` ends

@@ -2,10 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each,
-    is_null,
+    Bool, CatalogueEntry, Element, Example, Int, Kernel, NullRule, Port, PortType, Real, Slot,
+    Spec, Step, UnitRule, choose, copy, is_null, operands,
 };
-use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -35,82 +34,45 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, wide_real);
-        }),
-        Kernel::single(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool);
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, wide_bool);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, wide_int);
-        }),
+        Kernel::scalar::<OrElse<Real>>(),
+        Kernel::each::<WideOrElse<Real>>(),
+        Kernel::scalar::<OrElse<Bool>>(),
+        Kernel::each::<WideOrElse<Bool>>(),
+        Kernel::scalar::<OrElse<Int>>(),
+        Kernel::each::<WideOrElse<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    let value = frame.get_real(choose(value.is_nan(), other, input))?;
-    frame.put_real(out, value)
+operands! {
+    struct OrElse<E> { input: Slot<E>, other: Slot<E>, out: Slot<E> }
 }
 
-#[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) -> Option<()> {
-    let value = frame.get_bool(input)?;
-    let value = frame.get_bool(choose(value & NULL_BOOL != 0, other, input))?;
-    frame.put_bool(out, value)
-}
-
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    let value = frame.get_int(choose(value == NULL_INT, other, input))?;
-    frame.put_int(out, value)
-}
-
-#[inline]
-fn wide_real(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
-    let null = is_null(frame, Store::Real, input, width).unwrap_or(true);
-    let source = if null { other } else { input };
-    for i in 0..width {
-        let value = frame.real(source + i);
-        frame.set_real(out + i, value);
+impl<E: Element> Step for OrElse<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let null = frame.get(self.input)?.is_null();
+        let value = frame.get(choose(null, self.other, self.input))?;
+        frame.put(self.out, value)
     }
 }
 
-#[inline]
-fn wide_bool(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
-    let null = is_null(frame, Store::Bool, input, width).unwrap_or(true);
-    let source = if null { other } else { input };
-    for i in 0..width {
-        let value = frame.bool(source + i);
-        frame.set_bool(out + i, value);
-    }
+operands! {
+    struct WideOrElse<E> { input: Slot<E>, other: Slot<E>, out: Slot<E>, width: u32 }
 }
 
-#[inline]
-fn wide_int(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
-    let null = is_null(frame, Store::Int, input, width).unwrap_or(true);
-    let source = if null { other } else { input };
-    for i in 0..width {
-        let value = frame.int(source + i);
-        frame.set_int(out + i, value);
+impl<E: Element> Step for WideOrElse<E> {
+    #[inline]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let null = is_null(frame, self.input, self.width)?;
+        let source = if null { self.other } else { self.input };
+        copy(frame, source, self.out, self.width)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::testing::PrimitiveHarness;
+    use crate::types::{NULL_INT, Store};
 
     #[test]
     fn replaces_null_and_nothing_else() {

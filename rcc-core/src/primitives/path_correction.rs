@@ -4,13 +4,13 @@
 //! unchanged. A seam tracker or a conveyor can thus move the frame that a motion is relative to, and the limits of the
 //! tool are the sums of both limits.
 
-use super::pose_goal::{limits, step_six};
-use crate::axis::{AXIS_WORDS, AxisFollower, rest_at, share_of};
+use super::pose_goal::{SIX, limits, step_six};
+use crate::axis::{AXIS_WORDS, AxisFollower, AxisSlot, axes, rest_at, share_of};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
-    PortType, Spec, StateSpec, UnitRule, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
+    PortType, Prepare, Real, Slot, Spec, StateSpec, Step, UnitRule, Vector3, operands,
 };
 use crate::rotation::{exp, product, rotate};
 use crate::types::{NULL_BOOL, Type};
@@ -151,23 +151,32 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<PathCorrection>()],
 )
-.prepared_by(prepare);
+.prepared_by::<PathCorrection>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[.., state] = operands else {
-        return Ok(());
-    };
-    for slot in super::pose_goal::axes(state) {
-        preparation.set_reals(slot, rest_at(0.0));
+operands! {
+    struct PathCorrection {
+        pose: Slot<Pose>, correction: Slot<Vector3>, rotation: Slot<Vector3>, speed: Slot<Real>, stop: Slot<Bool>,
+        pose_out: Slot<Pose>, offset: Slot<Vector3>, turn: Slot<Vector3>, limited: Slot<Bool>, settled: Slot<Bool>,
+        max: Slot<Real>, velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
+        max_rotation: Slot<Real>, angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>,
+        angular_jerk: Slot<Real>, in_path: Slot<Bool>, state: AxisSlot,
     }
-    Ok(())
+}
+
+impl Prepare for PathCorrection {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        for slot in axes(self.state, SIX) {
+            preparation.put(slot, rest_at(0.0));
+        }
+        Ok(())
+    }
 }
 
 /// Limits a request to ± the bound; returns the result and whether it was limited.
-fn bounded(wish: [f64; 3], bound: f64) -> ([f64; 3], bool) {
-    let cut = wish.map(|element| {
+fn bounded(request: [f64; 3], bound: f64) -> ([f64; 3], bool) {
+    let cut = request.map(|element| {
         if element > bound {
             bound
         } else if element < -bound {
@@ -176,80 +185,70 @@ fn bounded(wish: [f64; 3], bound: f64) -> ([f64; 3], bool) {
             element
         }
     });
-    (cut, cut != wish)
+    (cut, cut != request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 20]) {
-    let [pose, correction, rotation, speed, stop, outputs @ ..] = operands;
-    let [
-        out,
-        offset_out,
-        turn_out,
-        limited,
-        settled,
-        most,
-        v,
-        a,
-        j,
-        rest @ ..,
-    ] = outputs;
-    let [most_turn, w, wa, wj, in_path, state] = rest;
-    let (path, in_path) = (frame.known_pose(pose), frame.bool(in_path) == 1);
-    let share = share_of(frame, speed, stop);
-    let wish = |slot: u32, most: u32| {
-        let wish = path.and(frame.composite(slot));
-        wish.map(|wish| bounded(wish, frame.real(most)))
-    };
-    let (shift, turn) = (wish(correction, most), wish(rotation, most_turn));
-    let beyond = [shift, turn]
-        .into_iter()
-        .flatten()
-        .any(|(_, beyond)| beyond);
-    let goal = |wish: Option<([f64; 3], bool)>| wish.map_or([f64::NAN; 3], |(goal, _)| goal);
-    let ([x, y, z], [rx, ry, rz]) = (goal(shift), goal(turn));
-    let both = [
-        limits(frame, [v, a, j], share),
-        limits(frame, [w, wa, wj], share),
-    ];
-    let axes = step_six(
-        frame,
-        state,
-        Some([x, y, z, rx, ry, rz]),
-        [&both[0], &both[1]],
-    );
-    let now = axes.map(|axes| {
-        let [x, y, z, rx, ry, rz] = axes.map(|axis| axis.state().position);
-        ([x, y, z], [rx, ry, rz])
-    });
-    let corrected = path.zip(now).map(|(path, (offset, turn))| {
-        let (at, turned) = (path.orientation, exp(turn));
-        let (shift, orientation) = if in_path {
-            (rotate(at, offset), product(at, turned))
-        } else {
-            (offset, product(turned, at))
+impl Step for PathCorrection {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let path = frame.known_pose(self.pose);
+        let in_path = frame.get(self.in_path)? == 1;
+        let share = share_of(frame, self.speed, self.stop)?;
+        let request = |slot: Slot<Vector3>, most: f64| {
+            let request = path.and(frame.composite(slot));
+            request.map(|request| bounded(request, most))
         };
-        Pose {
-            position: add(path.position, shift),
-            orientation,
-        }
-    });
-    frame.set_known_pose(out, corrected);
-    frame.set_composite(offset_out, now.map(|(offset, _)| offset));
-    frame.set_composite(turn_out, now.map(|(_, turn)| turn));
-    frame.set_bool(limited, u8::from(beyond));
-    let rests = axes.map(|axes| {
-        let [x, y, z, turns @ ..] = &axes;
-        let wished = shift.is_some() && [x, y, z].into_iter().all(AxisFollower::arrived);
-        let turned = turns.iter().all(|axis| {
-            if turn.is_some() {
-                axis.arrived()
+        let shift = request(self.correction, frame.get(self.max)?);
+        let turn = request(self.rotation, frame.get(self.max_rotation)?);
+        let beyond = [shift, turn]
+            .into_iter()
+            .flatten()
+            .any(|(_, beyond)| beyond);
+        let goal =
+            |request: Option<([f64; 3], bool)>| request.map_or([f64::NAN; 3], |(goal, _)| goal);
+        let ([x, y, z], [rx, ry, rz]) = (goal(shift), goal(turn));
+        let line = limits(frame, [self.velocity, self.acceleration, self.jerk], share)?;
+        let angular = [
+            self.angular_velocity,
+            self.angular_acceleration,
+            self.angular_jerk,
+        ];
+        let angular = limits(frame, angular, share)?;
+        let goal = Some([x, y, z, rx, ry, rz]);
+        let axes = step_six(frame, self.state, goal, [&line, &angular]);
+        let now = axes.map(|axes| {
+            let [x, y, z, rx, ry, rz] = axes.map(|axis| axis.state().position);
+            ([x, y, z], [rx, ry, rz])
+        });
+        let corrected = path.zip(now).map(|(path, (offset, turn))| {
+            let (at, turned) = (path.orientation, exp(turn));
+            let (shift, orientation) = if in_path {
+                (rotate(at, offset), product(at, turned))
             } else {
-                axis.state().rests()
+                (offset, product(turned, at))
+            };
+            Pose {
+                position: add(path.position, shift),
+                orientation,
             }
         });
-        u8::from(wished && turned)
-    });
-    frame.set_bool(settled, rests.unwrap_or(NULL_BOOL));
+        frame.put_pose(self.pose_out, corrected)?;
+        frame.put_composite(self.offset, now.map(|(offset, _)| offset))?;
+        frame.put_composite(self.turn, now.map(|(_, turn)| turn))?;
+        frame.put(self.limited, u8::from(beyond))?;
+        let rests = axes.map(|axes| {
+            let [x, y, z, turns @ ..] = &axes;
+            let shifted = shift.is_some() && [x, y, z].into_iter().all(AxisFollower::arrived);
+            let turned = turns.iter().all(|axis| {
+                if turn.is_some() {
+                    axis.arrived()
+                } else {
+                    axis.state().rests()
+                }
+            });
+            u8::from(shifted && turned)
+        });
+        frame.put(self.settled, rests.unwrap_or(NULL_BOOL))
+    }
 }
 
 #[cfg(test)]

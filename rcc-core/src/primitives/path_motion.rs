@@ -1,8 +1,11 @@
 //! Shared part of all motions along a path: inputs, outputs and the step of a cycle. Run by the real-time thread.
 
 use crate::frame::{Frame, Preparation};
-use crate::path::{ElbowMotion, SpeedOverride, SpeedProfile, leg_row};
-use crate::primitive::{DefaultValue, Parameter, ParameterKind, Port, PortType, UnitRule};
+use crate::path::{ElbowMotion, MotionLimits, SpeedOverride, SpeedProfile, leg_row};
+use crate::pose::Pose;
+use crate::primitive::{
+    Bool, Clock, DefaultValue, Int, Parameter, ParameterKind, Port, PortType, Real, Slot, UnitRule,
+};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use crate::unit::Unit;
 
@@ -77,8 +80,68 @@ pub(super) const OUTPUTS: &[Port] = &[
     .diagnostic(),
 ];
 
-/// Number of operands for inputs and outputs.
-pub(super) const PORTS: usize = 11;
+/// Defines the struct of operands of a motion: the shared ports, its own parameters, the motion and the sizes.
+macro_rules! motion_operands {
+    ($name:ident { $($field:ident: $kind:ty),+ $(,)? } $($size:ident)?) => {
+        $crate::primitive::operands! {
+            struct $name {
+                stop: $crate::primitive::Slot<$crate::primitive::Bool>,
+                pause: $crate::primitive::Slot<$crate::primitive::Bool>,
+                speed: $crate::primitive::Slot<$crate::primitive::Real>,
+                joints: $crate::primitive::Slot<$crate::primitive::Real>,
+                flange: $crate::primitive::Slot<$crate::pose::Pose>,
+                done: $crate::primitive::Slot<$crate::primitive::Bool>,
+                progress: $crate::primitive::Slot<$crate::primitive::Real>,
+                distance: $crate::primitive::Slot<$crate::primitive::Real>,
+                flange_speed: $crate::primitive::Slot<$crate::primitive::Real>,
+                flange_acceleration: $crate::primitive::Slot<$crate::primitive::Real>,
+                leg: $crate::primitive::Slot<$crate::primitive::Int>,
+                device: $crate::primitive::Device,
+                $($field: $kind,)+
+                motion: $crate::primitive::Clock,
+                width: u32,
+                $($size: u32,)?
+            }
+        }
+
+        impl $crate::primitive::Step for $name {
+            fn step(self, frame: &mut $crate::frame::Frame<'_>) -> Option<()> {
+                let ports = $crate::primitives::path_motion::Ports {
+                    stop: self.stop,
+                    pause: self.pause,
+                    speed: self.speed,
+                    joints: self.joints,
+                    width: self.width,
+                    pose: self.flange,
+                    done: self.done,
+                    progress: self.progress,
+                    distance: self.distance,
+                    flange_speed: self.flange_speed,
+                    acceleration: self.flange_acceleration,
+                    leg: self.leg,
+                };
+                ports.step(frame, self.motion)
+            }
+        }
+    };
+}
+pub(super) use motion_operands;
+
+/// The ports of every motion.
+pub(super) struct Ports {
+    pub stop: Slot<Bool>,
+    pub pause: Slot<Bool>,
+    pub speed: Slot<Real>,
+    pub joints: Slot<Real>,
+    pub width: u32,
+    pub pose: Slot<Pose>,
+    pub done: Slot<Bool>,
+    pub progress: Slot<Real>,
+    pub distance: Slot<Real>,
+    pub flange_speed: Slot<Real>,
+    pub acceleration: Slot<Real>,
+    pub leg: Slot<Int>,
+}
 
 /// Part of the joints' velocity, acceleration and jerk limits to use.
 pub(super) const SCALE: Parameter = Parameter::real(
@@ -114,17 +177,25 @@ pub(super) const ELBOW: Parameter = Parameter::new(
 .default(DefaultValue::Word("stays"));
 
 /// Combines both parameters.
-pub(super) fn elbow(preparation: &Preparation<'_>, [arm_angle, elbow]: [u32; 2]) -> ElbowMotion {
-    let [arm_angle] = preparation.reals(arm_angle);
-    leg_row::elbow(arm_angle, preparation.int(elbow) as f64)
+pub(super) fn elbow(
+    preparation: &Preparation<'_>,
+    arm_angle: Slot<Real>,
+    elbow: Slot<Int>,
+) -> ElbowMotion {
+    leg_row::elbow(preparation.get(arm_angle), preparation.get(elbow) as f64)
 }
 
 /// Returns the speed profile that `time_optimal` selects.
-pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> SpeedProfile {
-    match preparation.bool(slot) {
+pub(super) fn pace(preparation: &Preparation<'_>, time_optimal: Slot<Bool>) -> SpeedProfile {
+    match preparation.get(time_optimal) {
         1 => SpeedProfile::TimeOptimal,
         _ => SpeedProfile::Uniform,
     }
+}
+
+/// Reads velocity, acceleration and jerk.
+pub(super) fn limits(preparation: &Preparation<'_>, slots: [Slot<Real>; 3]) -> MotionLimits {
+    MotionLimits::of(slots.map(|slot| preparation.get(slot)))
 }
 
 /// `velocity`, `acceleration`, `jerk` and the same for the orientation: limits of the flange. Null: limited only by the
@@ -172,44 +243,37 @@ const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
     .above(0.0)
 }
 
-/// Runs one cycle of a motion: its ports in the order of [`INPUTS`] and [`OUTPUTS`], its index, the width of `joints`.
-pub(super) fn step(frame: &mut Frame<'_>, ports: [u32; PORTS], motion: u32, width: u32) {
-    let [
-        stop,
-        pause,
-        speed,
-        joints,
-        pose,
-        done,
-        progress,
-        distance,
-        speed_along,
-        acceleration,
-        leg,
-    ] = ports;
-    let speed_override = SpeedOverride {
-        stop: frame.bool(stop) != 0,
-        pause: frame.bool(pause) != 0,
-        speed: frame.real(speed),
-    };
-    let Some(state) = frame.motions.step(motion as usize, speed_override) else {
-        frame.motion_failed = true;
-        frame.set_joints(joints, width, None);
-        frame.set_reals(pose, [NULL_REAL; 7]);
-        frame.set_bool(done, NULL_BOOL);
-        for real in [progress, distance, speed_along, acceleration] {
-            frame.set_real(real, NULL_REAL);
-        }
-        frame.set_int(leg, NULL_INT);
-        return;
-    };
-    let known = state.joints.iter().all(|joint| joint.is_finite());
-    frame.set_joints(joints, width, known.then_some(&state.joints));
-    frame.set_pose(pose, state.pose);
-    frame.set_bool(done, u8::from(state.path.done));
-    frame.set_real(progress, state.progress);
-    frame.set_real(distance, state.distance);
-    frame.set_real(speed_along, state.speed);
-    frame.set_real(acceleration, state.acceleration);
-    frame.set_int(leg, i64::from(state.leg));
+impl Ports {
+    /// Runs one cycle of a motion: its ports in the order of [`INPUTS`] and [`OUTPUTS`], its index, the width of `joints`.
+    pub(super) fn step(self, frame: &mut Frame<'_>, motion: Clock) -> Option<()> {
+        let speed_override = SpeedOverride {
+            stop: frame.get(self.stop)? != 0,
+            pause: frame.get(self.pause)? != 0,
+            speed: frame.get(self.speed)?,
+        };
+        let Some(state) = frame.motions.step(motion.0 as usize, speed_override) else {
+            frame.motion_failed = true;
+            frame.put_joints(self.joints, self.width, None)?;
+            frame.put(self.pose, Pose::NULL)?;
+            frame.put(self.done, NULL_BOOL)?;
+            for real in [
+                self.progress,
+                self.distance,
+                self.flange_speed,
+                self.acceleration,
+            ] {
+                frame.put(real, NULL_REAL)?;
+            }
+            return frame.put(self.leg, NULL_INT);
+        };
+        let known = state.joints.iter().all(|joint| joint.is_finite());
+        frame.put_joints(self.joints, self.width, known.then_some(&state.joints))?;
+        frame.put(self.pose, state.pose)?;
+        frame.put(self.done, u8::from(state.path.done))?;
+        frame.put(self.progress, state.progress)?;
+        frame.put(self.distance, state.distance)?;
+        frame.put(self.flange_speed, state.speed)?;
+        frame.put(self.acceleration, state.acceleration)?;
+        frame.put(self.leg, i64::from(state.leg))
+    }
 }

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, UnitRule, each, higher,
-    lower, real_unless,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, Port, Real, Slot, Spec, StateSpec, Step,
+    UnitRule, higher, lower, operands, real_unless,
 };
 use crate::types::NULL_BOOL;
 
@@ -46,21 +46,29 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<PeakHold>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, reset, least, greatest, state]: [u32; 5]) -> Option<()> {
-    let (value, reset) = (frame.get_real(input)?, frame.get_bool(reset)?);
-    let [low, high] = frame.get_reals(state)?;
-    let null = value.is_nan() | (reset & NULL_BOOL != 0);
-    // `lower` and `higher` ignore NaN, which is the initial state.
-    let known = if reset == 1 {
-        [value; 2]
-    } else {
-        [lower(low, value), higher(high, value)]
-    };
-    frame.put_real(least, real_unless(null, known[0]))?;
-    frame.put_real(greatest, real_unless(null, known[1]))?;
-    frame.put_reals(state, if null { [low, high] } else { known })
+operands! {
+    struct PeakHold {
+        input: Slot<Real>, reset: Slot<Bool>, least: Slot<Real>, greatest: Slot<Real>, state: Slot<[Real; 2]>,
+    }
+}
+
+impl Step for PeakHold {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, reset) = (frame.get(self.input)?, frame.get(self.reset)?);
+        let [low, high] = frame.get(self.state)?;
+        let null = value.is_nan() | (reset & NULL_BOOL != 0);
+        // `lower` and `higher` ignore NaN, which is the initial state.
+        let known = if reset == 1 {
+            [value; 2]
+        } else {
+            [lower(low, value), higher(high, value)]
+        };
+        frame.put(self.least, real_unless(null, known[0]))?;
+        frame.put(self.greatest, real_unless(null, known[1]))?;
+        frame.put(self.state, if null { [low, high] } else { known })
+    }
 }

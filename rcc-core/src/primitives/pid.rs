@@ -6,8 +6,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
-    StateSpec, UnitRule, choose, each, finite, within,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType,
+    Real, Slot, Spec, StateSpec, Step, UnitRule, choose, finite, operands, within,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 
@@ -100,85 +100,78 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Parameter::new("low", OUTPUT, "minimum output; null: no limit").default(DefaultValue::Null),
             Parameter::new("high", OUTPUT, "maximum output; null: no limit").default(DefaultValue::Null),
         ],
-        // integral, derivative, last measurement
         state: StateSpec {
             reals: 3,
             ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Pid>()],
 );
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 17]) -> Option<()> {
-    let [
-        setpoint,
-        measured,
-        feed_forward,
-        manual,
-        manual_value,
-        out,
-        saturated,
-        integral,
-        rest @ ..,
-    ] = operands;
-    let [
-        gain,
-        integral_time,
-        derivative_time,
-        derivative_gain,
-        weight,
-        tracking_time,
-        low,
-        high,
-        state,
-    ] = rest;
-    let (setpoint, measured) = (frame.get_real(setpoint)?, frame.get_real(measured)?);
-    let (feed_forward, manual) = (frame.get_real(feed_forward)?, frame.get_bool(manual)?);
-    let manual_value = frame.get_real(manual_value)?;
-    let law = PidParameters {
-        gain: frame.get_real(gain)?,
-        integral_time: frame.get_real(integral_time)?,
-        derivative_time: frame.get_real(derivative_time)?,
-        derivative_gain: frame.get_real(derivative_gain)?,
-        tracking_time: frame.get_real(tracking_time)?,
-        dt_s: frame.dt_s,
-    };
-    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
-    let [sum, rate, last] = frame.get_reals(state)?;
-    let sum = if sum.is_nan() { 0.0 } else { sum };
-    let derivative = finite(law.derivative(rate, measured - last));
-    let proportional = law.gain * (frame.get_real(weight)? * setpoint - measured);
-    let others = proportional + derivative + feed_forward;
-    let is_manual = manual == 1;
-    let followed = law.follows(is_manual, within(manual_value, low, high) - others, sum);
-    let unlimited = if is_manual {
-        manual_value
-    } else {
-        others + followed
-    };
-    let limited = finite(within(unlimited, low, high));
-    // Any null input makes it NaN, except a manual value that is not used.
-    let null =
-        limited.is_nan() | (manual & NULL_BOOL != 0) | manual_value.is_nan() | others.is_nan();
-    let next = if is_manual {
-        followed
-    } else {
-        followed + law.growth(setpoint - measured, limited - unlimited)
-    };
-    frame.put_real(out, if null { NULL_REAL } else { limited })?;
-    frame.put_bool(
-        saturated,
-        choose(null, NULL_BOOL, u8::from(limited != unlimited)),
-    )?;
-    frame.put_real(integral, if null { NULL_REAL } else { finite(followed) })?;
-    let held = null | !next.is_finite();
-    let remembered = if null {
-        [sum, 0.0, NULL_REAL]
-    } else {
-        [if held { sum } else { next }, derivative, measured]
-    };
-    frame.put_reals(state, remembered)
+operands! {
+    struct Pid {
+        setpoint: Slot<Real>, measured: Slot<Real>, feed_forward: Slot<Real>, manual: Slot<Bool>,
+        manual_value: Slot<Real>, out: Slot<Real>, saturated: Slot<Bool>, integral: Slot<Real>,
+        gain: Slot<Real>, integral_time: Slot<Real>, derivative_time: Slot<Real>, derivative_gain: Slot<Real>,
+        weight: Slot<Real>, tracking_time: Slot<Real>, low: Slot<Real>, high: Slot<Real>,
+        /// Integral, derivative, last measurement.
+        state: Slot<[Real; 3]>,
+    }
+}
+
+impl Step for Pid {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (setpoint, measured) = (frame.get(self.setpoint)?, frame.get(self.measured)?);
+        let (feed_forward, manual) = (frame.get(self.feed_forward)?, frame.get(self.manual)?);
+        let manual_value = frame.get(self.manual_value)?;
+        let law = PidParameters {
+            gain: frame.get(self.gain)?,
+            integral_time: frame.get(self.integral_time)?,
+            derivative_time: frame.get(self.derivative_time)?,
+            derivative_gain: frame.get(self.derivative_gain)?,
+            tracking_time: frame.get(self.tracking_time)?,
+            dt_s: frame.dt_s,
+        };
+        let (low, high) = (frame.get(self.low)?, frame.get(self.high)?);
+        let [sum, rate, last] = frame.get(self.state)?;
+        let sum = if sum.is_nan() { 0.0 } else { sum };
+        let derivative = finite(law.derivative(rate, measured - last));
+        let proportional = law.gain * (frame.get(self.weight)? * setpoint - measured);
+        let others = proportional + derivative + feed_forward;
+        let is_manual = manual == 1;
+        let followed = law.follows(is_manual, within(manual_value, low, high) - others, sum);
+        let unlimited = if is_manual {
+            manual_value
+        } else {
+            others + followed
+        };
+        let limited = finite(within(unlimited, low, high));
+        // Any null input makes it NaN, except a manual value that is not used.
+        let null =
+            limited.is_nan() | (manual & NULL_BOOL != 0) | manual_value.is_nan() | others.is_nan();
+        let next = if is_manual {
+            followed
+        } else {
+            followed + law.growth(setpoint - measured, limited - unlimited)
+        };
+        frame.put(self.out, if null { NULL_REAL } else { limited })?;
+        frame.put(
+            self.saturated,
+            choose(null, NULL_BOOL, u8::from(limited != unlimited)),
+        )?;
+        frame.put(
+            self.integral,
+            if null { NULL_REAL } else { finite(followed) },
+        )?;
+        let held = null | !next.is_finite();
+        let remembered = if null {
+            [sum, 0.0, NULL_REAL]
+        } else {
+            [if held { sum } else { next }, derivative, measured]
+        };
+        frame.put(self.state, remembered)
+    }
 }
 
 /// The parameters; times in s.

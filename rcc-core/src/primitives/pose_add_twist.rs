@@ -1,7 +1,10 @@
 //! `PoseAddTwist`: a pose advanced by a twist over one cycle.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Slot, Spatial, Spec, Step, operands,
+};
 use crate::spatial;
 use crate::types::Type;
 
@@ -19,12 +22,18 @@ inputs: &[Port::typed("pose", Type::Pose, "pose of B in A"), Port::typed("twist"
 outputs: &[Port::typed("out", Type::Pose, "pose of B in A one period later")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<PoseAddTwist>()],
 );
 
-fn step(frame: &mut Frame<'_>, [pose, twist, out]: [u32; 3]) {
-    let period = frame.dt_s;
-    let both = frame.known_pose(pose).zip(frame.composite(twist));
-    let next = both.map(|(pose, twist)| spatial::integrate(&pose, twist, period));
-    frame.set_known_pose(out, next);
+operands! {
+    struct PoseAddTwist { pose: Slot<Pose>, twist: Slot<Spatial>, out: Slot<Pose> }
+}
+
+impl Step for PoseAddTwist {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let period = frame.dt_s;
+        let both = frame.known_pose(self.pose).zip(frame.composite(self.twist));
+        let next = both.map(|(pose, twist)| spatial::integrate(&pose, twist, period));
+        frame.put_pose(self.out, next)
+    }
 }

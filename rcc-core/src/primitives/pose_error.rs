@@ -1,11 +1,13 @@
 //! `PoseError`: the difference between an actual and a desired pose.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
-use crate::rotation;
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spec, Step, UnitRule, Vector3, operands,
+};
 use crate::types::Type;
 use crate::unit::Unit;
-use crate::vector;
+use crate::{rotation, vector};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -41,13 +43,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<PoseError>()],
 );
 
-fn step(frame: &mut Frame<'_>, [from, to, translation, turn]: [u32; 4]) {
-    let poses = frame.known_pose(from).zip(frame.known_pose(to));
-    let difference = poses.map(|(from, to)| vector::subtract(to.position, from.position));
-    let angle = poses.map(|(from, to)| rotation::error(from.orientation, to.orientation));
-    frame.set_composite(translation, difference);
-    frame.set_composite(turn, angle);
+operands! {
+    struct PoseError { from: Slot<Pose>, to: Slot<Pose>, translation: Slot<Vector3>, rotation: Slot<Vector3> }
+}
+
+impl Step for PoseError {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let poses = frame.known_pose(self.from).zip(frame.known_pose(self.to));
+        let difference = poses.map(|(from, to)| vector::subtract(to.position, from.position));
+        let angle = poses.map(|(from, to)| rotation::error(from.orientation, to.orientation));
+        frame.put_composite(self.translation, difference)?;
+        frame.put_composite(self.rotation, angle)
+    }
 }

@@ -2,7 +2,9 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule, operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -31,17 +33,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed("out", Type::Pose, "pose of B in A, w ≥ 0")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<PoseFromTransform>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let transform = frame.composite::<16>(input);
-    let pose = transform.and_then(|[a, b, c, x, d, e, f, y, g, h, i, z, ..]| {
-        let orientation = rotation::from_matrix(&[[a, b, c], [d, e, f], [g, h, i]])?;
-        Some(Pose {
-            position: [x, y, z],
-            orientation,
-        })
-    });
-    frame.set_known_pose(out, pose);
+operands! {
+    struct PoseFromTransform { input: Slot<[Real; 16]>, out: Slot<Pose> }
+}
+
+impl Step for PoseFromTransform {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let transform = frame.composite::<16>(self.input);
+        let pose = transform.and_then(|[a, b, c, x, d, e, f, y, g, h, i, z, ..]| {
+            let orientation = rotation::from_matrix(&[[a, b, c], [d, e, f], [g, h, i]])?;
+            Some(Pose {
+                position: [x, y, z],
+                orientation,
+            })
+        });
+        frame.put_pose(self.out, pose)
+    }
 }

@@ -7,13 +7,13 @@
 
 use core::f64::consts::TAU;
 
-use crate::axis::{AXIS_WORDS, AxisFollower, is_new, rest_at, share_of, step_axis};
+use crate::axis::{AXIS_WORDS, AxisFollower, AxisSlot, axes, is_new, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::MotionLimits;
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, Port, Spec, StateSpec, UnitRule,
-    each,
+    Bool, CatalogueEntry, DefaultValue, Device, Kernel, NullRule, Parameter, Port, Prepare, Real,
+    Rotation, Slot, Spec, StateSpec, Step, UnitRule, operands,
 };
 use crate::rotation::{exp, inverse, log, product, unit};
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
@@ -97,107 +97,117 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<PoseGoal>()],
 )
-.prepared_by(prepare);
+.prepared_by::<PoseGoal>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[_, _, _, _, _, _, device, .., state] = operands else {
-        return Ok(());
-    };
-    let (arm, hold) = preparation.arm_at_rest(device)?;
-    let Pose {
-        position: [x, y, z],
-        orientation,
-    } = arm.forward(&hold);
-    for (position, slot) in [x, y, z, 0.0, 0.0, 0.0].into_iter().zip(axes(state)) {
-        preparation.set_reals(slot, rest_at(position));
+operands! {
+    struct PoseGoal {
+        goal: Slot<Pose>, speed: Slot<Real>, stop: Slot<Bool>,
+        pose: Slot<Pose>, done: Slot<Bool>, flange_speed: Slot<Real>,
+        device: Device, velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
+        angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
+        /// Six axes; the first orientation follows.
+        state: AxisSlot,
     }
-    preparation.set_reals(first_orientation(state), orientation);
-    Ok(())
 }
 
-/// Slots of the six axes in the arena.
-pub(super) fn axes(state: u32) -> impl Iterator<Item = u32> {
-    (0..6).map(move |axis| state + axis * AXIS_WORDS as u32)
-}
-
-fn first_orientation(state: u32) -> u32 {
-    state + 6 * AXIS_WORDS as u32
-}
-
-fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
-    let [
-        goal,
-        speed,
-        stop,
-        pose,
-        done,
-        flange_speed,
-        _device,
-        rest @ ..,
-    ] = operands;
-    let [v, a, j, w, wa, wj, state] = rest;
-    let (share, stopped) = (share_of(frame, speed, stop), frame.bool(stop) != 0);
-    let line = limits(frame, [v, a, j], share);
-    let turn = limits(frame, [w, wa, wj], share);
-    let first = unit(frame.reals(first_orientation(state)));
-    let mut now = [NULL_REAL; 6];
-    for (place, slot) in now.iter_mut().zip(axes(state)) {
-        let follower = AxisFollower::from_words(&frame.reals(slot));
-        *place = follower.state().position;
+impl PoseGoal {
+    fn first_orientation(self) -> Slot<Rotation> {
+        (self.state + SIX * AXIS_WORDS as u32).cast()
     }
-    let [.., rx, ry, rz] = now;
-    let wish = frame.known_pose(goal).zip(first).map(|(goal, first)| {
-        let [x, y, z] = goal.position;
-        let turned = log(product(inverse(first), goal.orientation));
-        let [a, b, c] = nearest_turn(turned, [rx, ry, rz]);
-        [x, y, z, a, b, c]
-    });
-    let wish = wish.filter(|_| !is_new(frame, state));
-    let axes = step_six(frame, state, wish, [&line, &turn]);
-    let result = axes.zip(first).map(|(axes, first)| {
-        let [x, y, z, a, b, c] = axes.map(|axis| axis.state().position);
-        Pose {
+}
+
+impl Prepare for PoseGoal {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let (arm, hold) = preparation.arm_at_rest(self.device)?;
+        let Pose {
             position: [x, y, z],
-            orientation: product(first, exp([a, b, c])),
+            orientation,
+        } = arm.forward(&hold);
+        let positions = [x, y, z, 0.0, 0.0, 0.0];
+        for (position, slot) in positions.into_iter().zip(axes(self.state, SIX)) {
+            preparation.put(slot, rest_at(position));
         }
-    });
-    frame.set_known_pose(pose, result);
-    let at_rest = axes.map(|axes| {
-        let there = axes.iter().all(AxisFollower::arrived);
-        u8::from(there || stopped && axes.iter().all(|axis| axis.state().rests()))
-    });
-    frame.set_bool(done, at_rest.unwrap_or(NULL_BOOL));
-    let speed = axes.map(|axes| {
-        let [x, y, z, ..] = axes.map(|axis| axis.state().velocity);
-        norm([x, y, z])
-    });
-    frame.set_real(flange_speed, speed.unwrap_or(NULL_REAL));
+        preparation.put(self.first_orientation(), orientation);
+        Ok(())
+    }
 }
 
-/// Reads three limits from their slots, the first one scaled by a share.
-pub(super) fn limits(frame: &Frame<'_>, slots: [u32; 3], share: f64) -> MotionLimits {
-    let [velocity, acceleration, jerk] = slots.map(|slot| frame.real(slot));
-    MotionLimits {
-        velocity: velocity * share,
-        acceleration,
-        jerk,
+impl Step for PoseGoal {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let share = share_of(frame, self.speed, self.stop)?;
+        let stopped = frame.get(self.stop)? != 0;
+        let line = limits(frame, [self.velocity, self.acceleration, self.jerk], share)?;
+        let turn = [
+            self.angular_velocity,
+            self.angular_acceleration,
+            self.angular_jerk,
+        ];
+        let turn = limits(frame, turn, share)?;
+        let first = unit(frame.get(self.first_orientation())?);
+        let mut now = [NULL_REAL; SIX as usize];
+        for (place, slot) in now.iter_mut().zip(axes(self.state, SIX)) {
+            *place = AxisFollower::from_words(&frame.get(slot)?).state().position;
+        }
+        let [.., rx, ry, rz] = now;
+        let goal = frame.known_pose(self.goal).zip(first).map(|(goal, first)| {
+            let [x, y, z] = goal.position;
+            let turned = log(product(inverse(first), goal.orientation));
+            let [a, b, c] = nearest_turn(turned, [rx, ry, rz]);
+            [x, y, z, a, b, c]
+        });
+        let begins = is_new(frame, self.state)?;
+        let axes = step_six(frame, self.state, goal.filter(|_| !begins), [&line, &turn]);
+        let result = axes.zip(first).map(|(axes, first)| {
+            let [x, y, z, a, b, c] = axes.map(|axis| axis.state().position);
+            Pose {
+                position: [x, y, z],
+                orientation: product(first, exp([a, b, c])),
+            }
+        });
+        frame.put_pose(self.pose, result)?;
+        let at_rest = axes.map(|axes| {
+            let there = axes.iter().all(AxisFollower::arrived);
+            u8::from(there || stopped && axes.iter().all(|axis| axis.state().rests()))
+        });
+        frame.put(self.done, at_rest.unwrap_or(NULL_BOOL))?;
+        let speed = axes.map(|axes| {
+            let [x, y, z, ..] = axes.map(|axis| axis.state().velocity);
+            norm([x, y, z])
+        });
+        frame.put(self.flange_speed, speed.unwrap_or(NULL_REAL))
     }
+}
+
+/// Number of axes of a pose: three of the position, three of the rotation.
+pub(super) const SIX: u32 = 6;
+
+/// Reads velocity, acceleration and jerk; the velocity is scaled by a share.
+pub(super) fn limits(
+    frame: &Frame<'_>,
+    [velocity, acceleration, jerk]: [Slot<Real>; 3],
+    share: f64,
+) -> Option<MotionLimits> {
+    Some(MotionLimits {
+        velocity: frame.get(velocity)? * share,
+        acceleration: frame.get(acceleration)?,
+        jerk: frame.get(jerk)?,
+    })
 }
 
 /// Steps six axes, three with the first limits and three with the second; `None` while the position of one is unknown.
 pub(super) fn step_six(
     frame: &mut Frame<'_>,
-    state: u32,
-    wish: Option<[f64; 6]>,
+    state: AxisSlot,
+    goal: Option<[f64; 6]>,
     [line, turn]: [&MotionLimits; 2],
 ) -> Option<[AxisFollower; 6]> {
     let mut all = [AxisFollower::at_rest(NULL_REAL); 6];
-    let mut goals = wish.unwrap_or([NULL_REAL; 6]).into_iter();
+    let mut goals = goal.unwrap_or([NULL_REAL; 6]).into_iter();
     let limits = [line, line, line, turn, turn, turn];
     let mut known = true;
-    for ((place, slot), limits) in all.iter_mut().zip(axes(state)).zip(limits) {
+    for ((place, slot), limits) in all.iter_mut().zip(axes(state, SIX)).zip(limits) {
         match step_axis(frame, slot, goals.next(), limits) {
             Some(axis) => *place = axis,
             None => known = false,

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, choose, each, elapsed,
-    reached, real_unless,
+    Bool, CatalogueEntry, Example, Int, Kernel, Port, Real, Slot, Spec, StateSpec, Step, UnitRule,
+    choose, elapsed, operands, reached, real_unless,
 };
 use crate::types::NULL_BOOL;
 
@@ -53,24 +53,36 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Pulse>()],
 );
 
-/// `age`: cycles of the pulse, including the current one; 0 without a pulse.
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, time, out, passed, last, age]: [u32; 6]) -> Option<()> {
-    let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);
-    let (before, age_before) = (frame.get_bool(last)?, frame.get_int(age)?);
-    let unknown = value & NULL_BOOL != 0;
-    let (edge, dt_s) = ((value == 1) & (before == 0), frame.dt_s);
-    let older = age_before.saturating_add(1);
-    let continues = (age_before > 0) & !reached(age_before, dt_s, time_s);
-    let begins = edge & !reached(0, dt_s, time_s) & !time_s.is_nan();
-    let count = choose(continues, older, i64::from(begins));
-    let null = unknown | time_s.is_nan();
-    let now = elapsed(count.saturating_sub(1).max(0), dt_s, time_s);
-    frame.put_bool(last, choose(unknown, before, value))?;
-    frame.put_int(age, count)?;
-    frame.put_bool(out, choose(null, NULL_BOOL, u8::from(count > 0)))?;
-    frame.put_real(passed, real_unless(null, if count > 0 { now } else { 0.0 }))
+operands! {
+    struct Pulse {
+        input: Slot<Bool>, time: Slot<Real>, out: Slot<Bool>, elapsed: Slot<Real>, last: Slot<Bool>,
+        age: Slot<Int>,
+    }
+}
+
+impl Step for Pulse {
+    /// `age`: cycles of the pulse, including the current one; 0 without a pulse.
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, time_s) = (frame.get(self.input)?, frame.get(self.time)?);
+        let (before, age_before) = (frame.get(self.last)?, frame.get(self.age)?);
+        let unknown = value & NULL_BOOL != 0;
+        let (edge, dt_s) = ((value == 1) & (before == 0), frame.dt_s);
+        let older = age_before.saturating_add(1);
+        let continues = (age_before > 0) & !reached(age_before, dt_s, time_s);
+        let begins = edge & !reached(0, dt_s, time_s) & !time_s.is_nan();
+        let count = choose(continues, older, i64::from(begins));
+        let null = unknown | time_s.is_nan();
+        let now = elapsed(count.saturating_sub(1).max(0), dt_s, time_s);
+        frame.put(self.last, choose(unknown, before, value))?;
+        frame.put(self.age, count)?;
+        frame.put(self.out, choose(null, NULL_BOOL, u8::from(count > 0)))?;
+        frame.put(
+            self.elapsed,
+            real_unless(null, if count > 0 { now } else { 0.0 }),
+        )
+    }
 }

@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, Spec, UnitRule, each, finite,
+    CatalogueEntry, Example, Kernel, Parameter, Port, Real, Slot, Spec, Step, UnitRule, finite,
+    operands,
 };
 
 /// The row of the catalogue.
@@ -29,11 +30,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Quantize>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, step]: [u32; 3]) -> Option<()> {
-    let (value, step) = (frame.get_real(input)?, frame.get_real(step)?);
-    frame.put_real(out, finite(step * libm::round(value / step)))
+operands! {
+    struct Quantize { input: Slot<Real>, out: Slot<Real>, step: Slot<Real> }
+}
+
+impl Step for Quantize {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (value, step) = (frame.get(self.input)?, frame.get(self.step)?);
+        frame.put(self.out, finite(step * libm::round(value / step)))
+    }
 }

@@ -5,8 +5,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, StateSpec,
-    UnitRule, each,
+    CatalogueEntry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Real, Slot, Spec,
+    StateSpec, Step, UnitRule, operands,
 };
 use crate::types::{NULL_REAL, Type};
 
@@ -43,25 +43,31 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RateLimit>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, rate, last]: [u32; 4]) {
-    let (target, before) = (frame.real(input), frame.real(last));
-    let largest = frame.real(rate) * frame.dt_s;
-    let change = target - before;
-    let limited = if change > largest {
-        before + largest
-    } else if change < -largest {
-        before - largest
-    } else {
-        target
-    };
-    let known = if before.is_nan() { target } else { limited };
-    let null = target.is_nan();
-    frame.set_real(out, if null { NULL_REAL } else { known });
-    frame.set_real(last, if null { before } else { known });
+operands! {
+    struct RateLimit { input: Slot<Real>, out: Slot<Real>, rate: Slot<Real>, last: Slot<Real> }
+}
+
+impl Step for RateLimit {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (target, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        let largest = frame.get(self.rate)? * frame.dt_s;
+        let change = target - before;
+        let limited = if change > largest {
+            before + largest
+        } else if change < -largest {
+            before - largest
+        } else {
+            target
+        };
+        let known = if before.is_nan() { target } else { limited };
+        let null = target.is_nan();
+        frame.put(self.out, if null { NULL_REAL } else { known })?;
+        frame.put(self.last, if null { before } else { known })
+    }
 }
 
 #[cfg(test)]

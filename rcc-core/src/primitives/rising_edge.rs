@@ -5,8 +5,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
-    UnitRule, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Slot,
+    Spec, StateSpec, Step, UnitRule, choose, operands,
 };
 use crate::types::{NULL_BOOL, Type};
 
@@ -52,16 +52,22 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RisingEdge>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, last]: [u32; 3]) -> Option<()> {
-    let (now, before) = (frame.get_bool(input)?, frame.get_bool(last)?);
-    let null = now & NULL_BOOL != 0;
-    let edge = u8::from((now == 1) & (before == 0));
-    frame.put_bool(out, choose(null, NULL_BOOL, edge))?;
-    frame.put_bool(last, choose(null, before, now))
+operands! {
+    struct RisingEdge { input: Slot<Bool>, out: Slot<Bool>, last: Slot<Bool> }
+}
+
+impl Step for RisingEdge {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (now, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        let null = now & NULL_BOOL != 0;
+        let edge = u8::from((now == 1) & (before == 0));
+        frame.put(self.out, choose(null, NULL_BOOL, edge))?;
+        frame.put(self.last, choose(null, before, now))
+    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! `Rotate`: transforms a vector, twist or wrench from axes of an inner frame to axes of the outer frame.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Kernel, Port, Spec, TypeFamily, UnitRule, each};
-use crate::rotation;
-use crate::spatial;
-use crate::types::{Store, Type};
+use crate::primitive::{
+    CatalogueEntry, Kernel, Port, Real, Rotation, Slot, Spec, Step, TypeFamily, UnitRule, operands,
+};
+use crate::types::Type;
+use crate::{rotation, spatial};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -25,35 +26,38 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::of(Store::Real, |frame, operands| {
-        each(frame, operands, step);
-    })],
+    &[Kernel::each::<Rotate>()],
 );
 
 const ONE_VECTOR: u32 = Type::Vector3.width();
 const TWO_VECTORS: u32 = Type::Twist.width();
 
-fn step(frame: &mut Frame<'_>, [turn, input, out, width]: [u32; 4]) -> Option<()> {
-    let turn = frame.rotation(turn);
-    match width {
-        ONE_VECTOR => {
-            let both = turn.zip(frame.composite(input));
-            frame.set_composite(
-                out,
-                both.map(|(turn, vector)| rotation::rotate(turn, vector)),
-            );
+operands! {
+    struct Rotate for Real { rotation: Slot<Rotation>, input: Slot<Real>, out: Slot<Real>, width: u32 }
+}
+
+impl Step for Rotate {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let turn = frame.rotation(self.rotation);
+        match self.width {
+            ONE_VECTOR => {
+                let both = turn.zip(frame.composite(self.input.cast()));
+                frame.put_composite(
+                    self.out.cast(),
+                    both.map(|(turn, vector)| rotation::rotate(turn, vector)),
+                )
+            }
+            TWO_VECTORS => {
+                let both = turn.zip(frame.composite(self.input.cast()));
+                let turned = both.map(|(turn, six)| {
+                    let (a, b) = spatial::split(six);
+                    spatial::join(rotation::rotate(turn, a), rotation::rotate(turn, b))
+                });
+                frame.put_composite(self.out.cast(), turned)
+            }
+            _ => None,
         }
-        TWO_VECTORS => {
-            let both = turn.zip(frame.composite(input));
-            let turned = both.map(|(turn, six)| {
-                let (a, b) = spatial::split(six);
-                spatial::join(rotation::rotate(turn, a), rotation::rotate(turn, b))
-            });
-            frame.set_composite(out, turned);
-        }
-        _ => return None,
     }
-    Some(())
 }
 
 #[cfg(test)]

@@ -1,11 +1,13 @@
 //! `RotationBezier`: a smooth curve between two rotations with given angular velocities at its ends.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
-use crate::rotation;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Rotation, Slot, Spec, Step, UnitRule,
+    Vector3, operands,
+};
 use crate::types::Type;
 use crate::unit::Unit;
-use crate::vector;
+use crate::{rotation, vector};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -56,18 +58,29 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed("out", Type::Rotation, "rotation at s, in A")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationBezier>()],
 );
 
-fn step(frame: &mut Frame<'_>, [from, to, start, end, s, out]: [u32; 6]) {
-    let ends = frame.rotation(from).zip(frame.rotation(to));
-    let velocities = frame.composite(start).zip(frame.composite(end));
-    let s = frame.real(s);
-    let rotation = ends.zip(velocities).and_then(|((from, to), (start, end))| {
-        let third = |velocity| rotation::exp(vector::scale(velocity, 1.0 / 3.0));
-        let leaving = rotation::product(third(start), from);
-        let arriving = rotation::product(rotation::inverse(third(end)), to);
-        rotation::bezier([from, leaving, arriving, to], s)
-    });
-    frame.set_composite(out, rotation);
+operands! {
+    struct RotationBezier {
+        from: Slot<Rotation>, to: Slot<Rotation>, from_velocity: Slot<Vector3>, to_velocity: Slot<Vector3>,
+        s: Slot<Real>, out: Slot<Rotation>,
+    }
+}
+
+impl Step for RotationBezier {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let ends = frame.rotation(self.from).zip(frame.rotation(self.to));
+        let velocities = frame
+            .composite(self.from_velocity)
+            .zip(frame.composite(self.to_velocity));
+        let s = frame.get(self.s)?;
+        let rotation = ends.zip(velocities).and_then(|((from, to), (start, end))| {
+            let third = |velocity| rotation::exp(vector::scale(velocity, 1.0 / 3.0));
+            let leaving = rotation::product(third(start), from);
+            let arriving = rotation::product(rotation::inverse(third(end)), to);
+            rotation::bezier([from, leaving, arriving, to], s)
+        });
+        frame.put_composite(self.out, rotation)
+    }
 }

@@ -1,7 +1,10 @@
 //! `RotationError`: the difference between an actual and a desired rotation, as a rotation vector.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Rotation, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -33,10 +36,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationError>()],
 );
 
-fn step(frame: &mut Frame<'_>, [from, to, out]: [u32; 3]) {
-    let rotations = frame.rotation(from).zip(frame.rotation(to));
-    frame.set_composite(out, rotations.map(|(from, to)| rotation::error(from, to)));
+operands! {
+    struct RotationError { from: Slot<Rotation>, to: Slot<Rotation>, out: Slot<Vector3> }
+}
+
+impl Step for RotationError {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let rotations = frame.rotation(self.from).zip(frame.rotation(self.to));
+        frame.put_composite(
+            self.out,
+            rotations.map(|(from, to)| rotation::error(from, to)),
+        )
+    }
 }

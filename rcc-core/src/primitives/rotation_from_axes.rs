@@ -1,7 +1,10 @@
 //! `RotationFromAxes`: a rotation from the direction of its x axis and the side of its y axis.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Rotation, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::rotation;
 use crate::types::Type;
 
@@ -42,11 +45,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationFromAxes>()],
 );
 
-fn step(frame: &mut Frame<'_>, [x, y, out]: [u32; 3]) {
-    let axes = frame.composite(x).zip(frame.composite(y));
-    let rotation = axes.and_then(|(x, y)| rotation::from_axes(x, y));
-    frame.set_composite(out, rotation);
+operands! {
+    struct RotationFromAxes { x: Slot<Vector3>, y: Slot<Vector3>, out: Slot<Rotation> }
+}
+
+impl Step for RotationFromAxes {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let axes = frame.composite(self.x).zip(frame.composite(self.y));
+        let rotation = axes.and_then(|(x, y)| rotation::from_axes(x, y));
+        frame.put_composite(self.out, rotation)
+    }
 }

@@ -1,7 +1,10 @@
 //! `RotationFromAxisAngle`: a rotation about an axis by an angle.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Rotation, Slot, Spec, Step, UnitRule,
+    Vector3, operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -38,12 +41,18 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationFromAxisAngle>()],
 );
 
-fn step(frame: &mut Frame<'_>, [axis, angle, out]: [u32; 3]) {
-    let angle = frame.real(angle);
-    let axis = frame.composite(axis);
-    let rotation = axis.and_then(|axis| rotation::from_axis_angle(axis, angle));
-    frame.set_composite(out, rotation);
+operands! {
+    struct RotationFromAxisAngle { axis: Slot<Vector3>, angle: Slot<Real>, out: Slot<Rotation> }
+}
+
+impl Step for RotationFromAxisAngle {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let angle = frame.get(self.angle)?;
+        let axis = frame.composite(self.axis);
+        let rotation = axis.and_then(|axis| rotation::from_axis_angle(axis, angle));
+        frame.put_composite(self.out, rotation)
+    }
 }

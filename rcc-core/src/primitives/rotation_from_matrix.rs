@@ -1,7 +1,10 @@
 //! `RotationFromMatrix`: the rotation nearest to an approximate rotation matrix.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Rotation, Slot, Spec, Step, UnitRule,
+    operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -36,10 +39,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationFromMatrix>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let matrix = frame.composite::<9>(input).map(bytemuck::cast);
-    frame.set_composite(out, matrix.and_then(|m| rotation::from_matrix(&m)));
+operands! {
+    struct RotationFromMatrix { input: Slot<[Real; 9]>, out: Slot<Rotation> }
+}
+
+impl Step for RotationFromMatrix {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let matrix = frame.composite::<9>(self.input).map(bytemuck::cast);
+        frame.put_composite(self.out, matrix.and_then(|m| rotation::from_matrix(&m)))
+    }
 }

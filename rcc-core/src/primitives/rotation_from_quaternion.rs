@@ -1,7 +1,9 @@
 //! `RotationFromQuaternion`: a rotation from the four numbers of a quaternion.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Rotation, Slot, Spec, Step, UnitRule, operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -35,10 +37,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationFromQuaternion>()],
 );
 
-fn step(frame: &mut Frame<'_>, [x, y, z, w, out]: [u32; 5]) {
-    let quaternion = [x, y, z, w].map(|slot| frame.real(slot));
-    frame.set_composite(out, rotation::unit(quaternion));
+operands! {
+    struct RotationFromQuaternion { x: Slot<Real>, y: Slot<Real>, z: Slot<Real>, w: Slot<Real>, out: Slot<Rotation> }
+}
+
+impl Step for RotationFromQuaternion {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let [x, y, z] = [frame.get(self.x)?, frame.get(self.y)?, frame.get(self.z)?];
+        let quaternion = [x, y, z, frame.get(self.w)?];
+        frame.put_composite(self.out, rotation::unit(quaternion))
+    }
 }

@@ -1,7 +1,9 @@
 //! `RotationFromRpy`: a rotation from roll, pitch and yaw.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Rotation, Slot, Spec, Step, UnitRule, operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -30,10 +32,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::typed("out", Type::Rotation, "rotation of B in A")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationFromRpy>()],
 );
 
-fn step(frame: &mut Frame<'_>, [roll, pitch, yaw, out]: [u32; 4]) {
-    let rotation = rotation::from_rpy([roll, pitch, yaw].map(|slot| frame.real(slot)));
-    frame.set_composite(out, Some(rotation));
+operands! {
+    struct RotationFromRpy { roll: Slot<Real>, pitch: Slot<Real>, yaw: Slot<Real>, out: Slot<Rotation> }
+}
+
+impl Step for RotationFromRpy {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let angles = [
+            frame.get(self.roll)?,
+            frame.get(self.pitch)?,
+            frame.get(self.yaw)?,
+        ];
+        let rotation = rotation::from_rpy(angles);
+        frame.put_composite(self.out, Some(rotation))
+    }
 }

@@ -1,7 +1,10 @@
 //! `RotationFromTwoVectors`: the shortest rotation from one direction to another.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Rotation, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::rotation;
 use crate::types::Type;
 
@@ -43,11 +46,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationFromTwoVectors>()],
 );
 
-fn step(frame: &mut Frame<'_>, [from, to, out]: [u32; 3]) {
-    let vectors = frame.composite(from).zip(frame.composite(to));
-    let turn = vectors.and_then(|(from, to)| rotation::between(from, to));
-    frame.set_composite(out, turn);
+operands! {
+    struct RotationFromTwoVectors { from: Slot<Vector3>, to: Slot<Vector3>, out: Slot<Rotation> }
+}
+
+impl Step for RotationFromTwoVectors {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let vectors = frame.composite(self.from).zip(frame.composite(self.to));
+        let turn = vectors.and_then(|(from, to)| rotation::between(from, to));
+        frame.put_composite(self.out, turn)
+    }
 }

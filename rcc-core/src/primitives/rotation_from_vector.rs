@@ -1,7 +1,10 @@
 //! `RotationFromVector`: a rotation from its rotation vector, the exponential map.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Rotation, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -35,10 +38,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationFromVector>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let rotation = frame.composite(input).map(rotation::exp);
-    frame.set_composite(out, rotation);
+operands! {
+    struct RotationFromVector { input: Slot<Vector3>, out: Slot<Rotation> }
+}
+
+impl Step for RotationFromVector {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let rotation = frame.composite(self.input).map(rotation::exp);
+        frame.put_composite(self.out, rotation)
+    }
 }

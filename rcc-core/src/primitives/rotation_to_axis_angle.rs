@@ -1,7 +1,10 @@
 //! `RotationToAxisAngle`: axis and angle of a rotation.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Rotation, Slot, Spec, Step, UnitRule,
+    Vector3, operands,
+};
 use crate::rotation;
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
@@ -35,11 +38,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationToAxisAngle>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, axis, angle]: [u32; 3]) {
-    let turn = frame.rotation(input).map(rotation::to_axis_angle);
-    frame.set_composite(axis, turn.map(|(axis, _)| axis));
-    frame.set_real(angle, turn.map_or(NULL_REAL, |(_, angle)| angle));
+operands! {
+    struct RotationToAxisAngle { input: Slot<Rotation>, axis: Slot<Vector3>, angle: Slot<Real> }
+}
+
+impl Step for RotationToAxisAngle {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let turn = frame.rotation(self.input).map(rotation::to_axis_angle);
+        frame.put_composite(self.axis, turn.map(|(axis, _)| axis))?;
+        frame.put(self.angle, turn.map_or(NULL_REAL, |(_, angle)| angle))
+    }
 }

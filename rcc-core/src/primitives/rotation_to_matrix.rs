@@ -1,7 +1,10 @@
 //! `RotationToMatrix`: the rotation matrix of a rotation.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Rotation, Slot, Spec, Step, UnitRule,
+    operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -29,10 +32,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationToMatrix>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let matrix = frame.rotation(input).map(rotation::to_matrix);
-    frame.set_composite::<9>(out, matrix.map(bytemuck::cast));
+operands! {
+    struct RotationToMatrix { input: Slot<Rotation>, out: Slot<[Real; 9]> }
+}
+
+impl Step for RotationToMatrix {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let matrix = frame.rotation(self.input).map(rotation::to_matrix);
+        frame.put_composite(self.out, matrix.map(bytemuck::cast))
+    }
 }

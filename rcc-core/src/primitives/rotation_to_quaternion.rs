@@ -1,7 +1,9 @@
 //! `RotationToQuaternion`: the four elements of a rotation's quaternion.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Rotation, Slot, Spec, Step, UnitRule, operands,
+};
 use crate::rotation;
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
@@ -33,13 +35,21 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationToQuaternion>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, x, y, z, w]: [u32; 5]) {
-    let quaternion = frame.rotation(input).map(rotation::canonical);
-    let elements = quaternion.unwrap_or([NULL_REAL; 4]);
-    for (slot, element) in [x, y, z, w].into_iter().zip(elements) {
-        frame.set_real(slot, element);
+operands! {
+    struct RotationToQuaternion { input: Slot<Rotation>, x: Slot<Real>, y: Slot<Real>, z: Slot<Real>, w: Slot<Real> }
+}
+
+impl Step for RotationToQuaternion {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let RotationToQuaternion { x, y, z, w, .. } = self;
+        let quaternion = frame.rotation(self.input).map(rotation::canonical);
+        let elements = quaternion.unwrap_or([NULL_REAL; 4]);
+        for (slot, element) in [x, y, z, w].into_iter().zip(elements) {
+            frame.put(slot, element)?;
+        }
+        Some(())
     }
 }

@@ -3,7 +3,9 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Rotation, Slot, Spec, Step, UnitRule, operands,
+};
 use crate::rotation;
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
@@ -34,15 +36,25 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationToRpy>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, roll, pitch, yaw]: [u32; 4]) {
-    let angles = frame.rotation(input).map(rotation::to_rpy);
-    for (slot, angle) in [roll, pitch, yaw]
-        .into_iter()
-        .zip(angles.unwrap_or([NULL_REAL; 3]))
-    {
-        frame.set_real(slot, angle);
+operands! {
+    struct RotationToRpy { input: Slot<Rotation>, roll: Slot<Real>, pitch: Slot<Real>, yaw: Slot<Real> }
+}
+
+impl Step for RotationToRpy {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let RotationToRpy {
+            roll, pitch, yaw, ..
+        } = self;
+        let angles = frame.rotation(self.input).map(rotation::to_rpy);
+        for (slot, angle) in [roll, pitch, yaw]
+            .into_iter()
+            .zip(angles.unwrap_or([NULL_REAL; 3]))
+        {
+            frame.put(slot, angle)?;
+        }
+        Some(())
     }
 }

@@ -1,7 +1,10 @@
 //! `RotationToVector`: the rotation vector of a rotation, the logarithm.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Rotation, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -32,10 +35,16 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<RotationToVector>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let vector = frame.rotation(input).map(rotation::log);
-    frame.set_composite(out, vector);
+operands! {
+    struct RotationToVector { input: Slot<Rotation>, out: Slot<Vector3> }
+}
+
+impl Step for RotationToVector {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let vector = frame.rotation(self.input).map(rotation::log);
+        frame.put_composite(self.out, vector)
+    }
 }

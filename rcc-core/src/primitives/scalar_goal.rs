@@ -1,12 +1,12 @@
 //! `ScalarGoal`: moves one axis to a goal that may change in any cycle, as fast as limits of velocity, acceleration and
 //! jerk allow.
 
-use crate::axis::{AXIS_WORDS, rest_at, share_of, step_axis};
+use crate::axis::{AXIS_WORDS, AxisSlot, rest_at, share_of, step_axis};
 use crate::frame::Frame;
 use crate::path::MotionLimits;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
-    PortType, Spec, StateSpec, UnitRule, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
+    PortType, Real, Slot, Spec, StateSpec, Step, UnitRule, operands,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 
@@ -82,32 +82,45 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ScalarGoal>()],
 );
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 12]) {
-    let [goal, speed, stop, outputs @ .., initial, state] = operands;
-    let [position, velocity, acceleration, done, v, a, j] = outputs;
-    let (share, stopped) = (share_of(frame, speed, stop), frame.bool(stop) != 0);
-    let goal = Some(frame.real(goal)).filter(|goal| goal.is_finite());
-    let [_, _, _, _, _, now, ..] = frame.reals::<AXIS_WORDS>(state);
-    if now.is_nan() {
-        let initial = Some(frame.real(initial)).filter(|initial| initial.is_finite());
-        let begin = initial.or(goal).unwrap_or(NULL_REAL);
-        frame.set_reals(state, rest_at(begin));
+operands! {
+    struct ScalarGoal {
+        goal: Slot<Real>, speed: Slot<Real>, stop: Slot<Bool>,
+        position: Slot<Real>, velocity: Slot<Real>, acceleration: Slot<Real>, done: Slot<Bool>,
+        max_velocity: Slot<Real>, max_acceleration: Slot<Real>, max_jerk: Slot<Real>, initial: Slot<Real>,
+        state: AxisSlot,
     }
-    let limits = MotionLimits {
-        velocity: frame.real(v) * share,
-        acceleration: frame.real(a),
-        jerk: frame.real(j),
-    };
-    let axis = step_axis(frame, state, goal, &limits);
-    let now = axis.map(|axis| axis.state());
-    let at_rest = axis.map(|axis| axis.arrived() || stopped && axis.state().rests());
-    frame.set_real(position, now.map_or(NULL_REAL, |now| now.position));
-    frame.set_real(velocity, now.map_or(NULL_REAL, |now| now.velocity));
-    frame.set_real(acceleration, now.map_or(NULL_REAL, |now| now.acceleration));
-    frame.set_bool(done, at_rest.map_or(NULL_BOOL, u8::from));
+}
+
+impl Step for ScalarGoal {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let share = share_of(frame, self.speed, self.stop)?;
+        let stopped = frame.get(self.stop)? != 0;
+        let goal = Some(frame.get(self.goal)?).filter(|goal| goal.is_finite());
+        let [_, _, _, _, _, now, ..] = frame.get(self.state)?;
+        if now.is_nan() {
+            let initial = Some(frame.get(self.initial)?).filter(|initial| initial.is_finite());
+            let begin = initial.or(goal).unwrap_or(NULL_REAL);
+            frame.put(self.state, rest_at(begin))?;
+        }
+        let limits = MotionLimits {
+            velocity: frame.get(self.max_velocity)? * share,
+            acceleration: frame.get(self.max_acceleration)?,
+            jerk: frame.get(self.max_jerk)?,
+        };
+        let axis = step_axis(frame, self.state, goal, &limits);
+        let now = axis.map(|axis| axis.state());
+        let at_rest = axis.map(|axis| axis.arrived() || stopped && axis.state().rests());
+        frame.put(self.position, now.map_or(NULL_REAL, |now| now.position))?;
+        frame.put(self.velocity, now.map_or(NULL_REAL, |now| now.velocity))?;
+        frame.put(
+            self.acceleration,
+            now.map_or(NULL_REAL, |now| now.acceleration),
+        )?;
+        frame.put(self.done, at_rest.map_or(NULL_BOOL, u8::from))
+    }
 }
 
 #[cfg(test)]

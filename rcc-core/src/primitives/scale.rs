@@ -1,11 +1,12 @@
 //! `Scale`: out = in · factor, each element rounded once; an `Int` overflow gives null.
 
+use super::multiply::Multiply;
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each, each_int,
-    each_real,
+    CatalogueEntry, Element, Example, Int, Kernel, Operation, Port, PortType, Real, Slot, Spec,
+    Step, UnitRule, each_pair, operands,
 };
-use crate::types::{NULL_INT, Store};
+use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -32,39 +33,28 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each_real(frame, operands, |a, b| a * b);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, wide_real);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each_int(frame, operands, i64::overflowing_mul);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, wide_int);
-        }),
+        Kernel::single(Store::Real, each_pair::<Real, Multiply>),
+        Kernel::each::<Scale<Real>>(),
+        Kernel::single(Store::Int, each_pair::<Int, Multiply>),
+        Kernel::each::<Scale<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn wide_real(frame: &mut Frame<'_>, [input, factor, out, width]: [u32; 4]) -> Option<()> {
-    let factor = frame.get_real(factor)?;
-    for i in 0..width {
-        let value = frame.get_real(input + i)?;
-        frame.put_real(out + i, value * factor)?;
-    }
-    Some(())
+operands! {
+    struct Scale<E> { input: Slot<E>, factor: Slot<E>, out: Slot<E>, width: u32 }
 }
 
-#[inline(always)]
-fn wide_int(frame: &mut Frame<'_>, [input, factor, out, width]: [u32; 4]) -> Option<()> {
-    let factor = frame.get_int(factor)?;
-    for i in 0..width {
-        let value = frame.get_int(input + i)?;
-        let (product, out_of_range) = value.overflowing_mul(factor);
-        let null = (value == NULL_INT) | (factor == NULL_INT) | out_of_range;
-        frame.put_int(out + i, choose(null, NULL_INT, product))?;
+impl<E: Element> Step for Scale<E>
+where
+    Multiply: Operation<E>,
+{
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let factor = frame.get(self.factor)?;
+        for i in 0..self.width {
+            let value = frame.get(self.input + i)?;
+            frame.put(self.out + i, Multiply::apply(value, factor))?;
+        }
+        Some(())
     }
-    Some(())
 }

@@ -4,9 +4,10 @@
 use core::f64::consts::FRAC_1_SQRT_2;
 
 use crate::filter::{self, Biquad};
-use crate::frame::{Preparation, PrepareFault};
+use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Prepare, Real, Slot, Spec,
+    Step, UnitRule, operands,
 };
 
 /// The row of the catalogue.
@@ -40,17 +41,26 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         state: filter::STATE,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| {
-        each(frame, operands, |frame, [input, out, _, _, state]| filter::step(frame, input, out, state));
-    })],
+    &[Kernel::each::<SecondOrderLowPass>()],
 )
-.prepared_by(prepare);
+.prepared_by::<SecondOrderLowPass>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    if let &[_input, _out, cutoff, damping, state] = operands {
-        let ([cutoff_hz], [damping]) = (preparation.reals(cutoff), preparation.reals(damping));
-        let low_pass = Biquad::low_pass(cutoff_hz, damping, preparation.dt_s);
-        filter::prepare(preparation, state, low_pass);
+operands! {
+    struct SecondOrderLowPass { input: Slot<Real>, out: Slot<Real>, cutoff: Slot<Real>, damping: Slot<Real>, state: Slot<[Real; 8]> }
+}
+
+impl Step for SecondOrderLowPass {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        filter::step(frame, self.input, self.out, self.state)
     }
-    Ok(())
+}
+
+impl Prepare for SecondOrderLowPass {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let (cutoff_hz, damping) = (preparation.get(self.cutoff), preparation.get(self.damping));
+        let low_pass = Biquad::low_pass(cutoff_hz, damping, preparation.dt_s);
+        filter::prepare(preparation, self.state, low_pass);
+        Ok(())
+    }
 }

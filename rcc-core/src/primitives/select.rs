@@ -4,10 +4,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each,
-    real_unless,
+    Bool, CatalogueEntry, Element, Example, Int, Kernel, NullRule, Port, PortType, Real, Slot,
+    Spec, Step, UnitRule, choose, copy, fill_null, operands,
 };
-use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -59,103 +58,47 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::single(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, wide_real);
-        }),
-        Kernel::single(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool);
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, wide_bool);
-        }),
-        Kernel::single(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, wide_int);
-        }),
+        Kernel::scalar::<Select<Real>>(),
+        Kernel::each::<WideSelect<Real>>(),
+        Kernel::scalar::<Select<Bool>>(),
+        Kernel::each::<WideSelect<Bool>>(),
+        Kernel::scalar::<Select<Int>>(),
+        Kernel::each::<WideSelect<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) -> Option<()> {
-    let condition = frame.get_bool(condition)?;
-    let value = frame.get_real(choose(condition == 1, yes, no))?;
-    frame.put_real(out, real_unless(condition & NULL_BOOL != 0, value))
+operands! {
+    struct Select<E> { condition: Slot<Bool>, yes: Slot<E>, no: Slot<E>, out: Slot<E> }
 }
 
-#[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) -> Option<()> {
-    let condition = frame.get_bool(condition)?;
-    let value = frame.get_bool(choose(condition == 1, yes, no))?;
-    frame.put_bool(out, choose(condition & NULL_BOOL != 0, NULL_BOOL, value))
-}
-
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) -> Option<()> {
-    let condition = frame.get_bool(condition)?;
-    let value = frame.get_int(choose(condition == 1, yes, no))?;
-    frame.put_int(out, choose(condition & NULL_BOOL != 0, NULL_INT, value))
-}
-
-#[inline]
-fn wide_real(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
-    let condition = frame.bool(condition);
-    let source = if condition == 1 { yes } else { no };
-    for i in 0..width {
-        let value = frame.real(source + i);
-        frame.set_real(
-            out + i,
-            if condition & NULL_BOOL != 0 {
-                NULL_REAL
-            } else {
-                value
-            },
-        );
+impl<E: Element> Step for Select<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let condition = frame.get(self.condition)?;
+        let value = frame.get(choose(condition == 1, self.yes, self.no))?;
+        frame.put(self.out, value.unless(condition.is_null()))
     }
 }
 
-#[inline]
-fn wide_bool(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
-    let condition = frame.bool(condition);
-    let source = if condition == 1 { yes } else { no };
-    for i in 0..width {
-        let value = frame.bool(source + i);
-        frame.set_bool(
-            out + i,
-            if condition & NULL_BOOL != 0 {
-                NULL_BOOL
-            } else {
-                value
-            },
-        );
-    }
+operands! {
+    struct WideSelect<E> { condition: Slot<Bool>, yes: Slot<E>, no: Slot<E>, out: Slot<E>, width: u32 }
 }
 
-#[inline]
-fn wide_int(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
-    let condition = frame.bool(condition);
-    let source = if condition == 1 { yes } else { no };
-    for i in 0..width {
-        let value = frame.int(source + i);
-        frame.set_int(
-            out + i,
-            if condition & NULL_BOOL != 0 {
-                NULL_INT
-            } else {
-                value
-            },
-        );
+impl<E: Element> Step for WideSelect<E> {
+    #[inline]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        match frame.get(self.condition)? {
+            0 => copy(frame, self.no, self.out, self.width),
+            1 => copy(frame, self.yes, self.out, self.width),
+            _ => fill_null(frame, self.out, self.width),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::testing::PrimitiveHarness;
+    use crate::types::{NULL_INT, Store};
 
     #[test]
     fn only_the_selected_value_matters() {

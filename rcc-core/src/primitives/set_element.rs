@@ -2,10 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
-    fill_null,
+    Bool, CatalogueEntry, Dim, Element, ElementType, Example, Int, Kernel, Port, PortType, Real,
+    Slot, Spec, Step, UnitRule, copy, fill_null, operands,
 };
-use crate::types::Store;
 
 const ARRAY: PortType = PortType::Array(ElementType::Open, Dim::Var(0));
 
@@ -32,35 +31,25 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Real, group)
-            });
-        }),
-        Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Bool, group)
-            });
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, |frame, group| {
-                step(frame, Store::Int, group)
-            });
-        }),
+        Kernel::each::<SetElement<Real>>(),
+        Kernel::each::<SetElement<Bool>>(),
+        Kernel::each::<SetElement<Int>>(),
     ],
 );
 
-#[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    store: Store,
-    [input, index, value, out, length]: [u32; 5],
-) -> Option<()> {
-    match u32::try_from(frame.get_int(index)?) {
-        Ok(index) if index < length => {
-            copy(frame, store, input, out, length)?;
-            copy(frame, store, value, out + index, 1)
+operands! {
+    struct SetElement<E> { input: Slot<E>, index: Slot<Int>, value: Slot<E>, out: Slot<E>, length: u32 }
+}
+
+impl<E: Element> Step for SetElement<E> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        match u32::try_from(frame.get(self.index)?) {
+            Ok(index) if index < self.length => {
+                copy(frame, self.input, self.out, self.length)?;
+                copy(frame, self.value, self.out + index, 1)
+            }
+            _ => fill_null(frame, self.out, self.length),
         }
-        _ => fill_null(frame, store, out, length),
     }
 }

@@ -2,9 +2,10 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, real_unless,
+    CatalogueEntry, Example, Int, Kernel, Port, Real, Slot, Spec, Step, UnitRule, choose, operands,
+    real_unless,
 };
-use crate::types::{NULL_INT, Store};
+use crate::types::NULL_INT;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -36,25 +37,34 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::number("out", UnitRule::ONE, "its sign").within(-1.0, 1.0)],
         ..Spec::PLAIN
     },
-    &[
-        Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
-        }),
-    ],
+    &[Kernel::each::<Sign<Real>>(), Kernel::each::<Sign<Int>>()],
 );
 
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    let sign = f64::from(i8::from(value > 0.0) - i8::from(value < 0.0));
-    frame.put_real(out, real_unless(value.is_nan(), sign))
+operands! {
+    struct Sign<E> { input: Slot<E>, out: Slot<E> }
 }
 
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    frame.put_int(out, choose(value == NULL_INT, NULL_INT, value.signum()))
+impl Step for Sign<Real> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        frame.put(
+            self.out,
+            real_unless(
+                value.is_nan(),
+                f64::from(i8::from(value > 0.0) - i8::from(value < 0.0)),
+            ),
+        )
+    }
+}
+
+impl Step for Sign<Int> {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        frame.put(
+            self.out,
+            choose(value == NULL_INT, NULL_INT, value.signum()),
+        )
+    }
 }

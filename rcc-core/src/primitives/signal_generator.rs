@@ -4,7 +4,8 @@ use core::f64::consts::TAU;
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, UnitRule, each, finite,
+    CatalogueEntry, DefaultValue, Example, Kernel, Port, Real, Slot, Spec, StateSpec, Step,
+    UnitRule, finite, operands,
 };
 
 /// The row of the catalogue.
@@ -65,50 +66,56 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<SignalGenerator>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, operands: [u32; 8]) -> Option<()> {
-    let [
-        frequency,
-        amplitude,
-        offset,
-        sine,
-        square,
-        triangle,
-        sawtooth,
-        state,
-    ] = operands;
-    let (frequency, before) = (frame.get_real(frequency)?, frame.get_real(state)?);
-    let (amplitude, offset) = (frame.get_real(amplitude)?, frame.get_real(offset)?);
-    let phase = if before.is_nan() { 0.0 } else { before };
-    let line = if phase < 0.5 { phase } else { phase - 1.0 };
-    let peak = if line > 0.25 {
-        0.5 - line
-    } else if line < -0.25 {
-        -0.5 - line
-    } else {
-        line
-    };
-    let high = if phase < 0.5 { 1.0 } else { -1.0 };
-    let scale = if frequency.is_nan() {
-        frequency
-    } else {
-        amplitude
-    };
-    let shapes = [
-        (sine, libm::sin(TAU * phase)),
-        (square, high),
-        (triangle, 4.0 * peak),
-        (sawtooth, 2.0 * line),
-    ];
-    for (slot, shape) in shapes {
-        frame.put_real(slot, finite(offset + scale * shape))?;
+operands! {
+    struct SignalGenerator {
+        frequency: Slot<Real>, amplitude: Slot<Real>, offset: Slot<Real>, sine: Slot<Real>, square: Slot<Real>,
+        triangle: Slot<Real>, sawtooth: Slot<Real>, state: Slot<Real>,
     }
-    let moved = phase + frequency * frame.dt_s;
-    let next = moved - libm::floor(moved);
-    // Rounding may leave a full turn: it is the start of the next one.
-    let next = if next < 1.0 { next } else { 0.0 };
-    frame.put_real(state, if moved.is_finite() { next } else { phase })
+}
+
+impl Step for SignalGenerator {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let SignalGenerator {
+            sine,
+            square,
+            triangle,
+            sawtooth,
+            ..
+        } = self;
+        let (frequency, before) = (frame.get(self.frequency)?, frame.get(self.state)?);
+        let (amplitude, offset) = (frame.get(self.amplitude)?, frame.get(self.offset)?);
+        let phase = if before.is_nan() { 0.0 } else { before };
+        let line = if phase < 0.5 { phase } else { phase - 1.0 };
+        let peak = if line > 0.25 {
+            0.5 - line
+        } else if line < -0.25 {
+            -0.5 - line
+        } else {
+            line
+        };
+        let high = if phase < 0.5 { 1.0 } else { -1.0 };
+        let scale = if frequency.is_nan() {
+            frequency
+        } else {
+            amplitude
+        };
+        let shapes = [
+            (sine, libm::sin(TAU * phase)),
+            (square, high),
+            (triangle, 4.0 * peak),
+            (sawtooth, 2.0 * line),
+        ];
+        for (slot, shape) in shapes {
+            frame.put(slot, finite(offset + scale * shape))?;
+        }
+        let moved = phase + frequency * frame.dt_s;
+        let next = moved - libm::floor(moved);
+        // Rounding may leave a full turn: it is the start of the next one.
+        let next = if next < 1.0 { next } else { 0.0 };
+        frame.put(self.state, if moved.is_finite() { next } else { phase })
+    }
 }

@@ -3,10 +3,10 @@
 use crate::frame::Frame;
 use crate::linear::AugmentedMatrix;
 use crate::primitive::{
-    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, each,
-    fill_null,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Real, Slot, Spec, Step,
+    UnitRule, fill_null, operands,
 };
-use crate::types::{Store, Type};
+use crate::types::Type;
 
 const SIDE: Dim = Dim::Small(0);
 const VECTOR: PortType = PortType::Array(ElementType::Are(Type::Real), SIDE);
@@ -43,27 +43,34 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Solve>()],
 );
 
-#[inline]
-fn step(frame: &mut Frame<'_>, [matrix, input, out, side]: [u32; 4]) -> Option<()> {
-    let Some(tableau) = solved(frame, matrix, input, side) else {
-        return fill_null(frame, Store::Real, out, side);
-    };
-    for row in 0..side {
-        frame.put_real(out + row, tableau.get(row, 0)?)?;
-    }
-    Some(())
+operands! {
+    struct Solve { matrix: Slot<Real>, input: Slot<Real>, out: Slot<Real>, side: u32 }
 }
 
-fn solved(frame: &Frame<'_>, matrix: u32, input: u32, side: u32) -> Option<AugmentedMatrix<9>> {
-    let mut tableau = AugmentedMatrix::read(frame, matrix, side)?;
-    tableau.fill(|row, _| {
-        frame
-            .get_real(input + row)
-            .filter(|value| value.is_finite())
-    })?;
-    tableau.reduce(tableau.least_pivot())?;
-    Some(tableau)
+impl Step for Solve {
+    #[inline]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Some(tableau) = self.solved(frame) else {
+            return fill_null(frame, self.out, self.side);
+        };
+        for row in 0..self.side {
+            frame.put(self.out + row, tableau.get(row, 0)?)?;
+        }
+        Some(())
+    }
+}
+
+impl Solve {
+    fn solved(self, frame: &Frame<'_>) -> Option<AugmentedMatrix<9>> {
+        let mut tableau = AugmentedMatrix::read(frame, self.matrix, self.side)?;
+        tableau.fill(|row, _| {
+            let value = frame.get(self.input + row)?;
+            value.is_finite().then_some(value)
+        })?;
+        tableau.reduce(tableau.least_pivot())?;
+        Some(tableau)
+    }
 }

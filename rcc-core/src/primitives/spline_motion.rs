@@ -3,14 +3,14 @@
 //! A natural spline of degree 5 in position and orientation: among all curves through the poses, it has the least mean
 //! square of the third derivative. Joints are computed as well, with the arm angle and the branch of the start.
 
-use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::{LEGS_MAX, Leg, MotionLimits, PathRequest, PathSegment};
+use super::path_motion::{self, motion_operands};
+use crate::frame::{Preparation, PrepareFault};
+use crate::path::{LEGS_MAX, Leg, PathRequest, PathSegment};
 use crate::pose::Pose;
 use crate::primitive::{
-    CatalogueEntry, Dim, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each,
+    Bool, CatalogueEntry, Dim, Int, Kernel, NullRule, Parameter, ParameterKind, Prepare, Real,
+    Role, Slot, Spec,
 };
-
-use super::path_motion::{self, PORTS};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -43,64 +43,47 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::Motion,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<SplineMotion>()],
 )
-.prepared_by(prepare);
+.prepared_by::<SplineMotion>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[
-        ..,
-        device,
-        through,
-        v,
-        a,
-        j,
-        w,
-        wa,
-        wj,
-        scale,
-        fastest,
-        arm_angle,
-        elbow,
-        motion,
-        _width,
-        count,
-    ] = operands
-    else {
-        return Ok(());
-    };
-    let number = |slot: u32| {
-        let [value] = preparation.reals(slot);
-        value
-    };
-    let mut poses = [Pose::NULL; LEGS_MAX];
-    let places = (0..count).map(|row| through + 7 * row);
-    for (pose, place) in poses.iter_mut().zip(places) {
-        *pose = Pose::from_slots(preparation.reals(place));
-    }
-    let through = poses.get(..count as usize);
-    let Some(through) = through else {
-        return Err(super::motion_sequence::too_many(motion, count));
-    };
-    let leg = Leg {
-        line: MotionLimits::of([v, a, j].map(number)),
-        turn: MotionLimits::of([w, wa, wj].map(number)),
-        elbow: path_motion::elbow(preparation, [arm_angle, elbow]),
-        scale: number(scale),
-        ..Leg::new(PathSegment::Spline { through })
-    };
-    let request = PathRequest {
-        device,
-        from: None,
-        legs: &[leg],
-        pace: path_motion::pace(preparation, fastest),
-    };
-    preparation.motions.path(motion, &request)
+motion_operands! {
+    SplineMotion {
+through: Slot<Pose>, velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
+    angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
+    scale: Slot<Real>, time_optimal: Slot<Bool>, arm_angle: Slot<Real>, elbow: Slot<Int>,
+    } count
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
-    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
-    if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
-        path_motion::step(frame, *ports, *motion, *width);
+impl Prepare for SplineMotion {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let mut poses = [Pose::NULL; LEGS_MAX];
+        for (pose, row) in poses.iter_mut().zip(0..self.count) {
+            *pose = preparation.get(self.through + 7 * row);
+        }
+        let Some(through) = poses.get(..self.count as usize) else {
+            return Err(super::motion_sequence::too_many(self.motion, self.count));
+        };
+        let leg = Leg {
+            line: path_motion::limits(preparation, [self.velocity, self.acceleration, self.jerk]),
+            turn: path_motion::limits(
+                preparation,
+                [
+                    self.angular_velocity,
+                    self.angular_acceleration,
+                    self.angular_jerk,
+                ],
+            ),
+            elbow: path_motion::elbow(preparation, self.arm_angle, self.elbow),
+            scale: preparation.get(self.scale),
+            ..Leg::new(PathSegment::Spline { through })
+        };
+        let request = PathRequest {
+            device: self.device.0,
+            from: None,
+            legs: &[leg],
+            pace: path_motion::pace(preparation, self.time_optimal),
+        };
+        preparation.motions.path(self.motion.0, &request)
     }
 }

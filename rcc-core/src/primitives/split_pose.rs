@@ -1,7 +1,11 @@
 //! `SplitPose`: position and rotation of a pose.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Rotation, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::types::Type;
 use crate::unit::Unit;
 
@@ -30,11 +34,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<SplitPose>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, position, rotation]: [u32; 3]) {
-    let pose = frame.known_pose(input);
-    frame.set_composite(position, pose.map(|pose| pose.position));
-    frame.set_composite(rotation, pose.map(|pose| pose.orientation));
+operands! {
+    struct SplitPose { input: Slot<Pose>, position: Slot<Vector3>, rotation: Slot<Rotation> }
+}
+
+impl Step for SplitPose {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let pose = frame.known_pose(self.input);
+        frame.put_composite(self.position, pose.map(|pose| pose.position))?;
+        frame.put_composite(self.rotation, pose.map(|pose| pose.orientation))
+    }
 }

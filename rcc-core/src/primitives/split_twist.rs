@@ -1,7 +1,10 @@
 //! `SplitTwist`: the two vectors of a twist.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spatial, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::spatial;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -36,11 +39,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<SplitTwist>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, linear, angular]: [u32; 3]) {
-    let parts = frame.composite(input).map(spatial::split);
-    frame.set_composite(linear, parts.map(|(linear, _)| linear));
-    frame.set_composite(angular, parts.map(|(_, angular)| angular));
+operands! {
+    struct SplitTwist { input: Slot<Spatial>, linear: Slot<Vector3>, angular: Slot<Vector3> }
+}
+
+impl Step for SplitTwist {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let parts = frame.composite(self.input).map(spatial::split);
+        frame.put_composite(self.linear, parts.map(|(linear, _)| linear))?;
+        frame.put_composite(self.angular, parts.map(|(_, angular)| angular))
+    }
 }

@@ -1,7 +1,10 @@
 //! `SplitVector`: the three numbers of a vector.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::types::{NULL_REAL, Type};
 
 /// The row of the catalogue.
@@ -30,12 +33,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<SplitVector>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, x, y, z]: [u32; 4]) {
-    let elements = frame.composite(input).unwrap_or([NULL_REAL; 3]);
-    for (slot, element) in [x, y, z].into_iter().zip(elements) {
-        frame.set_real(slot, element);
+operands! {
+    struct SplitVector { input: Slot<Vector3>, x: Slot<Real>, y: Slot<Real>, z: Slot<Real> }
+}
+
+impl Step for SplitVector {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let SplitVector { x, y, z, .. } = self;
+        let elements = frame.composite(self.input).unwrap_or([NULL_REAL; 3]);
+        for (slot, element) in [x, y, z].into_iter().zip(elements) {
+            frame.put(slot, element)?;
+        }
+        Some(())
     }
 }

@@ -1,7 +1,10 @@
 //! `SplitWrench`: the two vectors of a wrench.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spatial, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::spatial;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -36,11 +39,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<SplitWrench>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, force, torque]: [u32; 3]) {
-    let parts = frame.composite(input).map(spatial::split);
-    frame.set_composite(force, parts.map(|(force, _)| force));
-    frame.set_composite(torque, parts.map(|(_, torque)| torque));
+operands! {
+    struct SplitWrench { input: Slot<Spatial>, force: Slot<Vector3>, torque: Slot<Vector3> }
+}
+
+impl Step for SplitWrench {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let parts = frame.composite(self.input).map(spatial::split);
+        frame.put_composite(self.force, parts.map(|(force, _)| force))?;
+        frame.put_composite(self.torque, parts.map(|(_, torque)| torque))
+    }
 }

@@ -1,7 +1,9 @@
 //! `SquareRoot`: correctly rounded; a negative number gives null.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, operands,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -24,14 +26,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         outputs: &[Port::real("out", UnitRule::Root(0), "result")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<SquareRoot>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    // NaN for a negative number (IEEE 754-2019, 5.4.1).
-    let root = libm::sqrt(frame.get_real(input)?);
-    frame.put_real(out, root)
+operands! {
+    struct SquareRoot { input: Slot<Real>, out: Slot<Real> }
+}
+
+impl Step for SquareRoot {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        // NaN for a negative number (IEEE 754-2019, 5.4.1).
+        let root = libm::sqrt(frame.get(self.input)?);
+        frame.put(self.out, root)
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,10 @@
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::pose::Pose;
-use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, Spec, StateSpec, each};
+use crate::primitive::{
+    CatalogueEntry, Device, Kernel, Parameter, Port, Prepare, Real, Slot, Spec, StateSpec, Step,
+    operands,
+};
 use crate::types::Type;
 
 /// The row of the catalogue.
@@ -23,27 +26,34 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<StartPose>()],
 )
-.prepared_by(prepare);
+.prepared_by::<StartPose>();
 
-fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[_pose, _world, device, state] = operands else {
-        return Ok(());
-    };
-    let (arm, hold) = preparation.arm_at_rest(device)?;
-    let model = preparation.models.get(device as usize);
-    let base = model.map_or(Pose::NULL, |model| model.base);
-    let pose = arm.forward(&hold);
-    preparation.set_reals(state, pose.to_slots());
-    preparation.set_reals(state + 7, base.compose(&pose).to_slots());
-    Ok(())
+impl Prepare for StartPose {
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
+        let (arm, hold) = preparation.arm_at_rest(self.device)?;
+        let model = preparation.models.get(self.device.0 as usize);
+        let base = model.map_or(Pose::NULL, |model| model.base);
+        let pose = arm.forward(&hold);
+        let world = base.compose(&pose);
+        preparation.put(self.state, pose.to_slots());
+        preparation.put(self.state + 7, world.to_slots());
+        Ok(())
+    }
 }
 
-fn step(frame: &mut Frame<'_>, [pose, world, _device, state]: [u32; 4]) {
-    for (from, to) in [(state, pose), (state + 7, world)] {
-        let known: [f64; 7] = frame.reals(from);
-        frame.set_reals(to, known);
+operands! {
+    struct StartPose { pose: Slot<Pose>, world: Slot<Pose>, device: Device, state: Slot<[Real; 7]> }
+}
+
+impl Step for StartPose {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        for (from, to) in [(self.state, self.pose), (self.state + 7, self.world)] {
+            let known = frame.get(from)?;
+            frame.put(to.cast(), known)?;
+        }
+        Some(())
     }
 }
 

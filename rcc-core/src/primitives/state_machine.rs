@@ -2,8 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, NullRule, Parameter,
-    ParameterKind, Port, PortType, Spec, StateSpec, UnitRule, each,
+    Bool, CatalogueEntry, DefaultValue, Dim, ElementType, Example, Int, Kernel, NullRule,
+    Parameter, ParameterKind, Port, PortType, Real, Slot, Spec, StateSpec, Step, UnitRule,
+    operands,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -78,48 +79,51 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<StateMachine>()],
 );
 
-#[inline]
-fn step(frame: &mut Frame<'_>, group: [u32; 11]) -> Option<()> {
-    let [
-        on,
-        reset,
-        state,
-        entered,
-        time,
-        table,
-        initial,
-        since,
-        ints,
-        conditions,
-        rows,
-    ] = group;
-    let begins = frame.get_int(ints + 1)? == 0 || frame.get_bool(reset)? == 1;
-    let before = frame.get_int(if begins { initial } else { ints })?;
-    let mut after = before;
-    let mut moved = begins;
-    for row in 0..rows {
-        let [from, to, condition] = frame.get_reals(table + row * 3)?;
-        // Saturates; an invalid condition index matches no condition.
-        let condition = condition as u32;
-        let fits = from == before as f64 && condition < conditions;
-        if fits && frame.get_bool(on + condition)? == 1 {
-            after = to as i64;
-            moved = true;
-            break;
-        }
+operands! {
+    struct StateMachine {
+        on: Slot<Bool>, reset: Slot<Bool>, state: Slot<Int>, entered: Slot<Bool>, time: Slot<Real>,
+        /// Rows `[from, to, condition]`.
+        transitions: Slot<[Real; 3]>, initial: Slot<Int>, since: Slot<Real>,
+        /// The state, and 1 after the first cycle.
+        memory: Slot<[Int; 2]>, conditions: u32, rows: u32,
     }
-    let elapsed = if moved {
-        0.0
-    } else {
-        frame.get_real(since)? + frame.dt_s
-    };
-    frame.put_int(ints, after)?;
-    frame.put_int(ints + 1, 1)?;
-    frame.put_real(since, elapsed)?;
-    frame.put_int(state, after)?;
-    frame.put_bool(entered, u8::from(moved))?;
-    frame.put_real(time, elapsed)
+}
+
+impl Step for StateMachine {
+    #[inline]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let [last, begun] = frame.get(self.memory)?;
+        let begins = begun == 0 || frame.get(self.reset)? == 1;
+        let before = if begins {
+            frame.get(self.initial)?
+        } else {
+            last
+        };
+        let mut after = before;
+        let mut moved = begins;
+        for row in 0..self.rows {
+            let [from, to, condition] = frame.get(self.transitions + row * 3)?;
+            // Saturates; an invalid condition index matches no condition.
+            let condition = condition as u32;
+            let fits = from == before as f64 && condition < self.conditions;
+            if fits && frame.get(self.on + condition)? == 1 {
+                after = to as i64;
+                moved = true;
+                break;
+            }
+        }
+        let elapsed = if moved {
+            0.0
+        } else {
+            frame.get(self.since)? + frame.dt_s
+        };
+        frame.put(self.memory, [after, 1])?;
+        frame.put(self.since, elapsed)?;
+        frame.put(self.state, after)?;
+        frame.put(self.entered, u8::from(moved))?;
+        frame.put(self.time, elapsed)
+    }
 }

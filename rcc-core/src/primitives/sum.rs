@@ -1,7 +1,7 @@
 //! `Sum`: the sum of the elements of an array, from the first to the last, with each step rounded once.
 
-use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Kernel, Spec, fold_int, fold_real};
-use crate::types::Store;
+use super::add::Add;
+use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Spec, reduce};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -18,12 +18,5 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..ELEMENTS
     },
-    &[
-        Kernel::of(Store::Real, |frame, operands| {
-            fold_real(frame, operands, |a, b| a + b);
-        }),
-        Kernel::of(Store::Int, |frame, operands| {
-            fold_int(frame, operands, |a, b| a.overflowing_add(b));
-        }),
-    ],
+    &const { reduce::<Add>() },
 );

@@ -2,10 +2,9 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, Parameter, ParameterKind, Port,
-    PortType, Spec, StateSpec, UnitRule, each, finite, reached,
+    Bool, CatalogueEntry, DefaultValue, Example, Int, Kernel, MemorySpec, Parameter, ParameterKind,
+    Port, PortType, Real, Slot, Spec, StateSpec, Step, UnitRule, finite, operands, reached,
 };
-use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -72,75 +71,79 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         memory: MemorySpec::values(2).starting(DefaultValue::Real(0.0)),
         ..Spec::PLAIN
     },
-    &[Kernel::of(Store::Real, |frame, operands| {
-        each(frame, operands, step);
-    })],
+    &[Kernel::each::<Tare>()],
 );
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 12]) -> Option<()> {
-    let [
-        input,
-        trigger,
-        out,
-        zero_out,
-        busy,
-        refused,
-        time,
-        limit,
-        bools,
-        count,
-        memory,
-        width,
-    ] = operands;
-    let (zero, sum) = (memory, memory.saturating_add(width));
-    let (now, before) = (frame.get_bool(trigger)?, frame.get_bool(bools)?);
-    let begins = (now == 1) & (before != 1);
-    let mut known = true;
-    for i in 0..width {
-        if begins {
-            frame.put_real(sum + i, 0.0)?;
-        }
-        known &= frame.get_real(input + i)?.is_finite();
+operands! {
+    struct Tare for Real {
+        input: Slot<Real>, trigger: Slot<Bool>, out: Slot<Real>, zero: Slot<Real>, busy: Slot<Bool>,
+        refused: Slot<Bool>, time: Slot<Real>, limit: Slot<Real>, bools: Slot<[Bool; 2]>, count: Slot<Int>,
+        memory: Slot<Real>, width: u32,
     }
-    let averaged = if begins { 1 } else { frame.get_int(count)? };
-    let mut next = averaged;
-    let mut beyond = !begins & (frame.get_bool(bools + 1)? == 1);
-    if (averaged > 0) & known {
-        for i in 0..width {
-            let value = frame.get_real(sum + i)? + frame.get_real(input + i)?;
-            frame.put_real(sum + i, value)?;
-        }
-        next = averaged.saturating_add(1);
-        if reached(averaged, frame.dt_s, frame.get_real(time)?) {
-            next = 0;
-            beyond = !take(frame, [sum, limit, zero, width], averaged as f64)?;
-        }
-    }
-    for i in 0..width {
-        let at = frame.get_real(zero + i)?;
-        let relative = finite(frame.get_real(input + i)? - at);
-        frame.put_real(zero_out + i, at)?;
-        frame.put_real(out + i, relative)?;
-    }
-    frame.put_int(count, next)?;
-    frame.put_bool(bools, now)?;
-    frame.put_bool(bools + 1, u8::from(beyond))?;
-    frame.put_bool(busy, u8::from(next > 0))?;
-    frame.put_bool(refused, u8::from(beyond))
 }
 
-/// Makes the mean the zero unless an element exceeds the limit or is not finite; returns whether it did.
-fn take(frame: &mut Frame<'_>, [sum, limit, zero, width]: [u32; 4], count: f64) -> Option<bool> {
-    for i in 0..width {
-        let (mean, most) = (frame.get_real(sum + i)? / count, frame.get_real(limit + i)?);
-        // A null limit does not limit.
-        if !mean.is_finite() || mean.abs() > most {
-            return Some(false);
+impl Step for Tare {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (zero, sum) = (self.memory, self.sum());
+        let now = frame.get(self.trigger)?;
+        let [before, was_beyond] = frame.get(self.bools)?;
+        let begins = (now == 1) & (before != 1);
+        let mut known = true;
+        for i in 0..self.width {
+            if begins {
+                frame.put(sum + i, 0.0)?;
+            }
+            known &= frame.get(self.input + i)?.is_finite();
         }
+        let averaged = if begins { 1 } else { frame.get(self.count)? };
+        let mut next = averaged;
+        let mut beyond = !begins & (was_beyond == 1);
+        if (averaged > 0) & known {
+            for i in 0..self.width {
+                let value = frame.get(sum + i)? + frame.get(self.input + i)?;
+                frame.put(sum + i, value)?;
+            }
+            next = averaged.saturating_add(1);
+            if reached(averaged, frame.dt_s, frame.get(self.time)?) {
+                next = 0;
+                beyond = !self.take(frame, averaged as f64)?;
+            }
+        }
+        for i in 0..self.width {
+            let at = frame.get(zero + i)?;
+            let relative = finite(frame.get(self.input + i)? - at);
+            frame.put(self.zero + i, at)?;
+            frame.put(self.out + i, relative)?;
+        }
+        frame.put(self.count, next)?;
+        frame.put(self.bools, [now, u8::from(beyond)])?;
+        frame.put(self.busy, u8::from(next > 0))?;
+        frame.put(self.refused, u8::from(beyond))
     }
-    for i in 0..width {
-        let mean = frame.get_real(sum + i)? / count;
-        frame.put_real(zero + i, mean)?;
+}
+
+impl Tare {
+    /// The sums follow the zeros in the memory.
+    fn sum(self) -> Slot<Real> {
+        self.memory + self.width
     }
-    Some(true)
+
+    /// Makes the mean the zero unless an element exceeds the limit or is not finite; returns whether it did.
+    fn take(self, frame: &mut Frame<'_>, count: f64) -> Option<bool> {
+        for i in 0..self.width {
+            let (mean, most) = (
+                frame.get(self.sum() + i)? / count,
+                frame.get(self.limit + i)?,
+            );
+            // A null limit does not limit.
+            if !mean.is_finite() || mean.abs() > most {
+                return Some(false);
+            }
+        }
+        for i in 0..self.width {
+            let mean = frame.get(self.sum() + i)? / count;
+            frame.put(self.memory + i, mean)?;
+        }
+        Some(true)
+    }
 }

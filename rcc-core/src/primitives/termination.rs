@@ -2,7 +2,7 @@
 //! 2010, section IV-C).
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Kernel, Port, Role, Spec, each};
+use crate::primitive::{Bool, CatalogueEntry, Kernel, Port, Role, Slot, Spec, Step, operands};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -14,12 +14,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         role: Role::Termination,
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Termination>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [done]: [u32; 1]) {
-    frame.terminated |= frame.bool(done) == 1;
+operands! {
+    struct Termination { done: Slot<Bool> }
+}
+
+impl Step for Termination {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        frame.terminated |= frame.get(self.done)? == 1;
+        Some(())
+    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 //! clock.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Real, Slot, Spec, Step, UnitRule, operands,
+};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
@@ -37,13 +39,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Time>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [out]: [u32; 1]) {
-    let time_s = frame.cycle as f64 * frame.dt_s;
-    frame.set_real(out, time_s);
+operands! {
+    struct Time { out: Slot<Real> }
+}
+
+impl Step for Time {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let time_s = frame.cycle as f64 * frame.dt_s;
+        frame.put(self.out, time_s)
+    }
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, Parameter, ParameterKind,
-    Port, PortType, Spec, UnitRule, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Dim, ElementType, Example, Int, Kernel, Parameter,
+    ParameterKind, Port, PortType, Slot, Spec, Step, UnitRule, choose, operands,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Type};
 
@@ -54,20 +54,27 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ToBits>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, overflow, signed, length]: [u32; 5]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    let signed = u32::from(frame.get_bool(signed)? & 1);
-    let null = value == NULL_INT;
-    for i in 0..length {
-        let bit = (value >> i.min(63)) & 1;
-        frame.put_bool(out + i, choose(null, NULL_BOOL, bit as u8))?;
+operands! {
+    struct ToBits { input: Slot<Int>, out: Slot<Bool>, overflow: Slot<Bool>, signed: Slot<Bool>, length: u32 }
+}
+
+impl Step for ToBits {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let ToBits { length, .. } = self;
+        let value = frame.get(self.input)?;
+        let signed = u32::from(frame.get(self.signed)? & 1);
+        let null = value == NULL_INT;
+        for i in 0..length {
+            let bit = (value >> i.min(63)) & 1;
+            frame.put(self.out + i, choose(null, NULL_BOOL, bit as u8))?;
+        }
+        // The bits above must be all 0 or, if signed, all equal to the highest bit.
+        let above = value >> length.saturating_sub(signed).min(63);
+        let fits = (above == 0) | ((signed == 1) & (above == -1));
+        frame.put(self.overflow, choose(null, NULL_BOOL, u8::from(!fits)))
     }
-    // The bits above must be all 0 or, if signed, all equal to the highest bit.
-    let above = value >> length.saturating_sub(signed).min(63);
-    let fits = (above == 0) | ((signed == 1) & (above == -1));
-    frame.put_bool(overflow, choose(null, NULL_BOOL, u8::from(!fits)))
 }

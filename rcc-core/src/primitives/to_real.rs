@@ -1,7 +1,10 @@
 //! `ToReal`: an integer as a Real; beyond ±2^53 the nearest one, ties to even.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
+use crate::primitive::{
+    CatalogueEntry, Example, Int, Kernel, Port, Real, Slot, Spec, Step, UnitRule, operands,
+    real_unless,
+};
 use crate::types::NULL_INT;
 
 /// The row of the catalogue.
@@ -25,13 +28,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<ToReal>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
-    let value = frame.get_int(input)?;
-    frame.put_real(out, real_unless(value == NULL_INT, value as f64))
+operands! {
+    struct ToReal { input: Slot<Int>, out: Slot<Real> }
+}
+
+impl Step for ToReal {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        frame.put(self.out, real_unless(value == NULL_INT, value as f64))
+    }
 }
 
 #[cfg(test)]

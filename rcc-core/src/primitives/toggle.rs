@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Int, Kernel, Parameter, Port, Slot, Spec,
+    StateSpec, Step, choose, operands,
 };
 use crate::types::NULL_BOOL;
 
@@ -38,18 +39,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Toggle>()],
 );
 
-/// `turned`: 1 after an odd number of edges.
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, initial, last, turned]: [u32; 5]) -> Option<()> {
-    let (now, before) = (frame.get_bool(input)?, frame.get_bool(last)?);
-    let null = now & NULL_BOOL != 0;
-    let edge = (now == 1) & (before == 0);
-    let turned_now = (frame.get_int(turned)? ^ i64::from(edge)) & 1;
-    let value = (frame.get_bool(initial)? ^ u8::from(turned_now == 1)) & 1;
-    frame.put_int(turned, turned_now)?;
-    frame.put_bool(out, choose(null, NULL_BOOL, value))?;
-    frame.put_bool(last, choose(null, before, now))
+operands! {
+    struct Toggle { input: Slot<Bool>, out: Slot<Bool>, initial: Slot<Bool>, last: Slot<Bool>, turned: Slot<Int> }
+}
+
+impl Step for Toggle {
+    /// `turned`: 1 after an odd number of edges.
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (now, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        let null = now & NULL_BOOL != 0;
+        let edge = (now == 1) & (before == 0);
+        let turned_now = (frame.get(self.turned)? ^ i64::from(edge)) & 1;
+        let value = (frame.get(self.initial)? ^ u8::from(turned_now == 1)) & 1;
+        frame.put(self.turned, turned_now)?;
+        frame.put(self.out, choose(null, NULL_BOOL, value))?;
+        frame.put(self.last, choose(null, before, now))
+    }
 }

@@ -1,7 +1,10 @@
 //! `TransformFromPose`: a pose as a homogeneous transform.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule, operands,
+};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -29,14 +32,20 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<TransformFromPose>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let transform = frame.known_pose(input).map(|pose| {
-        let [[a, b, c], [d, e, f], [g, h, i]] = rotation::to_matrix(pose.orientation);
-        let [x, y, z] = pose.position;
-        [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0]
-    });
-    frame.set_composite(out, transform);
+operands! {
+    struct TransformFromPose { input: Slot<Pose>, out: Slot<[Real; 16]> }
+}
+
+impl Step for TransformFromPose {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let transform = frame.known_pose(self.input).map(|pose| {
+            let [[a, b, c], [d, e, f], [g, h, i]] = rotation::to_matrix(pose.orientation);
+            let [x, y, z] = pose.position;
+            [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0]
+        });
+        frame.put_composite(self.out, transform)
+    }
 }

@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Real, Slot, Spec,
+    Step, UnitRule, operands,
 };
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
@@ -36,16 +37,24 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<TransformFromPosition>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [x, y, z, out, rotation]: [u32; 5]) -> Option<()> {
-    let [a, b, c, d, e, f, g, h, i] = frame.get_reals(rotation)?;
-    let (x, y, z) = (frame.get_real(x)?, frame.get_real(y)?, frame.get_real(z)?);
-    let null = x.is_nan() | y.is_nan() | z.is_nan();
-    let transform = [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0];
-    frame.put_reals(out, if null { [NULL_REAL; 16] } else { transform })
+operands! {
+    struct TransformFromPosition {
+        x: Slot<Real>, y: Slot<Real>, z: Slot<Real>, out: Slot<[Real; 16]>, rotation: Slot<[Real; 9]>,
+    }
+}
+
+impl Step for TransformFromPosition {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let [a, b, c, d, e, f, g, h, i] = frame.get(self.rotation)?;
+        let (x, y, z) = (frame.get(self.x)?, frame.get(self.y)?, frame.get(self.z)?);
+        let null = x.is_nan() | y.is_nan() | z.is_nan();
+        let transform = [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0];
+        frame.put(self.out, if null { [NULL_REAL; 16] } else { transform })
+    }
 }
 
 #[cfg(test)]

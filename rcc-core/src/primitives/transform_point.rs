@@ -1,11 +1,13 @@
 //! `TransformPoint`: a point of an inner frame, expressed in the outer frame.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
-use crate::rotation;
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spec, Step, UnitRule, Vector3, operands,
+};
 use crate::types::Type;
 use crate::unit::Unit;
-use crate::vector;
+use crate::{rotation, vector};
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
@@ -39,12 +41,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<TransformPoint>()],
 );
 
-fn step(frame: &mut Frame<'_>, [pose, point, out]: [u32; 3]) {
-    let both = frame.known_pose(pose).zip(frame.composite(point));
-    let seen = both
-        .map(|(pose, point)| vector::add(rotation::rotate(pose.orientation, point), pose.position));
-    frame.set_composite(out, seen);
+operands! {
+    struct TransformPoint { pose: Slot<Pose>, point: Slot<Vector3>, out: Slot<Vector3> }
+}
+
+impl Step for TransformPoint {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let both = frame.known_pose(self.pose).zip(frame.composite(self.point));
+        let seen = both.map(|(pose, point)| {
+            vector::add(rotation::rotate(pose.orientation, point), pose.position)
+        });
+        frame.put_composite(self.out, seen)
+    }
 }

@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Real, Slot, Spec, Step, UnitRule,
+    operands,
 };
 
 /// The row of the catalogue.
@@ -31,16 +32,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Transpose>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, rows, columns]: [u32; 4]) -> Option<()> {
-    for row in 0..rows {
-        for column in 0..columns {
-            let value = frame.get_real(input + row * columns + column)?;
-            frame.put_real(out + column * rows + row, value)?;
+operands! {
+    struct Transpose { input: Slot<Real>, out: Slot<Real>, rows: u32, columns: u32 }
+}
+
+impl Step for Transpose {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let Transpose { rows, columns, .. } = self;
+        for row in 0..rows {
+            for column in 0..columns {
+                let value = frame.get(self.input + row * columns + column)?;
+                frame.put(self.out + column * rows + row, value)?;
+            }
         }
+        Some(())
     }
-    Some(())
 }

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, UnitRule, each,
-    real_unless,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Real, Slot, Spec, Step,
+    UnitRule, operands, real_unless,
 };
 
 /// The row of the catalogue.
@@ -61,26 +61,32 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         .at_most(1.0)],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<TrapezoidalProgress>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, constant]: [u32; 3]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    let ramp = (1.0 - frame.get_real(constant)?) / 2.0;
-    // The second half mirrors the first one.
-    let (mirrored, t) = if value > 0.5 {
-        (true, 1.0 - value)
-    } else {
-        (false, value)
-    };
-    let t = if t > 0.0 { t } else { 0.0 };
-    let speed = 1.0 / (1.0 - ramp);
-    let eased = if t < ramp {
-        speed * t * t / (2.0 * ramp)
-    } else {
-        speed * (t - ramp / 2.0)
-    };
-    let progress = if mirrored { 1.0 - eased } else { eased };
-    frame.put_real(out, real_unless(value.is_nan(), progress))
+operands! {
+    struct TrapezoidalProgress { input: Slot<Real>, out: Slot<Real>, constant: Slot<Real> }
+}
+
+impl Step for TrapezoidalProgress {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let value = frame.get(self.input)?;
+        let ramp = (1.0 - frame.get(self.constant)?) / 2.0;
+        // The second half mirrors the first one.
+        let (mirrored, t) = if value > 0.5 {
+            (true, 1.0 - value)
+        } else {
+            (false, value)
+        };
+        let t = if t > 0.0 { t } else { 0.0 };
+        let speed = 1.0 / (1.0 - ramp);
+        let eased = if t < ramp {
+            speed * t * t / (2.0 * ramp)
+        } else {
+            speed * (t - ramp / 2.0)
+        };
+        let progress = if mirrored { 1.0 - eased } else { eased };
+        frame.put(self.out, real_unless(value.is_nan(), progress))
+    }
 }

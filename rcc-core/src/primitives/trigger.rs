@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Int, Kernel, Port, Slot, Spec, StateSpec, Step,
+    choose, operands,
 };
 use crate::types::NULL_BOOL;
 
@@ -41,25 +42,31 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Trigger>()],
 );
 
 const READY: i64 = 0;
 const ON: i64 = 1;
 const OVER: i64 = 2;
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [on, off, reset, out, phase]: [u32; 5]) -> Option<()> {
-    let (on, off, reset) = (
-        frame.get_bool(on)?,
-        frame.get_bool(off)?,
-        frame.get_bool(reset)?,
-    );
-    let before = frame.get_int(phase)?;
-    let null = (on | off | reset) & NULL_BOOL != 0;
-    let switched = choose((on == 1) & (before == READY), ON, before);
-    let ended = choose(off == 1, OVER, switched);
-    let now = choose(null, before, choose(reset == 1, READY, ended));
-    frame.put_bool(out, choose(null, NULL_BOOL, u8::from(now == ON)))?;
-    frame.put_int(phase, now)
+operands! {
+    struct Trigger { on: Slot<Bool>, off: Slot<Bool>, reset: Slot<Bool>, out: Slot<Bool>, phase: Slot<Int> }
+}
+
+impl Step for Trigger {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (on, off, reset) = (
+            frame.get(self.on)?,
+            frame.get(self.off)?,
+            frame.get(self.reset)?,
+        );
+        let before = frame.get(self.phase)?;
+        let null = (on | off | reset) & NULL_BOOL != 0;
+        let switched = choose((on == 1) & (before == READY), ON, before);
+        let ended = choose(off == 1, OVER, switched);
+        let now = choose(null, before, choose(reset == 1, READY, ended));
+        frame.put(self.out, choose(null, NULL_BOOL, u8::from(now == ON)))?;
+        frame.put(self.phase, now)
+    }
 }

@@ -3,8 +3,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, Parameter, ParameterKind, Port,
-    Spec, StateSpec, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Int, Kernel, MemorySpec, Parameter, ParameterKind,
+    Port, Slot, Spec, StateSpec, Step, choose, operands,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
@@ -48,30 +48,37 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<TrueInWindow>()],
 );
 
-#[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    [input, all, any, count, ints, ring, cycles]: [u32; 7],
-) -> Option<()> {
-    let place = u32::try_from(frame.get_int(ints)?).ok()?;
-    let place = place.min(cycles.saturating_sub(1));
-    let (new, old) = (frame.get_bool(input)?, frame.get_bool(ring + place)?);
-    frame.put_bool(ring + place, new)?;
-    let change = i64::from(new & 1) - i64::from(old & 1);
-    let trues = frame.get_int(ints + 1)?.saturating_add(change);
-    let nulls = |value: u8| i64::from(value & NULL_BOOL != 0);
-    let change = nulls(new) - nulls(old);
-    let unknown = frame.get_int(ints + 2)?.saturating_add(change);
-    frame.put_int(ints + 1, trues)?;
-    frame.put_int(ints + 2, unknown)?;
-    let next = if place + 1 < cycles { place + 1 } else { 0 };
-    frame.put_int(ints, i64::from(next))?;
-    let null = unknown != 0;
-    let whole = u8::from(trues == i64::from(cycles));
-    frame.put_bool(all, choose(null, NULL_BOOL, whole))?;
-    frame.put_bool(any, choose(null, NULL_BOOL, u8::from(trues > 0)))?;
-    frame.put_int(count, choose(null, NULL_INT, trues))
+operands! {
+    struct TrueInWindow {
+        input: Slot<Bool>, all: Slot<Bool>, any: Slot<Bool>, count: Slot<Int>, ints: Slot<Int>,
+        ring: Slot<Bool>, cycles: u32,
+    }
+}
+
+impl Step for TrueInWindow {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let TrueInWindow { cycles, .. } = self;
+        let place = u32::try_from(frame.get(self.ints)?).ok()?;
+        let place = place.min(cycles.saturating_sub(1));
+        let (new, old) = (frame.get(self.input)?, frame.get(self.ring + place)?);
+        frame.put(self.ring + place, new)?;
+        let change = i64::from(new & 1) - i64::from(old & 1);
+        let trues = frame.get(self.ints + 1)?.saturating_add(change);
+        let nulls = |value: u8| i64::from(value & NULL_BOOL != 0);
+        let change = nulls(new) - nulls(old);
+        let unknown = frame.get(self.ints + 2)?.saturating_add(change);
+        frame.put(self.ints + 1, trues)?;
+        frame.put(self.ints + 2, unknown)?;
+        let next = if place + 1 < cycles { place + 1 } else { 0 };
+        frame.put(self.ints, i64::from(next))?;
+        let null = unknown != 0;
+        let whole = u8::from(trues == i64::from(cycles));
+        frame.put(self.all, choose(null, NULL_BOOL, whole))?;
+        frame.put(self.any, choose(null, NULL_BOOL, u8::from(trues > 0)))?;
+        frame.put(self.count, choose(null, NULL_INT, trues))
+    }
 }

@@ -1,7 +1,10 @@
 //! `TwistFromPoses`: the twist between two successive poses.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Slot, Spatial, Spec, Step, operands,
+};
 use crate::spatial;
 use crate::types::Type;
 
@@ -19,12 +22,20 @@ inputs: &[Port::typed("pose", Type::Pose, "pose of B in A"), Port::typed("previo
 outputs: &[Port::typed("out", Type::Twist, "in axes of A, reference point the origin of B")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<TwistFromPoses>()],
 );
 
-fn step(frame: &mut Frame<'_>, [pose, previous, out]: [u32; 3]) {
-    let period = frame.dt_s;
-    let both = frame.known_pose(previous).zip(frame.known_pose(pose));
-    let twist = both.map(|(previous, pose)| spatial::difference(&previous, &pose, period));
-    frame.set_composite(out, twist);
+operands! {
+    struct TwistFromPoses { pose: Slot<Pose>, previous: Slot<Pose>, out: Slot<Spatial> }
+}
+
+impl Step for TwistFromPoses {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let period = frame.dt_s;
+        let both = frame
+            .known_pose(self.previous)
+            .zip(frame.known_pose(self.pose));
+        let twist = both.map(|(previous, pose)| spatial::difference(&previous, &pose, period));
+        frame.put_composite(self.out, twist)
+    }
 }

@@ -1,7 +1,10 @@
 //! `TwistShift`: moves the reference point of a twist.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Slot, Spatial, Spec, Step, UnitRule, Vector3,
+    operands,
+};
 use crate::spatial;
 use crate::types::Type;
 use crate::unit::Unit;
@@ -37,10 +40,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<TwistShift>()],
 );
 
-fn step(frame: &mut Frame<'_>, [input, by, out]: [u32; 3]) {
-    let both = frame.composite(input).zip(frame.composite(by));
-    frame.set_composite(out, both.map(|(twist, by)| spatial::shift_twist(twist, by)));
+operands! {
+    struct TwistShift { input: Slot<Spatial>, by: Slot<Vector3>, out: Slot<Spatial> }
+}
+
+impl Step for TwistShift {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let both = frame.composite(self.input).zip(frame.composite(self.by));
+        frame.put_composite(
+            self.out,
+            both.map(|(twist, by)| spatial::shift_twist(twist, by)),
+        )
+    }
 }

@@ -4,8 +4,8 @@ use core::f64::consts::TAU;
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, each, finite, real_unless,
-    whole,
+    CatalogueEntry, Example, Int, Kernel, Port, Real, Slot, Spec, StateSpec, Step, UnitRule,
+    finite, operands, real_unless, whole,
 };
 use crate::types::NULL_INT;
 
@@ -46,21 +46,30 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<Unwrap>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, last, turns]: [u32; 4]) -> Option<()> {
-    let (angle, before) = (frame.get_real(input)?, frame.get_real(last)?);
-    // At the start the step is NaN, and no turn is added.
-    let step = whole(libm::round((angle - before) / TAU));
-    let change = if step == NULL_INT { 0 } else { step };
-    let count = frame.get_int(turns)?.saturating_sub(change);
-    let known = angle.is_finite();
-    frame.put_real(out, real_unless(!known, finite(angle + TAU * count as f64)))?;
-    if known {
-        frame.put_real(last, angle)?;
-        frame.put_int(turns, count)?;
+operands! {
+    struct Unwrap { input: Slot<Real>, out: Slot<Real>, last: Slot<Real>, turns: Slot<Int> }
+}
+
+impl Step for Unwrap {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (angle, before) = (frame.get(self.input)?, frame.get(self.last)?);
+        // At the start the step is NaN, and no turn is added.
+        let step = whole(libm::round((angle - before) / TAU));
+        let change = if step == NULL_INT { 0 } else { step };
+        let count = frame.get(self.turns)?.saturating_sub(change);
+        let known = angle.is_finite();
+        frame.put(
+            self.out,
+            real_unless(!known, finite(angle + TAU * count as f64)),
+        )?;
+        if known {
+            frame.put(self.last, angle)?;
+            frame.put(self.turns, count)?;
+        }
+        Some(())
     }
-    Some(())
 }

@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, choose, each,
+    Bool, CatalogueEntry, DefaultValue, Example, Int, Kernel, Port, Slot, Spec, StateSpec, Step,
+    choose, operands,
 };
 use crate::types::{NULL_BOOL, NULL_INT};
 
@@ -55,39 +56,36 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         },
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<UpDownCounter>()],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, operands: [u32; 10]) -> Option<()> {
-    let [
-        up,
-        down,
-        reset,
-        load,
-        preset,
-        count,
-        full,
-        empty,
-        last,
-        state,
-    ] = operands;
-    let (up, down) = (frame.get_bool(up)?, frame.get_bool(down)?);
-    let (reset, load) = (frame.get_bool(reset)?, frame.get_bool(load)?);
-    let preset = frame.get_int(preset)?;
-    let edge = |frame: &mut Frame<'_>, slot: u32, now: u8| {
-        let before = frame.get_bool(slot)?;
-        frame.put_bool(slot, choose(now & NULL_BOOL != 0, before, now))?;
-        Some(i64::from((now == 1) & (before == 0)))
-    };
-    let change = edge(frame, last, up)? - edge(frame, last.saturating_add(1), down)?;
-    let null = ((up | down | reset | load) & NULL_BOOL != 0) | (preset == NULL_INT);
-    let before = frame.get_int(state)?;
-    let counted = before.saturating_add(change).max(-i64::MAX);
-    let set = choose(reset == 1, 0, choose(load == 1, preset, counted));
-    let now = choose(null, before, set);
-    frame.put_int(state, now)?;
-    frame.put_int(count, choose(null, NULL_INT, now))?;
-    frame.put_bool(full, choose(null, NULL_BOOL, u8::from(now >= preset)))?;
-    frame.put_bool(empty, choose(null, NULL_BOOL, u8::from(now <= 0)))
+operands! {
+    struct UpDownCounter {
+        up: Slot<Bool>, down: Slot<Bool>, reset: Slot<Bool>, load: Slot<Bool>, preset: Slot<Int>,
+        count: Slot<Int>, full: Slot<Bool>, empty: Slot<Bool>, last: Slot<Bool>, state: Slot<Int>,
+    }
+}
+
+impl Step for UpDownCounter {
+    #[inline(always)]
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let (up, down) = (frame.get(self.up)?, frame.get(self.down)?);
+        let (reset, load) = (frame.get(self.reset)?, frame.get(self.load)?);
+        let preset = frame.get(self.preset)?;
+        let edge = |frame: &mut Frame<'_>, slot: Slot<Bool>, now: u8| {
+            let before = frame.get(slot)?;
+            frame.put(slot, choose(now & NULL_BOOL != 0, before, now))?;
+            Some(i64::from((now == 1) & (before == 0)))
+        };
+        let change = edge(frame, self.last, up)? - edge(frame, self.last + 1, down)?;
+        let null = ((up | down | reset | load) & NULL_BOOL != 0) | (preset == NULL_INT);
+        let before = frame.get(self.state)?;
+        let counted = before.saturating_add(change).max(-i64::MAX);
+        let set = choose(reset == 1, 0, choose(load == 1, preset, counted));
+        let now = choose(null, before, set);
+        frame.put(self.state, now)?;
+        frame.put(self.count, choose(null, NULL_INT, now))?;
+        frame.put(self.full, choose(null, NULL_BOOL, u8::from(now >= preset)))?;
+        frame.put(self.empty, choose(null, NULL_BOOL, u8::from(now <= 0)))
+    }
 }

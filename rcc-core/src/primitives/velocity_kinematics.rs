@@ -2,7 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Device, Example, Kernel, Parameter, Port, PortType, Real, Slot, Spatial, Spec,
+    Step, UnitRule, operands,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -52,15 +53,23 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<VelocityKinematics>()],
 );
 
-fn step(frame: &mut Frame<'_>, [joints, velocity, twist, device, width]: [u32; 5]) {
-    let there = frame.arm_at(device, joints, width);
-    let velocity = frame.joints(velocity, width);
-    let moving = there.zip(velocity).map(|((arm, joints), velocity)| {
-        let jacobian = arm.jacobian(&joints);
-        jacobian.map(|row| row.iter().zip(velocity).map(|(j, v)| j * v).sum())
-    });
-    frame.set_composite::<6>(twist, moving);
+operands! {
+    struct VelocityKinematics {
+        joints: Slot<Real>, velocity: Slot<Real>, twist: Slot<Spatial>, device: Device, width: u32,
+    }
+}
+
+impl Step for VelocityKinematics {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let there = frame.arm_at(self.device, self.joints, self.width);
+        let velocity = frame.joints(self.velocity, self.width);
+        let moving = there.zip(velocity).map(|((arm, joints), velocity)| {
+            let jacobian = arm.jacobian(&joints);
+            jacobian.map(|row| row.iter().zip(velocity).map(|(j, v)| j * v).sum())
+        });
+        frame.put_composite(self.twist, moving)
+    }
 }

@@ -4,14 +4,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
-    UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Real,
+    Rotation, Slot, Spatial, Spec, Step, UnitRule, Vector3, operands,
 };
-use crate::rotation;
-use crate::spatial;
 use crate::types::Type;
 use crate::unit::Unit;
 use crate::vector::{self, Vector};
+use crate::{rotation, spatial};
 
 /// Standard gravity (ISO 80000-3), m/s², along z of the base.
 const GRAVITY: Vector = [0.0, 0.0, -9.806_65];
@@ -87,39 +86,38 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<WrenchCompensation>()],
 );
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 9]) {
-    let [
-        wrench,
-        rotation,
-        acceleration,
-        out,
-        mass,
-        centre,
-        force_offset,
-        torque_offset,
-        gravity,
-    ] = operands;
-    let external = || {
-        let (force, torque) = spatial::split(frame.composite(wrench)?);
-        let axes = frame.rotation(rotation)?;
-        let gravity = frame.composite(gravity).unwrap_or(GRAVITY);
-        let fall = vector::subtract(gravity, frame.composite(acceleration)?);
-        let fall = rotation::rotate(rotation::inverse(axes), fall);
-        let weight = vector::scale(fall, frame.real(mass));
-        let lever = vector::cross(frame.composite(centre)?, weight);
-        let force = vector::subtract(
-            vector::subtract(force, frame.composite(force_offset)?),
-            weight,
-        );
-        let torque = vector::subtract(
-            vector::subtract(torque, frame.composite(torque_offset)?),
-            lever,
-        );
-        Some(spatial::join(force, torque))
-    };
-    let external = external();
-    frame.set_composite(out, external);
+operands! {
+    struct WrenchCompensation {
+        wrench: Slot<Spatial>, rotation: Slot<Rotation>, acceleration: Slot<Vector3>, out: Slot<Spatial>,
+        mass: Slot<Real>, centre: Slot<Vector3>, force_offset: Slot<Vector3>, torque_offset: Slot<Vector3>,
+        gravity: Slot<Vector3>,
+    }
+}
+
+impl Step for WrenchCompensation {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let external = || {
+            let (force, torque) = spatial::split(frame.composite(self.wrench)?);
+            let axes = frame.rotation(self.rotation)?;
+            let gravity = frame.composite(self.gravity).unwrap_or(GRAVITY);
+            let fall = vector::subtract(gravity, frame.composite(self.acceleration)?);
+            let fall = rotation::rotate(rotation::inverse(axes), fall);
+            let weight = vector::scale(fall, frame.get(self.mass)?);
+            let lever = vector::cross(frame.composite(self.centre)?, weight);
+            let force = vector::subtract(
+                vector::subtract(force, frame.composite(self.force_offset)?),
+                weight,
+            );
+            let torque = vector::subtract(
+                vector::subtract(torque, frame.composite(self.torque_offset)?),
+                lever,
+            );
+            Some(spatial::join(force, torque))
+        };
+        let external = external();
+        frame.put_composite(self.out, external)
+    }
 }

@@ -1,7 +1,10 @@
 //! `WrenchTransform`: a wrench, expressed in another frame.
 
 use crate::frame::Frame;
-use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
+use crate::pose::Pose;
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Slot, Spatial, Spec, Step, operands,
+};
 use crate::spatial;
 use crate::types::Type;
 
@@ -35,13 +38,19 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         )],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::each::<WrenchTransform>()],
 );
 
-fn step(frame: &mut Frame<'_>, [pose, input, out]: [u32; 3]) {
-    let both = frame.known_pose(pose).zip(frame.composite(input));
-    frame.set_composite(
-        out,
-        both.map(|(pose, wrench)| spatial::transform_wrench(&pose, wrench)),
-    );
+operands! {
+    struct WrenchTransform { pose: Slot<Pose>, input: Slot<Spatial>, out: Slot<Spatial> }
+}
+
+impl Step for WrenchTransform {
+    fn step(self, frame: &mut Frame<'_>) -> Option<()> {
+        let both = frame.known_pose(self.pose).zip(frame.composite(self.input));
+        frame.put_composite(
+            self.out,
+            both.map(|(pose, wrench)| spatial::transform_wrench(&pose, wrench)),
+        )
+    }
 }

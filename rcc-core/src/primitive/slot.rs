@@ -1,0 +1,384 @@
+//! Typed operands: a kernel names its operands in a struct, in the order of [`super::Spec::operands`], and reads and
+//! writes them through the frame by their types. Run by the real-time thread.
+
+use core::marker::PhantomData;
+use core::ops::Add;
+
+use super::{Operand, Width, choose, real_unless};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::pose::Pose;
+use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+
+/// An element of the arena of reals; null is NaN.
+pub type Real = f64;
+/// An element of the arena of Bools: 0, 1 or 2 (null).
+pub type Bool = u8;
+/// An element of the arena of Ints; null is `i64::MIN`.
+pub type Int = i64;
+
+/// A value that lies contiguously in one arena.
+pub trait Value: Copy {
+    /// Its elements.
+    type Element: Element;
+    /// Number of elements.
+    const WIDTH: u32;
+    /// Null in every element.
+    const NULL: Self;
+
+    /// Reads the value; `None` outside of the arena.
+    fn get(arena: &[Self::Element], index: u32) -> Option<Self>;
+    /// Writes the value; `None` outside of the arena.
+    fn put(self, arena: &mut [Self::Element], index: u32) -> Option<()>;
+}
+
+/// A value of one element.
+pub trait Element: Value<Element = Self> {
+    /// The arena.
+    const STORE: Store;
+
+    /// Returns true for null.
+    fn is_null(self) -> bool;
+    /// Returns the value, or null if `null` is true, without a branch.
+    #[must_use]
+    fn unless(self, null: bool) -> Self;
+    /// Returns the arena of a running net.
+    fn arena<'f>(frame: &'f Frame<'_>) -> &'f [Self];
+    /// Returns the arena of a running net.
+    fn arena_mut<'f>(frame: &'f mut Frame<'_>) -> &'f mut [Self];
+    /// Returns the arena of a net that is prepared.
+    fn initial<'p>(preparation: &'p Preparation<'_>) -> &'p [Self];
+}
+
+macro_rules! element {
+    ($element:ident, $arena:ident, $null:expr, |$value:ident| $is_null:expr, $unless:expr) => {
+        impl Value for $element {
+            type Element = $element;
+            const WIDTH: u32 = 1;
+            const NULL: $element = $null;
+
+            #[inline(always)]
+            fn get(arena: &[$element], index: u32) -> Option<$element> {
+                arena.get(index as usize).copied()
+            }
+
+            #[inline(always)]
+            fn put(self, arena: &mut [$element], index: u32) -> Option<()> {
+                *arena.get_mut(index as usize)? = self;
+                Some(())
+            }
+        }
+
+        impl Element for $element {
+            const STORE: Store = Store::$element;
+
+            #[inline(always)]
+            fn is_null(self) -> bool {
+                let $value = self;
+                $is_null
+            }
+
+            #[inline(always)]
+            fn unless(self, null: bool) -> $element {
+                $unless(null, self)
+            }
+
+            #[inline(always)]
+            fn arena<'f>(frame: &'f Frame<'_>) -> &'f [$element] {
+                frame.$arena
+            }
+
+            #[inline(always)]
+            fn arena_mut<'f>(frame: &'f mut Frame<'_>) -> &'f mut [$element] {
+                frame.$arena
+            }
+
+            fn initial<'p>(preparation: &'p Preparation<'_>) -> &'p [$element] {
+                preparation.$arena
+            }
+        }
+    };
+}
+
+element!(Real, reals, NULL_REAL, |value| value.is_nan(), real_unless);
+element!(
+    Bool,
+    bools,
+    NULL_BOOL,
+    |value| value & NULL_BOOL != 0,
+    |null, value| choose(null, NULL_BOOL, value)
+);
+element!(
+    Int,
+    ints,
+    NULL_INT,
+    |value| value == NULL_INT,
+    |null, value| choose(null, NULL_INT, value)
+);
+
+/// Without interpretation.
+impl<E: Element, const N: usize> Value for [E; N] {
+    type Element = E;
+    const WIDTH: u32 = N as u32;
+    const NULL: [E; N] = [E::NULL; N];
+
+    #[inline(always)]
+    fn get(arena: &[E], index: u32) -> Option<[E; N]> {
+        arena.get(index as usize..)?.first_chunk().copied()
+    }
+
+    #[inline(always)]
+    fn put(self, arena: &mut [E], index: u32) -> Option<()> {
+        *arena.get_mut(index as usize..)?.first_chunk_mut()? = self;
+        Some(())
+    }
+}
+
+/// A null pose contains NaN; a pose that is not finite is written as null.
+impl Value for Pose {
+    type Element = Real;
+    const WIDTH: u32 = 7;
+    const NULL: Pose = Pose {
+        position: [NULL_REAL; 3],
+        orientation: [NULL_REAL; 4],
+    };
+
+    #[inline(always)]
+    fn get(arena: &[Real], index: u32) -> Option<Pose> {
+        <[Real; 7]>::get(arena, index).map(Pose::from_slots)
+    }
+
+    #[inline(always)]
+    fn put(self, arena: &mut [Real], index: u32) -> Option<()> {
+        let slots = if self.is_finite() {
+            self.to_slots()
+        } else {
+            [NULL_REAL; 7]
+        };
+        slots.put(arena, index)
+    }
+}
+
+/// `[x y z]`.
+pub type Vector3 = [Real; 3];
+/// A quaternion `[x y z w]`.
+pub type Rotation = [Real; 4];
+/// Six numbers: a twist or a wrench.
+pub type Spatial = [Real; 6];
+
+/// The index of a value's first element in its arena; `slot + i` is `i` elements further.
+#[derive(Debug)]
+pub struct Slot<T> {
+    index: u32,
+    value: PhantomData<T>,
+}
+
+impl<T> Slot<T> {
+    /// Creates the slot of a value that begins at `index`.
+    #[inline(always)]
+    pub const fn at(index: u32) -> Slot<T> {
+        Slot {
+            index,
+            value: PhantomData,
+        }
+    }
+
+    /// Creates the slot of a value of another type that begins at the same element.
+    #[inline(always)]
+    pub const fn cast<U: Value>(self) -> Slot<U> {
+        Slot::at(self.index)
+    }
+
+    /// Returns the index of the first element.
+    #[inline(always)]
+    pub const fn index(self) -> u32 {
+        self.index
+    }
+}
+
+impl<T> Clone for Slot<T> {
+    #[inline(always)]
+    fn clone(&self) -> Slot<T> {
+        *self
+    }
+}
+
+impl<T> Copy for Slot<T> {}
+
+impl<T> Add<u32> for Slot<T> {
+    type Output = Slot<T>;
+
+    #[inline(always)]
+    fn add(self, elements: u32) -> Slot<T> {
+        Slot::at(self.index + elements)
+    }
+}
+
+/// The index of a device.
+#[derive(Clone, Copy, Debug)]
+pub struct Device(pub u32);
+
+/// The index of a channel of a device.
+#[derive(Clone, Copy, Debug)]
+pub struct Channel(pub u32);
+
+/// The index of a motion of the net.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock(pub u32);
+
+/// A field of a struct of operands; `u32` is a size.
+pub trait Field: Copy {
+    /// What the field accepts.
+    const KIND: FieldKind;
+
+    /// Creates the field from a number of the operand list.
+    fn of(operand: u32) -> Self;
+}
+
+/// What a field of a struct of operands accepts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FieldKind {
+    /// A slot with the number of elements of its type.
+    Slot(Store, u32),
+    /// A device.
+    Device,
+    /// A channel.
+    Channel,
+    /// A motion.
+    Clock,
+    /// A size.
+    Size,
+}
+
+impl FieldKind {
+    /// Returns true if the field reads this operand, or the first part of its elements.
+    pub fn fits(self, operand: Operand) -> bool {
+        match (self, operand) {
+            (
+                FieldKind::Slot(store, elements),
+                Operand::Slot {
+                    store: here, width, ..
+                },
+            ) => {
+                let fixed = width == Width::fixed(width.times);
+                store == here && (!fixed || elements <= width.times)
+            }
+            (FieldKind::Device, Operand::Arm | Operand::Device)
+            | (FieldKind::Channel, Operand::Channel(_))
+            | (FieldKind::Clock, Operand::Clock)
+            | (FieldKind::Size, Operand::Size(_)) => true,
+            _ => false,
+        }
+    }
+}
+
+impl<T: Value> Field for Slot<T> {
+    const KIND: FieldKind = FieldKind::Slot(<T::Element as Element>::STORE, T::WIDTH);
+
+    #[inline(always)]
+    fn of(operand: u32) -> Slot<T> {
+        Slot::at(operand)
+    }
+}
+
+macro_rules! field {
+    ($field:ty, $kind:ident, $of:expr) => {
+        impl Field for $field {
+            const KIND: FieldKind = FieldKind::$kind;
+
+            #[inline(always)]
+            fn of(operand: u32) -> $field {
+                $of(operand)
+            }
+        }
+    };
+}
+
+field!(Device, Device, Device);
+field!(Channel, Channel, Channel);
+field!(Clock, Clock, Clock);
+field!(u32, Size, core::convert::identity);
+
+/// A struct of operands; made by `operands!`.
+pub trait Operands: Copy {
+    /// The arena of the open ports; `None` if there are none.
+    const STORE: Option<Store>;
+    /// Name and kind of each field.
+    const FIELDS: &'static [(&'static str, FieldKind)];
+
+    /// Reads the struct from the beginning of the list, and returns the rest; `None` at the end of the list.
+    fn split(list: &[u32]) -> Option<(Self, &[u32])>;
+}
+
+/// A kernel as a struct of its operands.
+pub trait Step: Operands {
+    /// Evaluates one primitive. `None`, for a slot outside its arena, ends the run; `Plan::check` excludes it.
+    fn step(self, frame: &mut Frame<'_>) -> Option<()>;
+}
+
+/// A kernel that does the same for each element of a value.
+pub trait ByElement: Step {
+    /// Returns the operands of element `i`.
+    #[must_use]
+    fn element(self, i: u32) -> Self;
+}
+
+/// A primitive whose start values are computed when its command becomes ready, off the real-time thread.
+pub trait Prepare: Operands {
+    /// Computes the start values.
+    ///
+    /// # Errors
+    /// Returns the reason why they cannot be computed.
+    fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault>;
+}
+
+/// Defines a struct of operands: each field has the name of its port or parameter (`input` for `in`), in the order
+/// inputs, outputs, parameters, state, memory, motion, sizes. `struct Name<E>` is for every type of open ports,
+/// `struct Name for Real` for one of them.
+macro_rules! operands {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident $(for $store:ident)? {
+        $($(#[$doc:meta])* $field:ident: $kind:ty),+ $(,)?
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy)]
+        $vis struct $name {
+            $($(#[$doc])* $field: $kind),+
+        }
+
+        impl $crate::primitive::Operands for $name {
+            const STORE: Option<$crate::types::Store> = [$(Some($crate::types::Store::$store),)? None][0];
+            $crate::primitive::operands!(@fields $name, $($field: $kind),+);
+        }
+    };
+    ($(#[$meta:meta])* $vis:vis struct $name:ident<$element:ident> {
+        $($(#[$doc:meta])* $field:ident: $kind:ty),+ $(,)?
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy)]
+        $vis struct $name<$element: $crate::primitive::Element> {
+            $($(#[$doc])* $field: $kind),+
+        }
+
+        impl<$element: $crate::primitive::Element> $crate::primitive::Operands for $name<$element> {
+            const STORE: Option<$crate::types::Store> =
+                Some(<$element as $crate::primitive::Element>::STORE);
+            $crate::primitive::operands!(@fields $name, $($field: $kind),+);
+        }
+    };
+    (@fields $name:ident, $($field:ident: $kind:ty),+) => {
+        const FIELDS: &'static [(&'static str, $crate::primitive::FieldKind)] = &[
+            $((stringify!($field), <$kind as $crate::primitive::Field>::KIND)),+
+        ];
+
+        #[inline(always)]
+        fn split(list: &[u32]) -> Option<(Self, &[u32])> {
+            let [$($field,)+ rest @ ..] = list else {
+                return None;
+            };
+            let operands = $name {
+                $($field: <$kind as $crate::primitive::Field>::of(*$field)),+
+            };
+            Some((operands, rest))
+        }
+    };
+}
+pub(crate) use operands;
