@@ -1,7 +1,7 @@
 //! The parts of a primitive: its spec (for the loader and for people) and its kernels (for the cycle).
 //!
-//! A primitive is one file in `primitives/` that defines one [`CatalogueEntry`], and two lines in
-//! `primitives.rs`. The loader reads only the spec; the real-time thread runs only kernels.
+//! A primitive is one file in the folder of its subject that defines one [`CatalogueEntry`], and two lines in the file of
+//! the subject (`primitives/logic.rs`). The loader reads only the spec; the real-time thread runs only kernels.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::types::Store;

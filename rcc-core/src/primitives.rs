@@ -1,419 +1,110 @@
-//! The catalogue: one `mod` line and one row per primitive, sorted by name.
+//! The catalogue: a folder for each subject, with one `mod` line and one row for each primitive.
 
 use crate::frame::Frame;
 pub use crate::primitive::CatalogueEntry;
 use crate::primitive::Kernel;
 use crate::topic;
 
-mod abs;
-mod add;
-mod all_of;
-mod analog_input;
-mod analog_output;
-mod analog_output_state;
-mod and;
-mod angle_between;
-mod any_of;
-mod arc_cosine;
-mod arc_sine;
-mod arc_tangent;
-mod arm_angle;
-mod arm_angle_limits;
-mod at;
-mod backlash;
-mod biquad;
-mod bit_and;
-mod bit_not;
-mod bit_or;
-mod bit_xor;
-mod blink;
-mod cancel;
-mod cartesian_impedance_command;
-mod ceiling;
-mod circular_motion;
-mod compose;
-mod concatenate;
-mod constant;
-mod copy;
-mod cosine;
-mod counter;
-mod cross;
-mod cubic_bezier;
-mod cubic_hermite;
-mod cycle_period;
-mod dead_band;
-mod debounce;
-mod delay;
-mod derivative;
-mod determinant;
-mod device_base;
-mod device_status;
-mod digital_input;
-mod digital_output;
-mod digital_output_state;
-mod divide;
-mod dot;
-mod equals;
-mod exponential;
-mod falling_edge;
-mod first_cycle;
-mod first_order_low_pass;
-mod floor;
-mod force_control;
-mod force_torque;
-mod forward_kinematics;
-mod from_bits;
-mod greater;
-mod high_pass;
-mod hold;
-mod hypotenuse;
-mod hysteresis;
-mod input;
-mod int_divide;
-mod integrator;
-mod interpolate;
-mod interval;
-mod inverse;
-mod inverse_kinematics;
-mod inverse_kinematics_near;
-mod inverse_velocity_kinematics;
-mod invert;
-mod is_null;
-mod jacobian;
-mod joint_goal;
-mod joint_impedance_command;
-mod joint_motion;
-mod joint_position_command;
-mod joint_state;
-mod joint_torque_from_wrench;
-mod joint_velocity;
-mod last_known;
-mod latch;
-mod lerp;
-mod less;
-mod limit;
-mod linear_motion;
-mod logarithm;
-mod lookup;
-mod lookup2;
-mod low_pass;
-mod majority;
-mod make_pose;
-mod make_twist;
-mod make_vector;
-mod make_wrench;
-mod matrix_apply;
-mod matrix_multiply;
-mod max;
-mod max_element;
-mod mean;
-mod median;
-mod min;
-mod min_element;
-mod monitor;
-mod motion_sequence;
-mod multiplexer;
-mod multiply;
-mod negate;
-mod noise;
-mod norm;
-mod normalize;
-mod not;
-mod notch;
-mod null_if;
-mod off_delay;
-mod on_delay;
-mod online_trajectory;
-mod or;
-mod or_else;
-mod path_correction;
-mod path_motion;
-mod peak_hold;
-mod pid;
-mod pose_add_twist;
-mod pose_error;
-mod pose_from_transform;
-mod pose_goal;
-mod power;
-mod publish;
-mod pulse;
-mod quantize;
-mod rate_limit;
-mod remainder;
-mod rising_edge;
-mod rotate;
-mod rotation_bezier;
-mod rotation_error;
-mod rotation_from_axes;
-mod rotation_from_axis_angle;
-mod rotation_from_matrix;
-mod rotation_from_quaternion;
-mod rotation_from_rpy;
-mod rotation_from_two_vectors;
-mod rotation_from_vector;
-mod rotation_to_axis_angle;
-mod rotation_to_matrix;
-mod rotation_to_quaternion;
-mod rotation_to_rpy;
-mod rotation_to_vector;
-mod round;
-mod scalar_goal;
-mod scale;
-mod second_order_low_pass;
-mod select;
-mod set_element;
-mod shift;
-mod sign;
-mod signal_generator;
-mod sine;
-mod solve;
-mod spline_motion;
-mod split_pose;
-mod split_twist;
-mod split_vector;
-mod split_wrench;
-mod square_root;
-mod start_pose;
-mod state_machine;
-mod subscribe;
-mod subtract;
-mod sum;
-mod tangent;
-mod tare;
-mod termination;
-mod time;
-mod to_bits;
-mod to_real;
-mod toggle;
-mod transform_from_pose;
-mod transform_from_position;
-mod transform_point;
-mod transpose;
-mod trapezoidal_progress;
-mod trigger;
-mod true_in_window;
-mod truncate;
-mod twist_from_poses;
-mod twist_shift;
-mod twist_transform;
-mod unwrap;
-mod up_down_counter;
-mod velocity_kinematics;
-mod window_max;
-mod window_mean;
-mod window_min;
-mod window_rms;
-mod wrap;
-mod wrench_compensation;
-mod wrench_shift;
-mod wrench_transform;
-mod xor;
+mod arithmetic;
+mod arms;
+mod arrays;
+mod bits;
+mod curves;
+mod devices;
+mod filters;
+mod logic;
+mod motion;
+mod nets;
+mod selection;
+mod space;
+mod timing;
+
+/// A subject: a folder of primitives, and a chapter of the manual.
+pub struct Subject {
+    /// Title of the chapter.
+    pub title: &'static str,
+    entries: &'static [&'static CatalogueEntry],
+}
+
+const fn subject(title: &'static str, entries: &'static [&'static CatalogueEntry]) -> Subject {
+    Subject { title, entries }
+}
+
+/// The subjects, in the order of the manual.
+pub const SUBJECTS: &[Subject] = &[
+    subject("Nets", nets::ENTRIES),
+    subject("Motion", motion::ENTRIES),
+    subject("Arms", arms::ENTRIES),
+    subject("Devices", devices::ENTRIES),
+    subject("Logic", logic::ENTRIES),
+    subject("Timing", timing::ENTRIES),
+    subject("Arithmetic", arithmetic::ENTRIES),
+    subject("Bits", bits::ENTRIES),
+    subject("Curves and tables", curves::ENTRIES),
+    subject("Filters and control", filters::ENTRIES),
+    subject("Arrays and matrices", arrays::ENTRIES),
+    subject("Space", space::ENTRIES),
+    subject("Selection and null", selection::ENTRIES),
+];
+
+impl Subject {
+    /// Returns the subject of a primitive.
+    #[must_use]
+    pub fn of(name: &str) -> Option<&'static Subject> {
+        let has = |entry: &&CatalogueEntry| entry.spec.name == name;
+        SUBJECTS
+            .iter()
+            .find(|subject| subject.entries.iter().any(has))
+    }
+}
 
 /// All primitives, sorted by name.
-pub const CATALOGUE: &[&CatalogueEntry] = &[
-    &abs::ENTRY,
-    &add::ENTRY,
-    &all_of::ENTRY,
-    &analog_input::ENTRY,
-    &analog_output::ENTRY,
-    &analog_output_state::ENTRY,
-    &and::ENTRY,
-    &angle_between::ENTRY,
-    &any_of::ENTRY,
-    &arc_cosine::ENTRY,
-    &arc_sine::ENTRY,
-    &arc_tangent::ENTRY,
-    &arm_angle::ENTRY,
-    &arm_angle_limits::ENTRY,
-    &at::ENTRY,
-    &backlash::ENTRY,
-    &biquad::ENTRY,
-    &bit_and::ENTRY,
-    &bit_not::ENTRY,
-    &bit_or::ENTRY,
-    &bit_xor::ENTRY,
-    &blink::ENTRY,
-    &cancel::ENTRY,
-    &cartesian_impedance_command::ENTRY,
-    &ceiling::ENTRY,
-    &circular_motion::ENTRY,
-    &compose::ENTRY,
-    &concatenate::ENTRY,
-    &constant::ENTRY,
-    &copy::ENTRY,
-    &cosine::ENTRY,
-    &counter::ENTRY,
-    &cross::ENTRY,
-    &cubic_bezier::ENTRY,
-    &cubic_hermite::ENTRY,
-    &cycle_period::ENTRY,
-    &dead_band::ENTRY,
-    &debounce::ENTRY,
-    &delay::ENTRY,
-    &derivative::ENTRY,
-    &determinant::ENTRY,
-    &device_base::ENTRY,
-    &device_status::ENTRY,
-    &digital_input::ENTRY,
-    &digital_output::ENTRY,
-    &digital_output_state::ENTRY,
-    &divide::ENTRY,
-    &dot::ENTRY,
-    &equals::ENTRY,
-    &exponential::ENTRY,
-    &falling_edge::ENTRY,
-    &first_cycle::ENTRY,
-    &first_order_low_pass::ENTRY,
-    &floor::ENTRY,
-    &force_control::ENTRY,
-    &force_torque::ENTRY,
-    &forward_kinematics::ENTRY,
-    &from_bits::ENTRY,
-    &greater::ENTRY,
-    &high_pass::ENTRY,
-    &hold::ENTRY,
-    &hypotenuse::ENTRY,
-    &hysteresis::ENTRY,
-    &input::ENTRY,
-    &int_divide::ENTRY,
-    &integrator::ENTRY,
-    &interpolate::ENTRY,
-    &interval::ENTRY,
-    &inverse::ENTRY,
-    &inverse_kinematics::ENTRY,
-    &inverse_kinematics_near::ENTRY,
-    &inverse_velocity_kinematics::ENTRY,
-    &invert::ENTRY,
-    &is_null::ENTRY,
-    &jacobian::ENTRY,
-    &joint_goal::ENTRY,
-    &joint_impedance_command::ENTRY,
-    &joint_motion::ENTRY,
-    &joint_position_command::ENTRY,
-    &joint_state::ENTRY,
-    &joint_torque_from_wrench::ENTRY,
-    &joint_velocity::ENTRY,
-    &last_known::ENTRY,
-    &latch::ENTRY,
-    &lerp::ENTRY,
-    &less::ENTRY,
-    &limit::ENTRY,
-    &linear_motion::ENTRY,
-    &logarithm::ENTRY,
-    &lookup::ENTRY,
-    &lookup2::ENTRY,
-    &low_pass::ENTRY,
-    &majority::ENTRY,
-    &make_pose::ENTRY,
-    &make_twist::ENTRY,
-    &make_vector::ENTRY,
-    &make_wrench::ENTRY,
-    &matrix_apply::ENTRY,
-    &matrix_multiply::ENTRY,
-    &max::ENTRY,
-    &max_element::ENTRY,
-    &mean::ENTRY,
-    &median::ENTRY,
-    &min::ENTRY,
-    &min_element::ENTRY,
-    &monitor::ENTRY,
-    &motion_sequence::ENTRY,
-    &multiplexer::ENTRY,
-    &multiply::ENTRY,
-    &negate::ENTRY,
-    &noise::ENTRY,
-    &norm::ENTRY,
-    &normalize::ENTRY,
-    &not::ENTRY,
-    &notch::ENTRY,
-    &null_if::ENTRY,
-    &off_delay::ENTRY,
-    &on_delay::ENTRY,
-    &online_trajectory::ENTRY,
-    &or::ENTRY,
-    &or_else::ENTRY,
-    &pid::ENTRY,
-    &path_correction::ENTRY,
-    &peak_hold::ENTRY,
-    &pose_add_twist::ENTRY,
-    &pose_error::ENTRY,
-    &pose_from_transform::ENTRY,
-    &pose_goal::ENTRY,
-    &power::ENTRY,
-    &publish::ENTRY,
-    &pulse::ENTRY,
-    &quantize::ENTRY,
-    &rate_limit::ENTRY,
-    &remainder::ENTRY,
-    &rising_edge::ENTRY,
-    &rotate::ENTRY,
-    &rotation_bezier::ENTRY,
-    &rotation_error::ENTRY,
-    &rotation_from_axes::ENTRY,
-    &rotation_from_axis_angle::ENTRY,
-    &rotation_from_matrix::ENTRY,
-    &rotation_from_quaternion::ENTRY,
-    &rotation_from_rpy::ENTRY,
-    &rotation_from_two_vectors::ENTRY,
-    &rotation_from_vector::ENTRY,
-    &rotation_to_axis_angle::ENTRY,
-    &rotation_to_matrix::ENTRY,
-    &rotation_to_quaternion::ENTRY,
-    &rotation_to_rpy::ENTRY,
-    &rotation_to_vector::ENTRY,
-    &round::ENTRY,
-    &scalar_goal::ENTRY,
-    &scale::ENTRY,
-    &second_order_low_pass::ENTRY,
-    &select::ENTRY,
-    &set_element::ENTRY,
-    &shift::ENTRY,
-    &sign::ENTRY,
-    &signal_generator::ENTRY,
-    &sine::ENTRY,
-    &solve::ENTRY,
-    &spline_motion::ENTRY,
-    &split_pose::ENTRY,
-    &split_twist::ENTRY,
-    &split_vector::ENTRY,
-    &split_wrench::ENTRY,
-    &square_root::ENTRY,
-    &start_pose::ENTRY,
-    &state_machine::ENTRY,
-    &subscribe::ENTRY,
-    &subtract::ENTRY,
-    &sum::ENTRY,
-    &tangent::ENTRY,
-    &tare::ENTRY,
-    &termination::ENTRY,
-    &time::ENTRY,
-    &to_bits::ENTRY,
-    &to_real::ENTRY,
-    &toggle::ENTRY,
-    &transform_from_pose::ENTRY,
-    &transform_from_position::ENTRY,
-    &transform_point::ENTRY,
-    &transpose::ENTRY,
-    &trapezoidal_progress::ENTRY,
-    &trigger::ENTRY,
-    &true_in_window::ENTRY,
-    &truncate::ENTRY,
-    &twist_from_poses::ENTRY,
-    &twist_shift::ENTRY,
-    &twist_transform::ENTRY,
-    &unwrap::ENTRY,
-    &up_down_counter::ENTRY,
-    &velocity_kinematics::ENTRY,
-    &window_max::ENTRY,
-    &window_mean::ENTRY,
-    &window_min::ENTRY,
-    &window_rms::ENTRY,
-    &wrap::ENTRY,
-    &wrench_compensation::ENTRY,
-    &wrench_shift::ENTRY,
-    &wrench_transform::ENTRY,
-    &xor::ENTRY,
-];
+pub const CATALOGUE: &[&CatalogueEntry] = &sorted();
+
+const COUNT: usize = {
+    let (mut count, mut subject) = (0, 0);
+    while subject < SUBJECTS.len() {
+        count += SUBJECTS[subject].entries.len();
+        subject += 1;
+    }
+    count
+};
+
+// Evaluated at compile time: an index out of bounds does not compile.
+#[allow(clippy::indexing_slicing)]
+const fn sorted() -> [&'static CatalogueEntry; COUNT] {
+    let mut all = [SUBJECTS[0].entries[0]; COUNT];
+    let (mut count, mut subject) = (0, 0);
+    while subject < SUBJECTS.len() {
+        let entries = SUBJECTS[subject].entries;
+        let mut next = 0;
+        while next < entries.len() {
+            let mut place = count;
+            while place > 0 && is_before(entries[next].spec.name, all[place - 1].spec.name) {
+                all[place] = all[place - 1];
+                place -= 1;
+            }
+            all[place] = entries[next];
+            count += 1;
+            next += 1;
+        }
+        subject += 1;
+    }
+    all
+}
+
+#[allow(clippy::indexing_slicing)]
+const fn is_before(a: &str, b: &str) -> bool {
+    let (a, b) = (a.as_bytes(), b.as_bytes());
+    let mut i = 0;
+    while i < a.len() && i < b.len() {
+        if a[i] != b[i] {
+            return a[i] < b[i];
+        }
+        i += 1;
+    }
+    a.len() < b.len()
+}
 
 /// Maximum number of kernels of one primitive.
 pub const KERNELS_MAX: usize = 8;

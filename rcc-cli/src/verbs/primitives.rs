@@ -2,8 +2,8 @@
 //! Needs no cell.
 
 use rcc_api::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
-use rcc_api::catalogue::{self, GROUPS};
-use rcc_api::{codes, manual};
+use rcc_api::{catalogue, codes, manual};
+use rcc_core::primitives::SUBJECTS;
 
 use crate::context::Context;
 use crate::failure::Failure;
@@ -61,7 +61,8 @@ fn of_group(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Fai
         .collect();
     if found.is_empty() {
         let message = format!("group `{word}` not found");
-        let help = format!("groups: {}", GROUPS.join(", "));
+        let titles: Vec<_> = SUBJECTS.iter().map(|subject| subject.title).collect();
+        let help = format!("groups: {}", titles.join(", "));
         return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
     Ok(found)
@@ -95,10 +96,10 @@ fn with_word(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Fa
 
 fn list(all: &[PrimitiveView]) -> String {
     let mut text = String::new();
-    for group in GROUPS {
+    for group in SUBJECTS.iter().map(|subject| subject.title) {
         let mut rows = table::table(&[&group.to_uppercase(), "WHAT IT DOES"]);
         let mut any = false;
-        for view in all.iter().filter(|view| view.group == *group) {
+        for view in all.iter().filter(|view| view.group == group) {
             rows.add_row([&view.name, &view.summary]);
             any = true;
         }

@@ -3,11 +3,10 @@
 use rcc_config::device::kind_name;
 use rcc_core::linear::SIDE_MAX;
 use rcc_core::primitive::{
-    DefaultValue, Dim, ElementType, Example, Parameter, ParameterKind, Port, PortType, Role, Spec,
+    DefaultValue, Dim, ElementType, Example, Parameter, ParameterKind, Port, PortType, Role,
     StateSpec, UnitRule,
 };
-use rcc_core::primitives::CATALOGUE;
-use rcc_core::types::Type;
+use rcc_core::primitives::{CATALOGUE, Subject};
 
 use crate::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
 
@@ -21,7 +20,9 @@ pub fn primitives() -> Vec<PrimitiveView> {
             PrimitiveView {
                 name: spec.name.to_owned(),
                 summary: spec.summary.to_owned(),
-                group: group(spec).to_owned(),
+                group: Subject::of(spec.name)
+                    .map_or("", |subject| subject.title)
+                    .to_owned(),
                 null: spec.null.to_owned(),
                 undefined: spec.undefined.to_owned(),
                 formula: spec.formula.to_owned(),
@@ -63,55 +64,6 @@ fn example(example: &Example) -> ExampleView {
         period_ms: example.period_ms,
         names: lines.next().map(cells).unwrap_or_default(),
         rows: lines.map(cells).collect(),
-    }
-}
-
-/// The chapters of the manual, in their order.
-pub const GROUPS: &[&str] = &[
-    "Nets",
-    "Motion and devices",
-    "Logic",
-    "Comparison",
-    "Arithmetic",
-    "Arrays and matrices",
-    "Space",
-    "Signals over time",
-    "Any type",
-];
-
-/// Returns the chapter of a primitive: by its role, or else by the types of its ports.
-fn group(spec: &Spec) -> &'static str {
-    let ports = || spec.inputs.iter().chain(spec.outputs).map(|port| port.ty);
-    let is =
-        |wanted: &[Type]| ports().any(|ty| matches!(ty, PortType::Is(ty) if wanted.contains(&ty)));
-    let of_device = |parameter: &Parameter| {
-        matches!(
-            parameter.kind,
-            ParameterKind::Arm | ParameterKind::Device | ParameterKind::Channel(_)
-        )
-    };
-    let has_array = ports().any(|ty| type_words(ty).contains('['));
-    let bools = |ports: &[Port]| ports.iter().all(|port| port.ty == PortType::Is(Type::Bool));
-    let space = [
-        Type::Vector3,
-        Type::Rotation,
-        Type::Pose,
-        Type::Twist,
-        Type::Wrench,
-        Type::TRANSFORM,
-    ];
-    match spec.role {
-        Role::Motion | Role::CommandsArm | Role::CommandsChannel => "Motion and devices",
-        Role::Plain if spec.parameters.iter().any(of_device) => "Motion and devices",
-        Role::Plain if is(&space) => "Space",
-        Role::Plain if spec.state != StateSpec::NONE => "Signals over time",
-        Role::Plain if spec.inputs.is_empty() => "Signals over time",
-        Role::Plain if has_array => "Arrays and matrices",
-        Role::Plain if bools(spec.inputs) && bools(spec.outputs) => "Logic",
-        Role::Plain if ports().any(|ty| ty == PortType::Any) => "Any type",
-        Role::Plain if bools(spec.outputs) => "Comparison",
-        Role::Plain => "Arithmetic",
-        _ => "Nets",
     }
 }
 
@@ -215,12 +167,7 @@ mod tests {
         let views = primitives();
         assert_eq!(views.len(), CATALOGUE.len());
         for view in &views {
-            assert!(
-                GROUPS.contains(&view.group.as_str()),
-                "{}: {}",
-                view.name,
-                view.group
-            );
+            assert!(!view.group.is_empty(), "{}", view.name);
         }
         let motion = views.iter().find(|view| view.name == "LinearMotion");
         assert!(motion.is_some_and(|view| {

@@ -1,8 +1,9 @@
 //! The manual of the primitives in Markdown, generated from their specs: `docs/primitives.md` and `rcc-cli primitives
 //! --markdown`. Computed on request; a test compares the document with it.
 
+use rcc_core::primitives::SUBJECTS;
+
 use crate::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
-use crate::catalogue::GROUPS;
 
 const HEAD: &str = "# Primitives
 
@@ -15,8 +16,8 @@ one of them through the whole language.
 #[must_use]
 pub fn document(all: &[PrimitiveView]) -> String {
     let mut text = HEAD.to_owned();
-    for group in GROUPS {
-        let mut rows = all.iter().filter(|view| view.group == *group).peekable();
+    for group in SUBJECTS.iter().map(|subject| subject.title) {
+        let mut rows = all.iter().filter(|view| view.group == group).peekable();
         if rows.peek().is_none() {
             continue;
         }

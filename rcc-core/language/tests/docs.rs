@@ -60,9 +60,10 @@ fn every_net_of_the_documentation_compiles() {
 fn the_primitive_in_the_documentation_is_the_one_in_the_catalogue() {
     let page = fs::read_to_string(folder("docs/primitive.md")).expect("the page");
     let shown = blocks(&page, "rust");
-    let file = fs::read_to_string(folder("rcc-core/src/primitives/toggle.rs")).expect("the file");
+    let file =
+        fs::read_to_string(folder("rcc-core/src/primitives/logic/toggle.rs")).expect("the file");
     assert_eq!(shown[0].trim_end(), file.trim_end());
-    let table = fs::read_to_string(folder("rcc-core/src/primitives.rs")).expect("the table");
+    let table = fs::read_to_string(folder("rcc-core/src/primitives/logic.rs")).expect("the table");
     for line in blocks(&page, "text")[0].lines() {
         let found = table.lines().filter(|row| row.trim() == line).count();
         assert_eq!(found, 1, "`{line}` stands in the table once");

@@ -1,7 +1,7 @@
 //! `Sum`: the sum of the elements of an array, from the first to the last, with each step rounded once.
 
-use super::add::Add;
 use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Spec, reduce};
+use crate::primitives::arithmetic::add::Add;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(

@@ -1,7 +1,7 @@
 //! `MinElement`: the smallest element of an array.
 
-use super::min::Min;
 use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Spec, reduce};
+use crate::primitives::arithmetic::min::Min;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(

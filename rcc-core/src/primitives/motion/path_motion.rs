@@ -106,7 +106,7 @@ macro_rules! motion_operands {
 
         impl $crate::primitive::Step for $name {
             fn step(self, frame: &mut $crate::frame::Frame<'_>) -> Option<()> {
-                let ports = $crate::primitives::path_motion::Ports {
+                let ports = $crate::primitives::motion::path_motion::Ports {
                     stop: self.stop,
                     pause: self.pause,
                     speed: self.speed,

@@ -3,10 +3,10 @@
 //! Its kernels are those of `Copy`; after the cycle, the executor copies the output into the nets that subscribe to it.
 //! An output is published instead of the input, so that it becomes null when its region is deactivated.
 
-use super::copy;
 use crate::primitive::{
     CatalogueEntry, Example, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
 };
+use crate::primitives::selection::copy;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(

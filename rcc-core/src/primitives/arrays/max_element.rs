@@ -1,7 +1,7 @@
 //! `MaxElement`: the largest element of an array.
 
-use super::max::Max;
 use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Spec, reduce};
+use crate::primitives::arithmetic::max::Max;
 
 /// The row of the catalogue.
 pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
