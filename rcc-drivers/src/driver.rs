@@ -98,6 +98,18 @@ pub struct Exchange {
     pub refused: u64,
 }
 
+impl Exchange {
+    /// Returns the device's period, s; greater than 0.
+    pub(crate) fn period_s(&self) -> f64 {
+        self.period_ns.max(1) as f64 * 1e-9
+    }
+
+    /// Returns the time since the last exchange, s; greater than 0.
+    pub(crate) fn dt_s(&self) -> f64 {
+        self.ticks.max(1) as f64 * self.period_s()
+    }
+}
+
 /// Why there was no exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LinkError {

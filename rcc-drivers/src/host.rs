@@ -31,7 +31,6 @@ pub mod output_release;
 pub mod playback_rate;
 pub mod reason;
 pub mod set_point_buffer;
-pub mod set_point_player;
 mod set_point_wait;
 pub mod start_blend;
 pub mod state_log;

@@ -3,9 +3,11 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use bytemuck::bytes_of_mut;
+use rcc_core::impedance::ControlMode;
 use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, SetPoint};
+use rcc_drivers::driver::{Exchange, Inputs};
+use rcc_drivers::host::device_session::DeviceSession;
 use rcc_drivers::host::limits::ArmLimits;
-use rcc_drivers::host::set_point_player::{DeviceCycle, PlayerSettings, SetPointPlayer};
 use rcc_engine::queue::EngineRequest;
 
 use crate::engine::EngineHarness;
@@ -84,28 +86,27 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
         .device("lwr")
         .unwrap_or_else(|| panic!("the demo has an lwr"));
     let limits = ArmLimits::of(device);
-    let mut player = SetPointPlayer::new(PlayerSettings {
-        limits,
-        first_tolerance_rad: device.first_tolerance_rad,
-        delay_ns: device.delay_ns,
-        command_timeout_ns: device.command_timeout_ns,
-    });
+    let mut session = DeviceSession::new(device, 0);
     if leads {
-        player = player.with_leading_clock();
+        session = session.with_leading_clock();
     }
     let mut image = CommandImage::new(7, MS);
     let mut checker = SetPointChecker::new(limits.joints, 0.0);
-    let mut tick = DeviceCycle {
+    let mut exchange = Exchange {
         ticks: 1,
         period_ns: MS,
         commandable: false,
         startable: true,
-        strategy: 0,
+        strategy: ControlMode::Position,
         mirror: HOLD,
+        quality_permille: 1000,
+        reason: 0,
+        late: 0,
+        refused: 0,
     };
-    player.tick(&tick);
-    checker.rests(player.position());
-    tick.commandable = true;
+    let outputs = session.exchange(0, &Inputs::NONE, &exchange);
+    checker.rests(&outputs.position);
+    exchange.commandable = true;
     let mut now_ns = 1_000 * MS;
     let (mut asked, mut step): (Joints, Option<f64>) = (HOLD, None);
     for _ in 0..STEPS_MAX {
@@ -117,7 +118,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
             1 => step = None,
             2 => corrupt(bytes_of_mut(&mut image), bytes)?,
             3 => now_ns += u64::from(u8::arbitrary(bytes)?) * MS,
-            4 => tick.ticks = u64::from(u8::arbitrary(bytes)?),
+            4 => exchange.ticks = u64::from(u8::arbitrary(bytes)?),
             5 => step = Some(crate::plan::real(bytes)?),
             _ => {}
         }
@@ -128,7 +129,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
             now_ns = now_ns.saturating_add(MS);
             match step {
                 Some(step) => asked[0] += step,
-                None => asked = *player.position(),
+                None => asked = session.measurement().hold,
             }
             let point = SetPoint {
                 owner: u64::from(step.is_some()),
@@ -137,21 +138,13 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
                 ..SetPoint::NONE
             };
             image.push(image.head.sequence.wrapping_add(1), now_ns, point);
-            player.observe(now_ns, Some(&image));
-            player.tick(&tick);
-            checker.follow(player.position(), tick.ticks.max(1) as f64 * 1e-3);
-            if player.state() == DeviceState::Commanded {
-                checker.in_range(player.position());
+            session.observe(now_ns, Some(&image));
+            let position = session.exchange(now_ns, &Inputs::NONE, &exchange).position;
+            checker.follow(&position, exchange.ticks.max(1) as f64 * 1e-3);
+            if session.measurement().state == DeviceState::Commanded as u32 {
+                checker.in_range(&position);
             }
-            assert!(
-                player
-                    .position()
-                    .iter()
-                    .take(JOINTS_MAX)
-                    .all(|q| q.is_finite())
-            );
-            // The only rule is that they return.
-            let _ = (player.played_ns(), player.settled_ns(), player.margin());
+            assert!(position.iter().take(JOINTS_MAX).all(|q| q.is_finite()));
         }
     }
     Ok(())

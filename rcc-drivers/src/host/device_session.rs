@@ -1,36 +1,117 @@
-//! The state of one device as the executor sees it: turns exchanges and command images into outputs and the measurement
-//! board.
-//! Pure, in virtual time; run by the host's thread.
+//! The state of one device as the executor sees it: plays the executor's set-points to the device on the device's own
+//! clock, brings an arm to rest when they end, and turns exchanges into outputs and the measurement board.
+//! Pure, in virtual time; run by the host's thread, once per exchange with the device.
 
 use bytemuck::Zeroable;
 use rcc_config::DeviceConfig;
-use rcc_core::message::{CommandImage, DeviceState, MAGIC, Measurement};
+use rcc_core::guard::Violation;
+use rcc_core::message::{
+    CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement, SetPoint,
+};
 
 use super::impedance_ramp::ImpedanceRamp;
 use super::limits::ArmLimits;
 use super::output_release::OutputRelease;
 use super::reason;
-use super::set_point_player::{DeviceCycle, PlayerSettings, SetPointPlayer};
+use super::set_point_buffer::SetPointBuffer;
 use crate::driver::{Exchange, Inputs, Outputs};
 
+mod command_feed;
+mod measurement;
+mod net_start;
+mod phase;
+mod playback;
+#[cfg(test)]
+mod tests;
+
+use command_feed::CommandFeed;
+use phase::SessionPhase;
+use playback::PlaybackPointer;
+
+/// Longest interval between two looks at the command board, in executor periods.
+pub const OBSERVE_PERIODS_MAX: u64 = 4;
 /// A silent device is offline after this number of its periods, or after `command_timeout` if that is longer.
 const SILENT_PERIODS: u64 = 5;
 
-/// One device with its set-point player and its outputs.
+/// Fixed parameters of a session.
+#[derive(Clone, Copy, Debug)]
+struct SessionSettings {
+    limits: ArmLimits,
+    /// Largest distance of a net's first set-point from the hold position, rad per joint.
+    first_tolerance_rad: f64,
+    /// Delay between the arrival of a set-point and its playback, ns of executor time.
+    delay_ns: u64,
+    /// Age beyond which a command image is stale, ns.
+    command_timeout_ns: u64,
+    /// The executor's clock follows this device: set-points are not delayed, see `playback::lockstep`.
+    leads_clock: bool,
+}
+
+impl SessionSettings {
+    /// Returns true if the device leads the executor's clock and its period is at least the executor's: no delay is
+    /// needed.
+    fn is_lockstep(&self, buffer: &SetPointBuffer, exchange: &Exchange) -> bool {
+        let period_s = buffer.period_ns() as f64 * 1e-9;
+        self.leads_clock && 1.001 * exchange.period_s() >= period_s
+    }
+
+    /// Returns the playback delay in set-points: 0 in lockstep, otherwise at least 1.
+    fn delay(&self, buffer: &SetPointBuffer, exchange: &Exchange) -> u64 {
+        if self.is_lockstep(buffer, exchange) {
+            return 0;
+        }
+        self.delay_ns.div_ceil(buffer.period_ns()).max(1)
+    }
+}
+
+/// Counters since the driver started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PlaybackCounts {
+    /// Number of times that set-points ran out while the arm moved.
+    pub starved: u64,
+    /// Number of exchanges without a set-point of their own, while the executor's clock follows the device.
+    pub bridged: u64,
+    /// Number of set-points that violated a limit, and of nets refused at their first set-point.
+    pub violations: u64,
+}
+
+/// How far the end of the driver has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Shutdown {
+    NotRequested,
+    /// No set-points are followed any more.
+    Requested,
+    /// An exchange has taken place since the request, so the outputs were released.
+    OutputsReleased,
+}
+
+/// One device with its set-points and its outputs.
 #[derive(Clone, Debug)]
 pub struct DeviceSession {
-    player: SetPointPlayer,
-    release: OutputRelease,
+    settings: SessionSettings,
+    feed: CommandFeed,
+    phase: SessionPhase,
+    shutdown: Shutdown,
+    /// Position that is sent, rad: the last set-point, or where the device holds itself; unknown while it is offline.
+    position: Joints,
+    /// The set-point whose digital and analog outputs are in effect.
+    outputs: SetPoint,
+    output_release: OutputRelease,
     impedance_ramp: ImpedanceRamp,
+    /// Period of the device in the last exchange, s.
+    period_s: f64,
+    /// A net could start in the last exchange.
+    startable: bool,
+    /// Where playback is, or where it ended last.
+    played: PlaybackPointer,
+    /// Why the arm stopped or refused a net last; 0 = none.
+    reason: u32,
+    violation: Option<Violation>,
+    counts: PlaybackCounts,
     measurement: Measurement,
     /// CLOCK_MONOTONIC of the last exchange, or of the creation.
     last_exchange_ns: u64,
     offline_after_ns: u64,
-    command_timeout_ns: u64,
-    commandable: bool,
-    /// The last exchange took place after the stop request, so its outputs were released.
-    released: bool,
-    terminating: bool,
     /// The running executor belongs to another build or was started with another configuration of this device.
     executor_incompatible: bool,
 }
@@ -39,50 +120,64 @@ impl DeviceSession {
     /// A session for a device that has not been reached yet.
     #[must_use]
     pub fn new(device: &DeviceConfig, now_ns: u64) -> Self {
-        let settings = PlayerSettings {
-            limits: ArmLimits::of(device),
-            first_tolerance_rad: device.first_tolerance_rad,
-            delay_ns: device.delay_ns,
-            command_timeout_ns: device.command_timeout_ns,
-        };
-        let release = OutputRelease::new(device);
-        let limits = settings.limits;
+        let limits = ArmLimits::of(device);
+        let output_release = OutputRelease::new(device);
         Self {
-            player: SetPointPlayer::new(settings),
+            settings: SessionSettings {
+                limits,
+                first_tolerance_rad: device.first_tolerance_rad,
+                delay_ns: device.delay_ns,
+                command_timeout_ns: device.command_timeout_ns,
+                leads_clock: false,
+            },
+            feed: CommandFeed::default(),
+            phase: SessionPhase::Offline,
+            shutdown: Shutdown::NotRequested,
+            position: [0.0; JOINTS_MAX],
+            outputs: SetPoint::NONE,
             measurement: Measurement {
                 magic: MAGIC,
                 joints: device.model().joints,
                 state: DeviceState::Offline as u32,
                 reason: reason::SILENT,
                 stamp_ns: now_ns,
-                analog_out: release.values().analog,
+                analog_out: output_release.values().analog,
                 ..Measurement::zeroed()
             },
-            release,
+            output_release,
             impedance_ramp: ImpedanceRamp::new(limits.impedance, limits.joints.joints),
+            period_s: 1e-3,
+            startable: false,
+            played: PlaybackPointer::default(),
+            reason: 0,
+            violation: None,
+            counts: PlaybackCounts::default(),
             last_exchange_ns: now_ns,
             offline_after_ns: device.command_timeout_ns,
-            command_timeout_ns: device.command_timeout_ns,
-            commandable: false,
-            released: false,
-            terminating: false,
             executor_incompatible: false,
         }
     }
 
-    /// Declares that the executor's clock follows this device.
+    /// Declares that the executor's clock follows this device: each exchange plays the newest set-point, without delay.
     #[must_use]
-    pub fn with_leading_clock(self) -> Self {
-        Self {
-            player: self.player.with_leading_clock(),
-            ..self
-        }
+    pub fn with_leading_clock(mut self) -> Self {
+        self.settings.leads_clock = true;
+        self
     }
 
     /// Takes over new set-points from the command image; `None` means that there is no executor. Call it at least every
-    /// [`OBSERVE_PERIODS_MAX`] cycles.
+    /// [`OBSERVE_PERIODS_MAX`] cycles. A net that is already commanding when its executor appears, or reappears, is not
+    /// followed.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
-        self.player.observe(now_ns, image);
+        let timeout_ns = self.settings.command_timeout_ns;
+        let change = self.feed.update(now_ns, image, timeout_ns);
+        if let Some(why) = change.lost {
+            self.end_following(why);
+        }
+        if change.appeared {
+            self.feed.refused_owner = 0;
+            self.refuse_newest_owner(reason::ALREADY_COMMANDED);
+        }
     }
 
     /// Sets whether an executor is running that is not followed because of its build or configuration.
@@ -96,15 +191,21 @@ impl DeviceSession {
         self.finish_exchange(exchange)
     }
 
-    /// First half of an exchange: stores what was received and updates the inputs of the measurement. The player's part
-    /// of the measurement still belongs to the previous exchange, unless the device is no longer commandable.
+    /// First half of an exchange: stores what was received and updates the inputs of the measurement. The other part of
+    /// the measurement still belongs to the previous exchange, unless the device is no longer commandable.
     pub fn begin_exchange(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
         self.last_exchange_ns = now_ns;
         self.offline_after_ns = self
+            .settings
             .command_timeout_ns
             .max(SILENT_PERIODS.saturating_mul(exchange.period_ns));
-        self.commandable = exchange.commandable;
-        self.player.begin_exchange(&tick(exchange));
+        self.period_s = exchange.period_s();
+        self.startable = exchange.startable;
+        if exchange.commandable {
+            self.enter_command_mode(&exchange.mirror);
+        } else {
+            self.mirror(&exchange.mirror);
+        }
         self.update_inputs(now_ns, inputs, exchange);
         if !exchange.commandable {
             self.update_state(exchange);
@@ -113,19 +214,24 @@ impl DeviceSession {
 
     /// Second half of an exchange: returns the values to send to the device.
     pub fn finish_exchange(&mut self, exchange: &Exchange) -> Outputs {
-        self.player.play(&tick(exchange));
+        self.play(exchange);
         let dt_s = exchange.ticks.max(1) as f64 * exchange.period_ns as f64 * 1e-9;
         if !exchange.commandable {
             self.impedance_ramp.reset(exchange.strategy);
         }
-        let commanded = self.player.impedance();
+        let commanded = match self.phase {
+            SessionPhase::Following(_) => Some((self.outputs.owner, &self.outputs.impedance)),
+            _ => None,
+        };
         let impedance = self.impedance_ramp.next(exchange.strategy, commanded, dt_s);
         let outputs = Outputs {
-            position: *self.player.position(),
+            position: self.position,
             impedance,
-            ..*self.release.apply(self.player.outputs())
+            ..*self.output_release.apply(&self.outputs)
         };
-        self.released = self.terminating;
+        if self.shutdown == Shutdown::Requested {
+            self.shutdown = Shutdown::OutputsReleased;
+        }
         self.update_state(exchange);
         outputs
     }
@@ -137,35 +243,39 @@ impl DeviceSession {
         if lost.is_none() && !silent {
             return false;
         }
-        self.commandable = false;
-        self.player.handle_loss();
+        self.lose_device();
         self.measurement.state = DeviceState::Offline as u32;
         self.measurement.reason = lost.unwrap_or(reason::SILENT);
         self.measurement.quality_permille = 0;
         self.measurement.settled_ns = 0;
         self.measurement.stamp_ns = now_ns;
-        self.measurement.executor = self.player.executor();
+        self.measurement.executor = self.feed.executor();
         true
     }
 
     /// Brings the device to rest, releases its outputs and accepts no further commands.
     pub fn terminate(&mut self) {
-        self.terminating = true;
-        self.player.terminate();
+        if self.shutdown == Shutdown::NotRequested {
+            self.shutdown = Shutdown::Requested;
+            self.end_following(reason::TERMINATING);
+        }
     }
 
     /// After [`DeviceSession::terminate`]: returns true if the device is at rest and its outputs have been released, or
     /// if it is offline.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        let offline = self.measurement.state == DeviceState::Offline as u32;
-        offline || (self.released && self.player.is_holding())
+        match self.phase {
+            SessionPhase::Offline => true,
+            _ => self.shutdown == Shutdown::OutputsReleased && !self.phase.is_engaged(),
+        }
     }
 
     /// Returns true for an arm in command mode, which must be released before the driver ends.
     #[must_use]
     pub fn needs_release(&self) -> bool {
-        self.commandable && self.measurement.joints > 0
+        let commandable = !matches!(self.phase, SessionPhase::Offline | SessionPhase::Mirroring);
+        commandable && self.measurement.joints > 0
     }
 
     /// Returns the measurement for the executor's board.
@@ -174,89 +284,56 @@ impl DeviceSession {
         &self.measurement
     }
 
-    /// Returns the set-point player.
+    /// Returns the last limit violation, until the next net is followed.
     #[must_use]
-    pub fn player(&self) -> &SetPointPlayer {
-        &self.player
+    pub fn violation(&self) -> Option<&Violation> {
+        self.violation.as_ref()
+    }
+
+    /// Returns the counters.
+    #[must_use]
+    pub fn counts(&self) -> PlaybackCounts {
+        self.counts
     }
 
     /// Bit i: analog output i is commanded outside its range.
     #[must_use]
     pub fn out_of_range(&self) -> u64 {
-        self.release.out_of_range()
+        self.output_release.out_of_range()
     }
 
-    /// Updates the part of the measurement that comes from the device.
-    fn update_inputs(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
-        let periods = self.measurement.periods + exchange.ticks.max(1);
-        self.measurement = Measurement {
-            magic: MAGIC,
-            sequence: self.measurement.sequence + 1,
-            stamp_ns: now_ns,
-            periods,
-            period_ns: exchange.period_ns,
-            quality_permille: exchange.quality_permille,
-            strategy: exchange.strategy as u64,
-            position: inputs.position,
-            torque: inputs.torque,
-            external_torque: inputs.external_torque,
-            wrench: inputs.wrench,
-            digital: inputs.digital,
-            digital_known: inputs.digital_known,
-            analog: inputs.analog,
-            late: exchange.late,
-            refused: exchange.refused,
-            ..self.measurement
-        };
+    /// Computes the position and the outputs of this exchange.
+    fn play(&mut self, exchange: &Exchange) {
+        match self.phase {
+            SessionPhase::Stopping(_) => self.step_to_rest(exchange),
+            SessionPhase::Following(_) => self.follow(exchange),
+            _ => {}
+        }
+        self.accept_new_net(exchange);
+        if !matches!(
+            self.phase,
+            SessionPhase::Waiting { .. } | SessionPhase::Following(_)
+        ) {
+            let newest = self.feed.live_set_point();
+            let newest = newest.filter(|_| self.shutdown == Shutdown::NotRequested);
+            self.outputs = newest.copied().unwrap_or(SetPoint::NONE);
+        }
     }
 
-    /// Updates the part of the measurement that comes from the player.
-    fn update_state(&mut self, exchange: &Exchange) {
-        let player = &self.player;
-        let range = match self.release.out_of_range() {
-            0 => 0,
-            _ => reason::ANALOG_RANGE,
-        };
-        let state = player.state();
-        // Once the device is ready again, the reason of an earlier stop no longer applies.
-        let history = match state {
-            DeviceState::Ready | DeviceState::Commanded => 0,
-            _ => player.reason(),
-        };
-        // Has priority: nothing done at the device can remedy it.
-        let executor_incompatible = match self.executor_incompatible {
-            true => reason::OTHER_CONFIGURATION,
-            false => 0,
-        };
-        let reasons = [executor_incompatible, exchange.reason, history, range];
-        let outputs = self.release.values();
-        self.measurement = Measurement {
-            state: state as u32,
-            reason: reasons.into_iter().find(|reason| *reason != 0).unwrap_or(0),
-            hold: *player.position(),
-            digital_out: outputs.digital,
-            digital_out_known: outputs.digital_set,
-            analog_out: outputs.analog,
-            executor: player.executor(),
-            played_ns: player.played_ns(),
-            settled_ns: player.settled_ns(),
-            margin: player.margin(),
-            starved: player.counts().starved,
-            ..self.measurement
-        };
+    /// Refuses the owner of the newest set-point and marks all present set-points as checked.
+    fn refuse_newest_owner(&mut self, why: u32) {
+        if self.feed.refuse_newest_owner() {
+            self.reason = why;
+        }
+    }
+
+    fn refuse(&mut self, owner: u64, why: u32) {
+        self.feed.refused_owner = owner;
+        self.reason = why;
+    }
+
+    fn count_violation(&mut self, violation: Violation) {
+        self.counts.violations += 1;
+        self.violation = Some(violation);
     }
 }
-
-fn tick(exchange: &Exchange) -> DeviceCycle {
-    DeviceCycle {
-        ticks: exchange.ticks,
-        period_ns: exchange.period_ns,
-        commandable: exchange.commandable,
-        startable: exchange.startable,
-        strategy: exchange.strategy as u64,
-        mirror: exchange.mirror,
-    }
-}
-
-/// Longest interval between two looks at the command board, in executor periods.
-pub const OBSERVE_PERIODS_MAX: u64 = 4;

@@ -64,11 +64,10 @@ impl StateLog {
         let measurement = session.measurement();
         self.update_state(measurement);
         self.update_quality(measurement);
-        let player = session.player();
-        let violations = player.counts().violations;
+        let violations = session.counts().violations;
         if violations != self.violations {
             self.violations = violations;
-            if let Some(violation) = player.violation() {
+            if let Some(violation) = session.violation() {
                 self.log(refused_event(violation));
             }
         }

@@ -240,7 +240,7 @@ fn the_driver_checks_each_set_point_again() {
             (bench.faults(), bench.measured().reason),
             (0, reason::LIMIT)
         );
-        assert!(bench.session.player().violation().is_some());
+        assert!(bench.session.violation().is_some());
     }
 }
 

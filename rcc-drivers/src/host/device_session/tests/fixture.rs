@@ -1,10 +1,12 @@
-//! Executor, board, device and player in one virtual time with steps of 1 ms, each of which may stall.
+//! Executor, board, device and session in one virtual time with steps of 1 ms, each of which may stall.
 //! Test code only.
 
 use rcc_core::guard::JointLimits;
-use rcc_core::message::{ANALOG_MAX, JOINTS_MAX};
+use rcc_core::impedance::ControlMode;
+use rcc_core::message::ANALOG_MAX;
 
 use super::super::*;
+use crate::conformance;
 
 pub(super) const MS: u64 = 1_000_000;
 pub(super) const DELAY: u64 = 10;
@@ -26,56 +28,69 @@ pub(super) fn limits() -> ArmLimits {
     }
 }
 
-/// Executor, board, device and player in one virtual time.
-pub(super) struct PlayerFixture {
-    pub(super) player: SetPointPlayer,
+/// A session with these settings, of a device that has not been reached yet.
+pub(super) fn session(settings: SessionSettings) -> DeviceSession {
+    let device = conformance::device("none", serde_json::json!({}), &[]);
+    DeviceSession {
+        settings,
+        ..DeviceSession::new(&device, 0)
+    }
+}
+
+/// Executor, board, device and session in one virtual time.
+pub(super) struct SessionFixture {
+    pub(super) session: DeviceSession,
     pub(super) image: CommandImage,
     /// An executor is present.
     pub(super) connected: bool,
     pub(super) now_ns: u64,
     /// Positions sent to the device, one row per exchange with its time, ms.
     pub(super) sent: Vec<(u64, Joints)>,
-    pub(super) tick: DeviceCycle,
+    pub(super) device: Exchange,
 }
 
-impl PlayerFixture {
+impl SessionFixture {
     /// A commandable arm at 0, and an executor without nets.
     pub(super) fn new() -> Self {
-        Self::with(|player| player)
+        Self::with(false)
     }
 
     /// As `new`, but the executor's clock follows the device.
     pub(super) fn with_leading_clock() -> Self {
-        Self::with(SetPointPlayer::with_leading_clock)
+        Self::with(true)
     }
 
-    fn with(change: impl Fn(SetPointPlayer) -> SetPointPlayer) -> Self {
-        let settings = PlayerSettings {
-            limits: limits(),
-            first_tolerance_rad: 2e-3,
-            delay_ns: DELAY * MS,
-            command_timeout_ns: 50 * MS,
-        };
+    fn with(leads_clock: bool) -> Self {
         let mut fixture = Self {
-            player: change(SetPointPlayer::new(settings)),
+            session: session(SessionSettings {
+                limits: limits(),
+                first_tolerance_rad: 2e-3,
+                delay_ns: DELAY * MS,
+                command_timeout_ns: 50 * MS,
+                leads_clock,
+            }),
             image: CommandImage::new(7, MS),
             connected: true,
             now_ns: 1_000 * MS,
             sent: Vec::new(),
-            tick: DeviceCycle {
+            device: Exchange {
                 ticks: 1,
                 period_ns: MS,
                 commandable: true,
                 startable: true,
-                strategy: 0,
+                strategy: ControlMode::Position,
                 mirror: [0.0; JOINTS_MAX],
+                quality_permille: 1000,
+                reason: 0,
+                late: 0,
+                refused: 0,
             },
         };
-        fixture.tick.commandable = false;
+        fixture.device.commandable = false;
         fixture.exchange();
-        fixture.tick.commandable = true;
+        fixture.device.commandable = true;
         fixture.idle(20);
-        assert_eq!(fixture.player.state(), DeviceState::Ready);
+        assert_eq!(fixture.session.state(), DeviceState::Ready);
         fixture.sent.clear();
         fixture
     }
@@ -88,14 +103,15 @@ impl PlayerFixture {
 
     pub(super) fn observe(&mut self) {
         let image = self.connected.then_some(&self.image);
-        self.player.observe(self.now_ns, image);
+        self.session.observe(self.now_ns, image);
     }
 
     /// Runs one cycle of the device.
     pub(super) fn exchange(&mut self) {
         self.observe();
-        self.player.tick(&self.tick);
-        self.sent.push((self.now_ns / MS, *self.player.position()));
+        self.session
+            .exchange(self.now_ns, &Inputs::NONE, &self.device);
+        self.sent.push((self.now_ns / MS, self.session.position));
     }
 
     /// Advances both by one millisecond.
@@ -151,7 +167,7 @@ impl PlayerFixture {
     }
 
     pub(super) fn last(&self) -> f64 {
-        self.player.position()[0]
+        self.session.position[0]
     }
 
     pub(super) fn positions(&self) -> Vec<f64> {

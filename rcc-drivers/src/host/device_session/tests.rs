@@ -1,31 +1,29 @@
-//! Tests of the player in virtual time: an executor and a device with periods of 1 ms, each of which may stall.
+//! Tests of the session in virtual time: an executor and a device with periods of 1 ms, each of which may stall.
 //! Test code only.
-
-use rcc_core::message::JOINTS_MAX;
 
 use super::*;
 
 mod fixture;
 mod lockstep;
 
-use fixture::{DELAY, MS, PlayerFixture, at, motion, usual};
+use fixture::{DELAY, MS, SessionFixture, at, motion, session, usual};
 
 #[test]
 fn after_the_delay_every_set_point_is_sent_once_with_its_own_outputs() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = usual();
     let mut outputs = Vec::new();
     for cycle in 0..points.len() + DELAY as usize {
         let q = points.get(cycle).or(points.last()).copied().unwrap_or(0.0);
         fixture.both(at(1, q));
-        outputs.push((fixture.player.outputs().digital, fixture.last()));
-        assert_eq!(fixture.player.state(), DeviceState::Commanded);
-        assert_eq!(fixture.player.settled_ns(), 0);
+        outputs.push((fixture.session.outputs.digital, fixture.last()));
+        assert_eq!(fixture.session.state(), DeviceState::Commanded);
+        assert_eq!(fixture.session.settled_ns(), 0);
     }
     let delay = DELAY as usize;
     assert_eq!(fixture.positions()[delay..], points);
     assert_eq!(fixture.positions()[..delay], [0.0; DELAY as usize]);
-    assert_eq!(fixture.player.margin(), DELAY);
+    assert_eq!(fixture.session.margin(), DELAY);
     for (digital, q) in outputs {
         assert_eq!(digital, u64::from(q > 0.1), "at {q}");
     }
@@ -33,62 +31,62 @@ fn after_the_delay_every_set_point_is_sent_once_with_its_own_outputs() {
 
 #[test]
 fn a_net_that_ends_at_rest_leaves_the_arm_ready_and_settled() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual());
     fixture.idle(DELAY - 1);
-    assert_eq!(fixture.player.state(), DeviceState::Commanded);
+    assert_eq!(fixture.session.state(), DeviceState::Commanded);
     fixture.idle(1);
     assert_eq!(
-        (fixture.last(), fixture.player.state()),
+        (fixture.last(), fixture.session.state()),
         (0.2, DeviceState::Commanded)
     );
     fixture.idle(1);
-    assert_eq!(fixture.player.state(), DeviceState::Ready);
+    assert_eq!(fixture.session.state(), DeviceState::Ready);
     assert_eq!(
-        fixture.player.settled_ns(),
+        fixture.session.settled_ns(),
         fixture.image.head.sequence * MS
     );
-    assert_eq!(fixture.player.reason(), 0);
+    assert_eq!(fixture.session.reason(), 0);
 }
 
 #[test]
 fn outputs_are_those_of_the_newest_cycle_when_the_joints_are_not_commanded() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let only_output = SetPoint {
         digital: 0b10,
         digital_commanded: 0b10,
         ..SetPoint::NONE
     };
     fixture.both(only_output);
-    assert_eq!(fixture.player.outputs().digital, 0b10);
-    assert_eq!(fixture.player.state(), DeviceState::Ready);
+    assert_eq!(fixture.session.outputs.digital, 0b10);
+    assert_eq!(fixture.session.state(), DeviceState::Ready);
 }
 
 #[test]
 fn outputs_do_not_change_while_set_points_wait() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     for _ in 0..DELAY {
         fixture.both(at(1, 0.0));
-        assert_eq!(fixture.player.outputs().digital_commanded, 0);
+        assert_eq!(fixture.session.outputs.digital_commanded, 0);
     }
     fixture.both(at(1, 0.0));
-    assert_eq!(fixture.player.outputs().digital_commanded, 1);
+    assert_eq!(fixture.session.outputs.digital_commanded, 1);
 }
 
 #[test]
 fn a_first_set_point_elsewhere_is_refused_and_nothing_moves() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &motion(0.01, 0.2, 400));
     assert_eq!(fixture.last(), 0.0);
-    assert_eq!(fixture.player.reason(), reason::FIRST_SET_POINT);
-    assert_eq!(fixture.player.state(), DeviceState::Online);
+    assert_eq!(fixture.session.reason(), reason::FIRST_SET_POINT);
+    assert_eq!(fixture.session.state(), DeviceState::Online);
     fixture.idle(1);
-    assert_eq!(fixture.player.state(), DeviceState::Ready);
+    assert_eq!(fixture.session.state(), DeviceState::Ready);
 }
 
 #[test]
 fn a_step_within_the_tolerance_is_blended() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = motion(0.0019, 0.2, 400);
     fixture.run(1, &points);
     (0..DELAY).for_each(|_| fixture.both(at(1, points[400])));
@@ -98,18 +96,18 @@ fn a_step_within_the_tolerance_is_blended() {
 
 #[test]
 fn a_late_executor_slows_the_motion_on_its_path_and_the_margin_comes_back() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     let (early, rest) = points.split_at(800);
     fixture.run(1, early);
     fixture.device_alone(7);
-    assert!((DELAY - 7..DELAY - 5).contains(&fixture.player.margin()));
+    assert!((DELAY - 7..DELAY - 5).contains(&fixture.session.margin()));
     fixture.run(1, rest);
-    assert_eq!(fixture.player.counts(), PlayerCounts::default());
+    assert_eq!(fixture.session.counts(), PlaybackCounts::default());
     assert!(
-        fixture.player.margin() >= DELAY - 1,
+        fixture.session.margin() >= DELAY - 1,
         "{}",
-        fixture.player.margin()
+        fixture.session.margin()
     );
     fixture.check_peaks();
     for (_, q) in &fixture.sent {
@@ -117,14 +115,14 @@ fn a_late_executor_slows_the_motion_on_its_path_and_the_margin_comes_back() {
     }
     fixture.idle(DELAY + 5);
     assert_eq!(
-        (fixture.last(), fixture.player.state()),
+        (fixture.last(), fixture.session.state()),
         (1.0, DeviceState::Ready)
     );
 }
 
 #[test]
 fn a_device_that_stalled_loses_no_set_point_and_catches_up() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     for (cycle, q) in points.iter().enumerate() {
         fixture.now_ns += MS;
@@ -135,21 +133,21 @@ fn a_device_that_stalled_loses_no_set_point_and_catches_up() {
             fixture.exchange();
         }
         if cycle == 530 {
-            assert_eq!(fixture.player.margin(), DELAY + 30);
+            assert_eq!(fixture.session.margin(), DELAY + 30);
         }
     }
     assert!(
-        fixture.player.margin() <= DELAY + 1,
+        fixture.session.margin() <= DELAY + 1,
         "{}",
-        fixture.player.margin()
+        fixture.session.margin()
     );
-    assert_eq!(fixture.player.counts(), PlayerCounts::default());
+    assert_eq!(fixture.session.counts(), PlaybackCounts::default());
     fixture.check_peaks();
 }
 
 #[test]
 fn lost_device_periods_count_as_time() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = usual();
     for (cycle, q) in points.iter().enumerate() {
         fixture.now_ns += MS;
@@ -157,74 +155,74 @@ fn lost_device_periods_count_as_time() {
         match cycle {
             200 | 201 => fixture.observe(),
             _ => {
-                fixture.tick.ticks = if cycle == 202 { 3 } else { 1 };
+                fixture.device.ticks = if cycle == 202 { 3 } else { 1 };
                 fixture.exchange();
             }
         }
     }
     assert_eq!(fixture.last(), points[400 - DELAY as usize]);
-    assert_eq!(fixture.player.margin(), DELAY);
+    assert_eq!(fixture.session.margin(), DELAY);
 }
 
 #[test]
 fn when_set_points_end_in_motion_the_arm_comes_to_rest_within_its_limits() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..200]);
     fixture.device_alone(11);
-    assert_eq!(fixture.player.state(), DeviceState::Stopping);
-    assert_eq!(fixture.player.counts().starved, 1);
+    assert_eq!(fixture.session.state(), DeviceState::Stopping);
+    assert_eq!(fixture.session.counts().starved, 1);
     fixture.device_alone(200);
-    assert_eq!(fixture.player.state(), DeviceState::Online);
+    assert_eq!(fixture.session.state(), DeviceState::Online);
     fixture.check_peaks();
     let rest = fixture.last();
     fixture.run(1, &usual()[200..]);
     assert_eq!(fixture.last(), rest, "its owner is refused");
     fixture.idle(1);
     fixture.run(2, &motion(rest, 0.1, 300));
-    assert_eq!(fixture.player.state(), DeviceState::Commanded);
+    assert_eq!(fixture.session.state(), DeviceState::Commanded);
     assert!(fixture.last() > rest, "another owner is followed");
 }
 
 #[test]
 fn null_in_motion_brings_the_arm_to_rest_and_releases_outputs_at_once() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..300]);
     fixture.idle(DELAY + 1);
-    assert_eq!(fixture.player.state(), DeviceState::Stopping);
-    assert_eq!(fixture.player.reason(), reason::RELEASED_MOVING);
-    assert_eq!(fixture.player.outputs().digital_commanded, 0);
-    assert_eq!(fixture.player.settled_ns(), 0);
+    assert_eq!(fixture.session.state(), DeviceState::Stopping);
+    assert_eq!(fixture.session.reason(), reason::RELEASED_MOVING);
+    assert_eq!(fixture.session.outputs.digital_commanded, 0);
+    assert_eq!(fixture.session.settled_ns(), 0);
     fixture.idle(300);
-    assert_eq!(fixture.player.state(), DeviceState::Ready);
+    assert_eq!(fixture.session.state(), DeviceState::Ready);
     fixture.check_peaks();
 }
 
 #[test]
 fn a_start_while_the_arm_is_being_stopped_is_refused() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..300]);
     fixture.idle(DELAY + 1);
     let points: Vec<f64> = vec![fixture.last(); 400];
     fixture.run(2, &points);
-    assert_eq!(fixture.player.reason(), reason::NOT_STARTABLE);
-    assert_eq!(fixture.player.state(), DeviceState::Online);
+    assert_eq!(fixture.session.reason(), reason::NOT_STARTABLE);
+    assert_eq!(fixture.session.state(), DeviceState::Online);
 }
 
 #[test]
 fn a_stale_board_at_rest_releases_outputs_and_its_net() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = usual();
     fixture.run(1, &points);
     (0..20).for_each(|_| fixture.both(at(1, 0.2)));
-    assert_eq!(fixture.player.outputs().digital_commanded, 1);
+    assert_eq!(fixture.session.outputs.digital_commanded, 1);
     fixture.device_alone(51);
-    assert_eq!(fixture.player.outputs().digital_commanded, 0);
-    assert_eq!(fixture.player.executor(), 0);
+    assert_eq!(fixture.session.outputs.digital_commanded, 0);
+    assert_eq!(fixture.session.feed.executor(), 0);
     fixture.device_alone(5);
-    assert_eq!(fixture.player.state(), DeviceState::Online);
+    assert_eq!(fixture.session.state(), DeviceState::Online);
     (0..100).for_each(|_| fixture.both(at(1, 0.2)));
     assert_eq!(
-        fixture.player.state(),
+        fixture.session.state(),
         DeviceState::Online,
         "the same net is not followed again"
     );
@@ -233,24 +231,24 @@ fn a_stale_board_at_rest_releases_outputs_and_its_net() {
 
 #[test]
 fn a_board_stamped_in_the_future_is_as_stale_as_an_old_one() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.now_ns += MS;
     fixture.write(SetPoint::NONE);
     fixture.image.head.stamp_ns = fixture.now_ns + 1_000 * MS;
     fixture.exchange();
-    assert_eq!(fixture.player.executor(), 0);
-    assert_ne!(fixture.player.state(), DeviceState::Ready);
+    assert_eq!(fixture.session.feed.executor(), 0);
+    assert_ne!(fixture.session.state(), DeviceState::Ready);
 }
 
 #[test]
 fn when_the_executor_goes_in_motion_the_arm_comes_to_rest() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..200]);
     fixture.connected = false;
     fixture.device_alone(1);
-    assert_eq!(fixture.player.state(), DeviceState::Stopping);
-    assert_eq!(fixture.player.reason(), reason::NO_EXECUTOR);
-    assert_eq!(fixture.player.outputs().digital_commanded, 0);
+    assert_eq!(fixture.session.state(), DeviceState::Stopping);
+    assert_eq!(fixture.session.reason(), reason::NO_EXECUTOR);
+    assert_eq!(fixture.session.outputs.digital_commanded, 0);
     fixture.device_alone(200);
     fixture.check_peaks();
     fixture.sent.clear();
@@ -260,22 +258,22 @@ fn when_the_executor_goes_in_motion_the_arm_comes_to_rest() {
 
 #[test]
 fn another_executor_is_not_followed_in_motion() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..200]);
     fixture.image.head.executor = 8;
     fixture.run(1, &usual()[200..]);
-    assert_eq!(fixture.player.state(), DeviceState::Online);
+    assert_eq!(fixture.session.state(), DeviceState::Online);
     fixture.check_peaks();
     fixture.idle(1);
     assert_eq!(
-        (fixture.player.state(), fixture.player.executor()),
+        (fixture.session.state(), fixture.session.feed.executor()),
         (DeviceState::Ready, 8)
     );
 }
 
 #[test]
 fn set_points_that_go_on_under_another_owner_are_followed() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = usual();
     fixture.run(1, &points[..200]);
     fixture.run(2, &points[200..]);
@@ -285,7 +283,7 @@ fn set_points_that_go_on_under_another_owner_are_followed() {
 
 #[test]
 fn a_net_that_follows_a_cycle_later_begins_without_a_gap_of_its_own() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let (there, back) = (usual(), motion(0.2, -0.2, 400));
     fixture.run(1, &there);
     fixture.idle(1);
@@ -300,64 +298,64 @@ fn a_net_that_follows_a_cycle_later_begins_without_a_gap_of_its_own() {
 
 #[test]
 fn a_restarted_driver_does_not_move() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..200]);
-    let mut again = PlayerFixture::new();
-    again.player = SetPointPlayer::new(fixture.player.settings);
+    let mut again = SessionFixture::new();
+    again.session = session(fixture.session.settings);
     again.image = fixture.image;
     again.now_ns = fixture.now_ns;
-    again.tick.mirror = *fixture.player.position();
-    again.tick.commandable = false;
+    again.device.mirror = fixture.session.position;
+    again.device.commandable = false;
     again.exchange();
-    again.tick.commandable = true;
+    again.device.commandable = true;
     again.sent.clear();
     again.run(1, &usual()[200..]);
     assert_eq!(again.peaks()[0], 0.0);
-    assert_eq!(again.player.reason(), reason::ALREADY_COMMANDED);
-    assert_eq!(again.player.state(), DeviceState::Online);
+    assert_eq!(again.session.reason(), reason::ALREADY_COMMANDED);
+    assert_eq!(again.session.state(), DeviceState::Online);
 }
 
 #[test]
 fn a_device_that_left_command_mode_is_mirrored_and_its_net_is_not_followed_again() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..200]);
-    fixture.tick.commandable = false;
-    fixture.tick.mirror[0] = 0.123;
+    fixture.device.commandable = false;
+    fixture.device.mirror[0] = 0.123;
     fixture.run(1, &usual()[200..210]);
     assert_eq!(
-        (fixture.last(), fixture.player.state()),
+        (fixture.last(), fixture.session.state()),
         (0.123, DeviceState::Online)
     );
-    fixture.tick.commandable = true;
+    fixture.device.commandable = true;
     fixture.run(1, &[0.123; 100]);
     assert_eq!(fixture.last(), 0.123);
-    assert_eq!(fixture.player.reason(), reason::DEVICE_STOPPED);
+    assert_eq!(fixture.session.reason(), reason::DEVICE_STOPPED);
 }
 
 #[test]
 fn a_device_that_is_not_startable_goes_on_but_nothing_begins() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..200]);
-    fixture.tick.startable = false;
+    fixture.device.startable = false;
     fixture.run(1, &usual()[200..]);
     fixture.idle(20);
     assert_eq!(fixture.last(), 0.2);
-    assert_eq!(fixture.player.state(), DeviceState::Online);
+    assert_eq!(fixture.session.state(), DeviceState::Online);
     fixture.run(2, &motion(0.2, 0.1, 300));
     assert_eq!(
-        (fixture.last(), fixture.player.reason()),
+        (fixture.last(), fixture.session.reason()),
         (0.2, reason::NOT_STARTABLE)
     );
 }
 
 #[test]
 fn a_set_point_that_breaks_a_limit_is_not_sent_but_stops_the_arm() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let mut points = usual();
     points.iter_mut().skip(250).for_each(|q| *q += 1e-3);
     fixture.run(1, &points);
-    assert_eq!(fixture.player.reason(), reason::LIMIT);
-    let violation = fixture.player.violation().map(|violation| violation.joint);
+    assert_eq!(fixture.session.reason(), reason::LIMIT);
+    let violation = fixture.session.violation().map(|violation| violation.joint);
     assert_eq!(violation, Some(0));
     fixture.idle(200);
     fixture.check_peaks();
@@ -366,40 +364,40 @@ fn a_set_point_that_breaks_a_limit_is_not_sent_but_stops_the_arm() {
 
 #[test]
 fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_no_further_net() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     fixture.run(1, &usual()[..200]);
-    fixture.player.terminate();
+    fixture.session.terminate();
     fixture.run(1, &usual()[200..]);
-    assert!(fixture.player.is_holding());
+    assert!(!fixture.session.phase.is_engaged());
     fixture.check_peaks();
     let rest = fixture.last();
     fixture.idle(5);
     fixture.run(2, &motion(rest, 0.1, 300));
     assert_eq!(fixture.last(), rest);
-    assert_eq!(fixture.player.reason(), reason::TERMINATING);
+    assert_eq!(fixture.session.reason(), reason::TERMINATING);
 }
 
 #[test]
 fn set_points_missed_in_a_stall_are_played_at_once_if_the_device_has_continued() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     fixture.run(1, &points[..1000]);
     for q in &points[1000..1039] {
         fixture.now_ns += MS;
         fixture.write(at(1, *q));
     }
-    fixture.tick.ticks = 40;
+    fixture.device.ticks = 40;
     fixture.run(1, &points[1039..=1039]);
-    fixture.tick.ticks = 1;
+    fixture.device.ticks = 1;
     assert!((fixture.last() - points[1039 - DELAY as usize]).abs() < 1e-12);
     fixture.run(1, &points[1040..]);
     (0..DELAY).for_each(|_| fixture.both(at(1, 1.0)));
-    assert_eq!((fixture.player.reason(), fixture.last()), (0, 1.0));
+    assert_eq!((fixture.session.reason(), fixture.last()), (0, 1.0));
 }
 
 #[test]
 fn a_device_that_falls_behind_by_more_than_the_time_out_stops() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     fixture.run(1, &points[..1000]);
     for q in &points[1000..1060] {
@@ -407,18 +405,18 @@ fn a_device_that_falls_behind_by_more_than_the_time_out_stops() {
         fixture.write(at(1, *q));
     }
     fixture.run(1, &points[1060..1100]);
-    assert_eq!(fixture.player.reason(), reason::SET_POINTS_LOST);
+    assert_eq!(fixture.session.reason(), reason::SET_POINTS_LOST);
     fixture.check_peaks();
 }
 
 #[test]
 fn at_rest_the_delay_is_restored_without_slowing_anything() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = usual();
     (0..50).for_each(|_| fixture.both(at(1, 0.0)));
     fixture.device_alone(8);
     (0..20).for_each(|_| fixture.both(at(1, 0.0)));
-    assert_eq!(fixture.player.margin(), DELAY);
+    assert_eq!(fixture.session.margin(), DELAY);
     fixture.sent.clear();
     fixture.run(1, &points);
     assert_eq!(
@@ -429,7 +427,7 @@ fn at_rest_the_delay_is_restored_without_slowing_anything() {
 
 #[test]
 fn set_points_that_piled_up_in_motion_are_caught_up_smoothly() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     let points = motion(0.0, 1.0, 2000);
     fixture.run(1, &points[..700]);
     for q in &points[700..704] {
@@ -438,14 +436,14 @@ fn set_points_that_piled_up_in_motion_are_caught_up_smoothly() {
         fixture.write(at(1, *q));
     }
     fixture.run(1, &points[704..720]);
-    assert_eq!(fixture.player.margin(), DELAY + 4);
+    assert_eq!(fixture.session.margin(), DELAY + 4);
     fixture.run(1, &points[720..1200]);
     assert!(
-        fixture.player.margin() <= DELAY + 1,
+        fixture.session.margin() <= DELAY + 1,
         "{}",
-        fixture.player.margin()
+        fixture.session.margin()
     );
-    assert_eq!(fixture.player.counts(), PlayerCounts::default());
+    assert_eq!(fixture.session.counts(), PlaybackCounts::default());
     fixture.check_peaks();
     for (_, q) in &fixture.sent {
         assert!((q[1] - 0.5 * q[0]).abs() < 1e-15, "off the path");
@@ -454,14 +452,14 @@ fn set_points_that_piled_up_in_motion_are_caught_up_smoothly() {
 
 #[test]
 fn equal_set_points_that_piled_up_at_rest_are_left_out_at_once() {
-    let mut fixture = PlayerFixture::new();
+    let mut fixture = SessionFixture::new();
     (0..50).for_each(|_| fixture.both(at(1, 0.0)));
     for _ in 0..5 {
         fixture.now_ns += MS;
         fixture.write(at(1, 0.0));
     }
     fixture.both(at(1, 0.0));
-    assert_eq!(fixture.player.margin(), DELAY);
+    assert_eq!(fixture.session.margin(), DELAY);
     fixture.sent.clear();
     let points = usual();
     fixture.run(1, &points);
@@ -474,16 +472,15 @@ fn equal_set_points_that_piled_up_at_rest_are_left_out_at_once() {
 #[test]
 fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_itself() {
     let elsewhere = [0.7; JOINTS_MAX];
-    let mut fixture = PlayerFixture::new();
-    let tick = DeviceCycle {
-        mirror: elsewhere,
-        ..fixture.tick
-    };
-    let mut player = SetPointPlayer::new(fixture.player.settings);
-    player.tick(&tick);
-    assert_eq!(*player.position(), elsewhere);
+    let mut fixture = SessionFixture::new();
+    fixture.device.mirror = elsewhere;
+    fixture.session = session(fixture.session.settings);
+    fixture.exchange();
+    assert_eq!(fixture.session.position, elsewhere);
     // The same after a loss of the device, when its position is unknown.
-    fixture.player.handle_loss();
-    fixture.player.tick(&tick);
-    assert_eq!(*fixture.player.position(), elsewhere);
+    let mut fixture = SessionFixture::new();
+    fixture.device.mirror = elsewhere;
+    fixture.session.lose_device();
+    fixture.exchange();
+    assert_eq!(fixture.session.position, elsewhere);
 }
