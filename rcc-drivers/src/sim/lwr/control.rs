@@ -218,7 +218,7 @@ impl Krc {
             tick: self.tick,
             time_s: self.time_s,
             strategy: self.settings.strategy,
-            fri_state: if self.command_state {
+            fri_state: if self.in_command_state() {
                 "command"
             } else {
                 "monitor"

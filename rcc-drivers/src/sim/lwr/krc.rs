@@ -13,37 +13,22 @@ use super::arm::SimulatedArm;
 use super::command_stream::CommandStream;
 use super::environment::Environment;
 use super::fault::{KrcFault, MonitorReason};
-use super::impedance::{ImpedanceSettings, deflection};
-use super::model::{Geometry, geometry, geometry_of};
+use super::impedance::ImpedanceSettings;
+use super::model::{Geometry, geometry};
 use super::network::Network;
 use super::quality::QualityMeter;
 use super::settings::{KrlLoopback, KrlStrategy, Settings};
 use super::statistics::{FAULTS_KEPT, FaultRecord, KrcCounts};
-use super::stop_ramp::StopRamp;
 use super::trace::TraceRecord;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError};
 
+mod set_point;
+
+use set_point::SetPointMode;
+
 /// Number of cycles in which the KRL program announces its end.
 const CLOSING_CYCLES: u32 = 20;
-
-/// Longest stall, in periods, through which the arm continues to move; in longer ones time stands still, because the PC
-/// may or may not have been stalled as well.
-const STALL_PERIODS_MAX: u64 = 50;
-
-/// Largest added force or torque at the entry into command state, N or N·m: users report that a real controller refuses
-/// more than 1 N·m.
-const ENTRY_ADDED_MAX: f64 = 1.0;
-/// Tolerance between the commanded pose and that of the commanded joint positions, m and rad. The values are ours.
-const POSE_TOLERANCE: (f64, f64) = (1e-3, 0.01);
-
-/// Source of the joint set-point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum SetPointMode {
-    Hold,
-    Follow(CommandStream),
-    Stop(StopRamp),
-}
 
 /// A simulated controller with its arm.
 #[derive(Clone, Debug)]
@@ -51,7 +36,6 @@ pub struct Krc {
     pub(super) settings: Settings,
     pub(super) tick: u64,
     pub(super) time_s: f64,
-    pub(super) command_state: bool,
     pub(super) drives_wanted: bool,
     pub(super) emergency_stop: bool,
     pub(super) fault: Option<KrcFault>,
@@ -73,9 +57,7 @@ pub struct Krc {
     /// Position of the controller's own interpolator, rad, without FRI's offset.
     pub(super) base: Joints,
     motion: SetPointMode,
-    mirror_checked: bool,
     pub(super) wants_command: bool,
-    missed_in_a_row: u32,
     answer: Option<(CommandDatagram, f64)>,
     pub(super) last_answer_sequence: Option<u16>,
     withheld_ticks: u64,
@@ -94,7 +76,6 @@ impl Krc {
         Self {
             tick: 0,
             time_s: 0.0,
-            command_state: false,
             drives_wanted: true,
             emergency_stop: false,
             fault: None,
@@ -117,9 +98,7 @@ impl Krc {
             last_stream: CommandStream::at_rest(start, period_s),
             base: start,
             motion: SetPointMode::Hold,
-            mirror_checked: false,
             wants_command: false,
-            missed_in_a_row: 0,
             answer: None,
             last_answer_sequence: None,
             withheld_ticks: 0,
@@ -150,10 +129,10 @@ impl Krc {
         let backward = self
             .last_answer_sequence
             .is_some_and(|last| answer.send_sequence.wrapping_sub(last) as i16 <= 0);
-        if self.answer.is_some() || (backward && self.command_state) {
+        if self.answer.is_some() || (backward && self.in_command_state()) {
             return self.counts.duplicate += 1;
         }
-        if !self.command_state && answer.joint_position.iter().any(|q| !q.is_finite()) {
+        if !self.in_command_state() && answer.joint_position.iter().any(|q| !q.is_finite()) {
             return self.counts.not_finite += 1;
         }
         self.answer = Some((answer, delay_s));
@@ -168,7 +147,7 @@ impl Krc {
     ///
     /// `periods` is 1 or, after a stall of the machine, the number of periods that passed on its clock. In command
     /// state, the arm then continues its motion, as that of a real controller does, and the sequence numbers show the
-    /// length of the stall; at most [`STALL_PERIODS_MAX`] additional periods are simulated.
+    /// length of the stall; at most `STALL_PERIODS_MAX` additional periods are simulated.
     pub fn tick(&mut self, periods: u64) -> Option<[u8; MSR_SIZE]> {
         let answer = self.answer.take();
         if self.sent.is_some() {
@@ -217,6 +196,11 @@ impl Krc {
         self.closing_cycles == Some(0)
     }
 
+    /// Returns true in FRI's command state: the set-point is that of the PC.
+    pub(super) fn in_command_state(&self) -> bool {
+        matches!(self.motion, SetPointMode::Follow(_))
+    }
+
     /// Returns true if neither the set-point nor the arm moves.
     pub fn is_at_rest(&self) -> bool {
         self.arm.is_at_rest() && !matches!(self.motion, SetPointMode::Stop(_))
@@ -236,7 +220,7 @@ impl Krc {
     /// Switches the drives on or off.
     pub(super) fn switch_drives(&mut self, on: bool) {
         self.drives_wanted = on;
-        if !on && self.command_state {
+        if !on && self.in_command_state() {
             self.fail(KrcFault::DrivesOff);
         }
     }
@@ -271,9 +255,9 @@ impl Krc {
         self.arm.reset_extremes();
         self.last_stream.velocity_max = [0.0; JOINTS];
         self.last_stream.acceleration_max = [0.0; JOINTS];
-        if let SetPointMode::Follow(stream) = &mut self.motion {
-            stream.velocity_max = [0.0; JOINTS];
-            stream.acceleration_max = [0.0; JOINTS];
+        if let SetPointMode::Follow(commands) = &mut self.motion {
+            commands.stream.velocity_max = [0.0; JOINTS];
+            commands.stream.acceleration_max = [0.0; JOINTS];
         }
     }
 
@@ -312,152 +296,6 @@ impl Krc {
         }
     }
 
-    /// Advances the set-point; returns the number of periods that this took, which is 1 in command state.
-    fn move_set_point(&mut self, command: Option<&CommandDatagram>, periods: u64) -> u64 {
-        match (self.motion, command) {
-            (SetPointMode::Hold, _) => periods,
-            (SetPointMode::Stop(mut brake), _) => {
-                self.desired = brake.advance(periods as f64 * self.settings.period_s);
-                self.motion = if brake.is_at_rest() {
-                    SetPointMode::Hold
-                } else {
-                    SetPointMode::Stop(brake)
-                };
-                periods
-            }
-            (SetPointMode::Follow(stream), Some(command)) => match self.follow(stream, command) {
-                Ok(()) => 1,
-                Err(fault) => {
-                    self.fail(fault);
-                    self.move_set_point(None, 1)
-                }
-            },
-            (SetPointMode::Follow(stream), None) => {
-                self.bridge_missed_answer(stream);
-                1
-            }
-        }
-    }
-
-    fn follow(
-        &mut self,
-        mut stream: CommandStream,
-        command: &CommandDatagram,
-    ) -> Result<(), KrcFault> {
-        self.missed_in_a_row = 0;
-        let strategy = self.settings.strategy;
-        if command.flags != strategy.flags() {
-            return Err(KrcFault::Flags {
-                want: strategy.flags(),
-                have: command.flags,
-            });
-        }
-        if !self.mirror_checked
-            && let Some((joint, value)) = self.not_mirrored(command)
-        {
-            let (own, tolerance) = (self.desired[joint], self.settings.mirror_tolerance_rad);
-            return Err(KrcFault::Mirror {
-                joint,
-                value,
-                own,
-                tolerance,
-            });
-        }
-        let target = command.joint_position.map(f64::from);
-        let impedance = self.impedance_of(command, &target)?;
-        self.mirror_checked = true;
-        stream.accept(&target, &self.settings)?;
-        self.impedance = impedance;
-        self.desired = target;
-        self.last_stream = stream;
-        self.motion = SetPointMode::Follow(stream);
-        Ok(())
-    }
-
-    /// Returns the impedance of a command, after checking that its pose matches its joint positions.
-    fn impedance_of(
-        &self,
-        command: &CommandDatagram,
-        target: &Joints,
-    ) -> Result<ImpedanceSettings, KrcFault> {
-        let strategy = self.settings.strategy;
-        if strategy == KrlStrategy::Position {
-            return Ok(self.impedance);
-        }
-        let impedance = ImpedanceSettings::of(command, strategy)?;
-        let value = impedance
-            .added
-            .iter()
-            .fold(0.0_f64, |most, value| most.max(value.abs()));
-        if !self.mirror_checked && value > ENTRY_ADDED_MAX {
-            return Err(KrcFault::Added { value });
-        }
-        if strategy == KrlStrategy::CartesianImpedance {
-            let commanded = geometry_of(&command.cartesian_position);
-            let [x, y, z, rx, ry, rz] = deflection(&geometry(target), &commanded);
-            let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let (distance, angle) = (length([x, y, z]), length([rx, ry, rz]));
-            let (most, turn) = POSE_TOLERANCE;
-            if !(distance <= most && angle <= turn) {
-                return Err(KrcFault::Pose { distance, angle });
-            }
-        }
-        Ok(impedance)
-    }
-
-    /// Continues through a stall with the last velocity; no answers are missed, because none were requested. Returns
-    /// the number of periods simulated, 0 outside command state.
-    fn continue_through_stall(&mut self, periods: u64) -> u64 {
-        let SetPointMode::Follow(mut stream) = self.motion else {
-            return 0;
-        };
-        let periods = periods.min(STALL_PERIODS_MAX);
-        for _ in 0..periods {
-            self.desired = stream.extrapolate(self.settings.period_s);
-        }
-        self.last_stream = stream;
-        self.motion = SetPointMode::Follow(stream);
-        periods
-    }
-
-    /// Continues with the last velocity, or stops after too many missed answers.
-    fn bridge_missed_answer(&mut self, mut stream: CommandStream) {
-        self.missed_in_a_row += 1;
-        self.counts.missed_in_a_row_max = self.counts.missed_in_a_row_max.max(self.missed_in_a_row);
-        if self.missed_in_a_row > self.settings.bridged_misses {
-            self.fail(KrcFault::Lost {
-                misses: self.missed_in_a_row,
-            });
-            self.move_set_point(None, 1);
-            return;
-        }
-        self.desired = stream.extrapolate(self.settings.period_s);
-        self.last_stream = stream;
-        self.motion = SetPointMode::Follow(stream);
-    }
-
-    /// Returns the first joint whose command differs from the controller's position, with the commanded value.
-    pub(super) fn not_mirrored(&self, command: &CommandDatagram) -> Option<(usize, f64)> {
-        let values = command.joint_position.map(f64::from);
-        let tolerance = self.settings.mirror_tolerance_rad;
-        (0..JOINTS)
-            .find(|&joint| {
-                let distance = (values[joint] - self.desired[joint]).abs();
-                distance.is_nan() || distance > tolerance
-            })
-            .map(|joint| (joint, values[joint]))
-    }
-
-    pub(super) fn enter_command_state(&mut self) {
-        self.command_state = true;
-        self.mirror_checked = false;
-        self.missed_in_a_row = 0;
-        self.base = self.desired;
-        self.last_stream = CommandStream::at_rest(self.desired, self.settings.period_s);
-        self.motion = SetPointMode::Follow(self.last_stream);
-        self.counts.entries += 1;
-    }
-
     /// Stops with a fault: brakes, switches the drives off, and enters monitor state; the first cause is kept.
     pub(super) fn fail(&mut self, fault: KrcFault) {
         if self.fault.is_none() {
@@ -478,21 +316,12 @@ impl Krc {
 
     /// Enters monitor state; a moving set-point is brought to rest.
     pub(super) fn stop(&mut self) {
-        self.command_state = false;
         self.impedance = ImpedanceSettings::default_for(self.settings.strategy);
-        if let SetPointMode::Follow(stream) = self.motion {
-            let brake = StopRamp::new(
-                self.desired,
-                stream.velocity(),
-                self.settings.brake_deceleration,
-                self.settings.brake_jerk,
-            );
-            self.motion = SetPointMode::Stop(brake);
-        }
+        self.brake();
     }
 
     fn next_measurement(&mut self) -> Option<[u8; MSR_SIZE]> {
-        if !self.command_state {
+        if !self.in_command_state() {
             // FRI's offset becomes part of the controller's own position, so that a mirroring PC sees no jump.
             self.base = self.desired;
         }

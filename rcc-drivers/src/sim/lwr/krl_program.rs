@@ -23,7 +23,7 @@ impl Krc {
             self.wants_command = false;
             *cycles = cycles.saturating_sub(1);
         }
-        if self.command_state {
+        if self.in_command_state() {
             if self.quality.quality() == Quality::Unacceptable {
                 self.fail(KrcFault::Quality {
                     answered: self.quality.figures().answered,
@@ -31,7 +31,9 @@ impl Krc {
             } else if !self.wants_command {
                 self.stop();
             }
-            self.monitor_reason = self.monitor_reason(command).filter(|_| !self.command_state);
+            self.monitor_reason = self
+                .monitor_reason(command)
+                .filter(|_| !self.in_command_state());
             return;
         }
         self.acknowledge_by_program(command);

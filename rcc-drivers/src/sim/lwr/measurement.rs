@@ -23,7 +23,7 @@ impl Krc {
             reflected_sequence: self.last_answer_sequence.unwrap_or(0),
             krl: self.to_pc,
             timestamp: self.time_s as f32,
-            state: if self.command_state {
+            state: if self.in_command_state() {
                 SessionState::Command
             } else {
                 SessionState::Monitor
