@@ -25,11 +25,12 @@ mod joint_follower;
 mod leg_shape;
 mod path_builder;
 mod piece_samples;
+mod sampled_path;
 pub(crate) mod speed_limits;
 mod time_law;
 mod time_optimal;
 
-pub(crate) use path_builder::{ArmStart, build};
+pub(crate) use path_builder::build;
 
 /// Steps per piece at which a path is first sampled when its motion is built.
 const STEPS: usize = 128;
@@ -42,6 +43,22 @@ struct InverseHints {
     /// Joints at equidistant steps: they select the turn of each joint, and its value in a singular position.
     joints: Box<[Joints]>,
 }
+
+/// The arm and its state at the start of a path.
+#[derive(Clone, Copy)]
+pub(crate) struct ArmStart<'a> {
+    /// Kinematics and limits of the arm.
+    pub(crate) model: &'a DeviceModel,
+    /// Kinematics, taken from `model`.
+    pub(crate) arm: Arm,
+    /// Joints at the start, rad.
+    pub(crate) joints: Joints,
+    /// Flange at the start, in the base frame of the arm.
+    pub(crate) pose: Pose,
+}
+
+/// Index of a leg and its fault.
+pub(crate) type LegFault = (u32, MotionFault);
 
 impl<'a> ArmStart<'a> {
     /// The start of an arm that is held at `hold` (rad); or, with `from`, of an arm whose flange is at `from`, in the

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use rcc_config::DeviceConfig;
 
-use super::fault_path::FaultPath;
+use super::fault_path::{FaultPath, PacketSource};
 use super::{Subject, TIMEOUT, Transport};
 use crate::driver::{Driver, Inputs, Outputs};
 
@@ -19,15 +19,6 @@ const RECORDED: usize = 20;
 const ATTEMPTS: usize = 10;
 /// How long a replayed device waits for the driver's bytes.
 const WAIT: Duration = Duration::from_secs(10);
-
-/// Sender of captured bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PacketSource {
-    /// From the driver to the device.
-    Driver,
-    /// From the device to the driver.
-    Device,
-}
 
 /// A capture of a real exchange.
 pub struct Capture {

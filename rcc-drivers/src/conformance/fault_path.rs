@@ -3,9 +3,17 @@
 
 use std::net::{SocketAddr, UdpSocket};
 
-use super::capture::PacketSource;
 use super::{Subject, Transport};
 use crate::proxy::{Direction, FaultCounts, FaultRates, TcpProxy, UdpProxy};
+
+/// Sender of captured bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PacketSource {
+    /// From the driver to the device.
+    Driver,
+    /// From the device to the driver.
+    Device,
+}
 
 /// The proxy of a transport.
 pub enum FaultPath {

@@ -9,7 +9,7 @@ use rcc_core::kinematics::{Arm, ArmConfiguration, Branch};
 use rcc_core::path::{self, MotionFault};
 use rcc_core::pose::Pose;
 
-use super::path_builder::ArmStart;
+use super::ArmStart;
 use crate::geometry::LENGTH_MIN;
 
 /// Branch and arm angle along a shape.

@@ -13,9 +13,8 @@ use rcc_core::vector;
 
 use super::elbow::{self, ElbowProfile};
 use super::joint_follower::JointFollower;
-use super::path_builder::{ArmStart, LegFault};
 use super::speed_limits::QuantityLimits;
-use super::{ReducedBlend, STEPS, joint_bounds};
+use super::{ArmStart, LegFault, ReducedBlend, STEPS, joint_bounds};
 use crate::geometry::chain::{ChainPiece, Shape, ShapePoint};
 use crate::geometry::circle::{Circle, CircleOrientation};
 use crate::geometry::jet::Jet;

@@ -1,45 +1,22 @@
 //! Builds a planned path from legs: shapes, joints along them, blends, and the limits of every piece. Run when a
 //! command is made ready; allocates.
 
-use core::ops::Range;
-
-use rcc_core::frame::DeviceModel;
-use rcc_core::kinematics::Arm;
-use rcc_core::message::Joints;
 use rcc_core::path::{Leg, MotionFault, SpeedProfile};
-use rcc_core::pose::Pose;
 
 use super::leg_shape::{BlendZone, LegShape, leg_shapes};
-use super::piece_samples::{PieceSamples, sample_piece};
+use super::sampled_path::SampledPath;
 use super::speed_limits::{
-    self, BrakingLimits, LimitsFault, QuantityLimits, TooFast, UNIFORM_SHARES, fastest_bounds,
+    self, BrakingLimits, LimitsFault, TooFast, UNIFORM_SHARES, fastest_bounds,
 };
 use super::time_optimal::time_optimal_law;
 use super::{
-    InverseHints, MotionSection, PieceKinematics, PlannedPath, ReducedBlend, TimedSection,
+    ArmStart, LegFault, MotionSection, PieceKinematics, PlannedPath, ReducedBlend, TimedSection,
 };
-use crate::geometry::LENGTH_MIN;
-use crate::geometry::chain::{Chain, ChainLink, ChainPiece, ShapePoint};
+use crate::geometry::chain::{Chain, ChainLink, ChainPiece};
 use crate::path_clock::{PathBounds, PathPiece, duration_s};
 
 /// Parts of a piece that may have separate velocity limits.
 const SPLIT: usize = 4;
-
-/// The arm and its state at the start of a path.
-#[derive(Clone, Copy)]
-pub(crate) struct ArmStart<'a> {
-    /// Kinematics and limits of the arm.
-    pub(crate) model: &'a DeviceModel,
-    /// Kinematics, taken from `model`.
-    pub(crate) arm: Arm,
-    /// Joints at the start, rad.
-    pub(crate) joints: Joints,
-    /// Flange at the start, in the base frame of the arm.
-    pub(crate) pose: Pose,
-}
-
-/// Index of a leg and its fault.
-pub(crate) type LegFault = (u32, MotionFault);
 
 /// Builds a path and its sections from rest to rest (at least one), for a cycle of `dt_s` (s).
 ///
@@ -70,17 +47,10 @@ pub(crate) fn build(
         let jets = leg_shape.jets(arm_start, shape, s);
         jets.map_err(|fault| (leg_shape.leg, fault))
     })?;
-    let mut builder = PathBuilder {
-        arm_start,
-        chain: &chain,
-        leg_shapes: &leg_shapes,
-        sampled: Vec::new(),
-        dt_s,
-    };
-    builder.sample_pieces(pace)?;
-    let (sections, timed_sections) = builder.sections(pace)?;
+    let path = SampledPath::new((arm_start, dt_s), (&chain, &leg_shapes), pace)?;
+    let (sections, timed_sections) = path.sections(pace)?;
     let mut distance_before_m = 0.0;
-    let parts = builder.sampled.into_iter().map(|sampled| {
+    let parts = path.pieces.into_iter().map(|sampled| {
         let part = PieceKinematics {
             inverse_hints: sampled.inverse_hints,
             distance_before_m,
@@ -120,79 +90,10 @@ fn shortened(
     cut.collect()
 }
 
-/// The samples of a piece with its limits.
-pub(super) struct SampledPiece {
-    pub(super) samples: PieceSamples,
-    pub(super) bounds: QuantityLimits,
-    inverse_hints: Option<InverseHints>,
-    given: bool,
-}
-
-/// A chain of shapes with the samples of its pieces.
-pub(super) struct PathBuilder<'a> {
-    arm_start: ArmStart<'a>,
-    pub(super) chain: &'a Chain,
-    leg_shapes: &'a [LegShape],
-    /// One element per piece.
-    pub(super) sampled: Vec<SampledPiece>,
-    pub(super) dt_s: f64,
-}
-
 /// The sections, and their mappings from clock values to s.
 type BuiltSections = (Box<[MotionSection]>, Box<[TimedSection]>);
 
-impl<'a> PathBuilder<'a> {
-    /// Samples all pieces.
-    fn sample_pieces(&mut self, pace: SpeedProfile) -> Result<(), LegFault> {
-        let mut joints = self.arm_start.joints;
-        for piece in self.chain.pieces() {
-            let none = (0, MotionFault::NoMotion);
-            let leg_shape = self.leg_shapes.get(piece.link).ok_or(none)?;
-            let next = self.leg_shapes.get(piece.link + 1).filter(|_| piece.blend);
-            let mut samples = sample_piece(self.arm_start, piece, leg_shape, &joints)?;
-            joints = samples.joints.last().copied().unwrap_or(joints);
-            let on_flange = matches!(piece.at(piece.begin), ShapePoint::Flange(_));
-            let elbow = leg_shape.elbow_on(piece).filter(|_| on_flange);
-            self.sampled.push(SampledPiece {
-                inverse_hints: elbow.map(|elbow| InverseHints {
-                    elbow,
-                    joints: core::mem::take(&mut samples.joints).into(),
-                }),
-                bounds: next.map_or(leg_shape.bounds, |next| {
-                    tighter(&leg_shape.bounds, &next.bounds)
-                }),
-                // With the time-optimal profile the speed of a leg is a limit; otherwise it is to be kept.
-                given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Uniform),
-                samples,
-            });
-        }
-        Ok(())
-    }
-
-    /// The ranges of pieces from rest to rest, without those of length 0.
-    fn section_ranges(&self) -> Vec<Range<usize>> {
-        let (mut all, mut first) = (Vec::new(), 0);
-        let pieces = self.chain.pieces();
-        for (number, piece) in pieces.iter().enumerate() {
-            if piece.rest || number + 1 == pieces.len() {
-                let range = first..number + 1;
-                if range.clone().any(|number| self.has_length(number)) {
-                    all.push(range);
-                }
-                first = number + 1;
-            }
-        }
-        all
-    }
-
-    /// Returns true if the piece has a length.
-    pub(super) fn has_length(&self, number: usize) -> bool {
-        let piece = self.chain.pieces().get(number);
-        let sampled = self.sampled.get(number);
-        piece.is_some_and(|piece| piece.length() > LENGTH_MIN)
-            && sampled.is_some_and(|sampled| !sampled.samples.widened.is_empty())
-    }
-
+impl SampledPath<'_> {
     /// Computes the clock limits of each section from rest to rest.
     fn sections(&self, pace: SpeedProfile) -> Result<BuiltSections, LegFault> {
         let (mut sections, mut timed_sections) = (Vec::new(), Vec::new());
@@ -272,17 +173,16 @@ struct SectionParts<'a> {
 
 impl<'a> SectionParts<'a> {
     /// Adds a piece; `begin` is the path parameter at which the section begins.
-    fn add(&mut self, builder: &PathBuilder<'a>, number: usize, begin: f64) {
-        let (Some(piece), Some(sampled)) = (
-            builder.chain.pieces().get(number),
-            builder.sampled.get(number),
-        ) else {
+    fn add(&mut self, path: &SampledPath<'a>, number: usize, begin: f64) {
+        let (Some(piece), Some(sampled)) =
+            (path.chain.pieces().get(number), path.pieces.get(number))
+        else {
             return;
         };
-        if !builder.has_length(number) {
+        if !path.has_length(number) {
             return;
         }
-        let leg = builder
+        let leg = path
             .leg_shapes
             .get(piece.link)
             .map_or(0, |leg_shape| leg_shape.leg);
@@ -339,10 +239,4 @@ impl<'a> SectionParts<'a> {
         };
         (*leg, fault)
     }
-}
-
-fn tighter(a: &QuantityLimits, b: &QuantityLimits) -> QuantityLimits {
-    core::array::from_fn(|quantity| {
-        core::array::from_fn(|order| a[quantity][order].min(b[quantity][order]))
-    })
 }

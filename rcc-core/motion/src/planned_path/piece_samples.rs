@@ -8,12 +8,11 @@ use rcc_core::path::MotionFault;
 use rcc_core::pose::Pose;
 use rcc_core::vector;
 
-use super::STEPS;
 use super::finite_differences::{ROUNDING, derivatives};
 use super::joint_follower::JointFollower;
 use super::leg_shape::LegShape;
-use super::path_builder::{ArmStart, LegFault};
 use super::speed_limits::{self, DerivativeSample, widen};
+use super::{ArmStart, LegFault, STEPS};
 use crate::geometry::LENGTH_MIN;
 use crate::geometry::chain::{ChainPiece, Shape, ShapePoint};
 use crate::geometry::jet::{Jet, JetScalar};

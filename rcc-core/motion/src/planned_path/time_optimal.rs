@@ -12,7 +12,7 @@
 
 use core::ops::Range;
 
-use super::path_builder::{PathBuilder, SampledPiece};
+use super::sampled_path::{SampledPath, SampledPiece};
 use super::speed_limits::{
     DerivativeSample, LimitShares, QUANTITIES, QuantityLimits, SampledPart, TIME_LAW_SHARES,
     fastest_bounds, widen,
@@ -57,20 +57,20 @@ struct PathConstraints {
 /// The time law with the shortest duration, with the limits of its clock; `None` if no law is faster than `uniform_s`
 /// (s).
 pub(super) fn time_optimal_law(
-    builder: &PathBuilder<'_>,
+    path: &SampledPath<'_>,
     range: Range<usize>,
     uniform_s: f64,
 ) -> Option<(TimeLaw, PathBounds)> {
     let mut best: Option<(f64, TimeLaw, PathBounds)> = None;
-    let window_s = WINDOW_JERK.recip() * ramp_time_s(builder, range.clone())?;
+    let window_s = WINDOW_JERK.recip() * ramp_time_s(path, range.clone())?;
     for (part, shares) in &TIME_LAW_SHARES {
-        let constraints = constraints(builder, range.clone(), *part);
+        let constraints = constraints(path, range.clone(), *part);
         let Some(profile) = AccelerationProfile::new(&constraints) else {
             continue;
         };
         for window in WINDOWS {
             let window_s = (window * 2.0 * part * window_s).min(profile.duration_s());
-            let smoothed_law = smoothed_law(builder, range.clone(), (&profile, shares), window_s);
+            let smoothed_law = smoothed_law(path, range.clone(), (&profile, shares), window_s);
             let Some((time_law, bounds)) = smoothed_law else {
                 continue;
             };
@@ -85,8 +85,8 @@ pub(super) fn time_optimal_law(
 }
 
 /// The longest time in which a limited quantity builds up its greatest acceleration, s.
-fn ramp_time_s(builder: &PathBuilder<'_>, range: Range<usize>) -> Option<f64> {
-    let sampled = builder.sampled.get(range)?;
+fn ramp_time_s(path: &SampledPath<'_>, range: Range<usize>) -> Option<f64> {
+    let sampled = path.pieces.get(range)?;
     let rows = sampled.iter().flat_map(|sampled| &sampled.bounds);
     let times = rows
         .filter(|[_, a, _]| a.is_finite())
@@ -97,7 +97,7 @@ fn ramp_time_s(builder: &PathBuilder<'_>, range: Range<usize>) -> Option<f64> {
 
 /// A time law from this profile, smoothed over `window_s` (s), with the limits of its clock.
 fn smoothed_law(
-    builder: &PathBuilder<'_>,
+    path: &SampledPath<'_>,
     range: Range<usize>,
     (profile, shares): (&AccelerationProfile, &LimitShares),
     window_s: f64,
@@ -105,11 +105,8 @@ fn smoothed_law(
     let (knots, step_s) = profile.smooth(window_s)?;
     let time_law = TimeLaw::new(&knots, step_s)?;
     let (mut parts, mut ends) = (Vec::new(), Vec::new());
-    for number in range.filter(|number| builder.has_length(*number)) {
-        let (piece, sampled) = (
-            builder.chain.pieces().get(number)?,
-            builder.sampled.get(number)?,
-        );
+    for number in range.filter(|number| path.has_length(*number)) {
+        let (piece, sampled) = (path.chain.pieces().get(number)?, path.pieces.get(number)?);
         let (from, to) = (time_law.inverse(piece.begin), time_law.inverse(piece.end));
         let (times, samples): (Vec<f64>, Vec<DerivativeSample>) =
             by_time(&time_law, piece, sampled, [from, to])
@@ -131,7 +128,7 @@ fn smoothed_law(
             });
         }
     }
-    let bounds = fastest_bounds(&parts, &ends, builder.dt_s, shares).ok()?;
+    let bounds = fastest_bounds(&parts, &ends, path.dt_s, shares).ok()?;
     Some((time_law, bounds))
 }
 
@@ -210,13 +207,12 @@ fn at_time(sampled: &SampledPiece, place: f64, s: Jet) -> DerivativeSample {
 }
 
 /// The constraints at every sample, with the fraction `part` of the acceleration limits.
-fn constraints(builder: &PathBuilder<'_>, range: Range<usize>, part: f64) -> Vec<PathConstraints> {
+fn constraints(path: &SampledPath<'_>, range: Range<usize>, part: f64) -> Vec<PathConstraints> {
     let mut constraints = Vec::new();
-    for number in range.filter(|number| builder.has_length(*number)) {
-        let (Some(piece), Some(sampled)) = (
-            builder.chain.pieces().get(number),
-            builder.sampled.get(number),
-        ) else {
+    for number in range.filter(|number| path.has_length(*number)) {
+        let (Some(piece), Some(sampled)) =
+            (path.chain.pieces().get(number), path.pieces.get(number))
+        else {
             continue;
         };
         let samples = sampled.samples.points.iter().zip(&sampled.samples.jets);

@@ -11,7 +11,8 @@ use rcc_core::primitive::ChannelKind::{
 use serde_json::json;
 
 use super::{FriLwr, REASONS};
-use crate::conformance::capture::{Capture, PacketSource};
+use crate::conformance::capture::Capture;
+use crate::conformance::fault_path::PacketSource;
 use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance};
 use crate::driver::Inputs;
 use crate::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState};
