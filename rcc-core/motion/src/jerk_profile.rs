@@ -1,35 +1,14 @@
 //! Motion of one axis in phases of constant jerk, and the time-optimal change of velocity under acceleration and jerk
 //! limits. Plain numbers: no allocation, no failure. Evaluated by the real-time thread and by drivers.
 
+use rcc_core::axis::{AxisState, to_velocity};
+use rcc_core::path::MotionLimits;
+
 /// Most phases of a time-optimal motion from rest to rest.
 pub(crate) const PHASES_MAX: usize = 7;
 
 /// Iteration limit of the search for a time; at least every second iteration halves the bracket.
 const SEARCH_MAX: usize = 100;
-
-/// Position, velocity and acceleration of one axis.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct KinematicState {
-    pub(crate) position: f64,
-    pub(crate) velocity: f64,
-    pub(crate) acceleration: f64,
-}
-
-impl KinematicState {
-    /// The state `t_s` later under constant jerk.
-    pub(crate) fn after(self, t_s: f64, jerk: f64) -> Self {
-        let Self {
-            position,
-            velocity,
-            acceleration,
-        } = self;
-        Self {
-            position: position + t_s * (velocity + t_s * (acceleration / 2.0 + t_s * jerk / 6.0)),
-            velocity: velocity + t_s * (acceleration + t_s * jerk / 2.0),
-            acceleration: acceleration + t_s * jerk,
-        }
-    }
-}
 
 /// Limits of acceleration and jerk (each > 0).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -38,16 +17,15 @@ pub(crate) struct AccelerationLimits {
     pub(crate) jerk: f64,
 }
 
-/// Velocity that remains after the acceleration is reduced to 0 at the jerk limit.
-pub(crate) fn coasting_velocity(velocity: f64, acceleration: f64, jerk_max: f64) -> f64 {
-    velocity + acceleration * acceleration.abs() / (2.0 * jerk_max)
+impl AccelerationLimits {
+    /// The fastest stop from `start`.
+    pub(crate) fn stop(self, start: AxisState) -> VelocityChange {
+        VelocityChange::new(start.velocity, start.acceleration, self)
+    }
 }
 
 /// Time-optimal change to a velocity with zero acceleration at the end: three phases of jerk −J, 0, +J (or the
-/// opposite).
-///
-/// With the sign chosen such that the coasting velocity (acceleration reduced to 0) is too great, the acceleration goes
-/// to −peak, stays there, and returns to 0.
+/// opposite), see [`to_velocity`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct VelocityChange {
     /// Durations of the three phases, s.
@@ -60,29 +38,25 @@ impl VelocityChange {
     /// The change from `velocity` (relative to the final velocity) and `acceleration`. An acceleration beyond its limit
     /// is reduced at the jerk limit and not exceeded further. A NaN gives NaN durations.
     pub(crate) fn new(velocity: f64, acceleration: f64, limits: AccelerationLimits) -> Self {
-        let (a_max, j_max) = (limits.acceleration, limits.jerk);
-        let left = coasting_velocity(velocity, acceleration, j_max);
-        let direction = if left < 0.0 { -1.0 } else { 1.0 };
-        let (v, a) = (direction * velocity, direction * acceleration);
-        // If no phase is at a limit, the peak satisfies v + a²/2J = peak²/J; it is at least −a, except for rounding.
-        let free_peak = (j_max * v + a * a / 2.0).max(0.0).sqrt().max(-a);
-        let peak = free_peak.min(a_max.max(-a));
-        let hold_s = if peak < free_peak {
-            (v + a * a / (2.0 * j_max) - peak * peak / j_max) / peak
-        } else {
-            0.0
+        let AccelerationLimits {
+            acceleration: acceleration_max,
+            jerk,
+        } = limits;
+        let from = AxisState {
+            position: 0.0,
+            velocity,
+            acceleration,
         };
-        let durations_s = [(a + peak) / j_max, hold_s, peak / j_max];
-        let nan_or = |t: f64| {
-            if (velocity + acceleration).is_nan() {
-                f64::NAN
-            } else {
-                t
-            }
+        let limits = MotionLimits {
+            velocity: f64::INFINITY,
+            acceleration: acceleration_max,
+            jerk,
         };
+        let phases = to_velocity(&from, 0.0, &limits);
+        let is_nan = (velocity + acceleration).is_nan();
         Self {
-            durations_s: durations_s.map(nan_or),
-            jerk: -direction * j_max,
+            durations_s: phases.map(|(t_s, _)| if is_nan { f64::NAN } else { t_s }),
+            jerk: phases[0].1,
         }
     }
 
@@ -106,13 +80,13 @@ impl VelocityChange {
     }
 
     /// State at the end of the change if it begins in `start`.
-    pub(crate) fn end(&self, start: KinematicState) -> KinematicState {
-        let step = |state: KinematicState, (duration_s, jerk)| state.after(duration_s, jerk);
+    pub(crate) fn end(&self, start: AxisState) -> AxisState {
+        let step = |state: AxisState, (duration_s, jerk)| state.after(duration_s, jerk);
         self.steps().into_iter().fold(start, step)
     }
 
     /// The motion of this change if it begins in `start`.
-    pub(crate) fn profile(&self, start: KinematicState) -> JerkProfile {
+    pub(crate) fn profile(&self, start: AxisState) -> JerkProfile {
         JerkProfile::new(start, self.steps())
     }
 }
@@ -121,7 +95,7 @@ impl VelocityChange {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct JerkPhase {
     begin_s: f64,
-    start: KinematicState,
+    start: AxisState,
     jerk: f64,
 }
 
@@ -138,7 +112,7 @@ pub(crate) struct JerkProfile {
 
 impl JerkProfile {
     /// A motion from `start` through phases of (duration in s, jerk); after the last phase the axis is at rest.
-    pub(crate) fn new<const N: usize>(start: KinematicState, steps: [(f64, f64); N]) -> Self {
+    pub(crate) fn new<const N: usize>(start: AxisState, steps: [(f64, f64); N]) -> Self {
         const { assert!(N <= PHASES_MAX) };
         let mut profile = Self::default();
         let (mut begin_s, mut state) = (0.0, start);
@@ -163,7 +137,7 @@ impl JerkProfile {
         let mut numbers = [0.0; PROFILE_WORDS];
         let (groups, rest) = numbers.as_chunks_mut::<5>();
         for (group, phase) in groups.iter_mut().zip(&self.phases) {
-            let KinematicState {
+            let AxisState {
                 position,
                 velocity,
                 acceleration,
@@ -182,7 +156,7 @@ impl JerkProfile {
         let (groups, rest) = numbers.as_chunks::<5>();
         for (phase, group) in profile.phases.iter_mut().zip(groups) {
             let [begin_s, position, velocity, acceleration, jerk] = *group;
-            let start = KinematicState {
+            let start = AxisState {
                 position,
                 velocity,
                 acceleration,
@@ -210,12 +184,12 @@ impl JerkProfile {
     }
 
     /// State at `t_s` ≥ 0 after the beginning; `None` after the end of the motion.
-    pub(crate) fn at(&self, t_s: f64) -> Option<KinematicState> {
+    pub(crate) fn at(&self, t_s: f64) -> Option<AxisState> {
         (t_s < self.duration_s).then(|| self.sample(t_s).0)
     }
 
     /// State and jerk at `t_s` after the beginning; outside of the motion the nearest phase is extrapolated.
-    pub(crate) fn sample(&self, t_s: f64) -> (KinematicState, f64) {
+    pub(crate) fn sample(&self, t_s: f64) -> (AxisState, f64) {
         let begun = |phase: &&JerkPhase| phase.begin_s <= t_s;
         let phase = self.phases.iter().rev().find(begun);
         let phase = phase.unwrap_or(&self.phases[0]);
@@ -265,7 +239,7 @@ impl JerkProfile {
         &self,
         from_s: f64,
         to_s: f64,
-    ) -> impl Iterator<Item = (KinematicState, f64, f64)> {
+    ) -> impl Iterator<Item = (AxisState, f64, f64)> {
         let ends = self.phases.iter().skip(1).map(|phase| phase.begin_s);
         let ends = ends.chain([self.duration_s]);
         let parts = self
@@ -282,7 +256,7 @@ impl JerkProfile {
 
     /// The states at the beginning of each phase (unused phases repeat the end). The acceleration has its extrema
     /// there; the velocity has them there or where the acceleration is 0.
-    pub(crate) fn corners(&self) -> impl Iterator<Item = KinematicState> + '_ {
+    pub(crate) fn corners(&self) -> impl Iterator<Item = AxisState> + '_ {
         self.phases.iter().map(|phase| phase.start)
     }
 }
@@ -296,7 +270,7 @@ mod tests {
         VelocityChange::new(velocity, a, AccelerationLimits { acceleration, jerk })
     }
 
-    fn rest(profile: &JerkProfile) -> KinematicState {
+    fn rest(profile: &JerkProfile) -> AxisState {
         let last = profile.phases[2];
         last.start
             .after(profile.duration_s - last.begin_s, last.jerk)
@@ -312,9 +286,9 @@ mod tests {
         // 2 m/s at 1 m/s² and 10 m/s³: v/A + A/J.
         let stop = stop(2.0, 0.0, 1.0, 10.0);
         assert!((stop.duration_s() - 2.1).abs() < 1e-12);
-        let profile = stop.profile(KinematicState {
+        let profile = stop.profile(AxisState {
             velocity: 2.0,
-            ..KinematicState::default()
+            ..AxisState::default()
         });
         // From a velocity without acceleration, the distance is half of velocity × time.
         assert!((profile.end_position() - 2.1).abs() < 1e-12);
@@ -335,7 +309,7 @@ mod tests {
         ) {
             let (a, stop) = (share * limit, stop(v, share * limit, limit, jerk));
             prop_assert!(stop.durations_s.iter().all(|t| *t >= 0.0), "{stop:?}");
-            let profile = stop.profile(KinematicState { position: 1.0, velocity: v, acceleration: a });
+            let profile = stop.profile(AxisState { position: 1.0, velocity: v, acceleration: a });
             // Effect of rounding over a duration as long as the stop.
             let rounding = 4.0 * f64::EPSILON * (1.0 + stop.duration_s());
             prop_assert!(rest(&profile).velocity.abs() <= rounding * (v.abs() + limit + 1.0) * 4.0);

@@ -9,11 +9,10 @@
 //! holds its deceleration, no other motion is slower; while it reduces the deceleration, −a = √(2Jv), no other motion
 //! may brake harder at the same velocity. A stop on the path therefore needs no look-ahead.
 
+use rcc_core::axis::AxisState;
 use rcc_core::path::{PathLimits, PathState, SpeedOverride};
 
-use crate::jerk_profile::{
-    AccelerationLimits, JerkProfile, KinematicState, VelocityChange, coasting_velocity,
-};
+use crate::jerk_profile::{AccelerationLimits, JerkProfile, VelocityChange};
 
 mod approach;
 mod path_bounds;
@@ -88,9 +87,8 @@ struct PlannedMotion {
 
 impl PlannedMotion {
     /// The fastest stop from `start`.
-    fn stop(start: KinematicState, limits: AccelerationLimits) -> Self {
-        let profile =
-            VelocityChange::new(start.velocity, start.acceleration, limits).profile(start);
+    fn stop(start: AxisState, limits: AccelerationLimits) -> Self {
+        let profile = limits.stop(start).profile(start);
         Self {
             profile,
             end: MotionEnd::Rest,
@@ -122,7 +120,7 @@ impl PathClock {
     }
 
     /// A clock that takes over from a state into which something else has brought the path.
-    pub(crate) fn moving(from: KinematicState) -> Self {
+    pub(crate) fn moving(from: AxisState) -> Self {
         Self {
             command: ClockCommand::Run(1.0),
             last: PathState {
@@ -216,7 +214,7 @@ impl PathClock {
     /// Replans from the last state for a new command, unless the current motion already fulfils it.
     fn apply_command(&mut self, bounds: &PathBounds, command: ClockCommand) {
         let before = std::mem::replace(&mut self.command, command);
-        let start = KinematicState {
+        let start = AxisState {
             position: self.last.s,
             velocity: self.last.velocity,
             acceleration: self.last.acceleration,
@@ -252,14 +250,14 @@ impl PathClock {
         } = self.planned;
         let passing = until_s < profile.duration_s();
         let state = match end {
-            MotionEnd::PieceEnd { s, velocity } if !passing => KinematicState {
+            MotionEnd::PieceEnd { s, velocity } if !passing => AxisState {
                 position: s,
                 velocity,
                 acceleration: 0.0,
             },
-            MotionEnd::Rest => KinematicState {
+            MotionEnd::Rest => AxisState {
                 position: profile.end_position(),
-                ..KinematicState::default()
+                ..AxisState::default()
             },
             _ => profile.sample(until_s).0,
         };
@@ -294,15 +292,15 @@ impl PathClock {
     fn rest(&mut self, bounds: &PathBounds, s: f64, at_end: bool) -> PathState {
         let position = if at_end { bounds.length() } else { s };
         self.last.done = at_end || self.command == ClockCommand::Stop;
-        let rest = KinematicState {
+        let rest = AxisState {
             position,
-            ..KinematicState::default()
+            ..AxisState::default()
         };
         self.report(bounds, rest, 0.0)
     }
 
     /// Stores and returns the state; rounding must not lead backwards or beyond the end.
-    fn report(&mut self, bounds: &PathBounds, state: KinematicState, jerk: f64) -> PathState {
+    fn report(&mut self, bounds: &PathBounds, state: AxisState, jerk: f64) -> PathState {
         self.last = PathState {
             s: state.position.min(bounds.length()).max(self.last.s),
             velocity: state.velocity.max(0.0),
@@ -363,18 +361,18 @@ pub(crate) fn rolling_duration_s(bounds: &PathBounds, end: f64) -> f64 {
 /// s. A clock that is told to stop is at rest after this time, rounded up to a cycle. NaN in, NaN out.
 #[must_use]
 pub fn stop_time(velocity: f64, acceleration: f64, limits: &PathLimits) -> f64 {
-    let acceleration_limits = AccelerationLimits {
+    let limits = AccelerationLimits {
         acceleration: limits.acceleration,
         jerk: limits.jerk,
     };
-    VelocityChange::new(velocity, acceleration, acceleration_limits).duration_s()
+    VelocityChange::new(velocity, acceleration, limits).duration_s()
 }
 
 /// Plans motions from a state at a speed override.
 #[derive(Debug, Clone, Copy)]
 struct MotionPlanner<'a> {
     bounds: &'a PathBounds,
-    start: KinematicState,
+    start: AxisState,
     speed: f64,
 }
 
@@ -437,12 +435,8 @@ impl MotionPlanner<'_> {
         braking_piece: usize,
         cruise: f64,
     ) -> Result<Option<f64>, usize> {
-        let KinematicState {
-            velocity,
-            acceleration,
-            ..
-        } = self.start;
-        let coasting_velocity = coasting_velocity(velocity, acceleration, self.bounds.jerk());
+        let velocity = self.start.velocity;
+        let coasting_velocity = self.start.coasting(self.bounds.jerk());
         let fastest = velocity.max(coasting_velocity).max(found.between);
         // A motion that begins too fast for the override only has to keep the limits themselves.
         let scale = if velocity.max(coasting_velocity) > cruise {
@@ -497,7 +491,7 @@ impl MotionPlanner<'_> {
         if let Some(Ok(planned)) = self.plan_to_piece_end(here, target) {
             return Some(planned);
         }
-        let KinematicState {
+        let AxisState {
             velocity,
             acceleration,
             ..

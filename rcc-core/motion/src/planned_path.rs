@@ -2,6 +2,7 @@
 //! the real-time thread, which evaluates flange and joints at a path position without allocation and in a bounded
 //! number of steps.
 
+use rcc_core::axis::AxisState;
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, ArmConfiguration};
@@ -13,7 +14,6 @@ use rcc_core::vector;
 
 use crate::geometry::chain::{Chain, ChainPiece, ShapePoint};
 use crate::geometry::jet::{Jet, JetScalar};
-use crate::jerk_profile::KinematicState;
 use crate::path_clock::PathBounds;
 use elbow::ElbowProfile;
 use speed_limits::BrakingLimits;
@@ -194,13 +194,9 @@ impl PlannedPath {
 
     /// Path parameter with velocity and acceleration, at clock value `x` with this velocity and acceleration of the
     /// clock.
-    pub(crate) fn path_state_at(
-        &self,
-        x: f64,
-        [velocity, acceleration]: [f64; 2],
-    ) -> KinematicState {
+    pub(crate) fn path_state_at(&self, x: f64, [velocity, acceleration]: [f64; 2]) -> AxisState {
         let [position, slope, bend] = self.s_at(x);
-        KinematicState {
+        AxisState {
             position,
             velocity: slope * velocity,
             acceleration: slope * acceleration + bend * velocity * velocity,

@@ -1,10 +1,11 @@
 //! Stop trajectory: brings up to eight joints to rest, jerk-limited, when commands stop arriving. Does not allocate;
 //! stepped by drivers and simulators.
 
+use rcc_core::axis::AxisState;
 use rcc_core::message::JOINTS_MAX;
 use thiserror::Error;
 
-use crate::jerk_profile::{AccelerationLimits, JerkProfile, KinematicState, VelocityChange};
+use crate::jerk_profile::{AccelerationLimits, JerkProfile};
 
 /// Bisections in the search for a joint's limits: 2⁻³⁰ of the range between the gentlest and its own limits is close
 /// enough.
@@ -141,7 +142,7 @@ impl StopTrajectory {
         velocity: &[f64],
         acceleration: &[f64],
     ) -> Result<(), StopFault> {
-        let mut starts = [KinematicState::default(); JOINTS_MAX];
+        let mut starts = [AxisState::default(); JOINTS_MAX];
         for (joint, start) in starts.iter_mut().enumerate().take(self.limits.joints) {
             let element = |values: &[f64]| {
                 values
@@ -151,7 +152,7 @@ impl StopTrajectory {
                     .ok_or(StopFault::NotFinite { joint })
             };
             let (position, velocity) = (element(position)?, element(velocity)?);
-            *start = KinematicState {
+            *start = AxisState {
                 position,
                 velocity,
                 acceleration: element(acceleration)?,
@@ -187,7 +188,7 @@ impl StopTrajectory {
         self.resting
     }
 
-    fn plan(&self, starts: &[KinematicState; JOINTS_MAX]) -> [JerkProfile; JOINTS_MAX] {
+    fn plan(&self, starts: &[AxisState; JOINTS_MAX]) -> [JerkProfile; JOINTS_MAX] {
         let StopLimits {
             velocity_max,
             acceleration_max,
@@ -201,8 +202,8 @@ impl StopTrajectory {
             .take(joints);
         let rows = || {
             let rows = starts.iter().zip(limits.clone());
-            rows.map(|(start, ((velocity, a), jerk))| {
-                (*start, velocity, AxisStopLimits { a, jerk })
+            rows.map(|(start, ((velocity, acceleration), jerk))| {
+                (*start, velocity, AccelerationLimits { acceleration, jerk })
             })
         };
 
@@ -224,41 +225,17 @@ impl StopTrajectory {
     }
 }
 
-/// Acceleration and jerk limit of one joint.
-#[derive(Debug, Clone, Copy)]
-struct AxisStopLimits {
-    a: f64,
-    jerk: f64,
-}
-
-impl AxisStopLimits {
-    fn stop(self, start: KinematicState) -> VelocityChange {
-        let limits = AccelerationLimits {
-            acceleration: self.a,
-            jerk: self.jerk,
-        };
-        VelocityChange::new(start.velocity, start.acceleration, limits)
-    }
-
+impl AccelerationLimits {
     /// Greatest speed during the stop: at its beginning, or where the acceleration has been reduced to 0.
-    fn peak_speed(
-        self,
-        KinematicState {
-            velocity,
-            acceleration,
-            ..
-        }: KinematicState,
-    ) -> f64 {
-        velocity
-            .abs()
-            .max((velocity + acceleration * acceleration.abs() / (2.0 * self.jerk)).abs())
+    fn peak_speed(self, start: AxisState) -> f64 {
+        start.velocity.abs().max(start.coasting(self.jerk).abs())
     }
 
     /// Interpolates between these limits (`part` = 0) and `other` (`part` = 1).
     fn towards(self, other: Self, part: f64) -> Self {
         let between = |from: f64, to: f64| from + part * (to - from);
         Self {
-            a: between(self.a, other.a),
+            acceleration: between(self.acceleration, other.acceleration),
             jerk: between(self.jerk, other.jerk),
         }
     }
@@ -269,20 +246,20 @@ impl AxisStopLimits {
 #[derive(Debug, Clone, Copy)]
 struct VelocityLine {
     /// Limits of the parameter such that no joint exceeds its own; infinite if nothing moves.
-    limits: AxisStopLimits,
+    limits: AccelerationLimits,
     /// Component of the acceleration along the line, in units of the parameter.
     acceleration: f64,
 }
 
 impl VelocityLine {
-    fn through(rows: impl Iterator<Item = (KinematicState, AxisStopLimits)>) -> Self {
-        let mut limits = AxisStopLimits {
-            a: f64::INFINITY,
+    fn through(rows: impl Iterator<Item = (AxisState, AccelerationLimits)>) -> Self {
+        let mut limits = AccelerationLimits {
+            acceleration: f64::INFINITY,
             jerk: f64::INFINITY,
         };
         let (mut along, mut speed_squared) = (0.0, 0.0);
         for (
-            KinematicState {
+            AxisState {
                 velocity,
                 acceleration,
                 ..
@@ -290,7 +267,7 @@ impl VelocityLine {
             own,
         ) in rows.filter(|(start, _)| start.velocity != 0.0)
         {
-            limits.a = limits.a.min(own.a / velocity.abs());
+            limits.acceleration = limits.acceleration.min(own.acceleration / velocity.abs());
             limits.jerk = limits.jerk.min(own.jerk / velocity.abs());
             along += acceleration * velocity;
             speed_squared += velocity * velocity;
@@ -298,7 +275,9 @@ impl VelocityLine {
         // An acceleration beyond the limit points mostly off the line; taken as a component of the line it would make
         // the stop very long.
         let acceleration = if speed_squared > 0.0 {
-            (along / speed_squared).max(-limits.a).min(limits.a)
+            (along / speed_squared)
+                .max(-limits.acceleration)
+                .min(limits.acceleration)
         } else {
             0.0
         };
@@ -310,9 +289,9 @@ impl VelocityLine {
 
     /// Duration of the stop on the line, s; 0 if nothing moves.
     fn duration_s(&self) -> f64 {
-        if self.limits.a.is_finite() && self.limits.jerk.is_finite() {
+        if self.limits.acceleration.is_finite() && self.limits.jerk.is_finite() {
             self.limits
-                .stop(KinematicState {
+                .stop(AxisState {
                     velocity: 1.0,
                     acceleration: self.acceleration,
                     position: 0.0,
@@ -327,16 +306,16 @@ impl VelocityLine {
     /// of the joint's own limits as it needs to stay within the bounds. With its own limits it always does.
     fn limits(
         &self,
-        start: KinematicState,
-        own: AxisStopLimits,
+        start: AxisState,
+        own: AccelerationLimits,
         bounds: StopBounds,
-    ) -> AxisStopLimits {
+    ) -> AccelerationLimits {
         let share = |line: f64, own: f64| (line * start.velocity.abs()).min(own);
-        let gentle = AxisStopLimits {
-            a: share(self.limits.a, own.a),
+        let gentle = AccelerationLimits {
+            acceleration: share(self.limits.acceleration, own.acceleration),
             jerk: share(self.limits.jerk, own.jerk),
         };
-        let keeps = |limits: AxisStopLimits| {
+        let keeps = |limits: AccelerationLimits| {
             limits.stop(start).duration_s() <= bounds.duration_s * (1.0 + SAME)
                 && limits.peak_speed(start) <= bounds.speed * (1.0 + SAME)
         };

@@ -1,9 +1,9 @@
 //! The fastest jerk-limited motion from any state to a velocity at a given distance, in closed form except for one
 //! scalar that is searched. No allocation, no failure; run by the real-time thread when a path clock replans.
 
-use crate::jerk_profile::{
-    AccelerationLimits, JerkProfile, KinematicState, VelocityChange, coasting_velocity,
-};
+use rcc_core::axis::AxisState;
+
+use crate::jerk_profile::{AccelerationLimits, JerkProfile, VelocityChange};
 
 /// Iteration limit of the search. Every third iteration bisects; the others converge faster.
 const SEARCH_MAX: usize = 120;
@@ -40,14 +40,14 @@ pub(super) struct Approach {
 
 impl Approach {
     /// From `start` to the velocity `between` and from there to `exit`, without a cruise.
-    fn through(start: KinematicState, between: f64, exit: f64, limits: AccelerationLimits) -> Self {
+    fn through(start: AxisState, between: f64, exit: f64, limits: AccelerationLimits) -> Self {
         let first = VelocityChange::new(start.velocity - between, start.acceleration, limits);
-        let reached = first.end(KinematicState {
+        let reached = first.end(AxisState {
             position: 0.0,
             ..start
         });
         let second = VelocityChange::new(between - exit, 0.0, limits);
-        let distance = second.end(KinematicState {
+        let distance = second.end(AxisState {
             position: reached.position,
             velocity: between,
             acceleration: 0.0,
@@ -64,14 +64,14 @@ impl Approach {
 
     /// For a start that brakes: first reduces the deceleration to `acceleration`, then continues braking to `exit`.
     fn relaxing(
-        start: KinematicState,
+        start: AxisState,
         acceleration: f64,
         exit: f64,
         limits: AccelerationLimits,
     ) -> Self {
         let jerk = limits.jerk;
         let first = VelocityChange::relaxing((acceleration - start.acceleration) / jerk, jerk);
-        let relaxed = first.end(KinematicState {
+        let relaxed = first.end(AxisState {
             position: 0.0,
             ..start
         });
@@ -101,7 +101,7 @@ impl Approach {
     }
 
     /// The motion from `start` as a profile.
-    pub(super) fn profile(&self, start: KinematicState) -> JerkProfile {
+    pub(super) fn profile(&self, start: AxisState) -> JerkProfile {
         let ([a, b, c], [d, e, f]) = (self.first.steps(), self.second.steps());
         JerkProfile::new(start, [a, b, c, (self.cruise_s, 0.0), d, e, f])
     }
@@ -113,7 +113,7 @@ impl Approach {
 /// `None` if the distance is too short: the end cannot be reached with zero acceleration at the target's velocity, or
 /// at a lower one that needs no braking.
 pub(super) fn approach(
-    start: KinematicState,
+    start: AxisState,
     target: &ApproachTarget,
     limits: AccelerationLimits,
 ) -> Option<Approach> {
@@ -124,8 +124,7 @@ pub(super) fn approach(
     if free.distance <= target.distance {
         return free.with_cruise(target);
     }
-    let coasting_velocity =
-        coasting_velocity(start.velocity, start.acceleration, limits.jerk).max(0.0);
+    let coasting_velocity = start.coasting(limits.jerk).max(0.0);
     let between = |slow: f64, fast: f64| {
         let found = search(slow, fast, target, |between| {
             through(between, exit).distance

@@ -2,10 +2,11 @@
 //! piece may be left so that all following limits can be kept. Computed when a motion is built (allocates), read by the
 //! real-time thread.
 
+use rcc_core::axis::AxisState;
 use rcc_core::path::PathLimits;
 use thiserror::Error;
 
-use crate::jerk_profile::{AccelerationLimits, KinematicState, VelocityChange};
+use crate::jerk_profile::{AccelerationLimits, VelocityChange};
 
 /// Fraction of a distance that the look-ahead leaves unused, so that rounding cannot make it too short.
 const RESERVE: f64 = 1e-12;
@@ -181,7 +182,7 @@ impl PathBounds {
 
     /// Returns true if the fastest stop from this state, which another motion has produced, keeps these limits on its
     /// whole way.
-    pub(crate) fn allows_stop(&self, from: KinematicState) -> bool {
+    pub(crate) fn allows_stop(&self, from: AxisState) -> bool {
         let AccelerationLimits { acceleration, jerk } = self.acceleration_limits;
         let rise = from.acceleration * from.acceleration / (2.0 * jerk);
         let (fastest, forward) = if from.acceleration > 0.0 {
@@ -189,8 +190,7 @@ impl PathBounds {
         } else {
             (from.velocity, from.velocity >= rise)
         };
-        let stop = VelocityChange::new(from.velocity, from.acceleration, self.acceleration_limits);
-        let rests = stop.end(from).position;
+        let rests = self.acceleration_limits.stop(from).end(from).position;
         let mut pieces = self.piece_at(from.position)..=self.piece_at(rests);
         // Written such that a NaN allows nothing.
         forward
@@ -329,9 +329,9 @@ fn look_ahead(
 /// ends.
 fn fastest(most: f64, there: f64, distance: f64, acceleration_limits: AccelerationLimits) -> f64 {
     let fits = |velocity: f64| {
-        let start = KinematicState {
+        let start = AxisState {
             velocity,
-            ..KinematicState::default()
+            ..AxisState::default()
         };
         velocity <= there
             || VelocityChange::new(velocity - there, 0.0, acceleration_limits)

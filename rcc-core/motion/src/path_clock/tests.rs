@@ -365,7 +365,7 @@ proptest! {
         prop_assert!(planner.calculate(&input, &mut trajectory).is_ok());
 
         let change = VelocityChange::new(from - to, acceleration, AccelerationLimits { acceleration: a_max, jerk });
-        let ours = change.profile(KinematicState { position: 0.0, velocity: from, acceleration });
+        let ours = change.profile(AxisState { position: 0.0, velocity: from, acceleration });
         let theirs = &trajectory.get_profiles()[0][0];
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + a.abs());
         prop_assert!(near(change.duration_s(), trajectory.get_duration()), "{change:?}");

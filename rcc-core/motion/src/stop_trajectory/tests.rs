@@ -161,8 +161,8 @@ proptest! {
         acceleration.iter_mut().zip(share).zip(acceleration_max).for_each(|((a, s), max)| *a = s * max);
         let duration = (run(&mut begun(&velocity, &acceleration)).len() - 1) as f64 * DT;
         let joints = (0..N).map(|i| {
-            let own = AxisStopLimits { a: acceleration_max[i], jerk: jerk_max[i] };
-            own.stop(KinematicState { position: 0.0, velocity: velocity[i], acceleration: acceleration[i] })
+            let own = AccelerationLimits { acceleration: acceleration_max[i], jerk: jerk_max[i] };
+            own.stop(AxisState { position: 0.0, velocity: velocity[i], acceleration: acceleration[i] })
         });
         let slowest = joints.map(|stop| stop.duration_s()).fold(0.0, f64::max);
         let release = (0..N).map(|i| acceleration_max[i] / jerk_max[i]).fold(0.0, f64::max);

@@ -50,7 +50,7 @@ struct SegmentChecker<'a> {
     pieces: &'a [PathPiece],
     acceleration: f64,
     jerk: f64,
-    last: KinematicState,
+    last: AxisState,
     told: PathState,
 }
 
@@ -61,7 +61,7 @@ impl SegmentChecker<'_> {
         self.pieces.last().unwrap().end_s
     }
 
-    fn part(&mut self, start: KinematicState, jerk: f64, duration_s: f64) {
+    fn part(&mut self, start: AxisState, jerk: f64, duration_s: f64) {
         let (length, top) = (self.length(), 2.0);
         let near = |a: f64, b: f64, scale: f64| (a - b).abs() <= TOLERANCE * scale;
         let joined = near(start.position, self.last.position, 1e-3 * length)
@@ -84,7 +84,7 @@ impl SegmentChecker<'_> {
     }
 
     /// Checks the velocity in every piece that the segment touches: at its ends there, and at its extremum.
-    fn velocities(&self, start: KinematicState, jerk: f64, duration_s: f64) {
+    fn velocities(&self, start: AxisState, jerk: f64, duration_s: f64) {
         let end = start.after(duration_s, jerk);
         let (mut begin_s, mut from) = (0.0, 0.0);
         for piece in self.pieces {
@@ -136,7 +136,7 @@ impl SegmentChecker<'_> {
 }
 
 /// Time at which a segment passes a position, by bisection.
-fn crossing(start: KinematicState, jerk: f64, duration_s: f64, position: f64) -> f64 {
+fn crossing(start: AxisState, jerk: f64, duration_s: f64, position: f64) -> f64 {
     if start.after(duration_s, jerk).position <= position {
         return duration_s;
     }
@@ -164,7 +164,7 @@ fn case(seed: u64) -> usize {
         pieces: &pieces,
         acceleration,
         jerk,
-        last: KinematicState::default(),
+        last: AxisState::default(),
         told: PathState::default(),
     };
     let mut clock = PathClock::new();
