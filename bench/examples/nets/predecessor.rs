@@ -5,8 +5,9 @@ use std::error::Error;
 use rcc_bench::measure::{MeasuredSubject, TimeStats, alternate};
 use rcc_config::CellConfig;
 use rcc_core::message::Joints;
+use rcc_directionet::compiler;
 use rcc_engine::net::Net;
-use rcc_language::compile;
+use rcc_language::devices::DeviceTable;
 
 use crate::table::{digits, spread, table};
 use crate::{EFFORT, PERIOD_S, RunningNet, devices, root};
@@ -26,13 +27,13 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         names.push(entry?.file_name().to_string_lossy().into_owned());
     }
     names.sort();
-    let models = cell.models();
+    let (known, models) = (DeviceTable::from(&cell), cell.models());
     let hold: Vec<_> = models.iter().map(|it| it.arm.map(|_| HOLD)).collect();
     let (mut nets, mut sizes) = (Vec::new(), Vec::new());
     for name in &names {
         let text = std::fs::read_to_string(root().join(FOLDER).join(name))?;
         let types = text.matches('(').count();
-        let Ok(compiled) = compile(&format!("{HEADER}{text}"), name, &cell) else {
+        let Ok(compiled) = compiler(&known).compile(&format!("{HEADER}{text}"), name) else {
             sizes.push((types, None));
             continue;
         };

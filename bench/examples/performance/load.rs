@@ -10,10 +10,11 @@ use rcc_bench::measure::median;
 use rcc_bench::net::net;
 use rcc_config::yaml;
 use rcc_engine::net::Net;
-use rcc_language::check::{Typed, check};
+use rcc_language::check::check;
 use rcc_language::devices::DeviceTable;
 use rcc_language::expand::ExpandedNet;
-use rcc_language::{compile_for, infer, lower, resolve, syntax};
+use rcc_language::infer::{Typed, infer};
+use rcc_language::{compile_for, lower, parse, resolve};
 use rcc_protocol::control::PlanData;
 
 use crate::table::{digits, table};
@@ -80,18 +81,18 @@ fn stages(text: &str, cell: &DeviceTable) -> Result<[f64; STAGES.len()], Box<dyn
     };
     let (root, mut faults) = yaml::read(text);
     lap(0);
-    let net = syntax::read(&root.ok_or("no text")?, &mut faults).ok_or("no net")?;
+    let net = parse::read_net(&root.ok_or("no text")?, &mut faults).ok_or("no net")?;
     let flat = ExpandedNet::plain(net);
     lap(1);
     let graph = resolve::resolve(&flat, cell, &mut faults);
-    let inferred = infer::infer(&graph);
+    let inferred = infer(&graph);
     let typed = Typed {
         graph: &graph,
         inferred: &inferred,
     };
-    check(typed, &mut faults);
+    let checked = check(typed, &mut faults).ok_or("an error")?;
     lap(2);
-    let plan = lower::lower(typed)
+    let plan = lower::lower(checked)
         .map_err(|fault| format!("{fault:?}"))?
         .plan;
     lap(3);

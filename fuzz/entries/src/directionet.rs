@@ -1,7 +1,9 @@
 //! Target `directionet`: arbitrary text in the predecessor's form. The rules of `net` apply; and an accepted net must
 //! remain the same when it is written as YAML and read again. Run by the thread of the target.
 
-use rcc_language::{compile, directionet, write};
+use rcc_directionet::{NOTATION, compiler, looks_like};
+use rcc_language::parse::parse;
+use rcc_language::{compile_for, write};
 
 use crate::net;
 use crate::shipped::shipped;
@@ -11,20 +13,20 @@ pub fn run(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
-    if !directionet::looks_like(text) {
+    if !looks_like(text) {
         return;
     }
     net::run(data);
     let table = &shipped().table;
-    let Ok(theirs) = compile::compile_for(text, "net.net", table) else {
+    let Ok(theirs) = compiler(table).compile(text, "net.net") else {
         return;
     };
     let mut faults = Vec::new();
-    let Some(model) = compile::read(text, "net.net", table, &mut faults) else {
+    let Some(model) = parse(text, "net.net", table, &[NOTATION], &mut faults) else {
         panic!("a text that compiles cannot be read");
     };
     let yaml = write::yaml(&model);
-    match compile::compile_for(&yaml, "net.yaml", table) {
+    match compile_for(&yaml, "net.yaml", table) {
         Ok(ours) => assert!(
             format!("{:?}", theirs.plan) == format!("{:?}", ours.plan),
             "another plan:\n{yaml}"

@@ -16,7 +16,7 @@ pub fn run(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
-    match rcc_language::compile_for(text, "net.yaml", &shipped().table) {
+    match rcc_directionet::compiler(&shipped().table).compile(text, "net.yaml") {
         Ok(compiled) => {
             check_faults(&compiled.warnings, false);
             let mut harness = EngineHarness::new();

@@ -8,7 +8,9 @@ use std::sync::LazyLock;
 use rcc_config::CellConfig;
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::Joints;
+use rcc_language::Compiler;
 use rcc_language::devices::DeviceTable;
+use rcc_language::library::FileLibraries;
 use rcc_protocol::control::PlanData;
 
 /// The demo cell, as the loader sees it.
@@ -68,9 +70,12 @@ fn read() -> ShippedFixtures {
     let plan = |path: &PathBuf| {
         let text = fs::read_to_string(path).ok()?;
         let name = path.to_string_lossy();
-        rcc_language::compile_with(&text, &name, &table, &rcc_language::library::FileLibraries)
-            .ok()
-            .map(|compiled| compiled.plan)
+        let compiler = Compiler {
+            libraries: &FileLibraries,
+            ..Compiler::of(&table)
+        };
+        let compiled = compiler.compile(&text, &name);
+        compiled.ok().map(|compiled| compiled.plan)
     };
     let plans: Vec<PlanData> = texts.iter().filter_map(plan).collect();
     assert!(plans.len() >= 10, "the shipped nets compile");

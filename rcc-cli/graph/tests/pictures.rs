@@ -8,7 +8,8 @@ use rcc_config::CellConfig;
 use rcc_graph::layout::PlanePoint;
 use rcc_graph::scene::{NetScene, scene};
 use rcc_graph::{dot::dot, is_label, links, mermaid::mermaid, shown, svg::svg};
-use rcc_language::compile_with_structure;
+use rcc_language::Compiler;
+use rcc_language::devices::DeviceTable;
 use rcc_language::library::FileLibraries;
 use rcc_language::structure::{NetStructure, PrimitiveRole};
 
@@ -24,7 +25,12 @@ fn cell() -> CellConfig {
 }
 
 fn structure(text: &str, name: &str) -> NetStructure {
-    let net = compile_with_structure(text, name, &cell(), &FileLibraries);
+    let cell = DeviceTable::from(&cell());
+    let compiler = Compiler {
+        libraries: &FileLibraries,
+        ..Compiler::of(&cell)
+    };
+    let net = compiler.compile_with_structure(text, name);
     net.unwrap_or_else(|faults| panic!("{faults}")).1
 }
 

@@ -8,7 +8,7 @@ use rcc_api::bodies::{Finding, RehearsalView};
 use rcc_api::codes::{self, exit};
 use rcc_api::compile::{findings, name_of};
 use rcc_config::{CellConfig, auto_ports};
-use rcc_language::compile_with;
+use rcc_language::Compiler;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::FileLibraries;
 use rcc_language::names::Names;
@@ -153,7 +153,11 @@ fn verdict(
     stage: Option<&CellConfig>,
 ) -> NetVerdict {
     let (name, text) = source;
-    match compile_with(text, name, cell, &FileLibraries) {
+    let compiler = Compiler {
+        libraries: &FileLibraries,
+        ..rcc_directionet::compiler(cell)
+    };
+    match compiler.compile(text, name) {
         Ok(compiled) => {
             let checked = compiled.plan.plan().check(&cell.models(), cell.fingerprint);
             let mut diagnostics = findings(&compiled.warnings);

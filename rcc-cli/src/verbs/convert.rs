@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use rcc_api::codes;
 use rcc_api::compile::findings;
+use rcc_directionet::{NOTATION, compiler};
 use rcc_language::devices::DeviceTable;
-use rcc_language::{Faults, compile, directionet, write};
+use rcc_language::parse::parse;
+use rcc_language::{Faults, write};
 
 use super::check::load_config;
 use crate::context::Context;
@@ -63,14 +65,16 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let (name, text) = read_text(&arguments.file)?;
     let text = header(&arguments)? + &text;
     let invalid = |faults: &_| Failure::from_faults("invalid net", faults);
-    let compiled = compile::compile_for(&text, &name, &cell).map_err(|faults| invalid(&faults))?;
+    let compiled = compiler(&cell)
+        .compile(&text, &name)
+        .map_err(|faults| invalid(&faults))?;
     let mut faults = Vec::new();
-    let net = compile::read(&text, &name, &cell, &mut faults);
+    let net = parse(&text, &name, &cell, &[NOTATION], &mut faults);
     let converted = net.and_then(|net| match arguments.to {
         NetFormat::Yaml => Some(write::yaml(&net)),
         NetFormat::Json => Some(write::json(&net)),
         NetFormat::Directionet => {
-            directionet::write::text(&net, &compiled.names, &cell, &mut faults)
+            rcc_directionet::write::text(&net, &compiled.names, &cell, &mut faults)
         }
     });
     // A text that compiles can be read, so only writing can have failed.

@@ -7,9 +7,10 @@ use rcc_api::bodies::StatusView;
 use rcc_api::codes::exit;
 use rcc_api::compile::findings;
 use rcc_config::CellConfig;
+use rcc_language::devices::DeviceTable;
 use rcc_language::library::{FileLibraries, LibrarySource, NoLibraries};
 use rcc_language::structure::NetStructure;
-use rcc_language::{Compiled, compile_with_structure};
+use rcc_language::{Compiled, Compiler};
 
 use super::check::load_config;
 use crate::client::LoaderClient;
@@ -65,7 +66,13 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
     } else {
         &NoLibraries
     };
-    let (compiled, structure) = compile_with_structure(&source.1, &source.0, &config, libraries)
+    let cell = DeviceTable::from(&config);
+    let compiler = Compiler {
+        libraries,
+        ..rcc_directionet::compiler(&cell)
+    };
+    let (compiled, structure) = compiler
+        .compile_with_structure(&source.1, &source.0)
         .map_err(|faults| {
             print_diagnostics(&draw(&findings(&faults), Some(&source), Context::colour()));
             Failure::reported(exit::INVALID)

@@ -5,6 +5,7 @@ use rcc_config::CellConfig;
 use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, Faults, Severity, render};
 use rcc_core::message::DEVICES_MAX;
 use rcc_core::plan::Resource;
+use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_language::syntax::is_net_name;
 use rcc_protocol::control::PlanData;
@@ -40,7 +41,9 @@ pub struct Compiled {
 /// # Errors
 /// Returns all errors and warnings of the text if it has an error.
 pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Vec<Finding>> {
-    let compiled = rcc_language::compile(text, file, cell).map_err(|faults| findings(&faults))?;
+    let compiled = rcc_directionet::compiler(&DeviceTable::from(cell))
+        .compile(text, file)
+        .map_err(|faults| findings(&faults))?;
     let checked = compiled
         .plan
         .plan()

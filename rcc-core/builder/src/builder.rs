@@ -8,7 +8,8 @@ use std::marker::PhantomData;
 use rcc_config::diagnostic::Faults;
 use rcc_config::yaml;
 use rcc_config::yaml::layout::{Tree, TreeBlock, TreeEntry, render};
-use rcc_language::syntax::{self, Net};
+use rcc_language::parse::read_net;
+use rcc_language::syntax::Net;
 use rcc_language::write;
 use thiserror::Error;
 
@@ -243,7 +244,7 @@ impl NetBuilder {
         let root = yaml::parse(&text)
             .map_err(|faults| BuildError::Faulty(Faults::new(file, &text, faults)))?;
         let mut faults = Vec::new();
-        let net = syntax::read(&root, &mut faults);
+        let net = read_net(&root, &mut faults);
         match net {
             Some(net) if faults.is_empty() => Ok(net),
             _ => Err(BuildError::Faulty(Faults::new(file, &text, faults))),

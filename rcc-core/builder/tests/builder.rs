@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use rcc_config::{CellConfig, auto_ports, yaml};
-use rcc_language::{compile, syntax, write};
+use rcc_language::{compile, parse, write};
 use rcc_net::{BuildError, NetBuilder, Real, Reals, literal, null};
 
 fn root() -> PathBuf {
@@ -41,7 +41,7 @@ fn a_net_from_a_file_can_be_built() {
     net.termination("end", cancel.requested);
     net.monitor("watch", next.out);
     let file = std::fs::read_to_string(root().join("configs/nets/toggle.yaml")).unwrap();
-    let file = syntax::read(&yaml::parse(&file).unwrap(), &mut Vec::new()).unwrap();
+    let file = parse::read_net(&yaml::parse(&file).unwrap(), &mut Vec::new()).unwrap();
     assert_eq!(net.to_yaml().unwrap(), write::yaml(&file));
     is_valid(&net);
 }

@@ -6,9 +6,10 @@ use std::borrow::Cow;
 use rcc_config::diagnostic::{Faults, Severity};
 use rcc_config::yaml;
 
-use crate::library::{self, LibrarySource};
+use crate::library::{LibrarySource, read_libraries};
+use crate::parse::read_net;
 use crate::source_map::SourceMap;
-use crate::{syntax, write};
+use crate::write;
 
 /// Returns the text of a net that needs no library. A net without `use` is returned unchanged, even if it has errors.
 /// `file` is the path of the net's own file.
@@ -25,9 +26,9 @@ pub fn bundle<'a>(
         return Ok(Cow::Borrowed(text));
     };
     let mut sources = SourceMap::new(file, text);
-    let net = syntax::read(&root, &mut diagnostics).map(|mut net| {
+    let net = read_net(&root, &mut diagnostics).map(|mut net| {
         let used = std::mem::take(&mut net.uses);
-        let fragments = library::read_all(&used, file, libraries, &mut sources, &mut diagnostics);
+        let fragments = read_libraries(&used, file, libraries, &mut sources, &mut diagnostics);
         net.fragments.extend(fragments);
         net
     });

@@ -1,46 +1,48 @@
-//! The rules that a net must keep, one function each. Every rule checks the whole net and reports all violations. It
-//! skips what another rule or the resolver reports. Runs on the loader's threads.
+//! The check pass, [`Typed`] → [`Checked`]: the rules that a net must keep, one function each. Every rule checks the whole
+//! net and reports all violations. It skips what another rule or the resolver reports. Runs on the loader's threads.
 
 mod connections;
+mod constants;
 mod fragments;
 mod inputs;
 mod limits;
+mod links;
 mod loops;
 mod motions;
 mod topics;
-mod values;
+mod types;
 
-use rcc_config::diagnostic::Diagnostic;
+use rcc_config::diagnostic::{Diagnostic, Severity};
 
-use crate::infer::Inferred;
-use crate::resolve::NetGraph;
+use crate::infer::Typed;
 
-pub use limits::{every, window};
-pub(crate) use loops::components;
-pub(crate) use values::literal_fits;
+pub(crate) use constants::literal_fits;
 
-/// A resolved net with its inferred types and units.
+/// A net that keeps every rule: only such a net is lowered.
 #[derive(Clone, Copy)]
-pub struct Typed<'a> {
-    /// The resolved net.
-    pub graph: &'a NetGraph<'a>,
-    /// The types and units of its ports.
-    pub inferred: &'a Inferred,
+pub struct Checked<'a>(Typed<'a>);
+
+impl<'a> Checked<'a> {
+    /// Returns the net.
+    #[must_use]
+    pub fn net(self) -> Typed<'a> {
+        self.0
+    }
 }
 
 type Check = fn(Typed<'_>, &mut Vec<Diagnostic>);
 
 /// All rules, in any order: diagnostics are sorted by their spans.
 const CHECKS: &[Check] = &[
-    values::elements_exist,
-    values::links_fit,
-    values::lists_fit,
-    values::lengths_are_known,
-    values::literals_fit,
-    values::types_suit_their_primitives,
-    values::units_of_a_primitive_agree,
-    values::parameters_are_in_range,
-    values::constants_are_in_range,
+    links::elements_exist,
+    links::links_fit,
+    links::lists_fit,
+    types::lengths_are_known,
+    constants::literals_fit,
+    types::types_suit_their_primitives,
+    types::units_of_a_primitive_agree,
+    constants::parameters_are_in_range,
+    constants::constants_are_in_range,
     motions::parameters_do_not_contradict,
     motions::joint_motions_have_a_goal,
     motions::turns_have_a_bit_for_each_joint,
@@ -72,9 +74,13 @@ const CHECKS: &[Check] = &[
     limits::commands_can_be_cancelled,
 ];
 
-/// Checks a net against every rule.
-pub fn check(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+/// Checks a net against every rule. Returns `None` if this or an earlier pass has reported an error.
+pub fn check<'a>(net: Typed<'a>, diagnostics: &mut Vec<Diagnostic>) -> Option<Checked<'a>> {
     for check in CHECKS {
         check(net, diagnostics);
     }
+    let mut severities = diagnostics.iter().map(|diagnostic| diagnostic.severity);
+    severities
+        .all(|severity| severity != Severity::Error)
+        .then_some(Checked(net))
 }

@@ -1,24 +1,32 @@
-//! The pipeline from text to plan: read, expand, resolve, infer, check, lower. All errors of the text are reported at
-//! once. Runs on the loader's threads and in `rcc-cli check`; never on the real-time thread.
+//! The compiler: its passes in order, from text to plan. All errors of the text are reported at once. Runs on the
+//! loader's threads and in `rcc-cli check`; never on the real-time thread.
 
 use rcc_config::CellConfig;
-use rcc_config::diagnostic::{Diagnostic, Faults, Severity, Span};
-use rcc_config::yaml;
+use rcc_config::diagnostic::{Diagnostic, Faults};
 use rcc_protocol::control::PlanData;
 
-use crate::check::{Typed, check};
-use crate::codes;
+use crate::check::check;
 use crate::devices::DeviceTable;
-use crate::directionet;
-use crate::expand::{ExpandedNet, expand};
-use crate::infer::infer;
-use crate::library::{self, LibrarySource, NoLibraries};
-use crate::lower::{Lowered, lower};
+use crate::expand::expand;
+use crate::infer::{Typed, infer};
+use crate::library::{LibrarySource, NoLibraries, read_libraries};
+use crate::lower::{Lowered, lower, prove};
 use crate::names::{Names, names};
+use crate::parse::{Notation, parse};
 use crate::resolve::resolve;
 use crate::source_map::SourceMap;
 use crate::structure::{NetStructure, structure};
-use crate::syntax;
+
+/// What a net is compiled for, and what its text may use.
+#[derive(Clone, Copy)]
+pub struct Compiler<'a> {
+    /// Devices of the cell.
+    pub cell: &'a DeviceTable,
+    /// Libraries that the text may name.
+    pub libraries: &'a dyn LibrarySource,
+    /// Notations of the text besides YAML and JSON.
+    pub notations: &'a [Notation],
+}
 
 /// A net that passed all checks.
 #[derive(Clone, Debug)]
@@ -35,134 +43,97 @@ pub struct Compiled {
     pub warnings: Faults,
 }
 
-/// Compiles a text for the cell of a configuration. `file` is the name that diagnostics show.
+impl<'a> Compiler<'a> {
+    /// Compiles for a cell, without libraries and other notations.
+    #[must_use]
+    pub fn of(cell: &'a DeviceTable) -> Compiler<'a> {
+        Compiler {
+            cell,
+            libraries: &NoLibraries,
+            notations: &[],
+        }
+    }
+
+    /// The passes in order. `inspect` is called with the lowered net.
+    fn passes<T>(
+        self,
+        (text, file): (&str, &str),
+        sources: &mut SourceMap,
+        diagnostics: &mut Vec<Diagnostic>,
+        inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
+    ) -> Option<(Compiled, T)> {
+        let net = parse(text, file, self.cell, self.notations, diagnostics)?;
+        let library = read_libraries(&net.uses, file, self.libraries, sources, diagnostics);
+        let expanded = expand(net, &library, sources, diagnostics)?;
+        let graph = resolve(&expanded, self.cell, diagnostics);
+        let typed = Typed {
+            graph: &graph,
+            inferred: &infer(&graph),
+        };
+        let checked = check(typed, diagnostics)?;
+        let lowered = lower(checked)
+            .map_err(|error| diagnostics.push(*error))
+            .ok()?;
+        let proved = prove(&lowered.plan, self.cell);
+        proved.map_err(|error| diagnostics.push(*error)).ok()?;
+        let seen = inspect(typed, &lowered);
+        let compiled = Compiled {
+            names: names(typed, &lowered),
+            net: expanded.net.name.name.clone(),
+            description: expanded.net.description.clone(),
+            plan: lowered.plan,
+            warnings: sources.finish(std::mem::take(diagnostics)),
+        };
+        Some((compiled, seen))
+    }
+
+    fn run<T>(
+        self,
+        text: &str,
+        file: &str,
+        inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
+    ) -> Result<(Compiled, T), Faults> {
+        let mut sources = SourceMap::new(file, text);
+        let mut diagnostics = Vec::new();
+        let passed = self.passes((text, file), &mut sources, &mut diagnostics, inspect);
+        passed.ok_or_else(|| sources.finish(diagnostics))
+    }
+
+    /// Compiles a text. `file` is the name that diagnostics show, and the path relative to which libraries are looked
+    /// up.
+    ///
+    /// # Errors
+    /// Returns all errors of the text and its libraries, and their warnings.
+    pub fn compile(self, text: &str, file: &str) -> Result<Compiled, Faults> {
+        self.run(text, file, |_, _| ())
+            .map(|(compiled, ())| compiled)
+    }
+
+    /// Compiles a text, and returns the structure of the net as well.
+    ///
+    /// # Errors
+    /// As [`Compiler::compile`].
+    pub fn compile_with_structure(
+        self,
+        text: &str,
+        file: &str,
+    ) -> Result<(Compiled, NetStructure), Faults> {
+        self.run(text, file, structure)
+    }
+}
+
+/// Compiles a YAML or JSON text without libraries for the cell of a configuration.
 ///
 /// # Errors
-/// Returns all errors of the text, and its warnings.
+/// As [`Compiler::compile`].
 pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Faults> {
     compile_for(text, file, &DeviceTable::from(cell))
 }
 
-/// Compiles a text for a table of devices.
+/// Compiles a YAML or JSON text without libraries for a table of devices.
 ///
 /// # Errors
-/// Returns all errors of the text, and its warnings.
+/// As [`Compiler::compile`].
 pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compiled, Faults> {
-    compile_with(text, file, cell, &NoLibraries)
-}
-
-/// Compiles a text that may use libraries. `file` is also the path of the net's own file, relative to which libraries
-/// are looked up.
-///
-/// # Errors
-/// Returns all errors of the text and its libraries, and their warnings.
-pub fn compile_with(
-    text: &str,
-    file: &str,
-    cell: &DeviceTable,
-    libraries: &dyn LibrarySource,
-) -> Result<Compiled, Faults> {
-    compile_then(text, file, cell, libraries, |_, _| ()).map(|(compiled, ())| compiled)
-}
-
-/// Compiles a text that may use libraries, and returns the structure of the net as well.
-///
-/// # Errors
-/// As [`compile_with`].
-pub fn compile_with_structure(
-    text: &str,
-    file: &str,
-    cell: &CellConfig,
-    libraries: &dyn LibrarySource,
-) -> Result<(Compiled, NetStructure), Faults> {
-    compile_then(text, file, &DeviceTable::from(cell), libraries, structure)
-}
-
-/// Compiles a text and calls `inspect` with the lowered net.
-fn compile_then<T>(
-    text: &str,
-    file: &str,
-    cell: &DeviceTable,
-    libraries: &dyn LibrarySource,
-    inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
-) -> Result<(Compiled, T), Faults> {
-    let mut diagnostics = Vec::new();
-    let (flat, sources) = flatten(text, file, cell, libraries, &mut diagnostics);
-    let Some(flat) = flat else {
-        return Err(sources.finish(diagnostics));
-    };
-    let graph = resolve(&flat, cell, &mut diagnostics);
-    let inferred = infer(&graph);
-    let typed = Typed {
-        graph: &graph,
-        inferred: &inferred,
-    };
-    check(typed, &mut diagnostics);
-    if diagnostics
-        .iter()
-        .any(|diagnostic| diagnostic.severity == Severity::Error)
-    {
-        return Err(sources.finish(diagnostics));
-    }
-    let lowered = match lower(typed) {
-        Ok(lowered) => lowered,
-        Err(diagnostic) => {
-            diagnostics.push(*diagnostic);
-            return Err(sources.finish(diagnostics));
-        }
-    };
-    if let Err(error) = lowered.plan.plan().check(&cell.models(), cell.fingerprint) {
-        // A net that passed every rule must lower to a valid plan. If not, this is a bug of the compiler, and it is
-        // reported here instead of sending the plan.
-        let message = format!("internal error: the plan of this net is invalid: {error:?}");
-        let diagnostic = Diagnostic::error(codes::NET_TOO_LARGE, Span::default(), message);
-        diagnostics.push(
-            diagnostic
-                .anywhere()
-                .help("this is a bug of the compiler: report it with the net"),
-        );
-        return Err(sources.finish(diagnostics));
-    }
-    let seen = inspect(typed, &lowered);
-    let compiled = Compiled {
-        names: names(typed, &lowered),
-        net: flat.net.name.name.clone(),
-        description: flat.net.description.clone(),
-        plan: lowered.plan,
-        warnings: sources.finish(diagnostics),
-    };
-    Ok((compiled, seen))
-}
-
-/// Reads a text in any notation: YAML, JSON or DirectIONet. Returns `None` if the errors leave no net.
-pub fn read(
-    text: &str,
-    file: &str,
-    cell: &DeviceTable,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Option<syntax::Net> {
-    if directionet::looks_like(text) {
-        return directionet::read(text, file, cell, diagnostics);
-    }
-    let (root, found) = yaml::read(text);
-    diagnostics.extend(found);
-    syntax::read(&root?, diagnostics)
-}
-
-/// Reads a text and its libraries and expands the instances of fragments. Returns no net if the text is not one, or if
-/// it is far too large. The source map resolves all spans.
-pub fn flatten(
-    text: &str,
-    file: &str,
-    cell: &DeviceTable,
-    libraries: &dyn LibrarySource,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> (Option<ExpandedNet>, SourceMap) {
-    let mut sources = SourceMap::new(file, text);
-    let net = read(text, file, cell, diagnostics);
-    let flat = net.and_then(|net| {
-        let library = library::read_all(&net.uses, file, libraries, &mut sources, diagnostics);
-        expand(net, &library, &mut sources, diagnostics)
-    });
-    (flat, sources)
+    Compiler::of(cell).compile(text, file)
 }

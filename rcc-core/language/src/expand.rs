@@ -1,93 +1,33 @@
-//! The expansion pass: each instance of a fragment is replaced by a copy of the fragment's primitives, named
-//! `instance/id`, with the parameters and sources of the instance. Types, loops and all other rules are checked on the
-//! expanded net, so a fragment is notation only. Runs on the loader's threads.
+//! The expand pass, syntax tree → [`ExpandedNet`]: each instance of a fragment is replaced by a copy of the fragment's
+//! primitives, named `instance/id`, with the parameters and sources of the instance. Types, loops and all other rules are
+//! checked on the expanded net, so a fragment is notation only. Runs on the loader's threads.
 
 mod body;
+mod net;
 mod parameters;
+mod sources;
 
 use std::collections::{HashMap, HashSet};
 
-use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_config::diagnostic::Diagnostic;
 use rcc_config::yaml::Key;
-use rcc_core::types::Type;
-use rcc_core::unit::Unit;
 
 use crate::codes;
 use crate::source_map::{SourceMap, SpanShift};
 use crate::syntax::fragment::{Fragment, FragmentInput};
 use crate::syntax::literal::{Literal, LiteralShape};
-use crate::syntax::part::ValuePart;
 use crate::syntax::reference::Reference;
-use crate::syntax::{Link, List, Net, Primitive, PrimitiveKind, Source};
+use crate::syntax::{Net, Primitive, PrimitiveKind, Source};
 use body::{Bodies, Body, ReferenceTarget};
 use parameters::Parameters;
+
+pub use net::{ExpandedNet, ExpandedRegion, InputDeclaration};
 
 /// Deepest nesting of instances.
 pub const DEPTH_MAX: usize = 32;
 /// Largest size of the expanded net: primitives, their inputs and parameters, and elements of constants together.
 /// Without a limit, ten lines of nested fragments could expand beyond any memory.
 pub const EXPANDED_MAX: usize = 1 << 20;
-
-/// A net without instances.
-#[derive(Clone, Debug)]
-pub struct ExpandedNet {
-    /// The net; its fragments are expanded.
-    pub net: Net,
-    /// Regions, outer ones first.
-    pub regions: Vec<ExpandedRegion>,
-    /// Innermost region, by primitive. Empty if there are no regions.
-    pub region_of: Vec<Option<usize>>,
-    /// Outputs that count as read: those that fragments export, and those that refused inputs read.
-    pub read: Vec<Reference>,
-    /// Declared types and units of fragment inputs.
-    pub declarations: Vec<InputDeclaration>,
-    /// Ids of all instances.
-    pub instances: Vec<String>,
-    /// True if an instance was refused, so that missing definitions may belong to it.
-    pub is_incomplete: bool,
-}
-
-/// Primitives that are evaluated only while a condition is true.
-#[derive(Clone, Debug)]
-pub struct ExpandedRegion {
-    /// Id of the instance or primitive that has the condition.
-    pub id: Key,
-    /// The condition.
-    pub condition: Source,
-    /// Index of the enclosing region.
-    pub parent: Option<usize>,
-}
-
-/// The type and unit that a fragment declares for its input, applied to an input that it feeds.
-#[derive(Clone, Debug)]
-pub struct InputDeclaration {
-    /// Index of the primitive.
-    pub primitive: usize,
-    /// Name of the primitive's input.
-    pub input: String,
-    /// Name of the fragment's input.
-    pub name: String,
-    /// The declared type and its span.
-    pub ty: Option<(Type, Span)>,
-    /// The declared unit and its span.
-    pub unit: Option<(Unit, Span)>,
-}
-
-impl ExpandedNet {
-    /// Wraps a net that has no instances and no conditions.
-    #[must_use]
-    pub fn plain(net: Net) -> ExpandedNet {
-        ExpandedNet {
-            net,
-            regions: Vec::new(),
-            region_of: Vec::new(),
-            read: Vec::new(),
-            declarations: Vec::new(),
-            instances: Vec::new(),
-            is_incomplete: false,
-        }
-    }
-}
 
 /// The source of an instance's input, and the declarations of the enclosing fragments that apply to it.
 #[derive(Clone)]
@@ -172,9 +112,6 @@ pub fn expand(
     }
     Some(flat)
 }
-
-/// A source, and the declarations of the fragment inputs that it passes through.
-type FedSource<'a> = (Source, Vec<(&'a FragmentInput, SpanShift)>);
 
 impl<'a> Expander<'a, '_> {
     fn body(&mut self, body: &'a Body<'a>, scope: &Scope<'a>) {
@@ -390,191 +327,6 @@ impl<'a> Expander<'a, '_> {
         let (source, _) = self.source(source, body, scope);
         let links = source.links().into_iter();
         self.flat.read.extend(links.map(|link| link.from.clone()));
-    }
-
-    fn source(
-        &mut self,
-        source: &'a Source,
-        body: &'a Body<'a>,
-        scope: &Scope<'a>,
-    ) -> FedSource<'a> {
-        let link = match source {
-            Source::Refused => return (Source::Refused, Vec::new()),
-            Source::Literal(literal) => {
-                let literal = scope
-                    .parameters
-                    .fill(literal, scope.shift, self.diagnostics);
-                let source = match literal.is_refused() {
-                    true => Source::Refused,
-                    false => Source::Literal(literal),
-                };
-                return (source, Vec::new());
-            }
-            Source::List(list) => {
-                let elements = list.elements.iter();
-                let elements = elements.map(|element| self.source(element, body, scope).0);
-                let list = List {
-                    elements: elements.collect(),
-                    span: scope.shift.span(list.span),
-                };
-                return (Source::List(list), Vec::new());
-            }
-            Source::Link(link) => Link {
-                initial: link.initial.as_ref().map(|literal| {
-                    scope
-                        .parameters
-                        .fill(literal, scope.shift, self.diagnostics)
-                }),
-                span: scope.shift.span(link.span),
-                ..link.clone()
-            },
-        };
-        if let ReferenceTarget::Input(input) = self.bodies.target(body, &link.from) {
-            let Some(bound) = scope.inputs.get(input.name.name.as_str()) else {
-                return (Source::Refused, Vec::new());
-            };
-            let declarations = match link.from.part {
-                None => bound.declarations.clone(),
-                Some(_) => Vec::new(),
-            };
-            return (self.through(&bound.source, link, scope), declarations);
-        }
-        let from = self.output(body, scope, &link.from);
-        let source = from.map_or(Source::Refused, |from| Source::Link(Link { from, ..link }));
-        (source, Vec::new())
-    }
-
-    /// Resolves a link from an input of a fragment, given the source `outside` that the instance connects to that
-    /// input.
-    fn through(&mut self, outside: &Source, inside: Link, scope: &Scope<'_>) -> Source {
-        match outside {
-            Source::Refused => Source::Refused,
-            Source::Literal(literal) if inside.delayed => {
-                // In the first cycle the delayed link carries its initial value instead of the constant.
-                let from = self.constant(literal, &inside.from, scope);
-                Source::Link(Link { from, ..inside })
-            }
-            Source::List(list) => match inside.from.part {
-                None if inside.delayed => {
-                    let message = format!("`{}` is a list and cannot be delayed", inside.from);
-                    let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, inside.span, message);
-                    self.diagnostics.push(
-                        diagnostic
-                            .help("delay the links in the list that the instance is connected to"),
-                    );
-                    Source::Refused
-                }
-                None => Source::List(list.clone()),
-                Some(ValuePart::Element(index)) if (index as usize) < list.elements.len() => {
-                    let mut whole = inside;
-                    whole.from.part = None;
-                    self.through(&list.elements[index as usize], whole, scope)
-                }
-                Some(_) => {
-                    let what = format!("a list of {}", list.elements.len());
-                    self.no_element(&inside, &what)
-                }
-            },
-            Source::Literal(literal) => match (inside.from.part, &literal.shape) {
-                (None, _) => Source::Literal(literal.clone()),
-                (Some(ValuePart::Element(index)), LiteralShape::List(elements))
-                    if (index as usize) < elements.len() =>
-                {
-                    Source::Literal(elements[index as usize].clone())
-                }
-                (Some(_), _) => self.no_element(&inside, &literal.to_string()),
-            },
-            Source::Link(link) => {
-                if link.from.part.is_some() && inside.from.part.is_some() {
-                    return self.no_element(&inside, &format!("`{}`", link.from));
-                }
-                if link.delayed && inside.delayed {
-                    let from = &inside.from;
-                    let message = format!("`{from}` is delayed here and at the instance");
-                    let diagnostic = Diagnostic::error(codes::DELAYED_TWICE, inside.span, message);
-                    self.diagnostics.push(diagnostic);
-                    return Source::Refused;
-                }
-                let mut link = link.clone();
-                link.from.part = link.from.part.or(inside.from.part);
-                link.delayed |= inside.delayed;
-                link.initial = link.initial.or(inside.initial);
-                Source::Link(link)
-            }
-        }
-    }
-
-    fn no_element(&mut self, inside: &Link, outside: &str) -> Source {
-        let from = &inside.from;
-        let message = format!("`{from}` does not exist: the instance is connected to {outside}");
-        let diagnostic = Diagnostic::error(codes::BAD_ELEMENT, inside.span, message);
-        self.diagnostics.push(
-            diagnostic.help("connect the instance to a list or an array that has this element"),
-        );
-        Source::Refused
-    }
-
-    /// Returns a `Constant` primitive for a constant, one for each input of an instance.
-    fn constant(&mut self, literal: &Literal, from: &Reference, scope: &Scope<'_>) -> Reference {
-        let key = |name: &str| Key {
-            name: name.to_owned(),
-            span: literal.span,
-        };
-        // The id is unused: inputs and primitives of a fragment have different names.
-        let id = format!("{}{}", scope.path, from.primitive);
-        if self.constants.insert(id.clone()) {
-            let constant = Primitive {
-                id: key(&id),
-                kind: PrimitiveKind::Type,
-                type_name: key("Constant"),
-                parameters: vec![(key("value"), literal.clone())],
-                inputs: Vec::new(),
-                active: None,
-            };
-            self.push(constant, None);
-        }
-        Reference {
-            primitive: id,
-            port: "out".to_owned(),
-            ..scope.shift.reference(from)
-        }
-    }
-
-    /// Returns the output of the expanded net that a reference to a primitive or an instance resolves to.
-    fn output(
-        &mut self,
-        body: &'a Body<'a>,
-        scope: &Scope<'a>,
-        reference: &Reference,
-    ) -> Option<Reference> {
-        let mut found = scope.named(reference);
-        let (mut body, mut at, mut path) = (body, reference, scope.path.clone());
-        for _ in scope.depth..=DEPTH_MAX {
-            let (instance, output) = match self.bodies.target(body, at) {
-                ReferenceTarget::Primitive => {
-                    found.primitive = format!("{path}{}", at.primitive);
-                    found.port.clone_from(&at.port);
-                    return Some(found);
-                }
-                ReferenceTarget::Instance(instance, output) => (instance, output),
-                ReferenceTarget::Input(_) | ReferenceTarget::Refused => return None,
-            };
-            if found.part.is_some() && output.from.part.is_some() {
-                let message = format!(
-                    "`{}.{}` already selects an element",
-                    instance.id.name, output.name.name
-                );
-                let diagnostic = Diagnostic::error(codes::BAD_ELEMENT, found.span, message);
-                self.diagnostics.push(diagnostic.help("remove the index"));
-                return None;
-            }
-            found.part = found.part.or(output.from.part);
-            path.push_str(&instance.id.name);
-            path.push('/');
-            (body, _) = self.bodies.body_of(instance)?;
-            at = &output.from;
-        }
-        None
     }
 }
 

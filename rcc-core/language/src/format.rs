@@ -8,7 +8,8 @@ use rcc_config::yaml::{self, Node};
 use thiserror::Error;
 
 use crate::codes;
-use crate::syntax::{self, fragment};
+use crate::parse::{read_library, read_net};
+use crate::source_map::SourceMap;
 
 /// Reason why a text is not formatted.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -39,9 +40,7 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
     {
         return Err(FormatError::Json);
     }
-    let faulty = |diagnostics| {
-        FormatError::Faulty(crate::source_map::SourceMap::new(file, text).finish(diagnostics))
-    };
+    let faulty = |diagnostics| FormatError::Faulty(SourceMap::new(file, text).finish(diagnostics));
     let root = yaml::parse(text).map_err(faulty)?;
     let diagnostics = faults_of(&root);
     if !diagnostics.is_empty() {
@@ -69,9 +68,9 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
 fn faults_of(root: &Node) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
     if root.get("library").is_some() {
-        fragment::read_library(root, &mut diagnostics);
+        read_library(root, &mut diagnostics);
     } else {
-        syntax::read(root, &mut diagnostics);
+        read_net(root, &mut diagnostics);
     }
     diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
     diagnostics

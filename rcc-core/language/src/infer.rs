@@ -1,4 +1,4 @@
-//! Inference of types and units of all ports: those fixed by the catalogue propagate along the links to ports that
+//! The infer pass, [`NetGraph`] → [`Inferred`]: the types and units of all ports. Those fixed by the catalogue propagate along the links to ports that
 //! leave them open. Literals adapt. A type that nothing determines is Real, a unit is 1. Runs on the loader's threads.
 
 mod type_solver;
@@ -24,6 +24,36 @@ pub struct Inferred {
     joints: Vec<Option<u16>>,
     unit_variables: Vec<UnitVariables>,
     units: Vec<Option<Unit>>,
+}
+
+/// A resolved net with its inferred types and units.
+#[derive(Clone, Copy)]
+pub struct Typed<'a> {
+    /// The resolved net.
+    pub graph: &'a NetGraph<'a>,
+    /// The types and units of its ports.
+    pub inferred: &'a Inferred,
+}
+
+impl Typed<'_> {
+    /// Returns type and unit of a port of item `number` as text; the unit is `None` if the type implies it or has none.
+    pub(crate) fn port_texts(self, number: usize, port: &Port) -> (String, Option<String>) {
+        let ty = self.inferred.port_type(self.graph, number, port.ty);
+        let unit = self.inferred.port_unit(self.graph, number, port.unit);
+        let unit = unit.filter(|_| ty.is_some_and(has_unit));
+        (
+            ty.map_or(String::new(), |ty| ty.to_string()),
+            unit.map(|unit| unit.to_string()),
+        )
+    }
+}
+
+/// Returns true for a type with a unit that the type itself does not imply.
+pub(crate) fn has_unit(ty: Type) -> bool {
+    matches!(
+        ty,
+        Type::Real | Type::Vector3 | Type::Reals(_) | Type::Matrix(..)
+    )
 }
 
 /// The unit variables of one item: rule, and index of the variable in the solver.

@@ -10,7 +10,8 @@ use rcc_protocol::control::{InputValue, SET_ELEMENTS_MAX, SET_MAX};
 use crate::check::literal_fits;
 use crate::codes;
 use crate::names::{InputNames, Names};
-use crate::syntax::literal::{self, Literal, StoredValue};
+use crate::parse::literal;
+use crate::syntax::literal::{Literal, StoredValue};
 
 /// Reads the values to be set in the net with these names. `file` is the name that diagnostics show.
 ///

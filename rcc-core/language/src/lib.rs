@@ -1,14 +1,15 @@
 //! The compiler of nets: from text to a checked net and its plan, with all errors of the text reported at once. Runs on
 //! the loader's threads and in `rcc-cli check`; not real-time.
 //!
-//! The passes, in order: [`syntax`], `library` and `expand`, `resolve`, `infer`, `check`, `lower`. `compile` runs them.
+//! `compile` runs the passes in order: [`parse`], `library`, `expand`, `resolve`, `infer`, `check`, `lower`; each is the
+//! module of its name. [`syntax`] is what they begin with, `names` what users see of the plan.
 
 pub mod bundle;
 pub mod check;
 pub mod codes;
 pub mod compile;
+mod components;
 pub mod devices;
-pub mod directionet;
 pub mod expand;
 pub mod format;
 pub mod infer;
@@ -17,7 +18,7 @@ pub mod library;
 pub mod lower;
 pub mod names;
 pub mod null_analysis;
-pub mod rate;
+pub mod parse;
 pub mod resolve;
 pub mod schema;
 pub mod source_map;
@@ -25,5 +26,5 @@ pub mod structure;
 pub mod syntax;
 pub mod write;
 
-pub use compile::{Compiled, compile, compile_for, compile_with, compile_with_structure};
+pub use compile::{Compiled, Compiler, compile, compile_for};
 pub use rcc_config::diagnostic::Faults;

@@ -10,8 +10,9 @@ use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{self, Key};
 
 use crate::codes;
+use crate::parse::read_library;
 use crate::source_map::SourceMap;
-use crate::syntax::fragment::{Fragment, read_library};
+use crate::syntax::fragment::Fragment;
 
 /// Most libraries of a net.
 pub const LIBRARIES_MAX: usize = 64;
@@ -72,7 +73,7 @@ impl LibrarySource for std::collections::BTreeMap<String, String> {
 
 /// Reads all libraries that a net uses, directly or through other libraries, and returns their fragments in the order
 /// of the files. `file` is the name of the net's own file.
-pub fn read_all(
+pub fn read_libraries(
     uses: &[Key],
     file: &str,
     libraries: &dyn LibrarySource,

@@ -3,13 +3,13 @@
 
 use rcc_core::plan::InputPoint;
 use rcc_core::primitive::{Port, Role};
-use rcc_core::types::{Store, Type};
+use rcc_core::types::Store;
 use rcc_protocol::control::PlanData;
 use serde::{Deserialize, Serialize};
 
-use crate::check::{Typed, every};
+use crate::infer::Typed;
 use crate::lower::{Lowered, SlotRange};
-use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive};
+use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive, every};
 
 /// Names of one command.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -293,25 +293,14 @@ fn source(net: Typed<'_>, input_source: &InputSource<'_>) -> Option<String> {
 
 /// Returns name, slots, type and unit of a port.
 pub(crate) fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: SlotRange) -> PortNames {
-    let ty = net.inferred.port_type(net.graph, number, port.ty);
-    let unit = net.inferred.port_unit(net.graph, number, port.unit);
+    let (type_name, unit) = net.port_texts(number, port);
     PortNames {
         name: port.name.to_string(),
         store: slot.store,
         slot: slot.slot,
         width: slot.width,
-        type_name: ty.map_or(String::new(), |ty| ty.to_string()),
-        unit: unit
-            .filter(|_| ty.is_some_and(has_unit))
-            .map(|unit| unit.to_string()),
+        type_name,
+        unit,
         source: None,
     }
-}
-
-/// Returns true for a type with a unit that the type itself does not imply.
-pub(crate) fn has_unit(ty: Type) -> bool {
-    matches!(
-        ty,
-        Type::Real | Type::Vector3 | Type::Reals(_) | Type::Matrix(..)
-    )
 }

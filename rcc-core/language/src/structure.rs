@@ -8,7 +8,7 @@ use rcc_core::primitive::{ParameterKind, Port, Role};
 use rcc_core::types::Store;
 use serde::Serialize;
 
-use crate::check::Typed;
+use crate::infer::Typed;
 use crate::lower::{ItemSlots, Lowered, SlotRange, literal};
 use crate::null_analysis::{NullAnalysis, analyse_nulls};
 use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive};

@@ -9,7 +9,7 @@ use harness::{NetHarness, cell};
 use rcc_language::bundle::bundle;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::NoLibraries;
-use rcc_language::{Compiled, Faults, compile_with};
+use rcc_language::{Compiled, Compiler, Faults, compile_for};
 
 fn compile(text: &str, libraries: &[(&str, &str)]) -> Result<Compiled, Faults> {
     let cell = cell("tests/nets/cell.yaml");
@@ -17,7 +17,12 @@ fn compile(text: &str, libraries: &[(&str, &str)]) -> Result<Compiled, Faults> {
         .iter()
         .map(|(path, text)| ((*path).to_owned(), (*text).to_owned()))
         .collect();
-    compile_with(text, "nets/net.yaml", &DeviceTable::from(&cell), &libraries)
+    let cell = DeviceTable::from(&cell);
+    let compiler = Compiler {
+        libraries: &libraries,
+        ..Compiler::of(&cell)
+    };
+    compiler.compile(text, "nets/net.yaml")
 }
 
 fn good(text: &str) -> Compiled {
@@ -296,7 +301,7 @@ primitives:
 fn a_library_in_a_text_without_files_is_refused() {
     let text = format!("net: alone\nuse: [a.yaml]\nprimitives:\n{END}");
     let cell = cell("tests/nets/cell.yaml");
-    let faults = compile_with(&text, "net", &DeviceTable::from(&cell), &NoLibraries).unwrap_err();
+    let faults = compile_for(&text, "net", &DeviceTable::from(&cell)).unwrap_err();
     let row = &faults.rows()[0];
     assert_eq!((row.code.as_str(), row.line), ("RCC1211", 2));
 }

@@ -10,9 +10,11 @@ use proptest::prelude::*;
 use rcc_config::CellConfig;
 use rcc_language::compile;
 use rcc_language::devices::DeviceTable;
-use rcc_language::library::NoLibraries;
+use rcc_language::expand::expand;
 use rcc_language::null_analysis::{NullAnalysis, NullCause, analyse_nulls};
+use rcc_language::parse::parse;
 use rcc_language::resolve::{NetGraph, resolve};
+use rcc_language::source_map::SourceMap;
 
 /// Position of the arm, near the start of the example nets.
 const HOLD: [f64; 7] = [
@@ -46,8 +48,8 @@ fn look<T>(text: &str, see: impl FnOnce(&NetGraph<'_>, &NullAnalysis) -> T) -> T
     let cell = CellConfig::load_offline(&folder("configs/cells/demo.yaml"));
     let table = DeviceTable::from(&cell.unwrap());
     let mut faults = Vec::new();
-    let (flat, _) = compile::flatten(text, "net", &table, &NoLibraries, &mut faults);
-    let flat = flat.unwrap();
+    let net = parse(text, "net", &table, &[], &mut faults).unwrap();
+    let flat = expand(net, &[], &mut SourceMap::new("net", text), &mut faults).unwrap();
     let graph = resolve(&flat, &table, &mut faults);
     assert!(faults.is_empty(), "{faults:?}");
     let nulls = analyse_nulls(&graph);

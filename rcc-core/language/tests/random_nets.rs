@@ -7,7 +7,7 @@ mod harness;
 use generate::{TestRandom, random_net};
 use harness::{NetHarness, cell};
 use rcc_config::yaml;
-use rcc_language::{Faults, compile, syntax, write};
+use rcc_language::{Faults, compile, parse, write};
 
 const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
 const SEED: u64 = 2010;
@@ -16,7 +16,7 @@ fn written_anew(text: &str) -> String {
     let mut faults = Vec::new();
     let (root, broken) = yaml::read(text);
     assert!(broken.is_empty(), "{broken:?}");
-    let net = root.and_then(|root| syntax::read(&root, &mut faults));
+    let net = root.and_then(|root| parse::read_net(&root, &mut faults));
     assert!(faults.is_empty(), "{faults:?}");
     write::yaml(&net.expect("a net"))
 }

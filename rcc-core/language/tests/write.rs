@@ -10,18 +10,16 @@ use rcc_config::yaml::{self, Key};
 use rcc_core::printable::first_unprintable;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
-use rcc_language::syntax::fragment::{
-    self, Fragment, FragmentInput, FragmentOutput, FragmentParameter,
-};
+use rcc_language::syntax::fragment::{Fragment, FragmentInput, FragmentOutput, FragmentParameter};
 use rcc_language::syntax::literal::{Literal, LiteralShape};
 use rcc_language::syntax::reference::Reference;
-use rcc_language::syntax::{self, Link, Net, Primitive, PrimitiveKind, Source, Timing};
-use rcc_language::write;
+use rcc_language::syntax::{Link, Net, Primitive, PrimitiveKind, Source, Timing};
+use rcc_language::{parse, write};
 
 /// Reads a text without syntax errors.
 fn read(text: &str) -> Option<Net> {
     let mut faults = Vec::new();
-    let net = syntax::read(&yaml::parse(text).ok()?, &mut faults);
+    let net = parse::read_net(&yaml::parse(text).ok()?, &mut faults);
     net.filter(|_| faults.is_empty())
 }
 
@@ -201,7 +199,7 @@ fn reference() -> impl Strategy<Value = Reference> {
             None => format!("{}.{}", primitive.name, port.name),
         };
         let root = yaml::parse(&format!("x: '{text}'")).unwrap();
-        syntax::reference::read(root.get("x").unwrap(), &text, &mut Vec::new()).unwrap()
+        parse::reference::read(root.get("x").unwrap(), &text, &mut Vec::new()).unwrap()
     })
 }
 
@@ -355,7 +353,7 @@ fragments:
     discard: [filter.other]
 ";
     let mut faults = Vec::new();
-    let library = fragment::read_library(&yaml::parse(text).unwrap(), &mut faults).unwrap();
+    let library = parse::read_library(&yaml::parse(text).unwrap(), &mut faults).unwrap();
     assert_eq!(
         (faults, write::library(&library)),
         (Vec::new(), text.to_string())

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use rcc_config::diagnostic::Diagnostic;
 
-use super::Typed;
 use crate::codes;
+use crate::infer::Typed;
 use crate::resolve::{InputSource, OutputId};
 
 /// Requires that inputs without a default are connected.

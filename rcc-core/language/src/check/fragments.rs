@@ -5,8 +5,8 @@
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::types::Type;
 
-use super::Typed;
 use crate::codes;
+use crate::infer::Typed;
 use crate::resolve::{InputSource, ResolvedLink};
 use crate::syntax::literal::LiteralShape;
 

@@ -5,10 +5,8 @@ use rcc_core::plan::INPUT_ELEMENTS_MAX;
 use rcc_core::primitive::Role;
 use rcc_core::types::Type;
 
-use super::Typed;
 use crate::codes;
-use crate::lower::given;
-use crate::names::has_unit;
+use crate::infer::{Typed, has_unit};
 use crate::resolve::ResolvedPrimitive;
 
 /// Returns each `Input` and `Subscribe` with the type of its value, if that is known.
@@ -29,7 +27,7 @@ pub fn bounds_are_numeric(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (item, ty) in inputs(net) {
         let ordered = matches!(ty, Type::Real | Type::Int | Type::Reals(_) | Type::Ints(_));
         let bounds = ["at_least", "at_most"];
-        for (name, literal) in bounds.map(|name| (name, given(item, name))) {
+        for (name, literal) in bounds.map(|name| (name, item.given(name))) {
             if let (Some(literal), false) = (literal, ordered) {
                 let message = format!(
                     "`{}.{name}` is a bound of a {ty}, which has no order",
@@ -56,11 +54,11 @@ pub fn bounds_are_numeric(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
 /// Requires that the initial value of an input is within its bounds.
 pub fn initial_values_are_within_bounds(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
     for (item, _) in inputs(net) {
-        let Some(initial) = given(item, "initial") else {
+        let Some(initial) = item.given("initial") else {
             continue;
         };
         for (name, least) in [("at_least", true), ("at_most", false)] {
-            let Some(bound) = given(item, name) else {
+            let Some(bound) = item.given(name) else {
                 continue;
             };
             let pairs = initial.numbers().into_iter().zip(bound.numbers());

@@ -8,16 +8,14 @@
 //! primitives remains at the fixpoint, the net is refused: once null, the loop would stay null. The constant null never
 //! becomes known. Runs on the loader's threads.
 
-pub(crate) mod components;
-
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitive::{DefaultValue as Default, NullRule};
 
-use super::Typed;
 use crate::codes;
+use crate::components::{Components, circle};
+use crate::infer::Typed;
 use crate::resolve::{InputSource, ListElement, NetGraph, ResolvedLink, ResolvedPrimitive};
 use crate::syntax::literal::LiteralShape;
-use components::{Components, circle};
 
 /// Most links of a loop that a message names.
 const NAMED_MAX: usize = 12;

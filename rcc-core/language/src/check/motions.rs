@@ -6,10 +6,10 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::path::leg_row;
 use rcc_core::primitive::{ParameterKind, Role};
 
-use super::Typed;
 use super::connections::read_or_discarded;
-use super::values::constant;
+use super::constants::constant;
 use crate::codes;
+use crate::infer::Typed;
 use crate::resolve::{OutputId, ResolvedPrimitive};
 use crate::syntax::literal::{Literal, LiteralShape};
 

@@ -8,8 +8,8 @@ use rcc_core::primitive::Role;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use super::Typed;
 use crate::codes;
+use crate::infer::Typed;
 use crate::resolve::ResolvedPrimitive;
 
 fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&ResolvedPrimitive<'_>, &str)> {

@@ -8,9 +8,10 @@ use rcc_config::yaml::{Entry, Key, Node, Value};
 use rcc_core::types::Type;
 
 use crate::codes;
+use crate::parse::literal;
 use crate::source_map::SpanShift;
 use crate::syntax::fragment::{Fragment, FragmentParameter};
-use crate::syntax::literal::{self, Literal, LiteralShape};
+use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::{Primitive, Timing};
 
 /// The values of the parameters of an instance, by name.

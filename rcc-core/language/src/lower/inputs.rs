@@ -7,9 +7,8 @@ use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Type};
 
 use super::{Lowering, SlotRange};
-use crate::names::port_names;
 use crate::resolve::ResolvedPrimitive;
-use crate::syntax::literal::{Literal, LiteralShape, StoredValue};
+use crate::syntax::literal::{Literal, StoredValue};
 
 /// Tolerance within which a number of evaluations counts as whole: times are written in decimals.
 const ROUNDING: f64 = 1e-6;
@@ -41,7 +40,7 @@ impl Lowering<'_> {
             expires: self.expires(item),
             at_least: self.bound(item, "at_least", ty).map(|slot| slot.slot),
             at_most: self.bound(item, "at_most", ty).map(|slot| slot.slot),
-            topic: self.topic(number, item.spec().outputs.first()?, value),
+            topic: self.topic(number, item.spec().outputs.first()?),
         })
     }
 
@@ -52,7 +51,7 @@ impl Lowering<'_> {
         let point = |(number, item): (usize, &ResolvedPrimitive<'_>)| {
             let slot = *self.slots.get(number)?.outputs.first()?;
             Some(PublishPoint {
-                topic: self.topic(number, item.spec().outputs.first()?, slot)?,
+                topic: self.topic(number, item.spec().outputs.first()?)?,
                 store: slot.store,
                 slot: slot.slot,
                 width: slot.width,
@@ -63,16 +62,15 @@ impl Lowering<'_> {
         points
     }
 
-    fn topic(&self, number: usize, port: &Port, slot: SlotRange) -> Option<Topic> {
+    fn topic(&self, number: usize, port: &Port) -> Option<Topic> {
         let topic = self.item(number).topic()?;
-        let names = port_names(self.net, number, port, slot);
-        let unit = names.unit.unwrap_or_default();
-        Some(Topic::new(topic, &names.type_name, &unit))
+        let (type_name, unit) = self.net.port_texts(number, port);
+        Some(Topic::new(topic, &type_name, &unit.unwrap_or_default()))
     }
 
     /// Returns the number of evaluations after which the value becomes null; 0 for never.
     fn expires(&self, item: &ResolvedPrimitive<'_>) -> u32 {
-        let seconds = given(item, "expires").and_then(Literal::number);
+        let seconds = item.given("expires").and_then(Literal::number);
         seconds.map_or(0, |seconds| {
             let evaluations = seconds * self.net.graph.evaluations_hz();
             // The cast saturates at the largest number, which is years.
@@ -81,14 +79,7 @@ impl Lowering<'_> {
     }
 
     fn bound(&mut self, item: &ResolvedPrimitive<'_>, name: &str, ty: Type) -> Option<SlotRange> {
-        let stored = given(item, name)?.stored(ty)?;
+        let stored = item.given(name)?.stored(ty)?;
         Some(self.arena.constant(&stored))
     }
-}
-
-/// Returns a parameter that is given and not null.
-pub(crate) fn given<'a>(item: &ResolvedPrimitive<'a>, name: &str) -> Option<&'a Literal> {
-    let mut rows = item.spec().parameters.iter().zip(&item.parameters);
-    let (_, literal) = rows.find(|(parameter, _)| parameter.name == name)?;
-    literal.filter(|literal| literal.shape != LiteralShape::Null)
 }

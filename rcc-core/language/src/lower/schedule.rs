@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use rcc_core::primitives;
 use rcc_core::types::Type;
 
-use crate::check::Typed;
+use crate::infer::Typed;
 use crate::resolve::ResolvedPrimitive;
 
 /// Consecutive primitives of one kernel and one region.

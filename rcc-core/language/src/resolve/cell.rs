@@ -10,7 +10,7 @@ use rcc_core::unit::Unit;
 use super::{ResolvedPrimitive, Resolver};
 use crate::codes;
 use crate::devices::CellDevice;
-use crate::syntax::fragment::{self, parse_type};
+use crate::syntax::declaration::{TYPES, parse_type, si_unit};
 use crate::syntax::literal::{Literal, LiteralShape};
 
 /// Help text for an invalid unit.
@@ -30,7 +30,7 @@ fn declared_type(literal: &Literal) -> Option<Type> {
 /// Returns the SI unit that a literal names.
 fn declared_unit(literal: &Literal) -> Option<Unit> {
     match &literal.shape {
-        LiteralShape::Text(name) => fragment::si_unit(name),
+        LiteralShape::Text(name) => si_unit(name),
         _ => None,
     }
 }
@@ -150,7 +150,7 @@ impl<'a> Resolver<'a, '_> {
     /// Checks a declared type or unit.
     fn check_declaration(&mut self, parameter: &Parameter, literal: &'a Literal) {
         let (is_valid, help) = match parameter.kind {
-            ParameterKind::Type => (declared_type(literal).is_some(), fragment::TYPES),
+            ParameterKind::Type => (declared_type(literal).is_some(), TYPES),
             _ => (declared_unit(literal).is_some(), DECLARED_UNITS_HELP),
         };
         if !is_valid && literal.shape != LiteralShape::Null {

@@ -133,6 +133,17 @@ pub struct ListPosition {
     pub steps: [Option<(u32, u32)>; 2],
 }
 
+/// As text: `[2]`, `[1,2]`; empty for a value that is not in a list.
+impl fmt::Display for ListPosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.steps {
+            [Some((row, _)), Some((column, _))] => write!(f, "[{row},{column}]"),
+            [Some((index, _)), _] => write!(f, "[{index}]"),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl ListPosition {
     /// Returns the position of an element in a list of `count` elements at this position; `None` if it is nested too
     /// deeply.

@@ -1,0 +1,534 @@
+//! Converts the predecessor's primitives to RCC primitives: in the order of their links, each is replaced as its row of
+//! the table says. Everything without a counterpart is reported with its span, all at once. Runs on the loader's
+//! threads.
+
+mod finish;
+mod order;
+mod special;
+mod template;
+mod units;
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use rcc_config::diagnostic::{Diagnostic, Span, closest};
+use rcc_config::yaml::Key;
+use rcc_core::unit::Unit;
+use rcc_language::codes;
+use rcc_language::devices::DeviceTable;
+use rcc_language::syntax::literal::{Literal, LiteralShape};
+
+use super::Options;
+use super::flatten::{FlatNet, FlatPrimitive, FlatSource};
+use super::table::{self, Counterpart, ForeignPort, NullReading, TypeEntry};
+use super::values;
+
+/// Most suggestions, over all errors: a broken text of a megabyte must not take minutes.
+const SUGGESTIONS_MAX: usize = 200;
+
+/// The conversion of an output of the predecessor.
+#[derive(Clone, Debug)]
+enum BuiltValue {
+    /// An output of an RCC primitive, or an element of one.
+    Output(BuiltOutput),
+    /// A constant.
+    Constant(Literal),
+    /// An array whose elements are known one by one.
+    List(Vec<BuiltValue>),
+    /// The output of a `Pre`, with its index in `delayed`: the value of the previous cycle.
+    Delayed(usize),
+    /// The value of an output in the previous cycle, with the initial value.
+    Before(BuiltOutput, Literal),
+    /// Refused; the error is reported.
+    Refused,
+}
+
+/// An output of an RCC primitive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct BuiltOutput {
+    primitive: usize,
+    port: &'static str,
+    index: Option<u32>,
+    /// The unit of the value; 1 also where the type implies the unit.
+    unit: Unit,
+    /// Number of elements, for an array.
+    length: Option<u32>,
+    /// True for a Vector3, Twist or Wrench, whose unit is changed by `Scale`.
+    is_vector: bool,
+}
+
+/// An RCC primitive.
+#[derive(Debug)]
+struct BuiltPrimitive {
+    id: String,
+    span: Span,
+    ty: &'static str,
+    parameters: Vec<(&'static str, Literal)>,
+    inputs: Vec<(&'static str, BuiltValue, Span)>,
+    active: Option<BuiltValue>,
+    /// Index of the primitive of the text that it was made for; determines its place in the result.
+    made_for: usize,
+}
+
+/// The commanded axes of a robot.
+#[derive(Debug, Default)]
+struct ArmAxes {
+    axes: BTreeMap<u32, (BuiltValue, Span)>,
+    active: Option<BuiltValue>,
+    span: Span,
+    made_for: usize,
+}
+
+/// The state of the conversion.
+struct Conversion<'t, 'f> {
+    options: &'f Options,
+    cell: &'f DeviceTable,
+    diagnostics: &'f mut Vec<Diagnostic>,
+    flat: &'f FlatNet<'t>,
+    entries: Vec<Option<&'static TypeEntry>>,
+    /// Values of the outputs, by primitive of the text.
+    values: Vec<HashMap<&'static str, BuiltValue>>,
+    built: Vec<BuiltPrimitive>,
+    /// Primitives that serve several others, by key: unit casts, `JointState`, last known values.
+    shared: HashMap<String, usize>,
+    arms: BTreeMap<String, ArmAxes>,
+    /// Values sent to the application, by key.
+    keys: Vec<(String, BuiltValue)>,
+    /// The `Pre` primitives of the text, with their conditions.
+    delayed: Vec<(usize, Option<BuiltValue>)>,
+    /// Outputs of the text that something reads.
+    read: HashSet<(usize, String)>,
+    suggestions: usize,
+    /// Devices that are reported as unknown.
+    absent: Vec<String>,
+    /// Index of the primitive of the text that is being converted.
+    current: usize,
+}
+
+/// Converts a net. Errors are reported; the net is complete only if there are none.
+pub fn build(
+    flat: &FlatNet<'_>,
+    options: &Options,
+    cell: &DeviceTable,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> rcc_language::syntax::Net {
+    let mut build = Conversion {
+        options,
+        cell,
+        diagnostics,
+        flat,
+        entries: Vec::new(),
+        values: vec![HashMap::new(); flat.primitives.len()],
+        built: Vec::new(),
+        shared: HashMap::new(),
+        arms: BTreeMap::new(),
+        keys: Vec::new(),
+        delayed: Vec::new(),
+        read: flat.reads(),
+        suggestions: 0,
+        absent: Vec::new(),
+        current: 0,
+    };
+    for primitive in &flat.primitives {
+        let entry = build.check_names(primitive);
+        build.entries.push(entry);
+    }
+    for number in (0..flat.primitives.len())
+        .filter(|number| build.is_pre(*number))
+        .collect::<Vec<_>>()
+    {
+        let value = BuiltValue::Delayed(build.delayed.len());
+        build.delayed.push((number, None));
+        build.put(number, "outValue", value);
+    }
+    let order = build.order();
+    for number in order {
+        build.current = number;
+        build.primitive(number);
+    }
+    build.finish()
+}
+
+impl<'t> Conversion<'t, '_> {
+    fn error(&mut self, code: &'static str, span: Span, message: String, help: Option<String>) {
+        self.diagnostics
+            .push(Diagnostic::error(code, span, message).help_if(help));
+    }
+
+    fn suggest<'k>(
+        &mut self,
+        name: &str,
+        known: impl IntoIterator<Item = &'k str>,
+    ) -> Option<String> {
+        self.suggestions += 1;
+        if self.suggestions > SUGGESTIONS_MAX {
+            return None;
+        }
+        Some(format!("did you mean `{}`?", closest(name, known)?))
+    }
+
+    /// Looks up the type of a primitive, and checks the names of its parameters and inputs.
+    fn check_names(&mut self, primitive: &FlatPrimitive<'t>) -> Option<&'static TypeEntry> {
+        let Some(entry) = table::all().get(&primitive.ty.name) else {
+            let message = format!("the predecessor has no type `{}`", primitive.ty.name);
+            let mut names: Vec<&str> = table::all().keys().map(String::as_str).collect();
+            names.sort_unstable();
+            let help = self.suggest(&primitive.ty.name, names);
+            self.error(codes::UNKNOWN_TYPE, primitive.ty.span, message, help);
+            return None;
+        };
+        for (key, ..) in &primitive.parameters {
+            if entry.parameter(&key.name).is_none() {
+                let known = entry.parameters.iter().map(|port| port.name);
+                self.no_such(codes::UNKNOWN_PARAMETER, "parameter", key, entry, known);
+            }
+        }
+        for (key, _) in &primitive.inputs {
+            if entry.input(&key.name).is_none() {
+                let known = entry.inputs.iter().map(|port| port.name);
+                self.no_such(codes::UNKNOWN_INPUT, "input", key, entry, known);
+            }
+        }
+        if let Counterpart::None(_) = entry.row.to {
+            let message = format!("`{}` has no counterpart: {}", entry.name, entry.row.note);
+            let help =
+                Some("docs/from-the-predecessor.md lists the counterpart of each type".into());
+            self.error(codes::NO_COUNTERPART, primitive.ty.span, message, help);
+            return None;
+        }
+        Some(entry)
+    }
+
+    fn no_such(
+        &mut self,
+        code: &'static str,
+        what: &str,
+        key: &Key,
+        entry: &TypeEntry,
+        known: impl Iterator<Item = &'static str>,
+    ) {
+        let known: Vec<&str> = known.collect();
+        let help = match known.as_slice() {
+            [] => Some(format!("it has no {what}s")),
+            known => self
+                .suggest(&key.name, known.iter().copied())
+                .or_else(|| Some(format!("{what}s: {}", known.join(", ")))),
+        };
+        let message = format!("{} has no {what} `{}`", entry.name, key.name);
+        self.error(code, key.span, message, help);
+    }
+
+    /// Converts a primitive of the text.
+    fn primitive(&mut self, number: usize) {
+        let Some(entry) = self.entries.get(number).copied().flatten() else {
+            return;
+        };
+        for port in &entry.inputs {
+            if port.required && self.given(number, port.name).is_none() {
+                self.not_connected(number, port.name, entry);
+            }
+        }
+        self.report_ignored_input(number, entry, "inReset");
+        let active = self.active(number);
+        let first = self.built.len();
+        match entry.row.to {
+            Counterpart::Net(_) => {
+                if let Some(net) = entry.nets.first() {
+                    self.expand(number, entry, net);
+                }
+            }
+            Counterpart::By(parameter, ..) => {
+                let chosen = self.parameter(number, entry, parameter);
+                let no = matches!(chosen.map(|it| it.shape), Some(LiteralShape::Bool(false)));
+                if let Some(net) = entry.nets.get(usize::from(no)) {
+                    self.expand(number, entry, net);
+                }
+            }
+            Counterpart::Special(builtin) => self.special(number, entry, builtin, active.as_ref()),
+            Counterpart::None(_) => {}
+        }
+        if let Some(active) = active {
+            for built in self.built.iter_mut().skip(first) {
+                // A shared primitive is not subject to the condition of one of its users, nor is the primitive that
+                // computes the condition.
+                if built.made_for == number && built.active.is_none() {
+                    built.active = Some(active.clone());
+                }
+            }
+        }
+    }
+
+    /// Reports a connected `inReset` that the conversion would ignore.
+    fn report_ignored_input(&mut self, number: usize, entry: &TypeEntry, input: &str) {
+        let mentioned = entry.nets.iter().any(|net| net.mentions(input));
+        let Some((key, _)) = self.given(number, input) else {
+            return;
+        };
+        if entry.input(input).is_some() && !mentioned && !self.is_pre(number) {
+            let message = format!("the input `{input}` of {} has no counterpart", entry.name);
+            self.error(codes::NO_COUNTERPART, key.span, message, None);
+        }
+    }
+
+    fn not_connected(&mut self, number: usize, port: &str, entry: &TypeEntry) {
+        let message = format!("the input `{port}` of {} is not connected", entry.name);
+        let span = self.flat.primitives[number].ty.span;
+        self.error(codes::NOT_CONNECTED, span, message, None);
+    }
+
+    fn span(&self, number: usize) -> Span {
+        let primitive = self.flat.primitives.get(number);
+        primitive.map_or(Span::default(), |primitive| primitive.span)
+    }
+
+    /// Returns the link to an input.
+    fn given(&self, number: usize, input: &str) -> Option<(&'t Key, FlatSource<'t>)> {
+        let primitive = self.flat.primitives.get(number)?;
+        let mut inputs = primitive.inputs.iter();
+        inputs.find(|(key, _)| key.name == input).copied()
+    }
+
+    /// Returns the value of an output of the text.
+    fn value(&mut self, source: FlatSource<'t>) -> BuiltValue {
+        let FlatSource::Output { primitive, port } = source else {
+            return BuiltValue::Refused;
+        };
+        let Some(entry) = self.entries.get(primitive).copied().flatten() else {
+            return BuiltValue::Refused;
+        };
+        let known = self.values.get(primitive);
+        if let Some(value) = known.and_then(|values| values.get(port.name.as_str())) {
+            return value.clone();
+        }
+        if entry.output(&port.name).is_none() {
+            let names = entry.outputs.iter().map(|port| port.name);
+            let message = format!(
+                "output not found: {} has no output `{}`",
+                entry.name, port.name
+            );
+            let near = self.suggest(&port.name, names);
+            self.error(codes::UNKNOWN_OUTPUT, port.span, message, near);
+        } else {
+            let message = format!(
+                "the output `{}` of {} has no counterpart",
+                port.name, entry.name
+            );
+            let note = (!entry.row.note.is_empty()).then(|| entry.row.note.to_string());
+            self.error(codes::NO_COUNTERPART, port.span, message, note);
+        }
+        BuiltValue::Refused
+    }
+
+    /// Returns the conditions of a primitive, those of its fragments and its own, joined with And.
+    fn active(&mut self, number: usize) -> Option<BuiltValue> {
+        let mut conditions = self.flat.primitives.get(number)?.active.clone();
+        conditions.extend(self.given(number, "inActive").map(|(_, source)| source));
+        let values: Vec<BuiltValue> = conditions
+            .into_iter()
+            .map(|source| self.value(source))
+            .filter(|value| {
+                !matches!(
+                    value,
+                    BuiltValue::Constant(Literal {
+                        shape: LiteralShape::Bool(true),
+                        ..
+                    })
+                )
+            })
+            .collect();
+        let span = self.span(number);
+        let mut values = values.into_iter();
+        let first = values.next()?;
+        Some(values.fold(first, |a, b| {
+            let key = format!("and {a:?} {b:?}");
+            let inputs = vec![("a", a, span), ("b", b, span)];
+            let made = self.shared(key, "And", "both", Vec::new(), inputs);
+            self.built_output(made, "out")
+        }))
+    }
+
+    /// Returns a parameter of the text, or its default.
+    fn parameter(&mut self, number: usize, entry: &TypeEntry, name: &str) -> Option<Literal> {
+        let port = *entry.parameter(name)?;
+        let primitive = self.flat.primitives.get(number)?;
+        let mut given = primitive.parameters.iter();
+        let given = given.find(|(key, ..)| key.name == name);
+        let read = match (given, port.default) {
+            (Some((_, text, span)), _) => values::read(text, *span, port.ty, port.array),
+            (None, Some(text)) => values::read(text, primitive.span, port.ty, port.array),
+            (None, None) => Ok(port.ty.zero(primitive.span)),
+        };
+        match read {
+            Ok(literal) => Some(literal),
+            Err(diagnostic) => {
+                // The same parameter may be read more than once.
+                if !self.diagnostics.contains(&diagnostic) {
+                    self.diagnostics.push(*diagnostic);
+                }
+                None
+            }
+        }
+    }
+
+    /// Returns a parameter that is a whole number, at least 0.
+    fn count(&mut self, number: usize, entry: &TypeEntry, name: &str) -> Option<u32> {
+        let literal = self.parameter(number, entry, name)?;
+        let LiteralShape::Int(value) = literal.shape else {
+            return None;
+        };
+        let count = u32::try_from(value).ok();
+        if count.is_none() {
+            let message = format!("`{name}` is {value}");
+            self.error(codes::OUT_OF_RANGE, literal.span, message, None);
+        }
+        count
+    }
+
+    /// Returns the value of an input or parameter of a primitive, which the net of its row refers to as `parent.name`.
+    fn argument(
+        &mut self,
+        number: usize,
+        entry: &'static TypeEntry,
+        name: &str,
+    ) -> (BuiltValue, Span) {
+        let span = self.span(number);
+        let Some(port) = entry.input(name).copied() else {
+            let literal = self.parameter(number, entry, name);
+            let span = literal.as_ref().map_or(span, |literal| literal.span);
+            return (
+                literal.map_or(BuiltValue::Refused, BuiltValue::Constant),
+                span,
+            );
+        };
+        let otherwise = name
+            .strip_prefix("in")
+            .filter(|stem| entry.parameter(stem).is_some());
+        let constant = |build: &mut Self| match otherwise {
+            Some(stem) => build.parameter(number, entry, stem),
+            None => Some(port.ty.zero(span)),
+        };
+        let Some((key, source)) = self.given(number, name) else {
+            let constant = constant(self).map_or(BuiltValue::Refused, BuiltValue::Constant);
+            return (constant, span);
+        };
+        let value = self.value(source);
+        if !self.can_be_null(source) || entry.row.reads == NullReading::Null {
+            return (value, key.span);
+        }
+        let Some(constant) = constant(self) else {
+            return (BuiltValue::Refused, key.span);
+        };
+        (
+            self.without_null(value, constant, entry.row.reads, port),
+            key.span,
+        )
+    }
+
+    /// Returns true if an output of the text can be null in the predecessor: conditional primitives, and some types.
+    fn can_be_null(&self, source: FlatSource<'t>) -> bool {
+        let FlatSource::Output { primitive, .. } = source else {
+            return false;
+        };
+        let entry = self.entries.get(primitive).copied().flatten();
+        let conditional = self
+            .flat
+            .primitives
+            .get(primitive)
+            .is_some_and(|primitive| {
+                !primitive.active.is_empty()
+                    || primitive
+                        .inputs
+                        .iter()
+                        .any(|(key, _)| key.name == "inActive")
+            });
+        conditional || entry.is_some_and(|entry| entry.row.may_be_null)
+    }
+
+    /// Replaces null as the predecessor does: by the last known value, or by a constant.
+    fn without_null(
+        &mut self,
+        value: BuiltValue,
+        constant: Literal,
+        reads: NullReading,
+        port: ForeignPort,
+    ) -> BuiltValue {
+        match value {
+            BuiltValue::Refused | BuiltValue::Constant(_) => value,
+            BuiltValue::List(elements) => {
+                let mut constants = match constant.shape {
+                    LiteralShape::List(constants) => constants.into_iter(),
+                    _ => Vec::new().into_iter(),
+                };
+                let elements = elements.into_iter().map(|element| {
+                    let constant = constants.next();
+                    let constant = constant.unwrap_or_else(|| port.ty.zero(Span::default()));
+                    self.without_null(element, constant, reads, port)
+                });
+                BuiltValue::List(elements.collect())
+            }
+            value => {
+                let span = self.span(self.current);
+                let key = format!("{reads:?} {value:?} {constant:?}");
+                let inputs = vec![("in", value, span)];
+                let name = if reads == NullReading::Parameter {
+                    "known"
+                } else {
+                    "last"
+                };
+                let made = self.shared(key, "OrElse", name, Vec::new(), inputs);
+                let other = match (reads, self.built_output(made, "out")) {
+                    // The last known value: the output itself, in the previous cycle.
+                    (NullReading::Last, BuiltValue::Output(output)) => {
+                        BuiltValue::Before(output, constant)
+                    }
+                    _ => BuiltValue::Constant(constant),
+                };
+                if let Some(built) = self
+                    .built
+                    .get_mut(made)
+                    .filter(|built| built.inputs.len() == 1)
+                {
+                    built.inputs.push(("other", other, span));
+                }
+                self.built_output(made, "out")
+            }
+        }
+    }
+
+    /// Returns the primitive with this key, and creates it on first use.
+    fn shared(
+        &mut self,
+        key: String,
+        ty: &'static str,
+        name: &str,
+        parameters: Vec<(&'static str, Literal)>,
+        inputs: Vec<(&'static str, BuiltValue, Span)>,
+    ) -> usize {
+        if let Some(made) = self.shared.get(&key) {
+            return *made;
+        }
+        let base = inputs.iter().find_map(|(_, value, _)| match value {
+            BuiltValue::Output(output) => Some((output.primitive, output.index)),
+            _ => None,
+        });
+        let id = match base {
+            Some((primitive, Some(index))) => {
+                format!("{}_{index}_{name}", self.built[primitive].id)
+            }
+            Some((primitive, None)) => format!("{}_{name}", self.built[primitive].id),
+            None => name.to_string(),
+        };
+        let made = self.built.len();
+        self.built.push(BuiltPrimitive {
+            id,
+            span: self.span(self.current),
+            ty,
+            parameters,
+            inputs,
+            // Never the condition of one of its users.
+            active: None,
+            made_for: usize::MAX,
+        });
+        self.shared.insert(key, made);
+        made
+    }
+}

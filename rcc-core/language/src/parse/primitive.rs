@@ -1,0 +1,105 @@
+//! Primitives, instances of fragments, and discarded outputs. Runs on the loader's threads.
+
+use rcc_config::diagnostic::Diagnostic;
+use rcc_config::yaml::{Entry, Key, Node};
+
+use super::shape::{entries_of, report_bad_id, report_unknown_keys, shape};
+use super::source::read_source;
+use super::{literal, reference};
+use crate::codes;
+use crate::syntax::reference::Reference;
+use crate::syntax::{Primitive, PrimitiveKind};
+
+const PRIMITIVE_KEYS: &[&str] = &["type", "fragment", "parameters", "inputs", "active"];
+
+pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primitive {
+    let (id, node) = (&entry.key, &entry.value);
+    report_bad_id(id, "the id of a primitive", diagnostics);
+    let mut primitive = Primitive {
+        id: id.clone(),
+        kind: PrimitiveKind::Type,
+        type_name: Key {
+            name: String::new(),
+            span: id.span,
+        },
+        parameters: Vec::new(),
+        inputs: Vec::new(),
+        active: None,
+    };
+    if node.map().is_none() {
+        let wanted = "a mapping such as `{type: Time}`";
+        diagnostics.push(shape(node, &format!("primitive `{}`", id.name), wanted));
+        return primitive;
+    }
+    report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", diagnostics);
+    read_kind(&mut primitive, node, diagnostics);
+    for entry in entries_of(node, "parameters", diagnostics) {
+        let value = literal::read(&entry.value, diagnostics);
+        primitive.parameters.push((entry.key.clone(), value));
+    }
+    for entry in entries_of(node, "inputs", diagnostics) {
+        let source = read_source(&entry.value, diagnostics);
+        primitive.inputs.push((entry.key.clone(), source));
+    }
+    primitive.active = node
+        .get("active")
+        .map(|node| read_source(node, diagnostics));
+    primitive
+}
+
+/// Reads `type: Add` or `fragment: smooth`.
+fn read_kind(primitive: &mut Primitive, node: &Node, diagnostics: &mut Vec<Diagnostic>) {
+    let (kind, what, given) = match (node.get("type"), node.get("fragment")) {
+        (Some(given), None) => (PrimitiveKind::Type, "a primitive type", given),
+        (None, Some(given)) => (PrimitiveKind::Fragment, "a fragment", given),
+        (None, None) => {
+            let message = format!("primitive `{}` has no type", primitive.id.name);
+            let diagnostic = Diagnostic::error(codes::MISSING_KEY, primitive.id.span, message);
+            return diagnostics.push(diagnostic.help("add `type: …`"));
+        }
+        (Some(_), Some(given)) => {
+            let message = format!("`{}` has both `type` and `fragment`", primitive.id.name);
+            let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, given.span, message);
+            return diagnostics.push(diagnostic.help("remove `type` or `fragment`"));
+        }
+    };
+    let Some(name) = given.text() else {
+        let key = if kind == PrimitiveKind::Type {
+            "`type`"
+        } else {
+            "`fragment`"
+        };
+        return diagnostics.push(shape(given, key, &format!("the name of {what}")));
+    };
+    primitive.kind = kind;
+    primitive.type_name = Key {
+        name: name.to_string(),
+        span: given.span,
+    };
+}
+
+pub fn read_discard(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Vec<Reference> {
+    let Some(node) = root.get("discard") else {
+        return Vec::new();
+    };
+    let Some(nodes) = node.list() else {
+        diagnostics.push(shape(
+            node,
+            "`discard`",
+            "a list of outputs such as `[ft.fx, ft.fy]`",
+        ));
+        return Vec::new();
+    };
+    let mut outputs = Vec::new();
+    for node in nodes {
+        match node.text() {
+            Some(text) => outputs.extend(reference::read(node, text, diagnostics)),
+            None => diagnostics.push(shape(
+                node,
+                "an element of `discard`",
+                "an output such as `ft.fx`",
+            )),
+        }
+    }
+    outputs
+}

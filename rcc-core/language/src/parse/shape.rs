@@ -1,0 +1,76 @@
+//! Checks of keys, ids and shapes that nets, fragments and constants have in common. Runs on the loader's threads.
+
+use rcc_config::diagnostic::{Diagnostic, closest};
+use rcc_config::yaml::{Entry, Key, Node, Value};
+
+use crate::codes;
+use crate::syntax::NAME_MAX;
+
+/// Returns the diagnostic that `what` must be `wanted`.
+pub fn shape(node: &Node, what: &str, wanted: &str) -> Diagnostic {
+    let message = format!("{what} must be {wanted}, not {}", node.kind());
+    Diagnostic::error(codes::WRONG_SHAPE, node.span, message)
+}
+
+pub fn report_unknown_keys(
+    node: &Node,
+    known: &[&str],
+    what: &str,
+    diagnostics: &mut Vec<Diagnostic>,
+) {
+    for key in node.unknown_keys(known) {
+        let message = format!("{what} has no key `{}`", key.name);
+        let help = match closest(&key.name, known.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("keys: {}", known.join(", ")),
+        };
+        diagnostics.push(Diagnostic::error(codes::UNKNOWN_KEY, key.span, message).help(help));
+    }
+}
+
+/// Returns the entries of the mapping under `key`; an absent or null value counts as an empty mapping.
+pub fn entries_of<'a>(node: &'a Node, key: &str, diagnostics: &mut Vec<Diagnostic>) -> &'a [Entry] {
+    match node.get(key) {
+        None => &[],
+        Some(node) => match (&node.value, node.map()) {
+            (_, Some(entries)) => entries,
+            (Value::Null, None) => &[],
+            (_, None) => {
+                diagnostics.push(shape(
+                    node,
+                    &format!("`{key}`"),
+                    "a mapping from names to values",
+                ));
+                &[]
+            }
+        },
+    }
+}
+
+pub fn read_description(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> String {
+    match node.get("description").map(|node| (node, node.text())) {
+        None => String::new(),
+        Some((_, Some(text))) => text.to_string(),
+        Some((node, None)) => {
+            diagnostics.push(shape(node, "`description`", "text"));
+            String::new()
+        }
+    }
+}
+
+fn is_id(name: &str) -> bool {
+    let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    name.len() <= NAME_MAX
+        && name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(allowed)
+}
+
+pub fn report_bad_id(id: &Key, what: &str, diagnostics: &mut Vec<Diagnostic>) {
+    if !is_id(&id.name) {
+        let message = format!("`{}` cannot be {what}", id.name);
+        let diagnostic = Diagnostic::error(codes::BAD_NAME, id.span, message);
+        diagnostics.push(diagnostic.help(format!(
+            "use lowercase letters, digits and `_`, at most {NAME_MAX} characters, beginning with a letter"
+        )));
+    }
+}

@@ -1,0 +1,249 @@
+//! Resolves the inputs of primitives: links, lists and constants, and the outputs that references name. Runs on the
+//! loader's threads.
+
+use rcc_config::diagnostic::Span;
+use rcc_config::yaml::Key;
+use rcc_core::primitive::{Port, Spec};
+
+use super::{
+    IdTarget, InputSource, ListElement, OutputId, ResolvedLink, ResolvedList, Resolver, suggest,
+};
+use crate::codes;
+use crate::syntax::literal::LiteralShape;
+use crate::syntax::part::ListPosition;
+use crate::syntax::reference::Reference;
+use crate::syntax::{Link, List, Primitive, Source};
+
+/// Returns `a/b/` of `a/b/id`: the instance that contains the primitive. Empty for the net itself.
+fn scope_of(id: &str) -> &str {
+    id.rfind('/').map_or("", |slash| &id[..=slash])
+}
+
+impl<'a> Resolver<'a, '_> {
+    pub(super) fn inputs(
+        &mut self,
+        primitive: &'a Primitive,
+        spec: &'static Spec,
+    ) -> Vec<InputSource<'a>> {
+        for (key, _) in &primitive.inputs {
+            if spec.input(&key.name).is_none() {
+                let names = spec.inputs.iter().map(|port| port.name);
+                let is_parameter = spec.parameters.iter().any(|known| known.name == key.name);
+                let help = self.suggestions.word(
+                    &key.name,
+                    "inputs",
+                    names,
+                    is_parameter.then_some("a parameter"),
+                );
+                self.unknown(codes::UNKNOWN_INPUT, key, spec, "input", help);
+            }
+        }
+        let mut input_sources = Vec::new();
+        for port in spec.inputs {
+            let given = primitive
+                .inputs
+                .iter()
+                .find(|(key, _)| key.name == port.name);
+            input_sources.push(match given {
+                Some((_, source)) => self.resolve_source(source, port),
+                None => port
+                    .default
+                    .map_or(InputSource::Missing, InputSource::Default),
+            });
+        }
+        let inputs = primitive.inputs.iter();
+        self.count_inputs_as_read(inputs.filter(|(key, _)| spec.input(&key.name).is_none()));
+        input_sources
+    }
+
+    /// Counts the outputs that unknown inputs read as read, and reports unresolved references in them.
+    pub(super) fn count_inputs_as_read(
+        &mut self,
+        inputs: impl IntoIterator<Item = &'a (Key, Source)>,
+    ) {
+        for (_, source) in inputs {
+            self.count_elements_as_read(std::slice::from_ref(source));
+        }
+    }
+
+    fn count_elements_as_read(&mut self, elements: &'a [Source]) {
+        for element in elements {
+            match element {
+                Source::Link(link) => {
+                    let output = self.output(&link.from);
+                    self.counted_as_read.extend(output);
+                }
+                Source::List(list) => self.count_elements_as_read(&list.elements),
+                Source::Literal(_) | Source::Refused => {}
+            }
+        }
+    }
+
+    pub(super) fn resolve_source(&mut self, source: &'a Source, port: &Port) -> InputSource<'a> {
+        match source {
+            Source::Refused => InputSource::Refused,
+            Source::Literal(literal) => match &literal.shape {
+                LiteralShape::Text(text) => {
+                    let message =
+                        format!("`{}` cannot be connected to the text `{text}`", port.name);
+                    self.error(codes::WRONG_SHAPE, literal.span, message, None);
+                    InputSource::Refused
+                }
+                _ => InputSource::Literal(literal),
+            },
+            Source::Link(link) => {
+                let link = self.resolve_link(link, ListPosition::default());
+                link.map_or(InputSource::Refused, InputSource::Link)
+            }
+            Source::List(list) => {
+                let mut elements = Vec::new();
+                if self.flatten_list(list, ListPosition::default(), &mut elements) {
+                    InputSource::List(ResolvedList {
+                        elements,
+                        count: list.elements.len() as u32,
+                        span: list.span,
+                    })
+                } else {
+                    // The resolved links of a refused list count as read.
+                    let links = elements.iter().filter_map(|element| match element {
+                        ListElement::Link(link) => Some(link.from),
+                        ListElement::Literal(..) => None,
+                    });
+                    self.counted_as_read.extend(links);
+                    InputSource::Refused
+                }
+            }
+        }
+    }
+
+    fn resolve_link(&mut self, link: &'a Link, position: ListPosition) -> Option<ResolvedLink<'a>> {
+        Some(ResolvedLink {
+            from: self.output(&link.from)?,
+            part: link.from.part,
+            position,
+            delayed: link.delayed,
+            initial: link
+                .initial
+                .as_ref()
+                .filter(|initial| !initial.is_refused()),
+            span: link.span,
+            port_span: link.from.port_span,
+        })
+    }
+
+    /// Flattens the elements of a list; returns false if one of them is refused.
+    fn flatten_list(
+        &mut self,
+        list: &'a List,
+        position: ListPosition,
+        elements: &mut Vec<ListElement<'a>>,
+    ) -> bool {
+        // Longer and deeper lists are refused when they are read.
+        let count = list.elements.len() as u32;
+        let mut good = true;
+        for (element, index) in list.elements.iter().zip(0u32..) {
+            let Some(position) = position.inside(index, count) else {
+                let message = "lists are nested at most twice: a matrix is a list of rows";
+                self.error(codes::WRONG_SHAPE, list.span, message.to_string(), None);
+                return false;
+            };
+            match element {
+                Source::Link(link) => match self.resolve_link(link, position) {
+                    Some(link) => elements.push(ListElement::Link(link)),
+                    None => good = false,
+                },
+                Source::Literal(literal) => elements.push(ListElement::Literal(literal, position)),
+                Source::List(list) => good &= self.flatten_list(list, position, elements),
+                Source::Refused => good = false,
+            }
+        }
+        good
+    }
+
+    /// Returns the output that a reference names, or reports that there is none. The outputs of a suggested primitive
+    /// count as read.
+    pub(super) fn output(&mut self, reference: &Reference) -> Option<OutputId> {
+        match self.ids.get(reference.primitive.as_str()).copied() {
+            Some(IdTarget::Unknown) => None,
+            Some(IdTarget::Item(item, spec)) => {
+                if let Some((port, _)) = spec.output(&reference.port) {
+                    return Some(OutputId { item, port });
+                }
+                let (name, port) = (spec.name, &reference.port);
+                let (message, span) = if port.is_empty() {
+                    let message = format!("`{reference}` is a primitive: name one of its outputs");
+                    (message, reference.span)
+                } else {
+                    let message = format!("output not found: {name} has no output `{port}`");
+                    (message, reference.port_span)
+                };
+                let help = self.suggestions.output(reference, spec);
+                self.error(codes::UNKNOWN_OUTPUT, span, message, Some(help));
+                self.count_as_read(item, spec);
+                None
+            }
+            None => {
+                self.unknown_primitive(reference);
+                None
+            }
+        }
+    }
+
+    fn unknown_primitive(&mut self, reference: &Reference) {
+        let primitives = self.net.primitives.iter();
+        let ids = primitives.map(|primitive| primitive.id.name.as_str());
+        let ids = ids.chain(self.instances.iter().map(String::as_str));
+        // Suggest only ids of the same fragment instance.
+        let scope = scope_of(&reference.primitive);
+        let ids = ids.filter(|id| scope_of(id) == scope);
+        let near = self.suggestions.near(&reference.primitive, ids);
+        let target = near.and_then(|near| self.ids.get(near).copied());
+        let help = match (near, target) {
+            (Some(near), Some(IdTarget::Item(item, spec))) => {
+                self.count_as_read(item, spec);
+                suggest::primitive(near, &reference.port, spec)
+            }
+            (Some(near), _) => format!("did you mean `{near}`?"),
+            (None, _) => "add it under `primitives`, or read another output".to_string(),
+        };
+        let place = if scope.is_empty() { "net" } else { "fragment" };
+        let message = format!("the {place} has no primitive `{}`", reference.primitive);
+        let span = reference.primitive_span;
+        self.error(codes::UNKNOWN_PRIMITIVE, span, message, Some(help));
+    }
+
+    fn count_as_read(&mut self, item: usize, spec: &Spec) {
+        let outputs = (0..spec.outputs.len()).map(|port| OutputId { item, port });
+        self.counted_as_read.extend(outputs);
+    }
+
+    pub(super) fn discarded(&mut self) -> Vec<(OutputId, Span)> {
+        let mut discarded = Vec::new();
+        for reference in &self.net.discard {
+            let target = self.ids.get(reference.primitive.as_str()).copied();
+            let found = match target {
+                Some(IdTarget::Unknown) => continue,
+                Some(IdTarget::Item(item, spec)) => spec
+                    .output(&reference.port)
+                    .map(|(port, _)| OutputId { item, port }),
+                None => None,
+            };
+            let message = match (found, reference.part) {
+                (Some(output), None) => {
+                    discarded.push((output, reference.span));
+                    continue;
+                }
+                (Some(_), Some(_)) => "an output can only be discarded as a whole".to_string(),
+                (None, _) => format!("unknown output `{reference}` in `discard`"),
+            };
+            let help = match (target, found) {
+                (Some(IdTarget::Item(_, spec)), None) => self.suggestions.output(reference, spec),
+                (_, Some(_)) => format!("write `{}.{}`", reference.primitive, reference.port),
+                (_, None) => "remove it from `discard`".to_string(),
+            };
+            let help = Some(help);
+            self.error(codes::BAD_DISCARD, reference.span, message, help);
+        }
+        discarded
+    }
+}
