@@ -3,6 +3,8 @@
 //! threads.
 
 mod finish;
+mod names;
+mod nulls;
 mod order;
 mod special;
 mod template;
@@ -15,11 +17,12 @@ use rcc_config::yaml::Key;
 use rcc_core::unit::Unit;
 use rcc_language::codes;
 use rcc_language::devices::DeviceTable;
+use rcc_language::syntax::Net;
 use rcc_language::syntax::literal::{Literal, LiteralShape};
 
 use super::Options;
-use super::flatten::{FlatNet, FlatPrimitive, FlatSource};
-use super::table::{self, Counterpart, ForeignPort, NullReading, TypeEntry};
+use super::flatten::{FlatNet, FlatSource};
+use super::table::{Counterpart, TypeEntry};
 use super::values;
 
 /// Most suggestions, over all errors: a broken text of a megabyte must not take minutes.
@@ -110,7 +113,7 @@ pub fn build(
     options: &Options,
     cell: &DeviceTable,
     diagnostics: &mut Vec<Diagnostic>,
-) -> rcc_language::syntax::Net {
+) -> Net {
     let mut build = Conversion {
         options,
         cell,
@@ -164,57 +167,6 @@ impl<'t> Conversion<'t, '_> {
             return None;
         }
         Some(format!("did you mean `{}`?", closest(name, known)?))
-    }
-
-    /// Looks up the type of a primitive, and checks the names of its parameters and inputs.
-    fn check_names(&mut self, primitive: &FlatPrimitive<'t>) -> Option<&'static TypeEntry> {
-        let Some(entry) = table::all().get(&primitive.ty.name) else {
-            let message = format!("the predecessor has no type `{}`", primitive.ty.name);
-            let mut names: Vec<&str> = table::all().keys().map(String::as_str).collect();
-            names.sort_unstable();
-            let help = self.suggest(&primitive.ty.name, names);
-            self.error(codes::UNKNOWN_TYPE, primitive.ty.span, message, help);
-            return None;
-        };
-        for (key, ..) in &primitive.parameters {
-            if entry.parameter(&key.name).is_none() {
-                let known = entry.parameters.iter().map(|port| port.name);
-                self.no_such(codes::UNKNOWN_PARAMETER, "parameter", key, entry, known);
-            }
-        }
-        for (key, _) in &primitive.inputs {
-            if entry.input(&key.name).is_none() {
-                let known = entry.inputs.iter().map(|port| port.name);
-                self.no_such(codes::UNKNOWN_INPUT, "input", key, entry, known);
-            }
-        }
-        if let Counterpart::None(_) = entry.row.to {
-            let message = format!("`{}` has no counterpart: {}", entry.name, entry.row.note);
-            let help =
-                Some("docs/from-the-predecessor.md lists the counterpart of each type".into());
-            self.error(codes::NO_COUNTERPART, primitive.ty.span, message, help);
-            return None;
-        }
-        Some(entry)
-    }
-
-    fn no_such(
-        &mut self,
-        code: &'static str,
-        what: &str,
-        key: &Key,
-        entry: &TypeEntry,
-        known: impl Iterator<Item = &'static str>,
-    ) {
-        let known: Vec<&str> = known.collect();
-        let help = match known.as_slice() {
-            [] => Some(format!("it has no {what}s")),
-            known => self
-                .suggest(&key.name, known.iter().copied())
-                .or_else(|| Some(format!("{what}s: {}", known.join(", ")))),
-        };
-        let message = format!("{} has no {what} `{}`", entry.name, key.name);
-        self.error(code, key.span, message, help);
     }
 
     /// Converts a primitive of the text.
@@ -381,117 +333,6 @@ impl<'t> Conversion<'t, '_> {
             self.error(codes::OUT_OF_RANGE, literal.span, message, None);
         }
         count
-    }
-
-    /// Returns the value of an input or parameter of a primitive, which the net of its row refers to as `parent.name`.
-    fn argument(
-        &mut self,
-        number: usize,
-        entry: &'static TypeEntry,
-        name: &str,
-    ) -> (BuiltValue, Span) {
-        let span = self.span(number);
-        let Some(port) = entry.input(name).copied() else {
-            let literal = self.parameter(number, entry, name);
-            let span = literal.as_ref().map_or(span, |literal| literal.span);
-            return (
-                literal.map_or(BuiltValue::Refused, BuiltValue::Constant),
-                span,
-            );
-        };
-        let otherwise = name
-            .strip_prefix("in")
-            .filter(|stem| entry.parameter(stem).is_some());
-        let constant = |build: &mut Self| match otherwise {
-            Some(stem) => build.parameter(number, entry, stem),
-            None => Some(port.ty.zero(span)),
-        };
-        let Some((key, source)) = self.given(number, name) else {
-            let constant = constant(self).map_or(BuiltValue::Refused, BuiltValue::Constant);
-            return (constant, span);
-        };
-        let value = self.value(source);
-        if !self.can_be_null(source) || entry.row.reads == NullReading::Null {
-            return (value, key.span);
-        }
-        let Some(constant) = constant(self) else {
-            return (BuiltValue::Refused, key.span);
-        };
-        (
-            self.without_null(value, constant, entry.row.reads, port),
-            key.span,
-        )
-    }
-
-    /// Returns true if an output of the text can be null in the predecessor: conditional primitives, and some types.
-    fn can_be_null(&self, source: FlatSource<'t>) -> bool {
-        let FlatSource::Output { primitive, .. } = source else {
-            return false;
-        };
-        let entry = self.entries.get(primitive).copied().flatten();
-        let conditional = self
-            .flat
-            .primitives
-            .get(primitive)
-            .is_some_and(|primitive| {
-                !primitive.active.is_empty()
-                    || primitive
-                        .inputs
-                        .iter()
-                        .any(|(key, _)| key.name == "inActive")
-            });
-        conditional || entry.is_some_and(|entry| entry.row.may_be_null)
-    }
-
-    /// Replaces null as the predecessor does: by the last known value, or by a constant.
-    fn without_null(
-        &mut self,
-        value: BuiltValue,
-        constant: Literal,
-        reads: NullReading,
-        port: ForeignPort,
-    ) -> BuiltValue {
-        match value {
-            BuiltValue::Refused | BuiltValue::Constant(_) => value,
-            BuiltValue::List(elements) => {
-                let mut constants = match constant.shape {
-                    LiteralShape::List(constants) => constants.into_iter(),
-                    _ => Vec::new().into_iter(),
-                };
-                let elements = elements.into_iter().map(|element| {
-                    let constant = constants.next();
-                    let constant = constant.unwrap_or_else(|| port.ty.zero(Span::default()));
-                    self.without_null(element, constant, reads, port)
-                });
-                BuiltValue::List(elements.collect())
-            }
-            value => {
-                let span = self.span(self.current);
-                let key = format!("{reads:?} {value:?} {constant:?}");
-                let inputs = vec![("in", value, span)];
-                let name = if reads == NullReading::Parameter {
-                    "known"
-                } else {
-                    "last"
-                };
-                let made = self.shared(key, "OrElse", name, Vec::new(), inputs);
-                let other = match (reads, self.built_output(made, "out")) {
-                    // The last known value: the output itself, in the previous cycle.
-                    (NullReading::Last, BuiltValue::Output(output)) => {
-                        BuiltValue::Before(output, constant)
-                    }
-                    _ => BuiltValue::Constant(constant),
-                };
-                if let Some(built) = self
-                    .built
-                    .get_mut(made)
-                    .filter(|built| built.inputs.len() == 1)
-                {
-                    built.inputs.push(("other", other, span));
-                }
-                self.built_output(made, "out")
-            }
-        }
     }
 
     /// Returns the primitive with this key, and creates it on first use.

@@ -1,10 +1,11 @@
 //! Writes a net as DirectIONet, as far as each of its primitives has an exact counterpart there. Everything without one
 //! is reported with its span. Runs in `rcc-cli convert`.
 
+mod constants;
 mod outside;
+mod reverse;
 
 use std::collections::HashMap;
-use std::fmt::Write as _;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::primitive::ChannelKind;
@@ -13,20 +14,12 @@ use rcc_language::devices::DeviceTable;
 use rcc_language::names::{Names, PrimitiveNames};
 use rcc_language::syntax::literal::{Literal, LiteralShape};
 use rcc_language::syntax::part::ValuePart;
+use rcc_language::syntax::reference::Reference;
 use rcc_language::syntax::{Link, Net, Primitive, Source};
 
-use super::table::{self, FAMILIES, PrimitiveClass, TypeEntry};
-use super::text::{self, AstArgument};
+use super::table::{FAMILIES, PrimitiveClass};
 use super::values::ForeignType;
-
-/// A row of the table in reverse: the predecessor's type for an RCC primitive.
-struct ReverseRow {
-    entry: &'static TypeEntry,
-    /// RCC input or parameter, and its counterpart.
-    arguments: Vec<(&'static str, &'static str)>,
-    /// RCC output and its counterpart.
-    outputs: Vec<(&'static str, &'static str)>,
-}
+use reverse::{ReverseRow, reverse_rows};
 
 struct TextWriter<'n, 'f> {
     net: &'n Net,
@@ -74,62 +67,6 @@ pub fn text(
         .flat_map(|it| writer.primitive(it))
         .collect();
     (writer.diagnostics.len() == before).then(|| format!("{{{}}}", items.join(",")))
-}
-
-/// Returns, by RCC type, all rows that consist of one primitive with only `parent`'s inputs and parameters as
-/// arguments.
-fn reverse_rows() -> HashMap<&'static str, Vec<ReverseRow>> {
-    let mut entries: Vec<&TypeEntry> = table::all().values().collect();
-    entries.sort_by_key(|entry| &entry.name);
-    let mut rows: HashMap<&str, Vec<ReverseRow>> = HashMap::new();
-    for entry in entries {
-        if let [net] = entry.nets.as_slice()
-            && let Some((rcc_name, row)) = reverse_row(entry, net)
-        {
-            rows.entry(rcc_name).or_default().push(row);
-        }
-    }
-    rows
-}
-
-fn reverse_row(
-    entry: &'static TypeEntry,
-    net: &'static text::AstFragment,
-) -> Option<(&'static str, ReverseRow)> {
-    let mut found = None;
-    let mut outputs = Vec::new();
-    for item in &net.items {
-        if let text::AstPrimitive::Typed(ty, arguments) = &item.primitive {
-            if found.is_some() {
-                return None;
-            }
-            found = Some((ty, arguments));
-        }
-        if let Some(port) = &item.port {
-            outputs.push((port.name.as_str(), item.name.name.as_str()));
-        }
-    }
-    let (ty, arguments) = found?;
-    let plain = arguments
-        .iter()
-        .map(|AstArgument { name, value, .. }| match value {
-            text::AstValue::Link(from, port) => match &**from {
-                text::AstPrimitive::Named(parent) if parent.name == "parent" => {
-                    Some((name.name.as_str(), port.name.as_str()))
-                }
-                _ => None,
-            },
-            text::AstValue::Text(..) => None,
-        });
-    let arguments = plain.collect::<Option<Vec<_>>>()?;
-    Some((
-        ty.name.as_str(),
-        ReverseRow {
-            entry,
-            arguments,
-            outputs,
-        },
-    ))
 }
 
 /// Returns the predecessor's type for an RCC type by its name in [`Names`].
@@ -334,7 +271,7 @@ impl TextWriter<'_, '_> {
                     .map(|it| self.source(it, ForeignType::Double, false)),
                 Source::Link(link) => {
                     let element = Link {
-                        from: rcc_language::syntax::reference::Reference {
+                        from: Reference {
                             part: Some(ValuePart::Element(axis)),
                             ..link.from.clone()
                         },
@@ -473,60 +410,4 @@ impl TextWriter<'_, '_> {
             }
         }
     }
-
-    /// Returns a constant in the predecessor's notation.
-    fn constant(&mut self, literal: &Literal, ty: ForeignType) -> String {
-        let numbers = match &literal.shape {
-            LiteralShape::List(elements) => elements
-                .iter()
-                .map(Literal::number)
-                .collect::<Option<Vec<_>>>(),
-            _ => None,
-        };
-        let mut text = String::new();
-        // Writing into a String cannot fail.
-        let _ = match (&literal.shape, numbers.as_deref(), ty) {
-            (LiteralShape::Bool(value), ..) => write!(text, "{value}"),
-            (LiteralShape::Int(value), ..) => write!(text, "{value}"),
-            (LiteralShape::Real(value, _), ..) => write!(text, "{value:?}"),
-            (LiteralShape::Null, _, ForeignType::Double | ForeignType::Time) => write!(text, "nan"),
-            (LiteralShape::Text(name), ..) => {
-                write!(text, "{}", name.replace('\\', "\\\\").replace('\'', "\\'"))
-            }
-            (_, Some([x, y, z]), ForeignType::Vector) => {
-                write!(text, "{{x:{x:?},y:{y:?},z:{z:?}}}")
-            }
-            (_, Some([a, b, c, d, e, f]), ForeignType::Twist) => {
-                write!(
-                    text,
-                    "{{vel:{{x:{a:?},y:{b:?},z:{c:?}}},rot:{{x:{d:?},y:{e:?},z:{f:?}}}}}"
-                )
-            }
-            (_, Some([a, b, c, d, e, f]), ForeignType::Wrench) => {
-                write!(
-                    text,
-                    "{{force:{{x:{a:?},y:{b:?},z:{c:?}}},torque:{{x:{d:?},y:{e:?},z:{f:?}}}}}"
-                )
-            }
-            (LiteralShape::Rotation(q), ..) => write!(text, "{{{}}}", angles(*q)),
-            (LiteralShape::Pose([x, y, z, q @ ..]), ..) => {
-                write!(
-                    text,
-                    "{{pos:{{x:{x:?},y:{y:?},z:{z:?}}},rot:{{{}}}}}",
-                    angles(*q)
-                )
-            }
-            _ => {
-                self.refuse(literal.span, format!("the constant {literal}"));
-                Ok(())
-            }
-        };
-        text
-    }
-}
-
-/// Returns the rotation as turns about z, y and x: `a:…,b:…,c:…`, rad.
-fn angles(orientation: [f64; 4]) -> String {
-    let [roll, pitch, yaw] = rcc_core::rotation::to_rpy(orientation);
-    format!("a:{yaw:?},b:{pitch:?},c:{roll:?}")
 }
