@@ -3,6 +3,8 @@
 
 use std::time::Duration;
 
+use rcc_core::duration::{DurationError, parse_seconds};
+
 use crate::context::Context;
 use crate::failure::Failure;
 
@@ -160,27 +162,15 @@ pub struct NetName {
 /// Returns a message for any other text, and for durations outside of 1 ms to one day.
 pub fn duration(text: &str) -> Result<Duration, String> {
     let text = text.trim();
-    let digits = text
-        .find(|c: char| !c.is_ascii_digit() && c != '.')
-        .unwrap_or(text.len());
-    let (number, unit) = text.split_at(digits);
-    let factor = match unit.trim() {
-        "ms" => 1e-3,
-        "s" | "" => 1.0,
-        "min" => 60.0,
-        _ => {
-            return Err(format!(
-                "invalid duration `{text}`: write 500ms, 2s or 1min"
-            ));
-        }
-    };
-    number
-        .parse::<f64>()
-        .ok()
-        .map(|value| value * factor)
-        .filter(|seconds| (1e-3..=86_400.0).contains(seconds))
-        .map(Duration::from_secs_f64)
-        .ok_or_else(|| format!("invalid duration `{text}`: must be between 1ms and 1440min"))
+    match parse_seconds(text) {
+        Err(DurationError::Unit) => Err(format!(
+            "invalid duration `{text}`: write 500ms, 2s or 1min"
+        )),
+        Ok(seconds) if (1e-3..=86_400.0).contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
+        _ => Err(format!(
+            "invalid duration `{text}`: must be between 1ms and 1440min"
+        )),
+    }
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ extern crate std;
 
 pub mod axis;
 pub mod cycle;
+pub mod duration;
 pub mod filter;
 pub mod fnv;
 pub mod frame;

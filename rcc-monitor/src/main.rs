@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
+use rcc_core::duration::parse_seconds;
 use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, TailEnd, TailOptions, print_note, tail};
@@ -89,21 +90,7 @@ fn main() -> ExitCode {
 
 fn duration(text: &str) -> Result<Duration, String> {
     let text = text.trim();
-    let digits = text
-        .find(|c: char| !c.is_ascii_digit() && c != '.')
-        .unwrap_or(text.len());
-    let (number, unit) = text.split_at(digits);
-    let factor = match unit.trim() {
-        "ms" => 1e-3,
-        "s" | "" => 1.0,
-        "min" => 60.0,
-        _ => {
-            return Err(format!(
-                "invalid duration `{text}`: write 500ms, 2s or 1min"
-            ));
-        }
-    };
-    let seconds = number.parse::<f64>().ok().map(|value| value * factor);
+    let seconds = parse_seconds(text).ok();
     seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
         .ok_or_else(|| format!("invalid duration `{text}`: write 500ms, 2s or 1min"))

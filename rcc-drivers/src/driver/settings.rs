@@ -4,7 +4,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use rcc_config::DeviceConfig;
+use rcc_config::{DeviceConfig, quantity};
 use rcc_core::unit::Unit;
 use serde_json::Value;
 
@@ -130,10 +130,9 @@ impl<'a> Settings<'a> {
 
 /// Parses a duration such as `20 ms`; at most one hour.
 fn duration(text: &str) -> Option<Duration> {
-    let (number, unit) = text.trim().split_once(' ')?;
-    let (unit, factor) = Unit::parse(unit.trim())?;
-    let seconds = number.parse::<f64>().ok()? * factor;
-    (unit == Unit::SECOND && seconds > 0.0 && seconds <= 3600.0)
+    let quantity = quantity::parse(text).ok()?;
+    let seconds = quantity.value;
+    (quantity.unit == Some(Unit::SECOND) && seconds > 0.0 && seconds <= 3600.0)
         .then(|| Duration::from_secs_f64(seconds))
 }
 
