@@ -1,5 +1,6 @@
-//! The check pass, [`Typed`] → [`Checked`]: the rules that a net must keep, one function each. Every rule checks the whole
-//! net and reports all violations. It skips what another rule or the resolver reports. Runs on the loader's threads.
+//! The check pass, [`Typed`] → [`Checked`]: the rules that a net must keep, one function each. Every rule checks the
+//! whole net and reports all violations. It skips what another rule or the resolver reports. Runs on the loader's
+//! threads.
 
 mod connections;
 mod constants;

@@ -1,5 +1,16 @@
 //! The compiler: its passes in order, from text to plan. All errors of the text are reported at once. Runs on the
 //! loader's threads and in `rcc-cli check`; never on the real-time thread.
+//!
+//! | pass | result |
+//! |---|---|
+//! | [`parse`](mod@crate::parse) | [`Net`](crate::syntax::Net): the text as a tree |
+//! | [`library`](crate::library) | the fragments of the libraries that it names |
+//! | [`expand`](mod@crate::expand) | [`ExpandedNet`](crate::expand::ExpandedNet): primitives instead of instances |
+//! | [`resolve`](mod@crate::resolve) | [`NetGraph`](crate::resolve::NetGraph): numbers instead of names |
+//! | [`infer`](mod@crate::infer) | [`Inferred`](crate::infer::Inferred): types and units of all ports |
+//! | [`check`](mod@crate::check) | [`Checked`](crate::check::Checked): a net that keeps every rule |
+//! | [`lower`](mod@crate::lower) | [`Lowered`]: the plan and its slots |
+//! | [`names`](mod@crate::names) | [`Names`] of the slots, for users |
 
 use rcc_config::CellConfig;
 use rcc_config::diagnostic::{Diagnostic, Faults};

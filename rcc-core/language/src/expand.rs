@@ -1,6 +1,6 @@
-//! The expand pass, syntax tree → [`ExpandedNet`]: each instance of a fragment is replaced by a copy of the fragment's
-//! primitives, named `instance/id`, with the parameters and sources of the instance. Types, loops and all other rules are
-//! checked on the expanded net, so a fragment is notation only. Runs on the loader's threads.
+//! The expand pass, [`Net`] → [`ExpandedNet`]: each instance of a fragment is replaced by a copy of the fragment's
+//! primitives, named `instance/id`, with the parameters and sources of the instance. Types, loops and all other rules
+//! are checked on the expanded net, so a fragment is notation only. Runs on the loader's threads.
 
 mod body;
 mod net;

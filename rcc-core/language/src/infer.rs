@@ -1,5 +1,6 @@
-//! The infer pass, [`NetGraph`] → [`Inferred`]: the types and units of all ports. Those fixed by the catalogue propagate along the links to ports that
-//! leave them open. Literals adapt. A type that nothing determines is Real, a unit is 1. Runs on the loader's threads.
+//! The infer pass, [`NetGraph`] → [`Inferred`]: the types and units of all ports. Those fixed by the catalogue propagate
+//! along the links to ports that leave them open. Literals adapt. A type that nothing determines is Real, a unit is 1.
+//! Runs on the loader's threads.
 
 mod type_solver;
 mod unit_solver;

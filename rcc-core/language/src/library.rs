@@ -1,4 +1,4 @@
-//! The libraries that a net uses: files of fragments, each read once however often it is named. The caller of the
+//! The library pass, paths of libraries → fragments: each file is read once however often it is named. The caller of the
 //! compiler provides the [`LibrarySource`]; a text received without files has none. Runs on the loader's threads and in
 //! the command line.
 

@@ -1,5 +1,5 @@
-//! The parse pass, text → syntax tree. YAML and JSON are read here, other notations by readers that the caller hands in.
-//! It checks the syntax of the language and of names, and reports all errors at once. Runs on the loader's threads.
+//! The parse pass, text → [`Net`]: YAML and JSON are read here, other notations by readers that the caller hands in. It
+//! checks the syntax of the language and of names, and reports all errors at once. Runs on the loader's threads.
 
 mod fragment;
 pub mod literal;
