@@ -7,15 +7,14 @@ pub mod replan;
 use std::hint::black_box;
 
 use rcc_core::frame::DeviceModel;
-use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, ArmConfiguration, OrthoParallelArm, SrsArm};
+use rcc_core::kinematics::{Arm, ArmConfiguration};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
+use rcc_testing::arms::{HOLD, KR6, LWR, plain_lwr};
+use rcc_testing::{Random, Rng};
 
 use crate::measure::MeasuredSubject;
 
-/// Start position of the motions, rad.
-const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 /// Number of positions at which kinematics are measured in turn, so that the processor cannot predict branches.
 const POSITIONS: usize = 256;
 /// Twist of the flange, m/s and rad/s.
@@ -62,72 +61,23 @@ impl NamedSubject {
 #[must_use]
 pub fn groups() -> Vec<SubjectGroup> {
     vec![
-        kinematics("kinematics of an LWR 4+", lwr()),
-        kinematics("kinematics of a KR 6 R900-2", kr6()),
+        kinematics("kinematics of an LWR 4+", Arm::Srs(LWR)),
+        kinematics("kinematics of a KR 6 R900-2", Arm::OrthoParallel(KR6)),
         cycles::clock(),
         cycles::motions(),
         cycles::nets(),
     ]
 }
 
-/// Returns the kinematics of an LWR 4+.
-#[must_use]
-pub fn lwr() -> Arm {
-    Arm::Srs(SrsArm {
-        shoulder_height: 0.3105,
-        upper_arm: 0.4,
-        forearm: 0.39,
-        wrist_to_flange: 0.078,
-        signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-    })
-}
-
-/// A KR 6 R900-2.
-fn kr6() -> Arm {
-    Arm::OrthoParallel(OrthoParallelArm {
-        shoulder_height: 0.4,
-        shoulder_offset: 0.025,
-        lateral_offset: 0.0,
-        upper_arm: 0.455,
-        elbow_offset: -0.025,
-        forearm: 0.42,
-        wrist_to_flange: 0.09,
-        signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
-        zeros: [0.0, std::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
-    })
-}
-
 /// The LWR 4+ as a device, with limits that the motions here keep.
 fn model() -> DeviceModel {
-    DeviceModel {
-        joints: 7,
-        arm: Some(lwr()),
-        limits: JointLimits {
-            lower: [-2.9; 8],
-            upper: [2.9; 8],
-            velocity_max: [2.0; 8],
-            acceleration_max: [20.0; 8],
-            jerk_max: [200.0; 8],
-            joints: 7,
-        },
-        first_tolerance_rad: 1e-3,
-        ..DeviceModel::NONE
-    }
+    plain_lwr(200.0)
 }
 
 /// Returns a pose relative to the start pose, in the flange's frame: offset by `x`, `y`, `z`, m, and rotated by 0.1 rad.
 fn offset_from_start(x: f64, y: f64, z: f64) -> Pose {
-    let start = lwr().forward(&HOLD);
+    let start = Arm::Srs(LWR).forward(&HOLD);
     start.compose(&Pose::from_xyz_rpy([x, y, z], [0.1, 0.0, 0.0]))
-}
-
-/// Returns a pseudo-random number in −1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line
-/// 26).
-fn random(state: &mut u64) -> f64 {
-    *state = state
-        .wrapping_mul(6_364_136_223_846_793_005)
-        .wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
 /// A position of an arm, with the inputs of its inverse kinematics.
@@ -139,9 +89,9 @@ struct ArmSample {
 }
 
 fn samples(arm: &Arm) -> Vec<ArmSample> {
-    let mut state = 7;
+    let mut random = Rng::with_seed(7);
     let mut sample = |_| {
-        let joints = std::array::from_fn(|_| 2.5 * random(&mut state));
+        let joints = std::array::from_fn(|_| random.uniform(-2.5, 2.5));
         ArmSample {
             joints,
             pose: arm.forward(&joints),

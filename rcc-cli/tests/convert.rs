@@ -23,13 +23,11 @@ fn run(arguments: &[&str]) -> (Option<i32>, String) {
 #[test]
 fn a_net_of_the_predecessor_becomes_a_file_that_is_valid() {
     let net = "tests/data/directionet/flat/lwr_lin-02-lwr-lin.net";
-    let folder = std::env::temp_dir().join(format!("rcc-convert-{}", std::process::id()));
-    std::fs::create_dir(&folder).expect("a folder of its own");
-    let file = folder.join("lin.yaml");
+    let folder = rcc_testing::folder();
+    let file = folder.path().join("lin.yaml");
     let path = file.to_str().expect("UTF-8");
     let (converted, checked) = (run(&["convert", net, "-o", path]), run(&["check", path]));
     let written = std::fs::read_to_string(&file);
-    std::fs::remove_dir_all(&folder).expect("it is ours");
     assert_eq!(converted.0, Some(0), "{}", converted.1);
     assert!(written.is_ok_and(|text| text.contains("JointPositionCommand")));
     assert_eq!(checked.0, Some(0), "{}", checked.1);

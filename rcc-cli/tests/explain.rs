@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use rcc_testing::TempDir;
 use serde_json::Value;
 
 fn repository() -> PathBuf {
@@ -36,30 +37,21 @@ fn texts(output: Output) -> (Option<i32>, String, String) {
 }
 
 /// A temporary folder, removed at the end.
-struct Folder(PathBuf);
+struct Folder(TempDir);
 
 impl Folder {
-    fn new(name: &str) -> Folder {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a folder");
-        Folder(path)
+    fn new() -> Folder {
+        Folder(rcc_testing::folder())
     }
 
     fn write(&self, name: &str, text: &str) {
-        let path = self.0.join(name);
+        let path = self.0.path().join(name);
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
         std::fs::write(path, text).expect("a file");
     }
 
     fn path(&self) -> &str {
-        self.0.to_str().expect("UTF-8")
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        self.0.path().to_str().expect("UTF-8")
     }
 }
 
@@ -76,14 +68,14 @@ primitives:
 
 #[test]
 fn the_commands_of_the_docs_run() {
-    let folder = Folder::new("docs-explain");
+    let folder = Folder::new();
     let docs = std::fs::read_to_string(repository().join("docs/explain.md")).expect("the docs");
     let commands = docs
         .lines()
         .filter_map(|line| line.strip_prefix("$ rcc-cli "));
     let mut count = 0;
     for command in commands {
-        let file = folder.0.join("guarded-line.svg");
+        let file = folder.0.path().join("guarded-line.svg");
         let file = file.to_str().expect("UTF-8");
         let words: Vec<&str> = command
             .split_whitespace()
@@ -100,12 +92,12 @@ fn the_commands_of_the_docs_run() {
         count += 1;
     }
     assert!(count >= 6, "{count}");
-    assert!(folder.0.join("guarded-line.svg").is_file());
+    assert!(folder.0.path().join("guarded-line.svg").is_file());
 }
 
 #[test]
 fn a_folder_gets_one_summary_line_and_its_errors() {
-    let folder = Folder::new("check-folder");
+    let folder = Folder::new();
     folder.write("a.yaml", GOOD);
     folder.write("deep/er/b.yaml", GOOD);
     folder.write("library.yaml", "fragments: {}\n");
@@ -128,7 +120,7 @@ fn a_folder_gets_one_summary_line_and_its_errors() {
 
 #[test]
 fn one_json_object_a_file_has_all_its_findings() {
-    let folder = Folder::new("check-json");
+    let folder = Folder::new();
     folder.write("a.yaml", BAD);
     folder.write("b.yaml", GOOD);
     let (code, out, err) = run(&["check", "--json", folder.path()]);
@@ -148,10 +140,10 @@ fn one_json_object_a_file_has_all_its_findings() {
 
 #[test]
 fn an_unreadable_file_does_not_hide_the_others() {
-    let folder = Folder::new("check-missing");
+    let folder = Folder::new();
     folder.write("bad.yaml", BAD);
-    let missing = folder.0.join("missing.yaml");
-    let bad = folder.0.join("bad.yaml");
+    let missing = folder.0.path().join("missing.yaml");
+    let bad = folder.0.path().join("bad.yaml");
     let [missing, bad] = [&missing, &bad].map(|path| path.to_str().expect("UTF-8"));
     let (code, out, err) = run(&["check", missing, bad]);
     assert_eq!(code, Some(2), "{out}");

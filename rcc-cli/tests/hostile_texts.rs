@@ -295,9 +295,10 @@ fn json_output_equals_the_answer() {
 
 #[test]
 fn names_and_texts_of_files_do_not_control_the_terminal() {
-    let folder = std::env::temp_dir().join(format!("rcc-hostile-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
-    let file = folder.join(format!("{}.yaml", HOSTILE.replace('/', "")));
+    let folder = rcc_testing::folder();
+    let file = folder
+        .path()
+        .join(format!("{}.yaml", HOSTILE.replace('/', "")));
     let net = format!(
         "net: x\ndescription: \"\\e[2J\" # {}\nprimitives: {{\"a\\e[2J\": {{type: \"b\\e]0;\"}}}}\n",
         "\u{202e}"
@@ -323,5 +324,4 @@ fn names_and_texts_of_files_do_not_control_the_terminal() {
         let text = is_printable(&run("http://127.0.0.1:9", "human", arguments), arguments);
         assert!(!text.is_empty(), "{arguments:?} says nothing");
     }
-    std::fs::remove_dir_all(&folder).expect("removed");
 }

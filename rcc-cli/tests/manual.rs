@@ -21,8 +21,8 @@ fn rcc_cli(arguments: &[&str]) -> String {
 
 #[test]
 fn every_verb_has_a_manual_page() {
-    let folder = std::env::temp_dir().join(format!("rcc-manual-{}", std::process::id()));
-    let _ = fs::remove_dir_all(&folder);
+    let temporary = rcc_testing::folder();
+    let folder = temporary.path().join("new");
     rcc_cli(&["man", &folder.display().to_string()]);
     let main = fs::read_to_string(folder.join("rcc-cli.1")).expect("the main page");
     let pages: Vec<(String, bool)> = verbs()
@@ -36,7 +36,6 @@ fn every_verb_has_a_manual_page() {
             )
         })
         .collect();
-    fs::remove_dir_all(&folder).expect("the folder is ours");
     assert!(pages.len() > 30, "{pages:?}");
     let missing: Vec<_> = pages.iter().filter(|(_, complete)| !complete).collect();
     assert!(missing.is_empty(), "{missing:?}");

@@ -22,8 +22,7 @@ fn commands() -> Vec<Vec<String>> {
 #[test]
 fn the_pictures_of_the_pages_are_what_plot_makes_now() {
     let bless = std::env::var_os("RCC_BLESS").is_some();
-    let folder = std::env::temp_dir().join(format!("rcc-plots-{}", std::process::id()));
-    fs::create_dir_all(&folder).expect("a folder");
+    let folder = rcc_testing::folder();
     let commands = commands();
     assert!(commands.len() >= 2, "{commands:?}");
     let mut changed = Vec::new();
@@ -33,7 +32,9 @@ fn the_pictures_of_the_pages_are_what_plot_makes_now() {
             .find(|word| word.starts_with("docs/pictures/"))
             .expect("one of them");
         let kept = repository().join(picture);
-        let made = folder.join(Path::new(picture).file_name().expect("a name"));
+        let made = folder
+            .path()
+            .join(Path::new(picture).file_name().expect("a name"));
         let target = if bless { &kept } else { &made };
         let target = target.display().to_string();
         let words: Vec<&str> = words
@@ -59,7 +60,6 @@ fn the_pictures_of_the_pages_are_what_plot_makes_now() {
             changed.push(picture.clone());
         }
     }
-    fs::remove_dir_all(&folder).expect("removed");
     assert!(
         changed.is_empty(),
         "look at them and make them anew with RCC_BLESS=1: {changed:?}"

@@ -3,20 +3,20 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
+
+use rcc_testing::TempDir;
 
 /// Highest exposure by `systemd-analyze security`, in tenths: 33 = 3.3 "OK".
 const EXPOSURE_MAX: u32 = 33;
 
 /// A temporary root folder of one test, removed at the end.
-struct Root(PathBuf);
+struct Root(TempDir);
 
 impl Root {
-    fn new(name: &str) -> Root {
-        let root = std::env::temp_dir().join(format!("rcc-units-{name}-{}", std::process::id()));
-        fs::create_dir_all(&root).unwrap();
-        Root(root)
+    fn new() -> Root {
+        Root(rcc_testing::folder())
     }
 
     fn install(&self, config: &str, more: &[&str]) -> Output {
@@ -25,7 +25,7 @@ impl Root {
             .arg("install-units")
             .arg(configs.join(config))
             .arg("--root")
-            .arg(&self.0)
+            .arg(self.0.path())
             .args(more)
             .env_remove("RCC_CELL")
             .env_remove("RCC_OUTPUT")
@@ -36,14 +36,18 @@ impl Root {
     /// Returns all files below it, with their contents.
     fn files(&self) -> BTreeMap<String, String> {
         let mut files = BTreeMap::new();
-        let mut folders = vec![self.0.clone()];
+        let mut folders = vec![self.0.path().to_owned()];
         while let Some(folder) = folders.pop() {
             for entry in fs::read_dir(folder).unwrap().flatten() {
                 let path = entry.path();
                 if path.is_dir() {
                     folders.push(path);
                 } else {
-                    let name = path.strip_prefix(&self.0).unwrap().display().to_string();
+                    let name = path
+                        .strip_prefix(self.0.path())
+                        .unwrap()
+                        .display()
+                        .to_string();
                     files.insert(name, fs::read_to_string(&path).unwrap());
                 }
             }
@@ -59,17 +63,11 @@ impl Root {
             // The trailing colon appends the system's own units.
             .env(
                 "SYSTEMD_UNIT_PATH",
-                format!("{}/etc/systemd/system:", self.0.display()),
+                format!("{}/etc/systemd/system:", self.0.path().display()),
             )
             .output();
         ran.map_err(|_| eprintln!("skipped: this machine has no systemd-analyze"))
             .ok()
-    }
-}
-
-impl Drop for Root {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 
@@ -105,7 +103,7 @@ fn text(bytes: &[u8]) -> String {
 
 #[test]
 fn systemd_accepts_every_unit() {
-    let root = Root::new("verify");
+    let root = Root::new();
     succeeds(&root.install("demo.yaml", &DEMO));
     for unit in UNITS {
         let Some(output) = root.analyze(&["verify", "--man=no"], unit) else {
@@ -119,7 +117,7 @@ fn systemd_accepts_every_unit() {
 
 #[test]
 fn every_service_is_confined() {
-    let root = Root::new("security");
+    let root = Root::new();
     succeeds(&root.install("demo.yaml", &DEMO));
     let threshold = format!("--threshold={EXPOSURE_MAX}");
     for unit in UNITS.iter().filter(|unit| unit.ends_with(".service")) {
@@ -141,7 +139,7 @@ fn every_service_is_confined() {
 
 #[test]
 fn the_configuration_decides_restarts_priorities_cores_and_addresses() {
-    let root = Root::new("drop-ins");
+    let root = Root::new();
     succeeds(&root.install(
         "lwr.yaml",
         &["--cpus", "0,2-3", "--programs", "/opt/rcc/bin"],
@@ -182,7 +180,7 @@ fn the_configuration_decides_restarts_priorities_cores_and_addresses() {
 
 #[test]
 fn configurations_not_for_production_are_refused_with_the_remedy() {
-    let root = Root::new("refused");
+    let root = Root::new();
     let output = root.install("demo.yaml", &[]);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
@@ -202,8 +200,8 @@ fn configurations_not_for_production_are_refused_with_the_remedy() {
 
 #[test]
 fn units_not_written_by_rcc_are_never_changed() {
-    let root = Root::new("foreign");
-    let folder = root.0.join("etc/systemd/system");
+    let root = Root::new();
+    let folder = root.0.path().join("etc/systemd/system");
     fs::create_dir_all(&folder).unwrap();
     fs::write(folder.join("rcc.target"), "[Unit]\nDescription=mine\n").unwrap();
     let output = root.install("lwr.yaml", &[]);
@@ -218,7 +216,7 @@ fn units_not_written_by_rcc_are_never_changed() {
 
 #[test]
 fn a_dry_run_writes_nothing_and_a_second_run_changes_nothing() {
-    let root = Root::new("dry");
+    let root = Root::new();
     let said = succeeds(&root.install("lwr.yaml", &["--dry-run"]));
     assert!(said.contains("rcc-driver@lwr.lwr.service.d"), "{said}");
     assert!(root.files().is_empty());
@@ -237,7 +235,7 @@ fn a_dry_run_writes_nothing_and_a_second_run_changes_nothing() {
 
 #[test]
 fn uninstall_keeps_other_cells_and_finally_removes_everything() {
-    let root = Root::new("uninstall");
+    let root = Root::new();
     succeeds(&root.install("lwr.yaml", &[]));
     let one = root.files();
     succeeds(&root.install("demo.yaml", &DEMO));
@@ -249,10 +247,10 @@ fn uninstall_keeps_other_cells_and_finally_removes_everything() {
 
 #[test]
 fn the_unit_of_a_removed_device_is_removed() {
-    let root = Root::new("stale");
+    let root = Root::new();
     succeeds(&root.install("demo.yaml", &DEMO));
     let more = [&DEMO[1..], &["--cell", "demo"]].concat();
-    let config = root.0.join("demo.yaml");
+    let config = root.0.path().join("demo.yaml");
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
     let text = fs::read_to_string(shipped.join("cells/demo.yaml")).unwrap();
     let robots = shipped.join("robots").canonicalize().unwrap();

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use rcc_cli::identify::readings::{ReadingSelection, read};
 use rcc_cli::identify::{GRAVITY, Identified, IdentifyError, Reading, identify};
 use rcc_core::rotation;
+use rcc_testing::{Random, Rng};
 
 const MASS: f64 = 1.37;
 const CENTRE: [f64; 3] = [0.012, -0.031, 0.085];
@@ -14,21 +15,8 @@ const FORCE: [f64; 3] = [3.2, -1.7, 12.5];
 const TORQUE: [f64; 3] = [0.21, -0.34, 0.055];
 const DOWN: [f64; 3] = [0.0, 0.0, -GRAVITY];
 
-/// Pseudo-random numbers from -1 to 1: SplitMix64.
-struct NoiseSource(u64);
-
-impl NoiseSource {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-}
-
 /// Returns the reading of a sensor, computed by rotation matrices and components, independently of the tested code.
-fn reading(rpy: [f64; 3], noise: f64, chance: &mut NoiseSource) -> Reading {
+fn reading(rpy: [f64; 3], noise: f64, chance: &mut Rng) -> Reading {
     let rotation = rotation::from_rpy(rpy);
     let matrix = nalgebra::Rotation3::from_euler_angles(rpy[0], rpy[1], rpy[2]);
     let w = matrix.matrix().transpose() * Vector3::new(0.0, 0.0, -GRAVITY * MASS);
@@ -42,12 +30,12 @@ fn reading(rpy: [f64; 3], noise: f64, chance: &mut NoiseSource) -> Reading {
         TORQUE[2] + cx * w.y - cy * w.x,
     ];
     let scale = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
-    let wrench = std::array::from_fn(|i| wrench[i] + noise * scale[i] * chance.next());
+    let wrench = std::array::from_fn(|i| wrench[i] + noise * scale[i] * chance.uniform(-1.0, 1.0));
     Reading { wrench, rotation }
 }
 
 fn readings(rpy: impl IntoIterator<Item = [f64; 3]>, noise: f64) -> Vec<Reading> {
-    let mut chance = NoiseSource(1);
+    let mut chance = Rng::with_seed(1);
     rpy.into_iter()
         .map(|rpy| reading(rpy, noise, &mut chance))
         .collect()
@@ -83,12 +71,12 @@ fn without_noise_six_orientations_give_the_parameters_to_1e_9() {
 
 #[test]
 fn accepted_orientations_are_exact_without_noise() {
-    let (mut chance, mut refused) = (NoiseSource(7), 0);
+    let (mut chance, mut refused) = (Rng::with_seed(7), 0);
     for _ in 0..300 {
-        let width = 0.2 + 3.0 * chance.next().abs();
-        let count = 6 + (20.0 * chance.next().abs()) as usize;
+        let width = 0.2 + 3.0 * chance.uniform(-1.0, 1.0).abs();
+        let count = 6 + (20.0 * chance.uniform(-1.0, 1.0).abs()) as usize;
         let rpy: Vec<_> = (0..count)
-            .map(|_| std::array::from_fn(|_| width * chance.next()))
+            .map(|_| std::array::from_fn(|_| width * chance.uniform(-1.0, 1.0)))
             .collect();
         match identify(&readings(rpy, 0.0), DOWN) {
             Ok(found) => assert!(far(&found) < 1e-9, "{found:?}"),
@@ -100,9 +88,9 @@ fn accepted_orientations_are_exact_without_noise() {
 
 #[test]
 fn with_noise_the_error_is_within_a_few_reported_deviations() {
-    let mut chance = NoiseSource(3);
+    let mut chance = Rng::with_seed(3);
     let rpy: Vec<_> = (0..400)
-        .map(|_| std::array::from_fn(|_| 3.0 * chance.next()))
+        .map(|_| std::array::from_fn(|_| 3.0 * chance.uniform(-1.0, 1.0)))
         .collect();
     // Uniform noise up to 0.5 N has a standard deviation of 0.5 / sqrt 3.
     let found = identify(&readings(rpy, 0.5), DOWN).expect("many orientations");
@@ -337,7 +325,7 @@ fn parse_errors_name_their_line() {
 }
 
 /// Runs the program on a table in a temporary file.
-fn run(name: &str, readings: &[Reading]) -> (i32, String, String) {
+fn run(readings: &[Reading]) -> (i32, String, String) {
     let mut text = format!(
         "time [s]{}{}\n",
         head("n/ft.wrench", 6, ""),
@@ -350,14 +338,14 @@ fn run(name: &str, readings: &[Reading]) -> (i32, String, String) {
             cells(&reading.rotation)
         );
     }
-    let path = std::env::temp_dir().join(format!("rcc-wrench-{name}-{}.csv", std::process::id()));
+    let folder = rcc_testing::folder();
+    let path = folder.path().join("readings.csv");
     std::fs::write(&path, text).expect("a file");
     let output = Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
         .args(["wrench", "identify"])
         .arg(&path)
         .env("NO_COLOR", "1")
         .output();
-    std::fs::remove_file(&path).expect("it is there");
     let output = output.expect("rcc-cli runs");
     let words = |bytes| String::from_utf8(bytes).expect("text");
     (
@@ -369,7 +357,7 @@ fn run(name: &str, readings: &[Reading]) -> (i32, String, String) {
 
 #[test]
 fn the_printed_primitive_compiles() {
-    let (code, out, err) = run("good", &readings(SIX, 0.0));
+    let (code, out, err) = run(&readings(SIX, 0.0));
     assert_eq!(code, 0, "{err}");
     assert!(
         out.contains("mass: 1.37 kg") && out.contains("centre: [0.012, -0.031, 0.085]"),
@@ -388,7 +376,7 @@ fn the_printed_primitive_compiles() {
 
 #[test]
 fn too_few_orientations_are_refused_with_a_reason() {
-    let (code, _, err) = run("few", &readings(SIX[..5].iter().copied(), 0.0));
+    let (code, _, err) = run(&readings(SIX[..5].iter().copied(), 0.0));
     assert_eq!(code, 2, "{err}");
     assert!(
         err.contains("5 different orientations") && err.contains("docs/force.md"),

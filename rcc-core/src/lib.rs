@@ -15,6 +15,9 @@
     )
 )]
 
+// Some files of `testing/` are compiled into the unit tests too, where `rcc_core` is this crate.
+#[cfg(test)]
+extern crate self as rcc_core;
 #[cfg(test)]
 extern crate std;
 

@@ -11,7 +11,7 @@ use crate::axis::{AxisState, Phases, stop_and_go};
 use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use crate::guard::JointLimits;
 use crate::impedance::ImpedanceLimits;
-use crate::kinematics::{Arm, OrthoParallelArm, SrsArm};
+use crate::kinematics::Arm;
 use crate::message::{JOINTS_MAX, Joints, Measurement};
 use crate::path::{
     MotionBuilder, MotionLimits, MotionState, Motions, PathRequest, PathState, SpeedOverride,
@@ -20,6 +20,11 @@ use crate::pose::Pose;
 use crate::primitive::{CatalogueEntry, Kernel, Operand, Size, Sizes};
 use crate::primitives;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+
+// Some items serve other packages only.
+#[allow(dead_code)]
+#[path = "../testing/src/arms.rs"]
+pub mod arms;
 
 /// A motion that continues until it is stopped, for tests of the primitives that use it.
 #[derive(Default)]
@@ -74,70 +79,36 @@ pub const IMPEDANCE: ImpedanceLimits = ImpedanceLimits {
     joint_torque: 30.0,
 };
 
-/// The LWR 4+ of the golden data, with the limits of its data sheet.
+/// The LWR 4+ of the golden data, with the joint ranges of its data sheet.
 pub fn lwr() -> DeviceModel {
-    let mut limits = JointLimits {
-        lower: [0.0; 8],
-        upper: [0.0; 8],
-        velocity_max: [2.0; 8],
-        acceleration_max: [20.0; 8],
-        jerk_max: [2000.0; 8],
-        joints: 7,
-    };
-    for (index, degrees) in [170.0_f64, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0]
-        .into_iter()
-        .enumerate()
-    {
-        limits.lower[index] = -degrees.to_radians();
-        limits.upper[index] = degrees.to_radians();
-    }
+    let plain = arms::plain_lwr(2000.0);
     DeviceModel {
-        joints: 7,
-        arm: Some(Arm::Srs(SrsArm {
-            shoulder_height: 0.3105,
-            upper_arm: 0.4,
-            forearm: 0.39,
-            wrist_to_flange: 0.078,
-            signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-        })),
-        limits,
-        first_tolerance_rad: 1e-3,
-        base: crate::pose::Pose::IDENTITY,
-        workspace: None,
+        limits: within(arms::SEVEN_JOINTS, plain.limits),
         channels: [4, 4, 2, 2],
         impedance: Some(IMPEDANCE),
+        ..plain
     }
 }
 
-/// A KR 6 R900-2, with the limits of the golden data.
+/// A KR 6 R900-2, with the joint ranges of the golden data.
 pub fn kr6() -> DeviceModel {
-    let mut model = lwr();
-    model.joints = 6;
-    model.arm = Some(Arm::OrthoParallel(OrthoParallelArm {
-        shoulder_height: 0.4,
-        shoulder_offset: 0.025,
-        lateral_offset: 0.0,
-        upper_arm: 0.455,
-        elbow_offset: -0.025,
-        forearm: 0.42,
-        wrist_to_flange: 0.09,
-        signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
-        zeros: [0.0, core::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
-    }));
-    let degrees = [
-        (-170.0_f64, 170.0_f64),
-        (-190.0, 45.0),
-        (-120.0, 156.0),
-        (-185.0, 185.0),
-        (-120.0, 120.0),
-        (-350.0, 350.0),
-    ];
-    for (index, (lower, upper)) in degrees.into_iter().enumerate() {
-        model.limits.lower[index] = lower.to_radians();
-        model.limits.upper[index] = upper.to_radians();
+    let lwr = lwr();
+    DeviceModel {
+        joints: 6,
+        arm: Some(Arm::OrthoParallel(arms::KR6)),
+        limits: within(arms::SIX_JOINTS, lwr.limits),
+        ..lwr
     }
-    model.limits.joints = 6;
-    model
+}
+
+/// Returns the limits with these joint ranges, deg.
+fn within<const N: usize>(range: [[f64; 2]; N], limits: JointLimits) -> JointLimits {
+    JointLimits {
+        lower: arms::radians(range.map(|[lower, _]| lower)),
+        upper: arms::radians(range.map(|[_, upper]| upper)),
+        joints: N,
+        ..limits
+    }
 }
 
 /// One primitive with its slots and a cell with one LWR.

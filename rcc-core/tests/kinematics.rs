@@ -1,32 +1,17 @@
 //! Arms against golden data of independent programs (pinocchio 4.1.0, which Orocos KDL agrees with).
 //! Runs off any real-time thread; the data is in `tests/data/kinematics` of the workspace.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::PI;
 
 use rcc_core::frame::joints_from;
-use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
+use rcc_core::kinematics::Arm;
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
+use rcc_testing::arms;
 use serde_json::Value;
 
-const LWR: Arm = Arm::Srs(SrsArm {
-    shoulder_height: 0.3105,
-    upper_arm: 0.4,
-    forearm: 0.39,
-    wrist_to_flange: 0.078,
-    signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-});
-const KR6: Arm = Arm::OrthoParallel(OrthoParallelArm {
-    shoulder_height: 0.4,
-    shoulder_offset: 0.025,
-    lateral_offset: 0.0,
-    upper_arm: 0.455,
-    elbow_offset: -0.025,
-    forearm: 0.42,
-    wrist_to_flange: 0.09,
-    signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
-    zeros: [0.0, FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
-});
+const LWR: Arm = Arm::Srs(arms::LWR);
+const KR6: Arm = Arm::OrthoParallel(arms::KR6);
 
 fn data(name: &str) -> String {
     let path = format!(

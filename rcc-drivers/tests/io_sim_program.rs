@@ -4,75 +4,25 @@
 
 mod common;
 
-use common::Folder;
+use common::Simulator;
 use rcc_drivers::sim::line_server::ControlClient;
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, ErrorKind};
-use std::net::SocketAddr;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::net::UnixStream;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use tokio_modbus::ExceptionCode;
 use tokio_modbus::client::{Reader, Writer, tcp};
 
-/// A running simulator; killed if the test ends first.
-struct Simulator {
-    child: Child,
-    modbus: SocketAddr,
-    control: ControlClient,
-    folder: Folder,
-}
-
-impl Simulator {
-    fn start(more: &[&str]) -> Self {
-        let folder = Folder::new();
-        let mut child = Command::new(env!("CARGO_BIN_EXE_io-sim"))
-            .arg("--parent-death")
-            .arg("--control")
-            .arg(folder.socket())
-            .args(more)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let address = |name: &str| -> SocketAddr {
-            line.split_whitespace()
-                .find_map(|part| part.strip_prefix(name))
-                .unwrap()
-                .parse()
-                .unwrap()
-        };
-        let control = ControlClient::connect(folder.socket()).unwrap();
-        Self {
-            modbus: address("modbus="),
-            child,
-            control,
-            folder,
-        }
-    }
-
-    fn ask(&mut self, request: &str) -> Value {
-        serde_json::from_str(&self.control.ask(request).unwrap()).unwrap()
-    }
-}
-
-impl Drop for Simulator {
-    fn drop(&mut self) {
-        // It may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+fn start(arguments: &[&str]) -> Simulator {
+    Simulator::start(env!("CARGO_BIN_EXE_io-sim"), arguments)
 }
 
 #[tokio::test]
 async fn outputs_reach_wired_inputs_and_inputs_can_be_set_by_hand() {
-    let mut simulator =
-        Simulator::start(&["--wire", "coil:2=discrete:7", "--wire", "holding:0=input:1"]);
-    let mut client = tcp::connect(simulator.modbus).await.unwrap();
+    let mut simulator = start(&["--wire", "coil:2=discrete:7", "--wire", "holding:0=input:1"]);
+    let mut client = tcp::connect(simulator.modbus()).await.unwrap();
     client.write_single_coil(2, true).await.unwrap().unwrap();
     client
         .write_multiple_registers(0, &[1234])
@@ -100,7 +50,7 @@ async fn outputs_reach_wired_inputs_and_inputs_can_be_set_by_hand() {
         client.read_coils(60, 5).await.unwrap(),
         Err(ExceptionCode::IllegalDataAddress)
     );
-    let state = simulator.ask(r#"{"state":null}"#);
+    let state = simulator.state();
     assert_eq!(
         (&state["coils"][2], &state["holding"][0]),
         (&Value::Bool(true), &Value::from(1234))
@@ -111,8 +61,8 @@ async fn outputs_reach_wired_inputs_and_inputs_can_be_set_by_hand() {
 
 #[test]
 fn another_user_cannot_command_it() {
-    let mut simulator = Simulator::start(&[]);
-    let socket = simulator.folder.socket();
+    let mut simulator = start(&[]);
+    let socket = simulator.socket();
     let mode = fs::metadata(&socket).unwrap().mode() & 0o777;
     assert_eq!(mode, 0o600);
     if !nix::unistd::getuid().is_root() {
@@ -121,7 +71,7 @@ fn another_user_cannot_command_it() {
         );
     }
     // The socket's own mode is decisive: a group may have access to the folder of a cell.
-    fs::set_permissions(&simulator.folder.0, fs::Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(simulator.folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
     let connect_as = |user: u32| {
         let socket = socket.clone();
         // Affects only this thread, and drops root's file privileges (setfsuid(2), capabilities(7)).
@@ -134,15 +84,15 @@ fn another_user_cannot_command_it() {
     let theirs = connect_as(65534).map(|_| ());
     assert_eq!(theirs, Err(ErrorKind::PermissionDenied));
     assert!(connect_as(0).is_ok());
-    assert!(simulator.ask(r#"{"state":null}"#)["coils"].is_array());
+    assert!(simulator.state()["coils"].is_array());
 }
 
 #[test]
 fn a_dead_simulators_socket_is_replaced_and_an_ended_one_leaves_none() {
-    let mut simulator = Simulator::start(&[]);
+    let mut simulator = start(&[]);
     simulator.child.kill().unwrap();
     simulator.child.wait().unwrap();
-    let socket = simulator.folder.socket();
+    let socket = simulator.socket();
     assert!(socket.exists(), "it could not remove it");
     let mut next = Command::new(env!("CARGO_BIN_EXE_io-sim"))
         .args(["--parent-death", "--control"])

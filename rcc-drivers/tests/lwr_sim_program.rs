@@ -3,79 +3,27 @@
 
 mod common;
 
-use common::Folder;
+use common::Simulator;
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState, flags};
-use rcc_drivers::sim::line_server::ControlClient;
 use rcc_drivers::sim::lwr::trace::TraceRecord;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
 use std::os::unix::fs::symlink;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
+use std::process::Command;
 use std::time::Duration;
 
-/// A running simulator; killed if the test ends first.
-struct Simulator {
-    child: Child,
-    control: ControlClient,
-    folder: Folder,
-}
-
-impl Simulator {
-    fn start(driver: &UdpSocket, more: &[&str]) -> Self {
-        let folder = Folder::new();
-        let mut child = Command::new(env!("CARGO_BIN_EXE_lwr-sim"))
-            .arg("--control")
-            .arg(folder.socket())
-            .args(["--driver", &driver.local_addr().unwrap().to_string()])
-            .args([
-                "--parent-death",
-                "--period-ms",
-                "5",
-                "--start",
-                "0,0.5,0,-1.25,0,1,0",
-            ])
-            .args(more)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let told = line.trim().rsplit_once("control=");
-        let (_, told) = told.expect("a line with the places");
-        assert_eq!(Path::new(told), folder.socket());
-        let control = ControlClient::connect(told).unwrap();
-        Self {
-            child,
-            control,
-            folder,
-        }
-    }
-
-    fn ask(&mut self, request: &str) -> Value {
-        serde_json::from_str(&self.control.ask(request).unwrap()).unwrap()
-    }
-}
-
-impl Drop for Simulator {
-    fn drop(&mut self) {
-        // It may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-struct Trace(PathBuf);
-
-impl Drop for Trace {
-    fn drop(&mut self) {
-        // It may not have been written.
-        let _ = std::fs::remove_file(&self.0);
-    }
+fn start(driver: &UdpSocket, more: &[&str]) -> Simulator {
+    let driver = driver.local_addr().unwrap().to_string();
+    let arguments = ["--driver", &driver, "--period-ms", "5"];
+    let start = ["--start", "0,0.5,0,-1.25,0,1,0"];
+    let arguments = [&arguments[..], &start, more].concat();
+    let simulator = Simulator::start(env!("CARGO_BIN_EXE_lwr-sim"), &arguments);
+    let told = simulator.line.trim().rsplit_once("control=");
+    let (_, told) = told.expect("a line with the places");
+    assert_eq!(Path::new(told), simulator.socket());
+    simulator
 }
 
 fn pc() -> UdpSocket {
@@ -108,20 +56,21 @@ fn mirror(pc: &UdpSocket, sequence: u16) -> MeasurementDatagram {
 #[test]
 fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace() {
     let pc = pc();
-    let trace = Trace(std::env::temp_dir().join(format!("rcc-lwr-sim-{}.csv", std::process::id())));
-    let mut simulator = Simulator::start(&pc, &["--trace", trace.0.to_str().unwrap()]);
+    let folder = rcc_testing::folder();
+    let trace = folder.path().join("trace.csv");
+    let mut simulator = start(&pc, &["--trace", trace.to_str().unwrap()]);
     // A stall of this machine may cost the command state again: this number of cycles is ample.
     let commanded =
         (1..20_000).any(|sequence| mirror(&pc, sequence).state == SessionState::Command);
     assert!(commanded);
-    let state = simulator.ask(r#"{"state":null}"#);
+    let state = simulator.state();
     assert!(
         state["counts"]["answered"].as_u64().unwrap() > 50,
         "{state}"
     );
     assert_eq!(state["q"][3], -1.25);
     assert_eq!(simulator.ask(r#"{"flush":null}"#)["ok"], true);
-    let text = std::fs::read_to_string(&trace.0).unwrap();
+    let text = std::fs::read_to_string(&trace).unwrap();
     let records: Vec<TraceRecord> = text
         .lines()
         .skip(1)
@@ -145,13 +94,14 @@ fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace(
 #[test]
 fn requests_write_files_below_the_folder_of_the_socket_only() {
     let pc = pc();
-    let mut simulator = Simulator::start(&pc, &[]);
-    let elsewhere = Folder::new();
-    let folder = simulator.folder.0.clone();
-    let outside = elsewhere.0.join("trace.csv");
-    symlink(&elsewhere.0, folder.join("way")).unwrap();
+    let mut simulator = start(&pc, &[]);
+    let temporary = rcc_testing::folder();
+    let elsewhere = temporary.path();
+    let folder = simulator.folder.path().to_owned();
+    let outside = elsewhere.join("trace.csv");
+    symlink(elsewhere, folder.join("way")).unwrap();
     symlink(&outside, folder.join("link.csv")).unwrap();
-    let name = elsewhere.0.file_name().unwrap().to_str().unwrap();
+    let name = elsewhere.file_name().unwrap().to_str().unwrap();
     let up = format!("../{name}/trace.csv");
     for (path, part) in [
         (outside.to_str().unwrap(), "is not below"),
@@ -170,13 +120,13 @@ fn requests_write_files_below_the_folder_of_the_socket_only() {
         assert_eq!(answer["ok"], true, "{answer}");
         assert!(folder.join(path).exists());
     }
-    assert_eq!(fs::read_dir(&elsewhere.0).unwrap().count(), 0);
+    assert_eq!(fs::read_dir(elsewhere).unwrap().count(), 0);
 }
 
 #[test]
 fn a_termination_signal_ends_it_without_an_error() {
     let pc = pc();
-    let mut simulator = Simulator::start(&pc, &[]);
+    let mut simulator = start(&pc, &[]);
     mirror(&pc, 1);
     let id = i32::try_from(simulator.child.id()).unwrap();
     nix::sys::signal::kill(

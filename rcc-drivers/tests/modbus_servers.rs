@@ -3,82 +3,28 @@
 
 mod common;
 
-use std::io::{BufRead, BufReader};
-use std::net::SocketAddr;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use common::Folder;
+use common::Simulator;
 use rcc_config::{CellConfig, ChannelConfig, DeviceConfig, OnRelease};
 use rcc_core::primitive::ChannelKind::{self, DigitalInput, DigitalOutput};
 use rcc_core::unit::Unit;
 use rcc_drivers::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use rcc_drivers::drivers::modbus::Modbus;
 use rcc_drivers::drivers::modbus::fault::{EXCEPTIONS, NAMED, TIMEOUT, UNREACHABLE};
-use rcc_drivers::sim::line_server::ControlClient;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// Number of exchanges, or attempts, within which an expected event must happen.
 const PATIENCE: usize = 3000;
 
-/// A running simulator; killed if the test ends first.
-struct Simulator {
-    child: Child,
-    modbus: SocketAddr,
-    control: ControlClient,
-    _folder: Folder,
+fn start(arguments: &[&str]) -> Simulator {
+    Simulator::start(env!("CARGO_BIN_EXE_io-sim"), arguments)
 }
 
-impl Simulator {
-    fn start(bind: &str) -> Self {
-        Self::start_with(&["--wire=coil:0=discrete:0", "--bind", bind])
-    }
-
-    fn start_with(arguments: &[&str]) -> Self {
-        let folder = Folder::new();
-        let mut child = Command::new(env!("CARGO_BIN_EXE_io-sim"))
-            .arg("--parent-death")
-            .arg("--control")
-            .arg(folder.socket())
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        let stdout = child.stdout.take().unwrap();
-        BufReader::new(stdout).read_line(&mut line).unwrap();
-        let address = |name: &str| -> SocketAddr {
-            let mut parts = line.split_whitespace();
-            parts
-                .find_map(|part| part.strip_prefix(name))
-                .unwrap()
-                .parse()
-                .unwrap()
-        };
-        Self {
-            control: ControlClient::connect(folder.socket()).unwrap(),
-            modbus: address("modbus="),
-            child,
-            _folder: folder,
-        }
-    }
-
-    fn ask(&mut self, request: &str) -> Value {
-        serde_json::from_str(&self.control.ask(request).unwrap()).unwrap()
-    }
-
-    fn state(&mut self) -> Value {
-        self.ask(r#"{"state":null}"#)
-    }
-}
-
-impl Drop for Simulator {
-    fn drop(&mut self) {
-        // It may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+/// Starts a simulator at this address whose coil 0 is wired to its discrete input 0.
+fn start_at(bind: &str) -> Simulator {
+    start(&["--wire=coil:0=discrete:0", "--bind", bind])
 }
 
 /// Opens a driver with a lamp and its echo on each of the servers `a` and `b`.
@@ -100,7 +46,7 @@ fn open(servers: [&Simulator; 2], timeout: &str) -> Modbus {
         range: None,
         on_release: (row.1 == DigitalOutput).then_some(OnRelease::Safe(0.0)),
     };
-    let server = |one: &Simulator| json!({"address": one.modbus.to_string(), "timeout": timeout, "back_off": "60 ms"});
+    let server = |one: &Simulator| json!({"address": one.modbus().to_string(), "timeout": timeout, "back_off": "60 ms"});
     let device = DeviceConfig {
         name: "io".to_owned(),
         driver: "modbus".to_owned(),
@@ -159,27 +105,24 @@ fn lost_by(driver: &mut Modbus, reasons: &[u32]) {
 
 #[test]
 fn a_lost_server_takes_the_device_with_it_and_the_others_are_released() {
-    let mut a = Simulator::start("127.0.0.1:0");
-    let b = Simulator::start("127.0.0.1:0");
+    let mut a = start_at("127.0.0.1:0");
+    let b = start_at("127.0.0.1:0");
     let mut driver = open([&a, &b], "1 s");
     both_on(&mut driver);
-    let at = b.modbus.to_string();
+    let at = b.modbus().to_string();
     drop(b);
     lost_by(&mut driver, &[2 * NAMED + UNREACHABLE]);
     until(&mut driver, &BOTH_ON, "the other lamp off", |result, _| {
         assert!(result.is_err(), "one server is gone");
         a.state()["coils"][0] == false
     });
-    let _back = Simulator::start(&at);
+    let _back = start_at(&at);
     both_on(&mut driver);
 }
 
 #[test]
 fn a_slow_server_does_not_delay_the_others() {
-    let (mut a, mut b) = (
-        Simulator::start("127.0.0.1:0"),
-        Simulator::start("127.0.0.1:0"),
-    );
+    let (mut a, mut b) = (start_at("127.0.0.1:0"), start_at("127.0.0.1:0"));
     let mut driver = open([&a, &b], "10 s");
     both_on(&mut driver);
     let before = [&mut a, &mut b].map(|one| one.state()["requests"].as_u64().unwrap());
@@ -208,10 +151,7 @@ fn a_slow_server_does_not_delay_the_others() {
 
 #[test]
 fn servers_that_answer_in_time_are_waited_for_and_have_quality() {
-    let (a, b) = (
-        Simulator::start("127.0.0.1:0"),
-        Simulator::start("127.0.0.1:0"),
-    );
+    let (a, b) = (start_at("127.0.0.1:0"), start_at("127.0.0.1:0"));
     let mut driver = open([&a, &b], "1 s");
     let mut exchanges = 0;
     until(
@@ -230,10 +170,7 @@ fn servers_that_answer_in_time_are_waited_for_and_have_quality() {
 
 #[test]
 fn faults_of_a_server_are_named_and_end_with_it() {
-    let (a, mut b) = (
-        Simulator::start("127.0.0.1:0"),
-        Simulator::start("127.0.0.1:0"),
-    );
+    let (a, mut b) = (start_at("127.0.0.1:0"), start_at("127.0.0.1:0"));
     let mut driver = open([&a, &b], "100 ms");
     let reasons = driver.reasons().expect("servers with names");
     for (fault, reason) in [
@@ -259,10 +196,7 @@ fn faults_of_a_server_are_named_and_end_with_it() {
 
 #[test]
 fn the_last_outputs_leave_before_a_driver_ends() {
-    let (mut a, mut b) = (
-        Simulator::start("127.0.0.1:0"),
-        Simulator::start("127.0.0.1:0"),
-    );
+    let (mut a, mut b) = (start_at("127.0.0.1:0"), start_at("127.0.0.1:0"));
     let mut driver = open([&a, &b], "1 s");
     both_on(&mut driver);
     driver
@@ -289,11 +223,11 @@ fn the_cell_of_the_documentation_is_right_and_its_device_goes_online() {
                 .arguments
                 .iter()
                 .filter(|argument| argument.starts_with("--wire"));
-            Simulator::start_with(&wires.map(String::as_str).collect::<Vec<_>>())
+            start(&wires.map(String::as_str).collect::<Vec<_>>())
         })
         .collect();
     for (name, simulator) in ["press", "oven"].into_iter().zip(&simulators) {
-        device.settings["servers"][name]["address"] = simulator.modbus.to_string().into();
+        device.settings["servers"][name]["address"] = simulator.modbus().to_string().into();
         device.settings["servers"][name]["timeout"] = "2 s".into();
     }
     let mut driver = Modbus::open(&device).unwrap();

@@ -8,6 +8,7 @@ use std::sync::{Mutex, RwLock, RwLockWriteGuard};
 use std::time::Duration;
 
 use rcc_os::clock::monotonic_ns;
+use rcc_testing::Rng;
 
 /// Number of entries that are kept; the oldest are dropped.
 const REMEMBERED: usize = 4096;
@@ -108,23 +109,19 @@ impl Journal {
     }
 }
 
-/// Pseudo-random numbers by xorshift64*: the same seed reproduces the same choices.
+/// Random choices of one thread: the same seed reproduces them.
 #[derive(Debug)]
-pub struct Random(u64);
+pub struct Random(Rng);
 
 impl Random {
     /// Creates the generator of one thread from the seed of the run and the thread's number.
     pub fn new(seed: u64, thread: u64) -> Random {
-        let mixed = seed ^ (thread + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        Random(mixed | 1)
+        Random(Rng::with_seed(seed ^ thread << 32))
     }
 
     /// Returns a number below `bound`.
     pub fn below(&mut self, bound: u64) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 16) % bound
+        self.0.u64(..bound)
     }
 
     /// Returns true with a probability of `part` percent.

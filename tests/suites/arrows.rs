@@ -81,6 +81,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-graph", &["rcc-language"]),
     ("rcc-robot", &["rcc-core"]),
     ("rcc-net", &["rcc-core", "rcc-config", "rcc-language"]),
+    // Used by tests and benchmarks only.
+    ("rcc-testing", &["rcc-core"]),
     (
         "rcc-loader",
         &[

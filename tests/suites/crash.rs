@@ -4,6 +4,7 @@
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
 use rcc_protocol::Role;
+use rcc_testing::Rng;
 use rcc_tests::cell_fixture::ExecutorBoards;
 use rcc_tests::census::runtime_files;
 use rcc_tests::processes::{self, OpenResources};
@@ -191,23 +192,11 @@ fn outputs_of_a_killed_driver_take_their_safe_value_when_it_is_back() {
     cell.stop();
 }
 
-/// xorshift64*: a printed seed reproduces the moments.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) % bound
-    }
-}
-
 #[test]
 fn twenty_driver_kills_at_random_moments_leak_nothing() {
-    let seed = rcc_os::clock::monotonic_ns() | 1;
+    let seed = rcc_os::clock::monotonic_ns();
     eprintln!("seed {seed}");
-    let mut random = Random(seed);
+    let mut random = Rng::with_seed(seed);
     let mut cell = UnsupervisedCell::demo();
     let mut arm = cell.simulator("lwr-sim");
     let executor = cell.pid("executor");
@@ -218,7 +207,7 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
         let y = if round % 2 == 0 { 0.1 } else { 0.0 };
         let line = cell.load(&nets::line("line", y, 0.2));
         cell.start_when_ready(line);
-        std::thread::sleep(std::time::Duration::from_micros(random.below(400_000)));
+        std::thread::sleep(std::time::Duration::from_micros(random.u64(..400_000)));
         cell.end("lwr", Signal::SIGKILL);
         // At the very end of the line the kill may come too late to matter.
         let row = cell.await_end(line);
@@ -231,7 +220,7 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
         cell.start_driver("lwr");
         // A driver may also be killed before it is ready.
         if round % 5 == 4 {
-            std::thread::sleep(std::time::Duration::from_micros(random.below(100_000)));
+            std::thread::sleep(std::time::Duration::from_micros(random.u64(..100_000)));
             cell.end("lwr", Signal::SIGKILL);
             cell.start_driver("lwr");
         }

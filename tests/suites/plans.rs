@@ -8,6 +8,7 @@ use rcc_core::message::CommandState;
 use rcc_ipc::{Client, Session};
 use rcc_protocol::control::{Answer, CONTROL, Call, PlanData, Refusal};
 use rcc_protocol::{Role, wire};
+use rcc_testing::Rng;
 use rcc_tests::cell_fixture::CellFixture;
 use rcc_tests::{TestCell, await_some, nets};
 
@@ -70,16 +71,14 @@ fn bytes_that_are_not_a_call_are_refused_and_change_nothing() {
         .as_array()
         .expect("rows")
         .len();
-    let mut random = rcc_os::clock::monotonic_ns() | 1;
-    eprintln!("seed {random}");
+    let seed = rcc_os::clock::monotonic_ns();
+    eprintln!("seed {seed}");
+    let mut random = Rng::with_seed(seed);
     for length in [0, 1, 2, 7, 64, 1000, 100_000] {
         // An unknown call number, followed by random bytes.
         let mut bytes = vec![0xfa; length];
         for byte in bytes.iter_mut().skip(1) {
-            random = random
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            *byte = (random >> 56) as u8;
+            *byte = random.u8(..);
         }
         assert_eq!(
             control.bytes(&bytes),
@@ -156,9 +155,9 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
     let control = Control::of(&cell);
     let watch = cell.watch();
     let plan = control.plan(&nets::input("input", "io", "lamp_on"));
-    let seed = rcc_os::clock::monotonic_ns() | 1;
+    let seed = rcc_os::clock::monotonic_ns();
     eprintln!("seed {seed}");
-    let (mut random, mut refused) = (seed, 0);
+    let (mut random, mut refused) = (Rng::with_seed(seed), 0);
     for round in 0..300 {
         let id = control.reserve();
         let mut bytes = wire::encode(&Call::Install {
@@ -166,10 +165,7 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
             plan: plan.clone(),
         })
         .expect("a call");
-        random = random
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
-        let bit = (random >> 33) as usize % (bytes.len() * 8);
+        let bit = random.usize(..bytes.len() * 8);
         bytes[bit / 8] ^= 1 << (bit % 8);
         let answer = control.bytes(&bytes);
         refused += u32::from(matches!(answer, Answer::Refused(_)));

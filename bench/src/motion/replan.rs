@@ -7,8 +7,7 @@ use std::time::Instant;
 use rcc_core::axis::{AXIS_WORDS, AxisFollower, AxisState};
 use rcc_core::path::MotionLimits;
 use rcc_motion::goal::plan;
-
-use super::random;
+use rcc_testing::{Random, Rng};
 
 const ROUNDS: usize = 200_000;
 const PERIOD_S: f64 = 1e-3;
@@ -45,28 +44,31 @@ fn limits() -> [MotionLimits; 7] {
     })
 }
 
-fn state(seed: &mut u64, limits: &MotionLimits) -> AxisState {
+fn state(random: &mut Rng, limits: &MotionLimits) -> AxisState {
     AxisState {
-        position: random(seed),
-        velocity: 0.8 * limits.velocity * random(seed),
-        acceleration: 0.8 * limits.acceleration * random(seed),
+        position: random.uniform(-1.0, 1.0),
+        velocity: 0.8 * limits.velocity * random.uniform(-1.0, 1.0),
+        acceleration: 0.8 * limits.acceleration * random.uniform(-1.0, 1.0),
     }
 }
 
 /// Runs all measurements, which takes seconds.
 #[must_use]
 pub fn measure() -> Vec<TimeQuantiles> {
-    let (mut seed, limits) = (7, limits());
+    let (mut random, limits) = (Rng::with_seed(7), limits());
     let mut random_states = Vec::with_capacity(ROUNDS);
     for _ in 0..ROUNDS {
-        let tasks = limits.map(|limits| (state(&mut seed, &limits), random(&mut seed), limits));
+        let tasks = limits.map(|limits| {
+            let from = state(&mut random, &limits);
+            (from, random.uniform(-1.0, 1.0), limits)
+        });
         random_states.push(timed(|| {
             for (from, goal, limits) in &tasks {
                 black_box(plan(black_box(from), *goal, limits));
             }
         }));
     }
-    let (same, new) = follow(&mut seed, &limits);
+    let (same, new) = follow(&mut random, &limits);
     vec![
         spread("planning alone, random states and goals", random_states),
         spread("a cycle on the way to goals as they were", same),
@@ -76,7 +78,7 @@ pub fn measure() -> Vec<TimeQuantiles> {
 
 /// Measures cycles of seven joints with new goals every 20 cycles; returns the durations of cycles without and with new
 /// goals, ns.
-fn follow(seed: &mut u64, limits: &[MotionLimits; 7]) -> (Vec<u64>, Vec<u64>) {
+fn follow(random: &mut Rng, limits: &[MotionLimits; 7]) -> (Vec<u64>, Vec<u64>) {
     let mut joints = limits.map(|_| AxisFollower::at_rest(0.0));
     let mut words = joints.map(|joint| joint.words());
     let (mut same, mut other) = (Vec::new(), Vec::new());
@@ -84,7 +86,7 @@ fn follow(seed: &mut u64, limits: &[MotionLimits; 7]) -> (Vec<u64>, Vec<u64>) {
     for cycle in 0..ROUNDS {
         let new = cycle % 20 == 0;
         if new {
-            goals = goals.map(|_| random(seed));
+            goals = goals.map(|_| random.uniform(-1.0, 1.0));
         }
         let step = |words: &mut [[f64; AXIS_WORDS]; 7], joints: &mut [AxisFollower; 7]| {
             for (((words, joint), goal), limits) in

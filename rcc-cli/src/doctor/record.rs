@@ -185,12 +185,12 @@ mod tests {
 
     #[test]
     fn a_stored_record_is_read_again() -> io::Result<()> {
-        let folder = std::env::temp_dir().join(format!("rcc-record-{}", std::process::id()));
+        let temporary = rcc_testing::folder();
+        let folder = temporary.path().join("new");
         let record = GradeRecord::of(&measured(21, 38));
         let path = record.store_in(&folder)?;
         let read = read(&folder);
         let others = fs::read_dir(&folder)?.count();
-        fs::remove_dir_all(&folder)?;
         assert_eq!(read, Some(record));
         assert!(path.ends_with("doctor.json") && others == 1);
         Ok(())

@@ -103,34 +103,35 @@ impl NotifySocket {
 
 #[cfg(test)]
 mod tests {
+    use rcc_testing::TempDir;
+
     use super::*;
 
     const NEVER: Duration = Duration::from_secs(3600);
 
-    fn connected(name: &str) -> (NotifySocket, UnixDatagram, std::path::PathBuf) {
-        let path =
-            std::env::temp_dir().join(format!("rcc-notifications-{name}-{}", std::process::id()));
+    fn connected() -> (NotifySocket, UnixDatagram, TempDir) {
+        let folder = rcc_testing::folder();
+        let path = folder.path().join("notify");
         let notifications = NotifySocket::listen(&path).unwrap();
         let sender = UnixDatagram::unbound().unwrap();
         sender.connect(&path).unwrap();
-        (notifications, sender, path)
+        (notifications, sender, folder)
     }
 
     #[test]
     fn notifications_are_read_in_any_combination() {
-        let (mut notifications, sender, path) = connected("words");
+        let (mut notifications, sender, _folder) = connected();
         sender
             .send(b"READY=1\nSTATUS=1000 Hz, a=b\nWATCHDOG=1\nMAINPID=7\n\xff")
             .unwrap();
         notifications.read();
         assert!(notifications.is_ready());
         assert_eq!(notifications.status(), "1000 Hz, a=b");
-        std::fs::remove_file(path).unwrap();
     }
 
     #[test]
     fn silence_is_a_hang_only_beyond_its_limit() {
-        let (mut notifications, sender, path) = connected("silence");
+        let (mut notifications, sender, _folder) = connected();
         assert!(
             notifications
                 .silence_beyond(Duration::ZERO, NEVER)
@@ -163,6 +164,5 @@ mod tests {
                 .is_none(),
             "it stops"
         );
-        std::fs::remove_file(path).unwrap();
     }
 }

@@ -172,22 +172,23 @@ fn latency(root: &Path) -> (Option<File>, String) {
 
 #[cfg(test)]
 mod tests {
+    use rcc_testing::TempDir;
+
     use super::*;
 
     /// A system root in a temporary folder, removed at the end.
-    struct RootFixture(PathBuf);
+    struct RootFixture(TempDir);
 
     impl RootFixture {
-        fn new(name: &str) -> RootFixture {
-            let root =
-                std::env::temp_dir().join(format!("rcc-rt-setup-{name}-{}", std::process::id()));
+        fn new() -> RootFixture {
+            let root = rcc_testing::folder();
             for file in [
                 "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor",
                 "sys/devices/system/cpu/cpu1/cpufreq/scaling_governor",
                 "proc/irq/7/smp_affinity_list",
                 "dev/cpu_dma_latency",
             ] {
-                let path = root.join(file);
+                let path = root.path().join(file);
                 fs::create_dir_all(path.parent().unwrap()).unwrap();
                 fs::write(path, "").unwrap();
             }
@@ -195,27 +196,21 @@ mod tests {
         }
 
         fn text(&self, file: &str) -> String {
-            fs::read_to_string(self.0.join(file)).unwrap()
-        }
-    }
-
-    impl Drop for RootFixture {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
+            fs::read_to_string(self.0.path().join(file)).unwrap()
         }
     }
 
     #[test]
     fn everything_is_set_and_reported() {
-        let system = RootFixture::new("all");
+        let system = RootFixture::new();
         assert_eq!(
-            governor(&system.0),
+            governor(system.0.path()),
             "frequency governor: performance for 2 of 2"
         );
-        let line = interrupts(&system.0, &BTreeSet::from([1]));
+        let line = interrupts(system.0.path(), &BTreeSet::from([1]));
         assert_eq!(line, "interrupts: moved to cores 0 for 1 of 1");
         assert_eq!(system.text("proc/irq/7/smp_affinity_list"), "0");
-        let (held, line) = latency(&system.0);
+        let (held, line) = latency(system.0.path());
         assert!(held.is_some(), "{line}");
         assert_eq!(system.text("dev/cpu_dma_latency"), "\0\0\0\0");
     }

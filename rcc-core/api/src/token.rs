@@ -130,30 +130,23 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::PermissionsExt;
 
+    use rcc_testing::TempDir;
+
     const GOOD: &str = "0123456789abcdef0123456789abcdef";
 
-    struct TestFile(PathBuf);
-
-    impl TestFile {
-        fn new(name: &str, text: &str, mode: u32) -> io::Result<TestFile> {
-            let path =
-                std::env::temp_dir().join(format!("rcc-token-{}-{name}", std::process::id()));
-            fs::write(&path, text)?;
-            fs::set_permissions(&path, fs::Permissions::from_mode(mode))?;
-            Ok(TestFile(path))
-        }
-    }
-
-    impl Drop for TestFile {
-        fn drop(&mut self) {
-            let _ = fs::remove_file(&self.0);
-        }
+    /// Returns the path of a file with this text and mode, and its folder.
+    fn file(text: &str, mode: u32) -> io::Result<(PathBuf, TempDir)> {
+        let folder = rcc_testing::folder();
+        let path = folder.path().join("token");
+        fs::write(&path, text)?;
+        fs::set_permissions(&path, fs::Permissions::from_mode(mode))?;
+        Ok((path, folder))
     }
 
     #[test]
     fn only_the_whole_token_is_the_token() -> Result<(), Box<dyn std::error::Error>> {
-        let file = TestFile::new("good", &format!("{GOOD}\n"), 0o640)?;
-        let token = Token::read(&file.0)?;
+        let (file, _folder) = file(&format!("{GOOD}\n"), 0o640)?;
+        let token = Token::read(&file)?;
         assert!(token.is(GOOD.as_bytes()));
         for wrong in [
             "",
@@ -172,8 +165,8 @@ mod tests {
     #[test]
     fn a_file_that_others_may_read_or_write_is_refused() -> io::Result<()> {
         for mode in [0o644, 0o604, 0o660, 0o602] {
-            let file = TestFile::new("open", GOOD, mode)?;
-            let refused = Token::read(&file.0);
+            let (file, _folder) = file(GOOD, mode)?;
+            let refused = Token::read(&file);
             assert!(
                 matches!(refused, Err(TokenError::NotPrivate { .. })),
                 "{mode:o}: {refused:?}"
@@ -193,8 +186,8 @@ mod tests {
             &"ab ".repeat(20),
             &GOOD.repeat(9),
         ] {
-            let file = TestFile::new("weak", text, 0o600)?;
-            match Token::read(&file.0) {
+            let (file, _folder) = file(text, 0o600)?;
+            match Token::read(&file) {
                 Err(error @ TokenError::Weak { .. }) => {
                     assert!(error.to_string().contains("openssl rand"))
                 }

@@ -80,20 +80,20 @@ mod tests {
 
     #[test]
     fn a_special_file_is_refused_with_a_remedy_and_not_waited_for() -> io::Result<()> {
-        let pipe = std::env::temp_dir().join(format!("rcc-config-pipe-{}", std::process::id()));
+        let folder = rcc_testing::folder();
+        let pipe = folder.path().join("pipe");
         let made = Command::new("mkfifo").arg(&pipe).status()?;
         assert!(made.success());
-        let folder = std::env::temp_dir();
         for (path, kind) in [
             (pipe.as_path(), "a named pipe"),
             (Path::new("/dev/zero"), "a device"),
-            (&folder, "a folder"),
+            (folder.path(), "a folder"),
         ] {
             let words = read(path).err().map(|faults| faults.to_string());
             let words = words.unwrap_or_default();
             assert!(words.contains("RCC2001") && words.contains(kind), "{words}");
             assert!(words.contains("name a regular file"), "{words}");
         }
-        std::fs::remove_file(pipe)
+        Ok(())
     }
 }

@@ -595,10 +595,12 @@ fn differences_are_named_by_the_keys_of_the_file() {
 
 #[test]
 fn a_change_of_the_files_is_reported_once() {
-    let folder = std::env::temp_dir().join(format!("rcc-change-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = rcc_testing::folder();
     let robot = std::fs::read_to_string("tests/bad/robots/good.yaml").unwrap();
-    let (path, arm) = (folder.join("cell.yaml"), folder.join("good.yaml"));
+    let (path, arm) = (
+        folder.path().join("cell.yaml"),
+        folder.path().join("good.yaml"),
+    );
     let text = DEVICES.replace("robots/good.yaml", "good.yaml");
     let text = text.replace("{fri: 4000}", "{fri: auto udp}");
     let write = |path: &Path, text: &str| {
@@ -641,5 +643,4 @@ fn a_change_of_the_files_is_reported_once() {
     assert!(matches!(look(), Some(ConfigChange::Invalid(why)) if why.contains("cannot be read")));
     write(&arm, &robot);
     assert_eq!(look(), Some(ConfigChange::None));
-    std::fs::remove_dir_all(folder).unwrap();
 }

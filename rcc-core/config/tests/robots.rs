@@ -9,6 +9,7 @@ use std::f64::consts::{PI, TAU};
 use rcc_config::RobotConfig;
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
+use rcc_testing::{Random, Rng};
 use rs_opw_kinematics::kinematic_traits::{self as opw, Kinematics};
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
@@ -151,16 +152,8 @@ fn agrees(robot: &RobotConfig, other: &OPWKinematics, seed: u64) -> bool {
 
 /// Random joint positions within half a turn.
 fn random_joints(seed: u64) -> Joints {
-    let mut state = seed;
-    let mut random = || {
-        // Knuth, TAOCP 2, 3.3.4, table 1, line 26.
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        ((state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0) * PI
-    };
-    random();
+    let mut random = Rng::with_seed(seed);
     let mut joints = [0.0; 8];
-    joints[..6].fill_with(random);
+    joints[..6].fill_with(|| random.uniform(-PI, PI));
     joints
 }

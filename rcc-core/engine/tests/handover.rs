@@ -8,6 +8,7 @@ use rcc_core::message::{CommandImage, CommandState, DeviceState, EndReason};
 use rcc_core::plan::{Rate, Resource};
 use rcc_engine::queue::EngineRequest;
 use rcc_protocol::control::{Answer, PlanData, Refusal};
+use rcc_testing::{Random, Rng};
 
 fn cycle_of(answer: Answer) -> u64 {
     match answer {
@@ -509,20 +510,8 @@ fn a_hand_over_that_waits_is_checked_again_and_only_one_waits() {
     assert_eq!(fixture.state(new), CommandState::Ready);
 }
 
-/// Numbers from a seed (Marsaglia, xorshift64).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, bound: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 % bound as u64) as usize
-    }
-}
-
 /// A random net of one of several types; some begin where the arm is, some do not.
-fn any_net(fixture: &EngineFixture, random: &mut Random) -> PlanData {
+fn any_net(fixture: &EngineFixture, random: &mut Rng) -> PlanData {
     let here = match fixture.told().has_position {
         1 => fixture.told().position[0],
         _ => fixture.driver.measurement.hold[0],
@@ -543,12 +532,12 @@ fn any_net(fixture: &EngineFixture, random: &mut Random) -> PlanData {
 fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
     let mut all = 0;
     for seed in 1..=60 {
-        let mut random = Random(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(seed));
+        let mut random = Rng::with_seed(seed);
         let mut fixture = EngineFixture::new();
         let mut ids: Vec<u64> = Vec::new();
         let (mut history, mut switched) = (Vec::new(), 0);
         for _ in 0..400 {
-            let pick = |random: &mut Random, ids: &[u64]| match ids.len() {
+            let pick = |random: &mut Rng, ids: &[u64]| match ids.len() {
                 0 => 1,
                 len => ids[random.below(len)],
             };

@@ -9,6 +9,7 @@ use rcc_core::message::{
     CommandState, DeviceState, EndReason, FaultCode, MAGIC, Measurement, SET_POINTS, SetPoint,
 };
 use rcc_core::types::Store;
+use rcc_testing::Rng;
 
 /// Corrupts a valid measurement.
 type Corruption = fn(&mut Measurement);
@@ -140,33 +141,18 @@ fn a_measured_value_that_is_not_finite_is_null() {
     }
 }
 
-/// A linear congruential generator with Knuth's MMIX constants; reproducible from a seed.
-struct RandomBytes(u64);
-
-impl RandomBytes {
-    fn next(&mut self) -> u64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        self.0 >> 11
-    }
-}
-
 /// Random bytes, with valid values in some fields.
-fn random_measurement(random: &mut RandomBytes, honest: &Measurement) -> Measurement {
+fn random_measurement(random: &mut Rng, honest: &Measurement) -> Measurement {
     let mut measurement = Measurement::zeroed();
-    for byte in bytemuck::bytes_of_mut(&mut measurement) {
-        *byte = random.next() as u8;
-    }
-    let valid = random.next();
+    random.fill(bytemuck::bytes_of_mut(&mut measurement));
+    let valid = random.u64(..);
     if valid & 63 != 0 {
         (measurement.magic, measurement.stamp_ns) = (MAGIC, honest.stamp_ns);
         (measurement.joints, measurement.sequence) = (honest.joints, honest.sequence);
     }
     measurement.state = honest.state;
     if valid & 0xf00 == 0 {
-        measurement.state = (random.next() % 6) as u32;
+        measurement.state = random.u32(..6);
     }
     if valid & 0x1f_0000 != 0 {
         measurement.strategy = honest.strategy;
@@ -184,12 +170,12 @@ fn random_measurement(random: &mut RandomBytes, honest: &Measurement) -> Measure
 #[test]
 fn with_any_board_content_set_points_keep_the_limits_and_the_engine_continues() {
     let limits = model().limits;
-    let (mut moved, mut random) = (0_u32, RandomBytes(20_261_121));
+    let (mut moved, mut random) = (0_u32, Rng::with_seed(20_261_121));
     for _ in 0..300 {
         let mut fixture = EngineFixture::new();
         let id = fixture.load(line_net());
         fixture.start(id);
-        fixture.steps(1 + (random.next() % 40) as usize);
+        fixture.steps(1 + random.usize(..40));
         let mut before = newest(&fixture, 0);
         for _ in 0..100 {
             let mut honest = fresh(&fixture);

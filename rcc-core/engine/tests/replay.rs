@@ -7,7 +7,6 @@ mod random;
 use std::collections::BTreeMap;
 
 use common::{EngineFixture, HOLD, line_net, model, output_net, time_net};
-use random::Random;
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
 use rcc_core::plan::Rate;
@@ -21,6 +20,7 @@ use rcc_engine::record::{
 };
 use rcc_engine::replay::{MismatchKind, NetReplayResult, ReplaySource, replay};
 use rcc_protocol::control::{Answer, PlanData};
+use rcc_testing::{Random, Rng};
 
 const CONFIGURATION: u64 = 5;
 const ROOM: usize = 64 << 20;
@@ -129,7 +129,7 @@ fn a_thousand_random_nets_are_replayed_to_the_bit() {
     let mut seed = 0;
     while nets < 1000 {
         seed += 1;
-        let mut random = Random::new(seed);
+        let mut random = Rng::with_seed(seed);
         let mut stage = Recorded::new(4 << 20);
         let mut ids = Vec::new();
         while ids.len() < 8 {
@@ -170,7 +170,7 @@ fn a_thousand_random_nets_are_replayed_to_the_bit() {
 }
 
 /// Some cycles with random inputs, device losses and requests.
-fn live(random: &mut Random, stage: &mut Recorded, ids: &[u64]) {
+fn live(random: &mut Rng, stage: &mut Recorded, ids: &[u64]) {
     for _ in 0..100 + random.below(100) {
         let fixture = &mut stage.fixture;
         random::measure(random, &mut fixture.driver.measurement);
@@ -433,7 +433,7 @@ fn replay_file(words: &[u64]) -> Result<Vec<NetReplayResult>, String> {
 #[test]
 fn an_incident_file_is_replayed_as_the_recording_was() {
     for seed in 1..40 {
-        let mut random = Random::new(seed);
+        let mut random = Rng::with_seed(seed);
         let mut stage = Recorded::new(4 << 20);
         let mut ids = Vec::new();
         while ids.len() < 4 {
@@ -464,7 +464,7 @@ fn an_incident_file_is_replayed_as_the_recording_was() {
 fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
     let (stage, tape) = analog_tape();
     let words = file(&stage, &tape);
-    let mut random = Random::new(7);
+    let mut random = Rng::with_seed(7);
     for _ in 0..200 {
         let mut bad = words.clone();
         let at = random.below(bad.len());
@@ -480,7 +480,7 @@ fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
             let range = if round % 4 == 0 { bad.len() } else { early };
             let at = 2 + random.below(range - 3);
             bad[at] = match random.below(4) {
-                0 => random.next(),
+                0 => random.bits(),
                 1 => bad[at] ^ 1 << random.below(64),
                 2 => u64::MAX,
                 _ => random.below(1000) as u64,
@@ -498,7 +498,7 @@ fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
 #[test]
 fn a_damaged_recording_is_an_error_or_a_difference_and_never_a_panic() {
     let (stage, tape) = analog_tape();
-    let mut random = Random::new(1);
+    let mut random = Rng::with_seed(1);
     for _ in 0..300 {
         let length = 1 + random.below(3000);
         let from = random.below(tape.words.len() - length);
@@ -506,7 +506,7 @@ fn a_damaged_recording_is_an_error_or_a_difference_and_never_a_panic() {
         for _ in 0..4 {
             let at = random.below(words.len());
             words[at] = match random.below(3) {
-                0 => random.next(),
+                0 => random.bits(),
                 1 => words[at] ^ 1 << random.below(64),
                 _ => u64::MAX,
             };

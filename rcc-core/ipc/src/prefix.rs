@@ -146,8 +146,8 @@ mod tests {
 
     #[test]
     fn an_invalid_prefix_file_is_ignored() -> Result<(), CellError> {
-        let file = std::env::temp_dir().join(format!("rcc-prefix-{}", std::process::id()));
-        let folder = Path::new("/run/rcc/demo");
+        let temporary = rcc_testing::folder();
+        let (file, folder) = (temporary.path().join("prefix"), Path::new("/run/rcc/demo"));
         for text in [
             "",
             "rcc_",
@@ -178,10 +178,10 @@ mod tests {
             println!("skipped: files of another user need root");
             return Ok(());
         }
-        let folder = std::env::temp_dir().join(format!("rcc-blocked-{}", std::process::id()));
-        fs::create_dir(&folder)?;
+        let temporary = rcc_testing::folder();
+        let folder = temporary.path();
         let (file, cell_lock) = (folder.join("prefix"), folder.join("cell.lock"));
-        let usual = default_prefix(0, &folder);
+        let usual = default_prefix(0, folder);
         let (foreign, ours) = (
             Path::new(SHM).join(format!("{usual}node.0_10_0.global_mgmt")),
             Path::new(SHM).join(format!("{usual}left.dynamic")),
@@ -189,7 +189,7 @@ mod tests {
         fs::write(&foreign, "")?;
         fs::write(&ours, "")?;
         std::os::unix::fs::chown(&foreign, Some(65534), None)?;
-        let look = || of(0, &folder, &file, &cell_lock);
+        let look = || of(0, folder, &file, &cell_lock);
         let living = lock::shared_within(&cell_lock, Duration::ZERO)?;
         let while_it_lives = look()?;
         let kept = ours.exists();
@@ -197,7 +197,6 @@ mod tests {
         let (other, again) = (look()?, look()?);
         let (foreign_stays, ours_stays) = (foreign.exists(), ours.exists());
         fs::remove_file(foreign)?;
-        fs::remove_dir_all(folder)?;
         assert_eq!((while_it_lives, kept), (usual.clone(), true));
         assert_ne!(other, usual);
         assert_eq!(other, again, "the prefix is stored");

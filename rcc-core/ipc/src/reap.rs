@@ -291,8 +291,8 @@ mod tests {
 
     #[test]
     fn a_process_that_dies_while_iceoryx2_cleans_is_left_for_the_next_run() {
-        let folder = std::env::temp_dir().join(format!("rcc-reap-{}", std::process::id()));
-        let cell = Cell::at("reap", &folder).unwrap();
+        let folder = rcc_testing::folder();
+        let cell = Cell::at("reap", folder.path()).unwrap();
         let nodes = cell.iox_root().join("nodes");
         fs::create_dir_all(&nodes).unwrap();
         let before = DeadProcesses::of(&cell).unwrap();
@@ -303,7 +303,6 @@ mod tests {
         assert_eq!(reap(&cell, &DeadProcesses::of(&cell).unwrap()).unwrap(), 1);
         assert!(!node.exists());
         fs::remove_dir_all(cell.iox_root()).unwrap();
-        fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]

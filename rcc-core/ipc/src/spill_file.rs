@@ -164,32 +164,17 @@ fn read(path: &Path) -> Result<Vec<u8>, SpillError> {
 
 #[cfg(test)]
 mod tests {
+    use rcc_testing::folder;
+
     use super::*;
-
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(name: &str) -> Folder {
-            let path =
-                std::env::temp_dir().join(format!("rcc-spill-{}-{name}", std::process::id()));
-            assert!(fs::create_dir(&path).is_ok());
-            Folder(path)
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
 
     #[test]
     fn a_long_request_is_read_back_and_its_file_removed() -> Result<(), SpillError> {
-        let folder = Folder::new("long");
+        let folder = folder();
         let request = vec![7; REQUEST_MAX];
-        let (message, spill) = SpillFile::create(&folder.0, &request)?;
+        let (message, spill) = SpillFile::create(folder.path(), &request)?;
         assert_eq!(message.len(), NAMED_SIZE);
-        assert_eq!(open(&folder.0, &message)?, request);
+        assert_eq!(open(folder.path(), &message)?, request);
         let name = spill
             .path
             .file_name()
@@ -199,10 +184,10 @@ mod tests {
         assert_eq!(owner_of(&name), ProcessInstance::current().ok());
         drop(spill);
         assert!(matches!(
-            open(&folder.0, &message),
+            open(folder.path(), &message),
             Err(SpillError::File { .. })
         ));
-        assert_eq!(open(&folder.0, &message_of(b"short"))?, b"short");
+        assert_eq!(open(folder.path(), &message_of(b"short"))?, b"short");
         Ok(())
     }
 
@@ -212,9 +197,9 @@ mod tests {
 
     #[test]
     fn a_malformed_message_is_refused() {
-        let folder = Folder::new("form");
+        let folder = folder();
         for message in [&[][..], &[2, 0, 0], &[NAMED], &[NAMED; 16], &[NAMED; 18]] {
-            let refused = open(&folder.0, message);
+            let refused = open(folder.path(), message);
             assert!(
                 matches!(refused, Err(SpillError::Malformed { .. })),
                 "{message:?}"
@@ -224,34 +209,34 @@ mod tests {
 
     #[test]
     fn a_file_that_is_too_long_or_not_regular_is_refused() -> io::Result<()> {
-        let folder = Folder::new("kinds");
+        let folder = folder();
         let named = |number: u64| {
             let message: Vec<u8> =
                 [vec![NAMED], vec![0; 8], number.to_le_bytes().to_vec()].concat();
-            (folder.0.join(name(0, number)), message)
+            (folder.path().join(name(0, number)), message)
         };
         let (long, message) = named(1);
         File::create(long)?.set_len(REQUEST_MAX as u64 + 1)?;
         assert!(matches!(
-            open(&folder.0, &message),
+            open(folder.path(), &message),
             Err(SpillError::TooLarge { .. })
         ));
         let (link, message) = named(2);
         std::os::unix::fs::symlink("/etc/hostname", link)?;
         assert!(matches!(
-            open(&folder.0, &message),
+            open(folder.path(), &message),
             Err(SpillError::File { .. })
         ));
         let (directory, message) = named(3);
         fs::create_dir(directory)?;
         assert!(matches!(
-            open(&folder.0, &message),
+            open(folder.path(), &message),
             Err(SpillError::File { .. })
         ));
         let (pipe, message) = named(4);
         nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRUSR)?;
         assert!(matches!(
-            open(&folder.0, &message),
+            open(folder.path(), &message),
             Err(SpillError::File { .. })
         ));
         Ok(())

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-use common::{Peer, TestCell, part, refused, run_janitor, wait_until_started};
+use common::{Peer, TestCell, part, paths_below, refused, run_janitor, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
 use rcc_ipc::ownership::{acquire, release};
 use rcc_ipc::{AnnounceError, BoardError, Cell, RequestError, Session, SessionError};
@@ -285,7 +285,8 @@ fn nothing_of_a_living_cell_is_open_to_other_users() {
     let _subscriber = session.subscribe::<[u64; 8]>(publisher.service()).unwrap();
     let _announced = cell.announce(&session.announcement()).unwrap();
     run_janitor(&cell).unwrap();
-    let on_disk = files_below(cell.runtime_dir());
+    let mut on_disk = paths_below(cell.runtime_dir());
+    on_disk.retain(|path| !path.is_dir());
     let in_memory = cell.leftovers().unwrap();
     assert!(on_disk.len() >= 3 && in_memory.len() > 10);
     for path in on_disk.iter().chain(&in_memory) {
@@ -296,15 +297,6 @@ fn nothing_of_a_living_cell_is_open_to_other_users() {
         let mode = fs::metadata(folder).unwrap().mode() & 0o7777;
         assert_eq!(mode, 0o700, "{}", folder.display());
     }
-}
-
-fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap().flatten();
-    let nested = entries.map(|entry| match entry.path() {
-        path if path.is_dir() => files_below(&path),
-        path => vec![path],
-    });
-    nested.flatten().collect()
 }
 
 #[test]

@@ -4,13 +4,15 @@
 mod common;
 
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for, wait_until_started};
+use common::{
+    LIMIT, Peer, TestCell, part, paths_below, refused, run_janitor, wait_for, wait_until_started,
+};
 use rcc_ipc::{Cell, Session, board, request, stream};
 use rcc_protocol::Role;
+use rcc_testing::Rng;
 
 /// The child process: works until it is killed.
 #[test]
@@ -57,32 +59,12 @@ fn peer() {
     unreachable!("no part {part}");
 }
 
-/// The same moments in each run, spread over everything that a process does in its first 20 ms (a linear congruential
-/// generator, Knuth's MMIX constants).
+/// The same moments in each run, spread over everything that a process does in its first 20 ms.
 fn random_delays_us(count: usize) -> impl Iterator<Item = u64> {
-    let mut state: u64 = std::env::var("RCC_IPC_TEST_SEED")
-        .ok()
-        .and_then(|t| t.parse().ok())
-        .unwrap_or(1);
-    let next = move || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % 20_000
-    };
-    std::iter::repeat_with(next).take(count)
-}
-
-fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap().flatten() {
-        found.push(entry.path());
-        if entry.path().is_dir() {
-            found.extend(files_below(&entry.path()));
-        }
-    }
-    found.sort();
-    found
+    let seed = std::env::var("RCC_IPC_TEST_SEED").ok();
+    let seed = seed.and_then(|t| t.parse().ok()).unwrap_or(1);
+    let mut random = Rng::with_seed(seed);
+    std::iter::repeat_with(move || random.u64(..20_000)).take(count)
 }
 
 #[test]
@@ -92,7 +74,7 @@ fn a_process_killed_at_any_moment_leaves_nothing_after_the_janitor() {
     let mut own = session.create_board::<u64>("own").unwrap();
     run_janitor(&cell).unwrap();
     let before = cell.files();
-    let before_on_disk = files_below(&cell.iox_root());
+    let before_on_disk = paths_below(&cell.iox_root());
     for (round, delay_us) in random_delays_us(40).enumerate() {
         let round = round as u64;
         let peer = Peer::start(&cell, "busy", "lwr");
@@ -102,7 +84,7 @@ fn a_process_killed_at_any_moment_leaves_nothing_after_the_janitor() {
         // Files created just before the kill that are still empty are left for a later run.
         wait_for(|| {
             run_janitor(&cell).unwrap();
-            (cell.files() == before && files_below(&cell.iox_root()) == before_on_disk)
+            (cell.files() == before && paths_below(&cell.iox_root()) == before_on_disk)
                 .then_some(())
         });
         own.write(&round);

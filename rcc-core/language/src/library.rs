@@ -187,7 +187,8 @@ mod tests {
 
     #[test]
     fn a_library_that_is_not_a_regular_file_is_refused_without_blocking() -> io::Result<()> {
-        let pipe = std::env::temp_dir().join(format!("rcc-library-pipe-{}", std::process::id()));
+        let folder = rcc_testing::folder();
+        let pipe = folder.path().join("pipe");
         assert!(Command::new("mkfifo").arg(&pipe).status()?.success());
         let pipe = pipe.to_string_lossy().into_owned();
         for (path, kind) in [
@@ -202,7 +203,7 @@ mod tests {
                 other => panic!("{path}: {other:?}"),
             }
         }
-        std::fs::remove_file(pipe)
+        Ok(())
     }
 
     #[test]

@@ -3,9 +3,6 @@
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rcc_core::axis::{AxisState, limits_are_valid};
-use rcc_core::frame::DeviceModel;
-use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::path::{
     Leg, MotionBuilder, MotionLimits, Motions, PathLimits, PathRequest, PathSegment, SpeedOverride,
@@ -14,6 +11,8 @@ use rcc_core::path::{
 use rcc_core::pose::Pose;
 use rcc_motion::goal::{GoalPlanKind, plan_to};
 use rcc_motion::{MotionSet, MotionSetBuilder, StopLimits, StopTrajectory, stop_time};
+use rcc_testing::arms::{HOLD, plain_lwr};
+use rcc_testing::{Random, Rng};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -26,33 +25,10 @@ const LINE: PathLimits = PathLimits {
     jerk: 10.0,
 };
 
-/// The LWR 4+.
-const ARM: Arm = Arm::Srs(SrsArm {
-    shoulder_height: 0.3105,
-    upper_arm: 0.4,
-    forearm: 0.39,
-    wrist_to_flange: 0.078,
-    signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-});
-
 /// Three lines of 0.2 m.
 fn lines() -> MotionSet {
-    let model = DeviceModel {
-        joints: 7,
-        arm: Some(ARM),
-        limits: JointLimits {
-            lower: [-2.9; JOINTS_MAX],
-            upper: [2.9; JOINTS_MAX],
-            velocity_max: [2.0; JOINTS_MAX],
-            acceleration_max: [20.0; JOINTS_MAX],
-            jerk_max: [200.0; JOINTS_MAX],
-            joints: 7,
-        },
-        first_tolerance_rad: 1e-3,
-        ..DeviceModel::NONE
-    };
-    let hold = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
-    let start = ARM.forward(&hold);
+    let model = plain_lwr(200.0);
+    let start = model.arm.unwrap().forward(&HOLD);
     let limits = MotionLimits {
         velocity: LINE.velocity,
         acceleration: LINE.acceleration,
@@ -73,7 +49,7 @@ fn lines() -> MotionSet {
         }],
         pace: SpeedProfile::Uniform,
     };
-    let (models, holds) = ([model], [Some(hold)]);
+    let (models, holds) = ([model], [Some(HOLD)]);
     let mut builder = MotionSetBuilder::new(&models, &holds, DT, 3);
     (0..3).for_each(|index| builder.path(index, &request).unwrap());
     builder.finish().unwrap()
@@ -126,14 +102,6 @@ fn stops_and_refusals_need_no_heap() {
     assert!(resting && refused);
 }
 
-/// A number in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
-fn random(state: &mut u64) -> f64 {
-    *state = state
-        .wrapping_mul(6_364_136_223_846_793_005)
-        .wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-}
-
 /// Limits within a factor of 10^spread of those of a robot's joint; a state within them, and one in ten beyond them; a
 /// goal at any distance, down to rounding.
 fn task(random: &mut impl FnMut() -> f64, spread: f64) -> (AxisState, AxisState, MotionLimits) {
@@ -157,8 +125,8 @@ fn task(random: &mut impl FnMut() -> f64, spread: f64) -> (AxisState, AxisState,
 
 #[test]
 fn two_million_motions_to_goals_need_no_heap() {
-    let mut state = 7;
-    let mut random = || random(&mut state);
+    let mut rng = Rng::with_seed(7);
+    let mut random = || rng.uniform(-1.0, 1.0);
     // Robots and machines; then anything.
     for spread in [1.0, 4.0] {
         let (mut asked, mut refused, mut beyond) = (0_u32, 0_u32, 0_u32);

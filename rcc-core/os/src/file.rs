@@ -146,24 +146,8 @@ fn kind(found: FileType) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rcc_testing::folder;
     use std::os::unix::net::UnixListener;
-    use std::path::PathBuf;
-
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(name: &str) -> io::Result<Folder> {
-            let path = std::env::temp_dir().join(format!("rcc-os-{}-{name}", std::process::id()));
-            std::fs::create_dir(&path)?;
-            Ok(Folder(path))
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = std::fs::remove_dir_all(&self.0);
-        }
-    }
 
     fn said(result: io::Result<impl fmt::Debug>) -> String {
         result.map_or_else(|error| error.to_string(), |read| format!("{read:?}"))
@@ -171,15 +155,15 @@ mod tests {
 
     #[test]
     fn special_files_are_refused_without_waiting() -> io::Result<()> {
-        let folder = Folder::new("kinds")?;
-        let pipe = folder.0.join("pipe");
+        let folder = folder();
+        let pipe = folder.path().join("pipe");
         nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
-        let socket = folder.0.join("socket");
+        let socket = folder.path().join("socket");
         let _listener = UnixListener::bind(&socket)?;
         for (path, kind) in [
             (pipe.as_path(), "a named pipe"),
             (&socket, "a socket"),
-            (&folder.0, "a folder"),
+            (folder.path(), "a folder"),
             (Path::new("/dev/zero"), "a device"),
             (Path::new("/dev/null"), "a device"),
         ] {
@@ -191,11 +175,11 @@ mod tests {
 
     #[test]
     fn a_link_to_a_file_is_read_and_a_link_to_a_pipe_is_refused() -> io::Result<()> {
-        let folder = Folder::new("links")?;
-        let (file, pipe) = (folder.0.join("file"), folder.0.join("pipe"));
+        let folder = folder();
+        let (file, pipe) = (folder.path().join("file"), folder.path().join("pipe"));
         std::fs::write(&file, "text")?;
         nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
-        let link = folder.0.join("link");
+        let link = folder.path().join("link");
         std::os::unix::fs::symlink(&file, &link)?;
         assert_eq!(read_text(&link, 4)?, "text");
         std::fs::remove_file(&link)?;
@@ -206,8 +190,8 @@ mod tests {
 
     #[test]
     fn a_file_beyond_its_limit_is_refused_and_not_read() -> io::Result<()> {
-        let folder = Folder::new("large")?;
-        let path = folder.0.join("large");
+        let folder = folder();
+        let path = folder.path().join("large");
         // Ten gigabytes, sparse.
         File::create(&path)?.set_len(10 << 30)?;
         assert_eq!(said(read(&path, 4)), "it is larger than 4 bytes");
@@ -226,8 +210,8 @@ mod tests {
 
     #[test]
     fn a_pipe_given_on_the_command_line_is_read_and_an_endless_device_is_not() -> io::Result<()> {
-        let folder = Folder::new("given")?;
-        let pipe = folder.0.join("pipe");
+        let folder = folder();
+        let pipe = folder.path().join("pipe");
         nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
         let writer = pipe.clone();
         let thread = std::thread::spawn(move || std::fs::write(writer, "net: x"));
@@ -235,14 +219,14 @@ mod tests {
         assert!(thread.join().is_ok_and(|written| written.is_ok()));
         let endless = said(read_given(Path::new("/dev/zero"), 100));
         assert_eq!(endless, "it is larger than 100 bytes");
-        assert!(said(read_given(&folder.0, 100)).contains("directory"));
+        assert!(said(read_given(folder.path(), 100)).contains("directory"));
         Ok(())
     }
 
     #[test]
     fn bytes_that_are_not_utf_8_are_reported_with_their_offset() -> io::Result<()> {
-        let folder = Folder::new("text")?;
-        let path = folder.0.join("file");
+        let folder = folder();
+        let path = folder.path().join("file");
         std::fs::write(&path, b"ab\xff")?;
         assert_eq!(
             said(read_text(&path, 10)),

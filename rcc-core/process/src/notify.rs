@@ -255,8 +255,8 @@ mod tests {
 
     #[test]
     fn a_recreated_supervisor_socket_is_reached_over_the_same_descriptor() {
-        let name = format!("rcc-notify-recreated-{}", std::process::id());
-        let path = std::env::temp_dir().join(name);
+        let folder = rcc_testing::folder();
+        let path = folder.path().join("notify");
         let address = SocketAddr::from_pathname(&path).unwrap();
         let mut supervisor = SupervisorSocket {
             address,

@@ -9,6 +9,7 @@ use rcc_core::plan::{Rate, ValuePoint};
 use rcc_core::types::Store;
 use rcc_protocol::control::{Answer, Call, InputValue, NetValues, PlanData, Refusal};
 use rcc_protocol::wire::{Message, decode, encode};
+use rcc_testing::Rng;
 
 /// Measures the heap of a thread.
 struct Measuring;
@@ -96,22 +97,6 @@ fn try_it<T: Message + Debug>(bytes: &[u8]) -> bool {
     accepted
 }
 
-/// xorshift64*
-struct Chance(u64);
-
-impl Chance {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-}
-
 fn calls() -> Vec<Vec<u8>> {
     let point = ValuePoint {
         store: Store::Real,
@@ -190,7 +175,7 @@ const HUGE: [&[u8]; 5] = [
 ];
 
 fn of_any_kind<T: Message + Debug>(samples: &[Vec<u8>], seed: u64) {
-    let mut chance = Chance(seed);
+    let mut chance = Rng::with_seed(seed);
     println!("seed {seed:#x}");
     for sample in samples {
         assert!(try_it::<T>(sample), "a sample is accepted");
@@ -206,16 +191,16 @@ fn of_any_kind<T: Message + Debug>(samples: &[Vec<u8>], seed: u64) {
         assert!(!try_it::<T>(&[&sample[..], &[0]].concat()), "one more");
         for _ in 0..2000 {
             let mut changed = sample.clone();
-            for _ in 0..=chance.below(3) {
-                let at = chance.below(changed.len());
-                changed[at] = chance.next() as u8;
+            for _ in 0..=chance.usize(..3) {
+                let at = chance.usize(..changed.len());
+                changed[at] = chance.u8(..);
             }
             try_it::<T>(&changed);
         }
     }
     for _ in 0..5000 {
-        let length = chance.below(600);
-        let mut bytes: Vec<u8> = (0..length).map(|_| chance.next() as u8).collect();
+        let length = chance.usize(..600);
+        let mut bytes: Vec<u8> = (0..length).map(|_| chance.u8(..)).collect();
         if let Some(first) = bytes.first_mut() {
             *first %= 16;
         }

@@ -254,4 +254,4 @@ fn remove_dead(path: &Path) -> io::Result<()> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

@@ -1,33 +1,75 @@
-//! A folder for the control port of a simulator in a test.
+//! A simulator with a control socket in a folder of its own.
 //! Runs in the test harness.
+#![allow(dead_code)] // Each test program uses a part of it.
 
-use std::fs::{self, DirBuilder};
-use std::os::unix::fs::DirBuilderExt;
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::{Child, Command, Stdio};
 
-/// A new folder, mode 0700; removed when dropped.
-pub struct Folder(pub PathBuf);
+use rcc_drivers::sim::line_server::ControlClient;
+use rcc_testing::TempDir;
+use serde_json::Value;
 
-impl Folder {
-    pub fn new() -> Folder {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        // Relaxed: only distinct numbers are needed.
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = format!("rcc-sim-test-{}-{number}", std::process::id());
-        let path = std::env::temp_dir().join(name);
-        DirBuilder::new().mode(0o700).create(&path).unwrap();
-        Folder(path.canonicalize().unwrap())
+/// A running simulator; killed if the test ends first.
+pub struct Simulator {
+    pub child: Child,
+    pub folder: TempDir,
+    /// What it printed once it was ready.
+    pub line: String,
+    control: ControlClient,
+}
+
+impl Simulator {
+    /// Starts the program and waits until it is ready.
+    pub fn start(program: &str, arguments: &[&str]) -> Self {
+        let folder = rcc_testing::folder();
+        let socket = folder.path().join("sim.sock");
+        let mut child = Command::new(program)
+            .arg("--parent-death")
+            .arg("--control")
+            .arg(&socket)
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        Self {
+            control: ControlClient::connect(socket).unwrap(),
+            child,
+            folder,
+            line,
+        }
     }
 
     /// Returns the path of the control socket.
     pub fn socket(&self) -> PathBuf {
-        self.0.join("sim.sock")
+        self.folder.path().join("sim.sock")
+    }
+
+    /// Returns the address at which it serves Modbus.
+    pub fn modbus(&self) -> SocketAddr {
+        let mut words = self.line.split_whitespace();
+        let address = words.find_map(|word| word.strip_prefix("modbus="));
+        address.unwrap().parse().unwrap()
+    }
+
+    pub fn ask(&mut self, request: &str) -> Value {
+        serde_json::from_str(&self.control.ask(request).unwrap()).unwrap()
+    }
+
+    pub fn state(&mut self) -> Value {
+        self.ask(r#"{"state":null}"#)
     }
 }
 
-impl Drop for Folder {
+impl Drop for Simulator {
     fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
+        // It may have ended already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }

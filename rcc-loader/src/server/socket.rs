@@ -61,32 +61,22 @@ pub fn listen(path: &Path, group: Option<u32>) -> Result<UnixListener, SocketErr
 mod tests {
     use super::*;
 
-    struct Removed(PathBuf);
-
-    impl Drop for Removed {
-        fn drop(&mut self) {
-            let _ = fs::remove_file(&self.0);
-        }
-    }
-
-    fn path(name: &str) -> Removed {
-        Removed(std::env::temp_dir().join(format!("rcc-{}-{name}.sock", std::process::id())))
-    }
-
     #[test]
     fn a_stale_socket_is_replaced() -> Result<(), SocketError> {
-        let path = path("stale");
-        drop(listen(&path.0, None)?);
-        assert!(path.0.exists());
-        listen(&path.0, None).map(|_| ())
+        let folder = rcc_testing::folder();
+        let path = folder.path().join("loader.sock");
+        drop(listen(&path, None)?);
+        assert!(path.exists());
+        listen(&path, None).map(|_| ())
     }
 
     #[test]
     fn the_socket_of_a_living_loader_is_not_replaced() -> Result<(), SocketError> {
-        let path = path("living");
-        let _first = listen(&path.0, None)?;
+        let folder = rcc_testing::folder();
+        let path = folder.path().join("loader.sock");
+        let _first = listen(&path, None)?;
         assert!(matches!(
-            listen(&path.0, None),
+            listen(&path, None),
             Err(SocketError::InUse { .. })
         ));
         Ok(())
@@ -95,13 +85,14 @@ mod tests {
     #[test]
     fn only_its_user_and_the_named_group_may_use_it() -> Result<(), Box<dyn std::error::Error>> {
         use std::os::unix::fs::MetadataExt;
-        let path = path("mode");
-        drop(listen(&path.0, None)?);
-        assert_eq!(fs::metadata(&path.0)?.mode() & 0o777, 0o600);
+        let folder = rcc_testing::folder();
+        let path = folder.path().join("loader.sock");
+        drop(listen(&path, None)?);
+        assert_eq!(fs::metadata(&path)?.mode() & 0o777, 0o600);
         // Any group that this process is in.
         let group = nix::unistd::getgid().as_raw();
-        drop(listen(&path.0, Some(group))?);
-        let found = fs::metadata(&path.0)?;
+        drop(listen(&path, Some(group))?);
+        let found = fs::metadata(&path)?;
         assert_eq!((found.mode() & 0o777, found.gid()), (0o660, group));
         Ok(())
     }

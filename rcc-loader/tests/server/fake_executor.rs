@@ -1,9 +1,8 @@
 //! A fake executor without cycles: it keeps a table and answers calls.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -13,27 +12,27 @@ use rcc_core::timing::CycleTiming;
 use rcc_ipc::{Announced, BoardWriter, Cell, Server, Session};
 use rcc_protocol::control::{Answer, CONTROL, Call, NetValues, Refusal, STATUS, TABLES, TIMING};
 use rcc_protocol::{Configuration, Role, wire};
+use rcc_testing::TempDir;
 
 /// A cell in a temporary folder, removed at the end of its test.
 pub struct TestCell {
     pub cell: Cell,
-    base: PathBuf,
+    _folder: TempDir,
 }
 
 impl TestCell {
     pub fn new(name: &str) -> TestCell {
-        static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let base = PathBuf::from(format!("/tmp/rcc-ld-{}-{number}", std::process::id()));
-        let cell = Cell::at(name, &base).expect("a cell in /tmp");
-        TestCell { cell, base }
+        let folder = rcc_testing::folder();
+        TestCell {
+            cell: Cell::at(name, folder.path()).expect("a cell"),
+            _folder: folder,
+        }
     }
 }
 
 impl Drop for TestCell {
     fn drop(&mut self) {
         let wiped = rcc_ipc::clean::remove_cell(&self.cell);
-        let _ = std::fs::remove_dir_all(&self.base);
         if !thread::panicking() {
             wiped.expect("every session of the test is closed");
         }

@@ -233,12 +233,13 @@ mod tests {
 
     #[test]
     fn young_files_under_an_unknown_prefix_count_as_used() -> std::io::Result<()> {
-        let folder = std::env::temp_dir().join(format!("rcc-strays-{}", std::process::id()));
+        let temporary = rcc_testing::folder();
+        let folder = temporary.path();
         fs::create_dir_all(folder.join("base"))?;
         fs::write(folder.join("rcc_0123456789_a"), [1; 4096])?;
         fs::write(folder.join("rcc_0123456789_b"), [1; 4096])?;
         fs::write(folder.join("other"), "")?;
-        let found = strays(&folder, &folder.join("base"));
+        let found = strays(folder, &folder.join("base"));
         let old = std::time::SystemTime::now() - 2 * STRAY_AGE_MIN;
         for path in &found[0].paths {
             fs::File::options()
@@ -246,8 +247,7 @@ mod tests {
                 .open(path)?
                 .set_modified(old)?;
         }
-        let later = strays(&folder, &folder.join("base"));
-        fs::remove_dir_all(&folder)?;
+        let later = strays(folder, &folder.join("base"));
         assert_eq!(
             (found.len(), found[0].paths.len(), found[0].used),
             (1, 2, true)

@@ -217,7 +217,7 @@ mod tests {
             .iter()
             .map(|(path, text)| (path.as_str(), *text))
             .collect();
-        let recorded = FixtureRoot::new("cpu", &files);
+        let recorded = FixtureRoot::new(&files);
         let cpu = read(&recorded.system(), Some(3));
         assert_eq!(cpu.online, [0, 1, 2, 3]);
         assert_eq!((cpu.isolated, cpu.nohz_full), (vec![3], vec![]));

@@ -114,19 +114,19 @@ mod tests {
             "proc/version",
             "Linux version 6.12.1 (x) #1 SMP PREEMPT_RT Debian",
         )];
-        let by_version = FixtureRoot::new("kernel-1", &by_version);
+        let by_version = FixtureRoot::new(&by_version);
         assert!(read(&by_version.system(), "/").preempt_rt);
         let by_flag = [
             ("proc/version", "Linux version 5.10"),
             ("sys/kernel/realtime", "1\n"),
         ];
-        let by_flag = FixtureRoot::new("kernel-2", &by_flag);
+        let by_flag = FixtureRoot::new(&by_flag);
         assert!(read(&by_flag.system(), "/").preempt_rt);
         let plain = [(
             "proc/version",
             "Linux version 6.18 (x) #1 SMP PREEMPT_DYNAMIC @0",
         )];
-        let plain = FixtureRoot::new("kernel-3", &plain);
+        let plain = FixtureRoot::new(&plain);
         let kernel = read(&plain.system(), "/");
         assert!(!kernel.preempt_rt);
         assert_eq!(kernel.preemption, "PREEMPT_DYNAMIC");
@@ -139,7 +139,7 @@ mod tests {
             ("boot/config-6.1", "CONFIG_RT_GROUP_SCHED=y\nCONFIG_X=n\n"),
             ("sys/fs/cgroup/cpu/user.slice/cpu.rt_runtime_us", "0\n"),
         ];
-        let recorded = FixtureRoot::new("kernel-4", &files);
+        let recorded = FixtureRoot::new(&files);
         let kernel = read(&recorded.system(), "/user.slice");
         assert_eq!(kernel.rt_group_sched, Some(true));
         assert_eq!(kernel.group_rt_runtime_us, Some(0));
@@ -158,7 +158,7 @@ mod tests {
                 "MemAvailable:  2048 kB\nSwapTotal: 100 kB\nSwapFree: 60 kB\n",
             ),
         ];
-        let recorded = FixtureRoot::new("kernel-5", &files);
+        let recorded = FixtureRoot::new(&files);
         assert_eq!(
             read(&recorded.system(), "/").virtual_machine.as_deref(),
             Some("QEMU")

@@ -128,7 +128,7 @@ mod tests {
                     Max locked memory         8388608              unlimited            bytes     \n\
                     Max realtime priority     0                    95                   \n\
                     Max realtime timeout      200000               unlimited            us        \n";
-        let recorded = FixtureRoot::new("limits", &[("proc/self/limits", text)]);
+        let recorded = FixtureRoot::new(&[("proc/self/limits", text)]);
         let limits = read(&recorded.system());
         assert_eq!(
             limits.nofile,
@@ -161,7 +161,7 @@ mod tests {
             ),
             ("etc/security/limits.d/old.txt", "@x - rtprio 1\n"),
         ];
-        let recorded = FixtureRoot::new("granted", &files);
+        let recorded = FixtureRoot::new(&files);
         let all = limit_grants(&recorded.system());
         let places: Vec<&str> = all
             .iter()

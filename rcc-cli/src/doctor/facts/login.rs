@@ -170,7 +170,7 @@ mod tests {
             ),
             ("etc/group", "audio:x:29:anna\nanna:x:1000:\n"),
         ];
-        let recorded = FixtureRoot::new("login", &files);
+        let recorded = FixtureRoot::new(&files);
         let user = read(&recorded.system());
         assert_eq!((user.uid, user.name.as_str()), (1000, "anna"));
         assert_eq!(user.groups, ["audio", "anna", "anna"]);
@@ -191,7 +191,7 @@ mod tests {
             ),
             (".dockerenv", ""),
         ];
-        let recorded = FixtureRoot::new("service", &files);
+        let recorded = FixtureRoot::new(&files);
         let user = read(&recorded.system());
         assert_eq!(user.service(), Some("rcc-executor.service"));
         assert_eq!(user.container.as_deref(), Some("docker"));
@@ -199,13 +199,13 @@ mod tests {
 
     #[test]
     fn the_last_remove_ipc_setting_applies_and_the_default_is_yes() {
-        let without = FixtureRoot::new("logind-0", &[("etc/systemd/logind.conf", "")]);
+        let without = FixtureRoot::new(&[("etc/systemd/logind.conf", "")]);
         assert_eq!(remove_ipc(&without.system()), None);
         let default = [
             ("run/systemd/system/x", ""),
             ("etc/systemd/logind.conf", "#RemoveIPC=no\n"),
         ];
-        let default = FixtureRoot::new("logind-1", &default);
+        let default = FixtureRoot::new(&default);
         assert_eq!(remove_ipc(&default.system()), Some(true));
         let off = [
             ("run/systemd/system/x", ""),
@@ -215,7 +215,7 @@ mod tests {
                 "[Login]\nRemoveIPC=no\n",
             ),
         ];
-        let off = FixtureRoot::new("logind-2", &off);
+        let off = FixtureRoot::new(&off);
         assert_eq!(remove_ipc(&off.system()), Some(false));
     }
 }

@@ -94,17 +94,18 @@ pub fn list(text: &str) -> Vec<usize> {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use rcc_testing::TempDir;
+
     use super::*;
 
     /// A root folder with these files; removed at the end.
-    pub(crate) struct FixtureRoot(pub PathBuf);
+    pub(crate) struct FixtureRoot(TempDir);
 
     impl FixtureRoot {
-        pub(crate) fn new(name: &str, files: &[(&str, &str)]) -> FixtureRoot {
-            let root =
-                std::env::temp_dir().join(format!("rcc-doctor-{name}-{}", std::process::id()));
+        pub(crate) fn new(files: &[(&str, &str)]) -> FixtureRoot {
+            let root = rcc_testing::folder();
             for (path, text) in files {
-                let path = root.join(path);
+                let path = root.path().join(path);
                 fs::create_dir_all(path.parent().expect("a file is in a folder"))
                     .expect("a folder");
                 fs::write(path, text).expect("a file");
@@ -113,14 +114,7 @@ pub(crate) mod tests {
         }
 
         pub(crate) fn system(&self) -> SystemRoot {
-            SystemRoot::at(&self.0)
-        }
-    }
-
-    impl Drop for FixtureRoot {
-        fn drop(&mut self) {
-            // Nothing else uses the folder.
-            let _ = fs::remove_dir_all(&self.0);
+            SystemRoot::at(self.0.path())
         }
     }
 
@@ -133,8 +127,7 @@ pub(crate) mod tests {
 
     #[test]
     fn values_are_found_by_their_key() {
-        let recorded =
-            FixtureRoot::new("values", &[("proc/x", "Uid:\t1000\t1000\nCapEff:\t00ff\n")]);
+        let recorded = FixtureRoot::new(&[("proc/x", "Uid:\t1000\t1000\nCapEff:\t00ff\n")]);
         let system = recorded.system();
         assert_eq!(system.value("proc/x", "CapEff").as_deref(), Some("00ff"));
         assert_eq!(system.value("proc/x", "Gid"), None);

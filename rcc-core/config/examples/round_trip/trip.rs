@@ -7,6 +7,7 @@ use std::path::Path;
 use rcc_config::{CellConfig, RobotConfig};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::pose::Pose;
+use rcc_testing::{Random, Rng};
 
 /// Largest errors found.
 #[derive(Debug, Default)]
@@ -43,18 +44,11 @@ pub fn robots() -> Vec<(String, RobotConfig)> {
 pub fn round_trip(robot: &RobotConfig, positions: usize) -> Worst {
     let mut worst = Worst::default();
     let limits = robot.limits();
-    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut random = || {
-        seed ^= seed >> 12;
-        seed ^= seed << 25;
-        seed ^= seed >> 27;
-        (seed.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut random = Rng::with_seed(1);
     for _ in 0..positions {
         let mut joints: Joints = [0.0; JOINTS_MAX];
         for index in 0..robot.joints.len() {
-            joints[index] =
-                limits.lower[index] + random() * (limits.upper[index] - limits.lower[index]);
+            joints[index] = random.uniform(limits.lower[index], limits.upper[index]);
         }
         compare(robot, &joints, &mut worst);
     }

@@ -152,22 +152,6 @@ fn hash(text: &str) -> u64 {
 mod tests {
     use super::*;
 
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(name: &str) -> Folder {
-            let folder =
-                std::env::temp_dir().join(format!("rcc-costs-{name}-{}", std::process::id()));
-            Folder(folder)
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
-
     fn file(origin: &CostsSource) -> PathBuf {
         match origin {
             CostsSource::Read(path) | CostsSource::Measured(path) => path.clone(),
@@ -177,11 +161,12 @@ mod tests {
 
     #[test]
     fn costs_are_measured_once_and_again_when_the_file_is_damaged() {
-        let folder = Folder::new("damaged");
-        let (measured, origin) = costs_in(&folder.0, false);
+        let temporary = rcc_testing::folder();
+        let folder = &temporary.path().join("new");
+        let (measured, origin) = costs_in(folder, false);
         assert!(matches!(origin, CostsSource::Measured(_)), "{origin:?}");
         let path = file(&origin);
-        let (read, origin) = costs_in(&folder.0, false);
+        let (read, origin) = costs_in(folder, false);
         assert_eq!((read, origin), (measured, CostsSource::Read(path.clone())));
         let good = fs::read_to_string(&path).unwrap();
         let (half, digit) = (&good[..good.len() / 2], good.replacen("net ", "net 9", 1));
@@ -192,13 +177,13 @@ mod tests {
             &good.replacen("rcc-costs 1", "rcc-costs 2", 1),
         ] {
             fs::write(&path, bad).unwrap();
-            let (_, origin) = costs_in(&folder.0, false);
+            let (_, origin) = costs_in(folder, false);
             assert!(matches!(origin, CostsSource::Measured(_)), "{origin:?}");
         }
-        let (_, origin) = costs_in(&folder.0, true);
+        let (_, origin) = costs_in(folder, true);
         assert!(matches!(origin, CostsSource::Measured(_)), "refreshed");
         assert_eq!(
-            fs::read_dir(&folder.0).unwrap().count(),
+            fs::read_dir(folder).unwrap().count(),
             1,
             "one file, no leftovers"
         );
@@ -212,13 +197,12 @@ mod tests {
 
     #[test]
     fn only_the_newest_files_are_kept() {
-        let folder = Folder::new("newest");
-        fs::create_dir_all(&folder.0).unwrap();
+        let folder = rcc_testing::folder();
         for number in 0..FILES_MAX + 3 {
-            fs::write(folder.0.join(format!("{PREFIX}{number:016x}")), "old").unwrap();
+            fs::write(folder.path().join(format!("{PREFIX}{number:016x}")), "old").unwrap();
         }
-        let (_, origin) = costs_in(&folder.0, false);
-        assert_eq!(fs::read_dir(&folder.0).unwrap().count(), FILES_MAX);
+        let (_, origin) = costs_in(folder.path(), false);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), FILES_MAX);
         assert!(file(&origin).exists());
     }
 }

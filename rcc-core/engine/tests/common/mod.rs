@@ -3,8 +3,6 @@
 
 use bytemuck::Zeroable;
 use rcc_core::frame::DeviceModel;
-use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
     SetPoint,
@@ -18,35 +16,16 @@ use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, ValueReading, rings};
 use rcc_engine::record::FlightRecorder;
 use rcc_protocol::control::{Answer, InputValue, NetValues, PlanData, Refusal, SWITCH_MAX};
+pub use rcc_testing::arms::HOLD;
+use rcc_testing::arms::plain_lwr;
 
 pub const PERIOD_NS: u64 = 1_000_000;
-pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
 /// An LWR 4+ with four channels of each kind.
 pub fn model() -> DeviceModel {
-    let limits = JointLimits {
-        lower: [-2.9; 8],
-        upper: [2.9; 8],
-        velocity_max: [2.0; 8],
-        acceleration_max: [20.0; 8],
-        jerk_max: [2000.0; 8],
-        joints: 7,
-    };
     DeviceModel {
-        joints: 7,
-        arm: Some(Arm::Srs(SrsArm {
-            shoulder_height: 0.3105,
-            upper_arm: 0.4,
-            forearm: 0.39,
-            wrist_to_flange: 0.078,
-            signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-        })),
-        limits,
-        first_tolerance_rad: 1e-3,
-        base: rcc_core::pose::Pose::IDENTITY,
-        workspace: None,
         channels: [4; 4],
-        ..DeviceModel::NONE
+        ..plain_lwr(2000.0)
     }
 }
 

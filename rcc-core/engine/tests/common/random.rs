@@ -8,52 +8,24 @@ use rcc_core::primitives::{self, CATALOGUE, CatalogueEntry};
 use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_protocol::control::{InputValue, PlanData};
+use rcc_testing::{Random, Rng};
 
 use super::{HOLD, model};
 
-/// Xorshift64*: enough for tests.
-pub struct Random(u64);
-
-impl Random {
-    pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+/// Mostly an ordinary number, sometimes NaN or an extreme one.
+fn any_real(random: &mut Rng) -> f64 {
+    match random.below(12) {
+        0 => f64::NAN,
+        1 => [0.0, -0.0, 1e300, -1e-300, 1.0][random.below(5)],
+        _ => random.uniform(-3.0, 3.0),
     }
+}
 
-    pub fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    pub fn below(&mut self, count: usize) -> usize {
-        (self.next() >> 33) as usize % count.max(1)
-    }
-
-    /// Returns true once in `times` calls on average.
-    pub fn once_in(&mut self, times: usize) -> bool {
-        self.below(times) == 0
-    }
-
-    pub fn real(&mut self, lower: f64, upper: f64) -> f64 {
-        lower + (upper - lower) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Mostly an ordinary number, sometimes NaN or an extreme one.
-    pub fn any_real(&mut self) -> f64 {
-        match self.below(12) {
-            0 => f64::NAN,
-            1 => *[0.0, -0.0, 1e300, -1e-300, 1.0].get(self.below(5)).unwrap(),
-            _ => self.real(-3.0, 3.0),
-        }
-    }
-
-    fn any_int(&mut self) -> i64 {
-        match self.below(8) {
-            0 => NULL_INT,
-            1 => i64::MAX,
-            _ => self.below(20) as i64 - 10,
-        }
+fn any_int(random: &mut Rng) -> i64 {
+    match random.below(8) {
+        0 => NULL_INT,
+        1 => i64::MAX,
+        _ => random.below(20) as i64 - 10,
     }
 }
 
@@ -66,7 +38,7 @@ struct Block {
 }
 
 struct RandomPlanBuilder<'a> {
-    random: &'a mut Random,
+    random: &'a mut Rng,
     models: &'a [DeviceModel],
     data: PlanData,
     blocks: Vec<Block>,
@@ -77,7 +49,7 @@ struct RandomPlanBuilder<'a> {
 }
 
 /// A net of 3 to 40 random primitives that keeps every rule of `Plan::check`; its start values may not exist.
-pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> PlanData {
+pub fn net(random: &mut Rng, models: &[DeviceModel], configuration: u64) -> PlanData {
     let data = PlanData {
         catalogue: primitives::fingerprint(),
         configuration,
@@ -256,9 +228,9 @@ impl RandomPlanBuilder<'_> {
     fn constant(&mut self, store: Store, width: u32) -> Block {
         let random = &mut *self.random;
         let slot = match store {
-            Store::Real => grow(&mut self.data.reals, width, || random.any_real()),
+            Store::Real => grow(&mut self.data.reals, width, || any_real(random)),
             Store::Bool => grow(&mut self.data.bools, width, || random.below(3) as u8),
-            Store::Int => grow(&mut self.data.ints, width, || random.any_int()),
+            Store::Int => grow(&mut self.data.ints, width, || any_int(random)),
         };
         Block { store, slot, width }
     }
@@ -284,7 +256,7 @@ impl RandomPlanBuilder<'_> {
         match (store, width) {
             (Store::Real, 7) => {
                 let mut pose = model().arm.expect("an arm").forward(&HOLD);
-                let offset = [(); 3].map(|()| self.random.real(-0.05, 0.05));
+                let offset = [(); 3].map(|()| self.random.uniform(-0.05, 0.05));
                 for (place, offset) in pose.position.iter_mut().zip(offset) {
                     *place += offset;
                 }
@@ -293,7 +265,7 @@ impl RandomPlanBuilder<'_> {
             }
             (Store::Real, _) => {
                 let random = &mut *self.random;
-                grow(&mut self.data.reals, width, || random.real(0.15, 0.3))
+                grow(&mut self.data.reals, width, || random.uniform(0.15, 0.3))
             }
             _ => self.source(store, width),
         }
@@ -328,13 +300,13 @@ impl RandomPlanBuilder<'_> {
 }
 
 /// A value for a random input of the net, if it has one.
-pub fn value(random: &mut Random, inputs: &[InputPoint]) -> Option<InputValue> {
+pub fn value(random: &mut Rng, inputs: &[InputPoint]) -> Option<InputValue> {
     let input = random.below(inputs.len());
     let point = inputs.get(input)?;
     let word = |_| match point.store {
-        Store::Real => random.any_real().to_bits(),
+        Store::Real => any_real(random).to_bits(),
         Store::Bool => random.below(3) as u64,
-        Store::Int => random.any_int().cast_unsigned(),
+        Store::Int => any_int(random).cast_unsigned(),
     };
     Some(InputValue {
         input: input as u32,
@@ -349,7 +321,7 @@ fn grow<T>(arena: &mut Vec<T>, width: u32, mut value: impl FnMut() -> T) -> u32 
 }
 
 /// Changes measurements as real devices do, and slightly more.
-pub fn measure(random: &mut Random, measurement: &mut Measurement) {
+pub fn measure(random: &mut Rng, measurement: &mut Measurement) {
     measurement.magic = MAGIC;
     for group in [
         &mut measurement.position[..],
@@ -360,12 +332,12 @@ pub fn measure(random: &mut Random, measurement: &mut Measurement) {
     ] {
         for value in group {
             if random.once_in(3) {
-                *value = random.any_real();
+                *value = any_real(random);
             }
         }
     }
-    measurement.digital = random.next();
-    measurement.digital_known = random.next() | random.next();
+    measurement.digital = random.bits();
+    measurement.digital_known = random.bits() | random.bits();
     if random.once_in(100) {
         measurement.state = DeviceState::Online as u32;
     }

@@ -92,17 +92,25 @@ mod tests {
     use std::io;
     use std::time::SystemTime;
 
-    struct TestCell(Cell);
+    use rcc_testing::TempDir;
+
+    struct TestCell {
+        cell: Cell,
+        _folder: TempDir,
+    }
 
     impl TestCell {
-        fn new(name: &str) -> TestCell {
-            let folder =
-                std::env::temp_dir().join(format!("rcc-half-{}-{name}", std::process::id()));
-            TestCell(Cell::at("half", &folder).unwrap_or_else(|error| panic!("{error}")))
+        fn new() -> TestCell {
+            let folder = rcc_testing::folder();
+            let cell = Cell::at("half", folder.path());
+            TestCell {
+                cell: cell.unwrap_or_else(|error| panic!("{error}")),
+                _folder: folder,
+            }
         }
 
         fn plant(&self, name: &str, made: SystemTime) -> io::Result<PathBuf> {
-            let path = Path::new(SHM).join(format!("{}{name}", self.0.prefix()));
+            let path = Path::new(SHM).join(format!("{}{name}", self.cell.prefix()));
             File::create(&path)?.set_times(FileTimes::new().set_modified(made))?;
             Ok(path)
         }
@@ -110,17 +118,16 @@ mod tests {
 
     impl Drop for TestCell {
         fn drop(&mut self) {
-            for path in self.0.leftovers().unwrap_or_default() {
+            for path in self.cell.leftovers().unwrap_or_default() {
                 let _ = fs::remove_file(path);
             }
-            let _ = fs::remove_dir_all(self.0.runtime_dir());
         }
     }
 
     #[test]
     fn a_file_that_stays_empty_is_removed_whatever_its_date()
     -> Result<(), Box<dyn std::error::Error>> {
-        let cell = TestCell::new("dates");
+        let cell = TestCell::new();
         let hour = Duration::from_secs(3600);
         let now = SystemTime::now();
         for (name, made) in [("past", now - hour), ("now", now), ("future", now + hour)] {
@@ -128,10 +135,10 @@ mod tests {
             let mut watch = EmptyFileWatch::default();
             let begun = 1_000_000_000;
             let after = HALF_CREATED_AFTER.as_nanos() as u64;
-            assert_eq!(watch.sweep_at(&cell.0, begun)?, 0, "{name}");
-            assert_eq!(watch.sweep_at(&cell.0, begun + after - 1)?, 0, "{name}");
+            assert_eq!(watch.sweep_at(&cell.cell, begun)?, 0, "{name}");
+            assert_eq!(watch.sweep_at(&cell.cell, begun + after - 1)?, 0, "{name}");
             assert!(path.exists() && watch.is_waiting());
-            assert_eq!(watch.sweep_at(&cell.0, begun + after)?, 1, "{name}");
+            assert_eq!(watch.sweep_at(&cell.cell, begun + after)?, 1, "{name}");
             assert!(!path.exists() && !watch.is_waiting());
         }
         Ok(())
@@ -140,18 +147,18 @@ mod tests {
     #[test]
     fn a_file_with_content_or_recreated_meanwhile_stays() -> Result<(), Box<dyn std::error::Error>>
     {
-        let cell = TestCell::new("recreated");
+        let cell = TestCell::new();
         let now = SystemTime::now();
         let path = cell.plant("file", now)?;
         let keep = File::open(&path)?;
         let mut watch = EmptyFileWatch::default();
-        watch.sweep_at(&cell.0, 1)?;
+        watch.sweep_at(&cell.cell, 1)?;
         fs::remove_file(&path)?;
         cell.plant("file", now)?;
-        assert_eq!(watch.sweep_at(&cell.0, u64::MAX / 2)?, 0, "another file");
+        assert_eq!(watch.sweep_at(&cell.cell, u64::MAX / 2)?, 0, "another file");
         drop(keep);
         fs::write(&path, "x")?;
-        assert_eq!(watch.sweep_at(&cell.0, u64::MAX)?, 0);
+        assert_eq!(watch.sweep_at(&cell.cell, u64::MAX)?, 0);
         assert!(path.exists() && !watch.is_waiting());
         Ok(())
     }

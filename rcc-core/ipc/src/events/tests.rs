@@ -1,7 +1,8 @@
 //! The event log with several writers, rotation, torn and hostile lines.
 
 use std::io::Write;
-use std::sync::atomic::{AtomicU32, Ordering};
+
+use rcc_testing::TempDir;
 
 use rcc_protocol::events::{CommandFault, LINE_MAX, TEXT_MAX};
 
@@ -10,15 +11,16 @@ use super::*;
 /// The log of a cell in its own folder, removed at the end.
 struct TestLog {
     cell: Cell,
+    _folder: TempDir,
 }
 
 impl TestLog {
     fn new() -> TestLog {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = format!("rcc-events-{}-{number}", std::process::id());
-        let cell = Cell::at("events", &std::env::temp_dir().join(name)).unwrap();
-        TestLog { cell }
+        let folder = rcc_testing::folder();
+        TestLog {
+            cell: Cell::at("events", folder.path()).unwrap(),
+            _folder: folder,
+        }
     }
 
     fn read(&self) -> (Vec<Event>, u64) {
@@ -37,7 +39,6 @@ impl TestLog {
 
 impl Drop for TestLog {
     fn drop(&mut self) {
-        let _ = fs::remove_dir_all(self.cell.runtime_dir());
         for path in self.cell.leftovers().unwrap_or_default() {
             let _ = fs::remove_file(path);
         }

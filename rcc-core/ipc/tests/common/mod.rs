@@ -4,13 +4,13 @@
 
 use std::fmt::Debug;
 use std::ops::Deref;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use rcc_ipc::{Cell, clean};
 use rcc_protocol::{Announcement, Role};
+use rcc_testing::TempDir;
 
 /// Far longer than any operation takes; only a broken test reaches it.
 pub const LIMIT: Duration = Duration::from_secs(60);
@@ -22,16 +22,16 @@ const LABEL: &str = "RCC_IPC_TEST_LABEL";
 /// The cell of one test; dropping it, also on a panic, leaves no file.
 pub struct TestCell {
     cell: Cell,
-    folder: PathBuf,
+    _folder: TempDir,
 }
 
 impl TestCell {
     pub fn new() -> TestCell {
-        static COUNT: AtomicUsize = AtomicUsize::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        let folder = std::env::temp_dir().join(format!("rcc-ipc-{}-{count}", std::process::id()));
-        let cell = Cell::at("test", &folder).unwrap();
-        TestCell { cell, folder }
+        let folder = rcc_testing::folder();
+        TestCell {
+            cell: Cell::at("test", folder.path()).unwrap(),
+            _folder: folder,
+        }
     }
 
     /// Its current shared-memory files.
@@ -57,7 +57,6 @@ impl Drop for TestCell {
             let _ = std::fs::remove_file(path);
         }
         let _ = std::fs::remove_dir_all(self.cell.iox_root());
-        let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
 
@@ -155,4 +154,17 @@ pub fn refused<T: Debug, E>(result: Result<T, E>) -> E {
         Ok(value) => panic!("{value:?} should have been refused"),
         Err(error) => error,
     }
+}
+
+/// Returns all files and folders below a folder, sorted.
+pub fn paths_below(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap().flatten() {
+        found.push(entry.path());
+        if entry.path().is_dir() {
+            found.extend(paths_below(&entry.path()));
+        }
+    }
+    found.sort();
+    found
 }

@@ -1,32 +1,11 @@
 //! Random goals, stops and speeds: the motion of an axis is checked by its states alone.
 
 use rcc_core::axis::AxisFollower;
+use rcc_testing::{Random, Rng};
 
 use super::*;
 
 const DT_S: f64 = 1e-3;
-
-/// A linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
-struct Random(u64);
-
-impl Random {
-    /// A number in 0 to 1.
-    fn unit(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    fn decade(&mut self, low: f64, high: f64) -> f64 {
-        10_f64.powf(self.within(low, high))
-    }
-}
 
 /// Runs one cycle and asserts that velocity, acceleration and jerk keep the limits and that the position follows from
 /// them.
@@ -59,20 +38,25 @@ fn checked(follower: &mut AxisFollower, goal: Option<f64>, speed: f64, limits: &
     );
 }
 
-fn limits(random: &mut Random) -> MotionLimits {
+/// Returns a power of ten; its exponent is in `low`..`high`.
+fn decade(random: &mut Rng, low: f64, high: f64) -> f64 {
+    10_f64.powf(random.uniform(low, high))
+}
+
+fn limits(random: &mut Rng) -> MotionLimits {
     MotionLimits {
-        velocity: random.decade(-1.0, 0.7),
-        acceleration: random.decade(0.0, 1.7),
-        jerk: random.decade(1.5, 3.0),
+        velocity: decade(random, -1.0, 0.7),
+        acceleration: decade(random, 0.0, 1.7),
+        jerk: decade(random, 1.5, 3.0),
     }
 }
 
 #[test]
 fn a_hundred_thousand_sequences_of_goals_keep_every_limit_and_arrive() {
-    let mut random = Random(11);
+    let mut random = Rng::with_seed(11);
     for _ in 0..100_000 {
         let limits = limits(&mut random);
-        let mut follower = AxisFollower::at_rest(random.within(-2.0, 2.0));
+        let mut follower = AxisFollower::at_rest(random.uniform(-2.0, 2.0));
         let (mut goal, mut speed) = (None, 1.0);
         for _ in 0..6 {
             match random.unit() {
@@ -81,16 +65,16 @@ fn a_hundred_thousand_sequences_of_goals_keep_every_limit_and_arrive() {
                     speed = [0.0, 1.0, random.unit()][(3.0 * random.unit()) as usize]
                 }
                 kind if kind < 0.7 => {
-                    let near = limits.velocity * random.decade(-9.0, 0.0);
-                    goal = Some(follower.state().position + near * random.within(-1.0, 1.0));
+                    let near = limits.velocity * decade(&mut random, -9.0, 0.0);
+                    goal = Some(follower.state().position + near * random.uniform(-1.0, 1.0));
                 }
-                _ => goal = Some(random.within(-2.0, 2.0)),
+                _ => goal = Some(random.uniform(-2.0, 2.0)),
             }
             for _ in 0..(80.0 * random.unit()) as usize {
                 checked(&mut follower, goal, speed, &limits);
             }
         }
-        let goal = random.within(-2.0, 2.0);
+        let goal = random.uniform(-2.0, 2.0);
         let longest_s = stop_and_go(&follower.state(), goal, &limits).duration_s();
         // Do not always wait for the arrival: the distances are long.
         if random.unit() < 0.05 {
@@ -104,10 +88,10 @@ fn a_hundred_thousand_sequences_of_goals_keep_every_limit_and_arrive() {
 
 #[test]
 fn replanning_on_the_way_does_not_make_the_motion_longer() {
-    let mut random = Random(14);
+    let mut random = Rng::with_seed(14);
     for _ in 0..200_000 {
         let limits = limits(&mut random);
-        let mut signed = |limit: f64| limit * random.within(-0.7, 0.7);
+        let mut signed = |limit: f64| limit * random.uniform(-0.7, 0.7);
         let from = AxisState {
             position: 0.0,
             velocity: signed(limits.velocity),
@@ -116,7 +100,8 @@ fn replanning_on_the_way_does_not_make_the_motion_longer() {
         if most_velocity(&from, &limits) > limits.velocity {
             continue;
         }
-        let goal = limits.velocity * random.decade(-6.0, 0.5) * random.within(-1.0, 1.0).signum();
+        let goal =
+            limits.velocity * decade(&mut random, -6.0, 0.5) * random.uniform(-1.0, 1.0).signum();
         let way = plan(&from, goal, &limits);
         // Anywhere, or near a corner, where rounding decides which profiles exist.
         let corner: usize = (10.0 * random.unit()) as usize;
@@ -124,7 +109,7 @@ fn replanning_on_the_way_does_not_make_the_motion_longer() {
         let gone_s = if random.unit() < 0.5 {
             way.duration_s() * random.unit()
         } else {
-            (begin_s + random.decade(-16.0, -3.0)).min(way.duration_s())
+            (begin_s + decade(&mut random, -16.0, -3.0)).min(way.duration_s())
         };
         let (mut left_s, mut state) = (gone_s, from);
         for (duration_s, jerk) in way.0 {
@@ -144,13 +129,13 @@ fn replanning_on_the_way_does_not_make_the_motion_longer() {
 
 #[test]
 fn a_goal_that_moves_a_little_in_every_cycle_is_followed_within_the_limits() {
-    let mut random = Random(12);
+    let mut random = Rng::with_seed(12);
     for _ in 0..500 {
         let limits = limits(&mut random);
         let mut follower = AxisFollower::at_rest(0.0);
-        let (mut goal, noise) = (0.1, random.decade(-9.0, -2.0));
+        let (mut goal, noise) = (0.1, decade(&mut random, -9.0, -2.0));
         for _ in 0..500 {
-            goal += noise * random.within(-1.0, 1.0);
+            goal += noise * random.uniform(-1.0, 1.0);
             checked(&mut follower, Some(goal), 1.0, &limits);
         }
     }
@@ -158,11 +143,11 @@ fn a_goal_that_moves_a_little_in_every_cycle_is_followed_within_the_limits() {
 
 #[test]
 fn a_speed_that_changes_leads_neither_back_nor_beyond_the_goal() {
-    let mut random = Random(13);
+    let mut random = Rng::with_seed(13);
     for _ in 0..3000 {
         let limits = limits(&mut random);
         let mut follower = AxisFollower::at_rest(0.0);
-        let (goal, mut speed) = (limits.velocity * random.decade(-2.0, 0.5), 1.0);
+        let (goal, mut speed) = (limits.velocity * decade(&mut random, -2.0, 0.5), 1.0);
         for cycle in 0..3000 {
             if random.unit() < 0.01 {
                 speed =

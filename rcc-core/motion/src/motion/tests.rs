@@ -1,8 +1,8 @@
 use rcc_core::path::{Leg, MotionLimits, PathSegment, Quantity, SpeedProfile};
 use rcc_core::pose::Pose;
+use rcc_testing::arms::{HOLD as START, lwr};
 
 use super::*;
-use crate::planned_path::tests::{START, lwr};
 
 const LINE: MotionLimits = MotionLimits {
     velocity: 0.2,

@@ -129,8 +129,10 @@ fn shorter_way_round(turn: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use rcc_core::path::{Leg, PathSegment};
+    use rcc_testing::arms::{HOLD as START, lwr};
+    use rcc_testing::{Random, Rng};
 
-    use super::super::tests::{Random, START, free, lwr, motion, run, start};
+    use super::super::tests::{free, motion, run, start};
     use super::*;
 
     fn angle(joints: &rcc_core::message::Joints) -> f64 {
@@ -176,9 +178,9 @@ mod tests {
     #[test]
     fn where_the_arm_angle_cannot_stay_the_middle_of_its_range_is_reachable() {
         let (mut refused, mut went_on) = (0, 0);
-        let mut random = Random(11);
+        let mut random = Rng::with_seed(11);
         for _ in 0..1000 {
-            let mut around = |by: f64| random.within(-by, by);
+            let mut around = |by: f64| random.uniform(-by, by);
             let way = [around(0.4), around(0.4), around(0.4)];
             let turn = [around(1.2), around(1.2), around(1.2)];
             let to = start().compose(&Pose::from_xyz_rpy(way, turn));

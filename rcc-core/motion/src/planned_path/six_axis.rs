@@ -1,16 +1,15 @@
 //! Status and Turn of a six-axis arm in the middle of a sequence, judged by the joints that come out.
 
 use rcc_core::frame::{DeviceModel, PrepareFault};
-use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, OrthoParallelArm};
-use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::kinematics::Arm;
+use rcc_core::message::Joints;
 use rcc_core::path::{
     Leg, MotionBuilder, MotionFault, MotionState, Motions, PathRequest, PathSegment, SpeedOverride,
     SpeedProfile,
 };
 use rcc_core::pose::Pose;
+use rcc_testing::arms::{self, lwr};
 
-use super::tests::lwr;
 use crate::MotionSetBuilder;
 
 /// Elbow up, the tool in front of the arm.
@@ -20,37 +19,12 @@ const GOAL: Joints = [0.4, -1.2, 1.4, 0.5, 0.9, -0.2, 0.0, 0.0];
 
 /// The KR 6 R900-2; velocities as in its data sheet.
 fn kr6() -> DeviceModel {
-    let column = |values: [f64; 6]| {
-        let mut all = [0.0; JOINTS_MAX];
-        for (place, value) in all.iter_mut().zip(values) {
-            *place = value.to_radians();
-        }
-        all
-    };
-    DeviceModel {
-        joints: 6,
-        arm: Some(Arm::OrthoParallel(OrthoParallelArm {
-            shoulder_height: 0.4,
-            shoulder_offset: 0.025,
-            lateral_offset: 0.0,
-            upper_arm: 0.455,
-            elbow_offset: -0.025,
-            forearm: 0.42,
-            wrist_to_flange: 0.09,
-            signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
-            zeros: [0.0, 90.0_f64.to_radians(), 0.0, 0.0, 0.0, 0.0],
-        })),
-        limits: JointLimits {
-            lower: column([-170.0, -190.0, -120.0, -185.0, -120.0, -350.0]),
-            upper: column([170.0, 45.0, 156.0, 185.0, 120.0, 350.0]),
-            velocity_max: column([360.0, 300.0, 360.0, 381.0, 388.0, 615.0]),
-            acceleration_max: column([2000.0; 6]),
-            jerk_max: column([20_000.0; 6]),
-            joints: 6,
-        },
-        first_tolerance_rad: 1e-3,
-        ..DeviceModel::NONE
-    }
+    arms::model(
+        Arm::OrthoParallel(arms::KR6),
+        arms::SIX_JOINTS,
+        [360.0, 300.0, 360.0, 381.0, 388.0, 615.0],
+        [2000.0; 6],
+    )
 }
 
 fn arm() -> Arm {

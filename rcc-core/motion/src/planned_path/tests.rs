@@ -1,58 +1,18 @@
 //! Motions of joints checked from outside: by differences of the set-points, cycle by cycle, and by forward kinematics.
 
-use rcc_core::frame::{DeviceModel, PrepareFault};
-use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, SrsArm};
-use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::frame::PrepareFault;
 use rcc_core::path::{
     ArcOrientation, Leg, MotionBuilder, MotionFault, MotionLimits, MotionState, Motions,
     PathRequest, PathSegment, Quantity, RelativeTo, SpeedOverride, SpeedProfile,
 };
 use rcc_core::pose::Pose;
 use rcc_core::vector;
+use rcc_testing::arms::{HOLD as START, lwr};
+use rcc_testing::{Random, Rng};
 
 use crate::{MotionSet, MotionSetBuilder};
 
 const DT: f64 = 1e-3;
-
-/// The LWR 4+, with limits as in its robot file.
-pub(crate) fn lwr() -> DeviceModel {
-    let degrees = |values: [f64; 7]| {
-        let mut all = [0.0; JOINTS_MAX];
-        for (place, value) in all.iter_mut().zip(values) {
-            *place = value.to_radians();
-        }
-        all
-    };
-    let upper = degrees([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0]);
-    let acceleration = [1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0];
-    DeviceModel {
-        joints: 7,
-        arm: Some(Arm::Srs(SrsArm {
-            shoulder_height: 0.3105,
-            upper_arm: 0.4,
-            forearm: 0.39,
-            wrist_to_flange: 0.078,
-            signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-        })),
-        limits: JointLimits {
-            lower: upper.map(|x| -x),
-            upper,
-            velocity_max: degrees([110.0, 110.0, 128.0, 128.0, 204.0, 184.0, 184.0]),
-            acceleration_max: degrees(acceleration),
-            jerk_max: degrees(acceleration.map(|x| 10.0 * x)),
-            joints: 7,
-        },
-        first_tolerance_rad: 1e-3,
-        workspace: None,
-        base: Pose::IDENTITY,
-        channels: [0; 4],
-        ..DeviceModel::NONE
-    }
-}
-
-/// Elbow up, flange down, in front of the arm.
-pub(crate) const START: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
 pub(super) fn start() -> Pose {
     lwr().arm.unwrap().forward(&START)
@@ -78,29 +38,12 @@ fn paced(legs: &[Leg<'_>], pace: SpeedProfile) -> Result<MotionSet, (u32, Motion
     }
 }
 
-/// A linear congruential generator; reproducible from a seed.
-pub(super) struct Random(pub(super) u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub(super) fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    /// A pose near the start that the arm reaches easily.
-    fn near(&mut self) -> Pose {
-        let mut around = |by: f64| self.within(-by, by);
-        let turn = [around(0.25), around(0.25), around(0.25)];
-        let way = [around(0.12), around(0.12), around(0.12)];
-        start().compose(&Pose::from_xyz_rpy(way, turn))
-    }
+/// A pose near the start that the arm reaches easily.
+fn near(random: &mut Rng) -> Pose {
+    let mut around = |by: f64| random.uniform(-by, by);
+    let turn = [around(0.25), around(0.25), around(0.25)];
+    let way = [around(0.12), around(0.12), around(0.12)];
+    start().compose(&Pose::from_xyz_rpy(way, turn))
 }
 
 /// The states of a motion from rest to rest.
@@ -620,22 +563,26 @@ fn a_path_that_the_arm_cannot_follow_is_refused_with_the_position() {
 
 #[test]
 fn random_sequences_keep_every_limit_under_random_speed_pause_and_stop() {
-    let mut random = Random(7);
+    let mut random = Rng::with_seed(7);
     let (mut made, mut refused) = (0, 0);
     while made < 60 {
         let poses = two_poses();
-        let through = [random.near(), random.near()];
-        let mut legs = all_kinds(random.within(0.0, 0.05), &poses).to_vec();
+        let through = [near(&mut random), near(&mut random)];
+        let mut legs = all_kinds(random.uniform(0.0, 0.05), &poses).to_vec();
         let count = 1 + (random.unit() * 4.0) as usize;
         legs.rotate_left(count);
         legs.truncate(1 + count);
-        legs.push(Leg::new(PathSegment::Line { to: random.near() }));
+        legs.push(Leg::new(PathSegment::Line {
+            to: near(&mut random),
+        }));
         legs.push(Leg {
             blend: 0.02,
-            scale: random.within(0.2, 1.0),
+            scale: random.uniform(0.2, 1.0),
             ..Leg::new(PathSegment::Spline { through: &through })
         });
-        legs.push(Leg::new(PathSegment::Line { to: random.near() }));
+        legs.push(Leg::new(PathSegment::Line {
+            to: near(&mut random),
+        }));
         let Ok(set) = motion(&legs) else {
             refused += 1;
             assert!(refused < 60);
@@ -650,7 +597,7 @@ fn random_sequences_keep_every_limit_under_random_speed_pause_and_stop() {
         let mut speed_override = SpeedOverride::RUN;
         let done = run(set, |cycle| {
             if random.unit() < 0.01 {
-                speed_override.speed = random.within(0.05, 1.0);
+                speed_override.speed = random.uniform(0.05, 1.0);
                 speed_override.pause = random.unit() < 0.2 && cycle < 20_000;
             }
             speed_override.stop = cycle >= stop_at;

@@ -4,9 +4,8 @@
 #![allow(dead_code)] // Each of those who use it uses a part of it.
 
 use rcc_core::frame::DeviceModel;
-use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
-use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::kinematics::Arm;
+use rcc_core::message::Joints;
 use rcc_core::path::{
     ArcOrientation, ElbowMotion, Leg, MotionBuilder, MotionLimits, MotionState, Motions,
     PathRequest, PathSegment, SpeedOverride, SpeedProfile,
@@ -14,6 +13,7 @@ use rcc_core::path::{
 use rcc_core::pose::Pose;
 use rcc_core::vector::{add, cross, dot, norm, scale, subtract};
 use rcc_motion::{MotionSet, MotionSetBuilder};
+use rcc_testing::{Random, arms};
 
 mod judge;
 mod random;
@@ -21,7 +21,7 @@ pub mod sampled;
 
 pub use judge::WorstCase;
 use judge::{ExpectedPath, MotionJudge, ReferenceResolution, ReferenceRun};
-use random::Random;
+use random::SplitMix64;
 
 /// Most cycles of a motion; the slowest ones take a tenth of it.
 const CYCLES_MAX: usize = 400_000;
@@ -84,106 +84,36 @@ pub struct TestRobot {
     home: Joints,
 }
 
-/// A robot with ranges, velocities and accelerations in degrees; its jerk limit is ten times the acceleration.
-fn robot<const N: usize>(
-    name: &'static str,
-    arm: Arm,
-    home: [f64; N],
-    range: [[f64; 2]; N],
-    velocity: [f64; N],
-    acceleration: [f64; N],
-) -> TestRobot {
-    let column = |values: [f64; N]| {
-        let mut all = [0.0; JOINTS_MAX];
-        for (place, value) in all.iter_mut().zip(values) {
-            *place = value.to_radians();
-        }
-        all
-    };
-    TestRobot {
-        name,
-        model: DeviceModel {
-            joints: N as u32,
-            arm: Some(arm),
-            limits: JointLimits {
-                lower: column(range.map(|[lower, _]| lower)),
-                upper: column(range.map(|[_, upper]| upper)),
-                velocity_max: column(velocity),
-                acceleration_max: column(acceleration),
-                jerk_max: column(acceleration.map(|a| 10.0 * a)),
-                joints: N,
-            },
-            first_tolerance_rad: 1e-3,
-            workspace: None,
-            base: Pose::IDENTITY,
-            channels: [0; 4],
-            ..DeviceModel::NONE
-        },
-        home: column(home),
-    }
-}
-
 /// The robots: two of seven joints, one of six.
 #[must_use]
 pub fn robots() -> [TestRobot; 3] {
-    let seven = [170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0].map(|x: f64| [-x, x]);
-    let lwr = Arm::Srs(SrsArm {
-        shoulder_height: 0.3105,
-        upper_arm: 0.4,
-        forearm: 0.39,
-        wrist_to_flange: 0.078,
-        signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-    });
-    let iiwa = Arm::Srs(SrsArm {
-        shoulder_height: 0.36,
-        upper_arm: 0.42,
-        forearm: 0.4,
-        wrist_to_flange: 0.126,
-        signs: [1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0],
-    });
-    let agilus = Arm::OrthoParallel(OrthoParallelArm {
-        shoulder_height: 0.4,
-        shoulder_offset: 0.025,
-        lateral_offset: 0.0,
-        upper_arm: 0.455,
-        elbow_offset: -0.025,
-        forearm: 0.42,
-        wrist_to_flange: 0.09,
-        signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
-        zeros: [0.0, 90.0_f64.to_radians(), 0.0, 0.0, 0.0, 0.0],
-    });
+    let seven = arms::radians([20.0, 30.0, -10.0, -90.0, 5.0, 60.0, 20.0]);
     [
-        robot(
-            "LWR 4+",
-            lwr,
-            [20.0, 30.0, -10.0, -90.0, 5.0, 60.0, 20.0],
-            seven,
-            [110.0, 110.0, 128.0, 128.0, 204.0, 184.0, 184.0],
-            [1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0],
-        ),
-        robot(
-            "iiwa 14",
-            iiwa,
-            [20.0, 30.0, -10.0, -90.0, 5.0, 60.0, 20.0],
-            seven,
-            [85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0],
-            [420.0, 420.0, 500.0, 370.0, 650.0, 670.0, 670.0],
-        ),
-        robot(
-            "KR 6 R900-2",
-            agilus,
-            [10.0, -80.0, 100.0, 10.0, 60.0, -20.0],
-            [
-                [-170.0, 170.0],
-                [-190.0, 45.0],
-                [-120.0, 156.0],
-                [-185.0, 185.0],
-                [-120.0, 120.0],
-                [-350.0, 350.0],
-            ],
-            [360.0, 300.0, 360.0, 450.0, 450.0, 540.0],
-            [1300.0, 370.0, 1390.0, 7000.0, 6800.0, 13500.0],
-        ),
+        TestRobot {
+            name: "LWR 4+",
+            model: arms::lwr(),
+            home: seven,
+        },
+        TestRobot {
+            name: "iiwa 14",
+            model: arms::model(
+                Arm::Srs(arms::IIWA),
+                arms::SEVEN_JOINTS,
+                [85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0],
+                [420.0, 420.0, 500.0, 370.0, 650.0, 670.0, 670.0],
+            ),
+            home: seven,
+        },
+        TestRobot {
+            name: "KR 6 R900-2",
+            model: arms::model(
+                Arm::OrthoParallel(arms::KR6),
+                arms::SIX_JOINTS,
+                [360.0, 300.0, 360.0, 450.0, 450.0, 540.0],
+                [1300.0, 370.0, 1390.0, 7000.0, 6800.0, 13500.0],
+            ),
+            home: arms::radians([10.0, -80.0, 100.0, 10.0, 60.0, -20.0]),
+        },
     ]
 }
 
@@ -217,7 +147,7 @@ struct DrawnMotion {
 /// Builds, runs and checks the motion of this seed.
 #[must_use]
 pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
-    let mut random = Random::new(seed ^ (kind as u64) << 60);
+    let mut random = SplitMix64(seed ^ (kind as u64) << 60);
     let Some(drawn) = draw(robot, &mut random) else {
         return RunOutcome::Refused;
     };
@@ -296,8 +226,8 @@ pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64;
 }
 
 /// Random parameters limited by the joints alone, in cycles of 1 ms.
-fn unbound(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<(DrawnMotion, Random)> {
-    let mut random = Random::new(seed ^ (kind as u64) << 60);
+fn unbound(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<(DrawnMotion, SplitMix64)> {
+    let mut random = SplitMix64(seed ^ (kind as u64) << 60);
     let mut drawn = draw(robot, &mut random)?;
     (drawn.line, drawn.turn, drawn.dt_s) = (MotionLimits::NONE, MotionLimits::NONE, 1e-3);
     Some((drawn, random))
@@ -322,13 +252,13 @@ fn build(
 }
 
 /// Draws the start and the targets; `None` if the start is not valid.
-fn draw(robot: &TestRobot, random: &mut Random) -> Option<DrawnMotion> {
+fn draw(robot: &TestRobot, random: &mut SplitMix64) -> Option<DrawnMotion> {
     let arm = robot.model.arm?;
     let limits = &robot.model.limits;
     let mut near = |home: &Joints, by: f64| {
         let mut joints = *home;
         for (index, joint) in joints.iter_mut().enumerate().take(limits.joints) {
-            *joint += random.within(-by, by);
+            *joint += random.uniform(-by, by);
             if *joint <= limits.lower[index] + 0.01 || *joint >= limits.upper[index] - 0.01 {
                 return None;
             }
@@ -344,22 +274,22 @@ fn draw(robot: &TestRobot, random: &mut Random) -> Option<DrawnMotion> {
         target[limits.joints..].fill(f64::NAN);
     }
     let from = arm.forward(&start);
-    let reach = random.log_even(0.005, 0.2);
+    let reach = random.log_uniform(0.005, 0.2);
     let poses = (0..20).map(|_| {
-        let mut around = |by: f64| random.within(-by, by);
+        let mut around = |by: f64| random.uniform(-by, by);
         let turn = [around(0.25), around(0.25), around(0.25)];
         let way = [around(reach), around(reach), around(reach)];
         from.compose(&Pose::from_xyz_rpy(way, turn))
     });
     let poses = poses.collect();
-    let given = random.even() < 0.3;
+    let given = random.unit() < 0.3;
     let mut of = |low: f64, high: f64| {
-        let velocity = random.log_even(low, high);
-        let acceleration = velocity * random.log_even(2.0, 20.0);
+        let velocity = random.log_uniform(low, high);
+        let acceleration = velocity * random.log_uniform(2.0, 20.0);
         MotionLimits {
             velocity,
             acceleration,
-            jerk: acceleration * random.log_even(5.0, 50.0),
+            jerk: acceleration * random.log_uniform(5.0, 50.0),
         }
     };
     let (line, turn) = if given {
@@ -370,7 +300,7 @@ fn draw(robot: &TestRobot, random: &mut Random) -> Option<DrawnMotion> {
     Some(DrawnMotion {
         start,
         from,
-        scale: random.log_even(0.2, 1.0),
+        scale: random.log_uniform(0.2, 1.0),
         arm_angle: arm.configuration(&start).arm_angle,
         poses,
         joints,
@@ -381,7 +311,7 @@ fn draw(robot: &TestRobot, random: &mut Random) -> Option<DrawnMotion> {
 }
 
 /// The legs of a kind.
-fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut Random) -> Vec<Leg<'a>> {
+fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut SplitMix64) -> Vec<Leg<'a>> {
     let leg = |segment, blend| Leg {
         line: drawn.line,
         turn: drawn.turn,
@@ -421,7 +351,7 @@ fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut Random) -> Ve
                 leg.elbow = match random.below(3) {
                     _ if of_joints => ElbowMotion::Stays,
                     0 => ElbowMotion::Middle,
-                    1 => ElbowMotion::To(drawn.arm_angle + random.within(-0.8, 0.8)),
+                    1 => ElbowMotion::To(drawn.arm_angle + random.uniform(-0.8, 0.8)),
                     _ => ElbowMotion::Stays,
                 };
             }
@@ -441,23 +371,23 @@ fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut Random) -> Ve
                         to: drawn.poses[2 * index],
                     },
                 };
-                let blend = random.log_even(0.001, 0.05);
-                leg(segment, if random.even() < 0.7 { blend } else { 0.0 })
+                let blend = random.log_uniform(0.001, 0.05);
+                leg(segment, if random.unit() < 0.7 { blend } else { 0.0 })
             })
             .collect(),
     }
 }
 
 /// Runs a motion under random overrides until it is done, and three cycles more.
-fn run(mut motion: MotionSet, mut judge: MotionJudge, random: &mut Random) -> RunOutcome {
+fn run(mut motion: MotionSet, mut judge: MotionJudge, random: &mut SplitMix64) -> RunOutcome {
     let mut speed_override = SpeedOverride::RUN;
-    let often = random.log_even(2.0, 500.0);
+    let often = random.log_uniform(2.0, 500.0);
     let calm_at = random.below(1500);
     let stop_at = random.below(4000);
     for cycle in 0..CYCLES_MAX {
         if cycle >= calm_at {
             speed_override = SpeedOverride::RUN;
-        } else if random.even() * often < 1.0 {
+        } else if random.unit() * often < 1.0 {
             speed_override = random.speed_override();
         }
         let stop = cycle == stop_at;

@@ -2,18 +2,12 @@
 #![allow(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used)]
 
 use super::*;
-use crate::kinematics::{Arm, OutOfLimits};
+use crate::kinematics::OutOfLimits;
+use crate::testing::arms::LWR;
 use crate::testing::lwr;
 use proptest::prelude::*;
 
 const SAMPLES: usize = 80;
-
-fn arm() -> SrsArm {
-    match lwr().arm {
-        Some(Arm::Srs(arm)) => arm,
-        other => panic!("{other:?}"),
-    }
-}
 
 fn outside(
     arm: &SrsArm,
@@ -31,7 +25,7 @@ fn without_limits_the_whole_circle_is_free() {
     let mut limits = lwr().limits;
     limits.lower = [-4.0; 8];
     limits.upper = [4.0; 8];
-    let arm = arm();
+    let arm = LWR;
     let pose = arm.forward(&[0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4]);
     let branch = arm.branch(&[0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4]);
     let free = arm.arm_angles(&pose, branch, &limits).unwrap();
@@ -47,7 +41,7 @@ fn without_limits_the_whole_circle_is_free() {
 
 #[test]
 fn an_elbow_beyond_its_limit_leaves_no_interval() {
-    let arm = arm();
+    let arm = LWR;
     let q = [0.3, 0.5, -0.2, -2.5, 0.1, 1.0, 0.4];
     let free = arm.arm_angles(&arm.forward(&q), arm.branch(&q), &lwr().limits);
     assert_eq!(free.unwrap().intervals(), &[] as &[[f64; 2]]);
@@ -60,7 +54,7 @@ proptest! {
     fn an_arm_angle_is_in_an_interval_if_its_joints_are_within_their_limits(
         q in prop::array::uniform7(-2.0..2.0f64), index in 0..8u8, narrow in 0.3..1.0f64, shift in -0.4..0.4f64
     ) {
-        let arm = arm();
+        let arm = LWR;
         let mut limits = lwr().limits;
         for limit in limits.lower.iter_mut().chain(&mut limits.upper) {
             *limit = *limit * narrow + shift;
@@ -95,9 +89,9 @@ proptest! {
     ) {
         let mut limits = lwr().limits;
         limits.lower = bound;
-        let _ = arm().arm_angles(&Pose::from_slots(slots), Branch::default(), &limits);
-        let there = arm().forward(&[0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4]);
-        let free = arm().arm_angles(&there, Branch::default(), &limits).unwrap();
+        let _ = LWR.arm_angles(&Pose::from_slots(slots), Branch::default(), &limits);
+        let there = LWR.forward(&[0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4]);
+        let free = LWR.arm_angles(&there, Branch::default(), &limits).unwrap();
         let _ = free.around(slots[0]);
     }
 }

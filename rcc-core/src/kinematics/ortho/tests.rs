@@ -5,20 +5,10 @@
 extern crate std;
 
 use super::*;
+use crate::testing::arms::KR6;
 use core::f64::consts::{FRAC_PI_2, PI};
 use proptest::prelude::*;
 
-const KR6: OrthoParallelArm = OrthoParallelArm {
-    shoulder_height: 0.4,
-    shoulder_offset: 0.025,
-    lateral_offset: 0.0,
-    upper_arm: 0.455,
-    elbow_offset: -0.025,
-    forearm: 0.42,
-    wrist_to_flange: 0.09,
-    signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
-    zeros: [0.0, FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
-};
 /// With all lengths nonzero and mirrored joints, unlike any real arm.
 const ODD: OrthoParallelArm = OrthoParallelArm {
     lateral_offset: 0.11,

@@ -5,24 +5,10 @@
 extern crate std;
 
 use super::*;
+use crate::testing::arms::{IIWA, LWR};
 use core::f64::consts::PI;
 use proptest::prelude::*;
 use std::string::ToString;
-
-const LWR: SrsArm = SrsArm {
-    shoulder_height: 0.3105,
-    upper_arm: 0.4,
-    forearm: 0.39,
-    wrist_to_flange: 0.078,
-    signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-};
-const IIWA: SrsArm = SrsArm {
-    shoulder_height: 0.36,
-    upper_arm: 0.42,
-    forearm: 0.4,
-    wrist_to_flange: 0.126,
-    signs: [1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0],
-};
 
 fn pose_error(a: &Pose, b: &Pose) -> f64 {
     let turned = a

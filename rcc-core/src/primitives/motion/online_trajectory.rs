@@ -172,6 +172,8 @@ fn braking_speed(left: f64, velocity: f64, acceleration: f64, dt_s: f64) -> f64 
 
 #[cfg(test)]
 mod tests {
+    use rcc_testing::{Random, Rng};
+
     use crate::testing::PrimitiveHarness;
 
     const DT_S: f64 = 1e-3;
@@ -184,14 +186,6 @@ mod tests {
             .set_real("max_acceleration", acceleration)
             .set_bool("reset", Some(false));
         bench
-    }
-
-    /// Pseudo-random numbers in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
-    fn random(state: &mut u64) -> f64 {
-        *state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
     /// Runs one cycle and checks the limits and the consistency of position and velocity.
@@ -215,19 +209,17 @@ mod tests {
     #[test]
     fn goals_that_jump_at_any_time_break_no_limit() {
         for seed in 1..20 {
-            let mut state = seed;
-            let (velocity, acceleration) = (
-                0.5 + 0.4 * random(&mut state),
-                5.0 + 4.0 * random(&mut state),
-            );
+            let mut rng = Rng::with_seed(seed);
+            let mut random = || rng.uniform(-1.0, 1.0);
+            let (velocity, acceleration) = (0.5 + 0.4 * random(), 5.0 + 4.0 * random());
             let mut bench = bench(velocity, acceleration);
             let mut last = [0.0; 2];
-            bench.set_real("goal", 0.0);
+            bench.set_real("goal", 0.0).step();
             for _ in 0..60 {
-                for _ in 0..(500.0 * random(&mut state).abs()) as usize {
+                for _ in 0..(500.0 * random().abs()) as usize {
                     checked_step(&mut bench, &mut last, velocity, acceleration);
                 }
-                bench.set_real("goal", random(&mut state));
+                bench.set_real("goal", random());
             }
         }
     }

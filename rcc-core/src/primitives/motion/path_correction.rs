@@ -253,6 +253,8 @@ impl Step for PathCorrection {
 
 #[cfg(test)]
 mod tests {
+    use rcc_testing::{Random, Rng};
+
     use crate::pose::Pose;
     use crate::testing::PrimitiveHarness;
 
@@ -287,13 +289,12 @@ mod tests {
 
     #[test]
     fn the_offset_keeps_its_bound_and_its_velocity_for_any_request() {
-        let (mut bench, mut seed, mut last) = (bench(0.02), 3_u64, [0.0; 3]);
+        let (mut bench, mut random, mut last) = (bench(0.02), Rng::with_seed(3), [0.0; 3]);
         for cycle in 0..20_000 {
             if cycle % 37 == 0 {
                 let mut wish = [0.0; 3];
                 for element in &mut wish {
-                    seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-                    *element = (seed >> 11) as f64 / (1_u64 << 53) as f64 * 0.1 - 0.05;
+                    *element = random.uniform(-0.05, 0.05);
                 }
                 bench.set_reals("correction", &wish);
                 let beyond = wish.iter().any(|element| element.abs() > 0.02);

@@ -16,7 +16,6 @@ use crate::conformance::capture::Capture;
 use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance, device};
 use crate::driver::Inputs;
 use crate::host::reason::Reason;
-use crate::sim::control_socket::tests::TestFolder;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::line_server::ControlClient;
@@ -74,10 +73,10 @@ impl Subject for IoServer {
         let any = SocketAddr::from(([127, 0, 0, 1], 0));
         let wire = |text: &str| text.parse().expect("a wire");
         // Needed until the client is connected.
-        let folder = TestFolder::new("server");
+        let folder = rcc_testing::folder();
         let options = Options {
             bind: any,
-            control: Some(folder.0.join("sim.sock")),
+            control: Some(folder.path().join("sim.sock")),
             wire: vec![wire("coil:0=discrete:0"), wire("holding:0=input:0")],
             priority: None,
             parent_death: false,

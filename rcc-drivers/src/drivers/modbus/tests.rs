@@ -10,7 +10,6 @@ use rcc_core::primitive::ChannelKind::{AnalogInput, AnalogOutput, DigitalInput, 
 
 use super::*;
 use crate::conformance::{self, ChannelRow, Peer};
-use crate::sim::control_socket::tests::TestFolder;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::line_server::ControlClient;
@@ -68,10 +67,10 @@ impl FreezableServer {
     /// Runs until the test process ends.
     fn start(&mut self) {
         // Needed until the client is connected.
-        let folder = TestFolder::new("server");
+        let folder = rcc_testing::folder();
         let options = Options {
             bind: self.address,
-            control: Some(folder.0.join("sim.sock")),
+            control: Some(folder.path().join("sim.sock")),
             wire: vec![
                 "coil:0=discrete:0".parse().expect("a wire"),
                 "holding:0=input:0".parse().expect("a wire"),

@@ -2,56 +2,36 @@
 //! Tests of files in a folder of their own.
 
 use std::os::unix::fs::symlink;
-use std::sync::atomic::{AtomicU32, Ordering};
+
+use rcc_testing::folder;
 
 use super::*;
 
-/// A test's folder, removed at its end.
-pub(crate) struct TestFolder(pub(crate) PathBuf);
-
-impl TestFolder {
-    pub(crate) fn new(name: &str) -> TestFolder {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        // Relaxed: only distinct numbers are needed.
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = format!("rcc-control-{name}-{}-{number}", std::process::id());
-        let path = std::env::temp_dir().join(name);
-        DirBuilder::new().mode(0o700).create(&path).unwrap();
-        TestFolder(path.canonicalize().unwrap())
-    }
-}
-
-impl Drop for TestFolder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
 #[test]
 fn the_socket_is_private_and_removed_with_the_simulator() {
-    let place = TestFolder::new("mode");
-    let path = place.0.join("new/sim.sock");
+    let place = folder();
+    let path = place.path().join("new/sim.sock");
     let (_listener, socket) = ControlSocket::bind(&path).unwrap();
     assert_eq!(socket.path(), path);
     let mode = |path: &Path| fs::metadata(path).unwrap().mode() & 0o7777;
     assert_eq!(mode(&path), 0o600);
-    assert_eq!(mode(&place.0.join("new")), 0o700);
+    assert_eq!(mode(&place.path().join("new")), 0o700);
     drop(socket);
-    assert!(!place.0.join("new").exists());
+    assert!(!place.path().join("new").exists());
 }
 
 #[test]
 fn a_socket_is_private_from_the_start() {
-    let place = TestFolder::new("born");
-    let path = place.0.join("sim.sock");
+    let place = folder();
+    let path = place.path().join("sim.sock");
     let _listener = bind_private(&path).unwrap();
     assert_eq!(fs::metadata(&path).unwrap().mode() & 0o077, 0);
 }
 
 #[test]
 fn a_dead_simulators_socket_is_replaced_and_a_living_ones_is_not() {
-    let place = TestFolder::new("old");
-    let path = place.0.join("sim.sock");
+    let place = folder();
+    let path = place.path().join("sim.sock");
     drop(UnixListener::bind(&path).unwrap());
     assert!(path.exists(), "a dead socket's file stays");
     let (_listener, living) = ControlSocket::bind(&path).unwrap();
@@ -70,9 +50,9 @@ fn a_dead_simulators_socket_is_replaced_and_a_living_ones_is_not() {
 
 #[test]
 fn a_folder_that_others_can_write_to_is_refused_with_the_remedy() {
-    let place = TestFolder::new("folder");
-    fs::set_permissions(&place.0, fs::Permissions::from_mode(0o1777)).unwrap();
-    let path = place.0.join("sim.sock");
+    let place = folder();
+    fs::set_permissions(place.path(), fs::Permissions::from_mode(0o1777)).unwrap();
+    let path = place.path().join("sim.sock");
     let refused = ControlSocket::bind(&path).unwrap_err().to_string();
     assert!(refused.contains("chmod go-w"), "{refused}");
     assert!(!path.exists());
@@ -80,8 +60,8 @@ fn a_folder_that_others_can_write_to_is_refused_with_the_remedy() {
 
 #[test]
 fn requests_name_files_below_the_folder_only() {
-    let place = TestFolder::new("below");
-    let (inside, outside) = (place.0.join("in"), place.0.join("out"));
+    let place = folder();
+    let (inside, outside) = (place.path().join("in"), place.path().join("out"));
     fs::create_dir_all(inside.join("logs")).unwrap();
     fs::create_dir(&outside).unwrap();
     symlink(&outside, inside.join("way")).unwrap();
@@ -94,7 +74,7 @@ fn requests_name_files_below_the_folder_only() {
     }
     let whole = inside.join("logs/a.csv");
     assert_eq!(folder.below(&whole).unwrap(), whole);
-    let sibling = place.0.join("inside.csv");
+    let sibling = place.path().join("inside.csv");
     for (bad, part) in [
         (Path::new("../out/a.csv"), "is not below"),
         (Path::new("way/a.csv"), "is not below"),

@@ -1,27 +1,19 @@
 //! Tests of command files, of what is known without them, and of how room is made for new ones. Run by the test
 //! harness.
 
+use rcc_testing::TempDir;
+
 use super::*;
 
-struct TestStore(CommandStore);
-
-impl TestStore {
-    fn new(name: &str) -> TestStore {
-        let base = std::env::temp_dir().join(format!("rcc-store-{}-{name}", std::process::id()));
-        TestStore(CommandStore {
-            folder: base.join("00000000000000aa"),
-            bytes_max: 4 << 10,
-            index: Mutex::default(),
-        })
-    }
-}
-
-impl Drop for TestStore {
-    fn drop(&mut self) {
-        if let Some(base) = self.0.folder.parent() {
-            let _ = fs::remove_dir_all(base);
-        }
-    }
+/// Returns an empty store, and the folder it is in.
+fn store() -> (CommandStore, TempDir) {
+    let base = rcc_testing::folder();
+    let store = CommandStore {
+        folder: base.path().join("00000000000000aa"),
+        bytes_max: 4 << 10,
+        index: Mutex::default(),
+    };
+    (store, base)
 }
 
 fn command(id: u64) -> CommandFile {
@@ -34,34 +26,34 @@ fn command(id: u64) -> CommandFile {
 
 #[test]
 fn a_written_file_is_read_back() -> Result<(), StoreError> {
-    let folder = TestStore::new("back");
-    folder.0.write(&command(7))?;
-    assert_eq!(folder.0.read(7), Some(command(7)));
-    assert_eq!(folder.0.read(8), None);
+    let (store, _folder) = store();
+    store.write(&command(7))?;
+    assert_eq!(store.read(7), Some(command(7)));
+    assert_eq!(store.read(8), None);
     Ok(())
 }
 
 #[test]
 fn a_sweep_removes_what_does_not_exist_and_nothing_young() -> Result<(), StoreError> {
-    let folder = TestStore::new("sweep");
+    let (store, _folder) = store();
     for id in [1, 2] {
-        folder.0.write(&command(id))?;
+        store.write(&command(id))?;
     }
-    folder.0.sweep(|id| id == 1, Duration::from_secs(3600));
-    assert!(folder.0.read(2).is_some());
-    folder.0.sweep(|id| id == 1, Duration::ZERO);
-    assert!(folder.0.read(1).is_some() && folder.0.read(2).is_none());
+    store.sweep(|id| id == 1, Duration::from_secs(3600));
+    assert!(store.read(2).is_some());
+    store.sweep(|id| id == 1, Duration::ZERO);
+    assert!(store.read(1).is_some() && store.read(2).is_none());
     Ok(())
 }
 
 #[test]
 fn folders_of_dead_executors_go() -> Result<(), StoreError> {
-    let folder = TestStore::new("others");
-    folder.0.write(&command(1))?;
-    let other = folder.0.folder.with_file_name("00000000000000bb");
+    let (store, _folder) = store();
+    store.write(&command(1))?;
+    let other = store.folder.with_file_name("00000000000000bb");
     fs::create_dir_all(&other).expect("a folder");
-    folder.0.remove_others();
-    assert!(!other.exists() && folder.0.read(1).is_some());
+    store.remove_others();
+    assert!(!other.exists() && store.read(1).is_some());
     Ok(())
 }
 
@@ -80,12 +72,12 @@ fn rejected(id: u64, text: usize) -> CommandFile {
 
 #[test]
 fn names_are_known_without_any_file() -> Result<(), StoreError> {
-    let folder = TestStore::new("index");
-    folder.0.write(&command(7))?;
-    fs::remove_dir_all(&folder.0.folder).expect("removed");
-    assert_eq!(folder.0.named("line"), [7]);
+    let (store, _folder) = store();
+    store.write(&command(7))?;
+    fs::remove_dir_all(&store.folder).expect("removed");
+    assert_eq!(store.named("line"), [7]);
     assert_eq!(
-        folder.0.summary(7).map(|summary| summary.net.clone()),
+        store.summary(7).map(|summary| summary.net.clone()),
         Some("line".into())
     );
     Ok(())
@@ -93,28 +85,28 @@ fn names_are_known_without_any_file() -> Result<(), StoreError> {
 
 #[test]
 fn the_oldest_rejected_files_make_room_and_nothing_else_does() -> Result<(), StoreError> {
-    let folder = TestStore::new("room");
-    folder.0.write(&command(1))?;
+    let (store, _folder) = store();
+    store.write(&command(1))?;
     for id in 2..20 {
-        folder.0.write(&rejected(id, 1000))?;
-        assert!(folder.0.kept() <= folder.0.bytes_max, "{}", folder.0.kept());
+        store.write(&rejected(id, 1000))?;
+        assert!(store.kept() <= store.bytes_max, "{}", store.kept());
     }
-    assert!(folder.0.read(1).is_some() && folder.0.read(19).is_some());
-    assert_eq!(folder.0.read(2), None);
-    let first = folder.0.summary(2).map(|summary| summary.diagnostics.len());
+    assert!(store.read(1).is_some() && store.read(19).is_some());
+    assert_eq!(store.read(2), None);
+    let first = store.summary(2).map(|summary| summary.diagnostics.len());
     assert_eq!(first, Some(1), "its errors are still available");
     let live = CommandFile {
         text: "x".repeat(3 << 10),
         ..command(20)
     };
-    folder.0.write(&live)?;
-    let refused = folder.0.write(&CommandFile { id: 21, ..live });
+    store.write(&live)?;
+    let refused = store.write(&CommandFile { id: 21, ..live });
     assert!(
         matches!(refused, Err(StoreError::Full { .. })),
         "{refused:?}"
     );
-    assert!(folder.0.read(20).is_some() && folder.0.read(21).is_none());
-    let left = entries(&folder.0.folder).into_iter();
+    assert!(store.read(20).is_some() && store.read(21).is_none());
+    let left = entries(&store.folder).into_iter();
     assert!(
         left.into_iter()
             .all(|path| path.extension().is_some_and(|of| of == "json"))

@@ -1,48 +1,19 @@
 //! Random paths under random overrides, checked on the executed phases themselves, not on samples. `RCC_MOTION_CASES`
 //! sets the number of cases.
 
+use rcc_testing::{Random, Rng};
+
 use super::*;
 
-/// Random numbers from a seed (splitmix64).
-struct Random(u64);
-
-impl Random {
-    fn even(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn log_even(&mut self, low: f64, high: f64) -> f64 {
-        (low.ln() + self.even() * (high / low).ln()).exp()
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.even() * n as f64) as usize
-    }
-
-    fn path(&mut self) -> Vec<PathPiece> {
-        let mut end_s = 0.0;
-        let base = self.log_even(0.02, 2.0);
-        let pieces = (0..=self.below(8)).map(|_| {
-            end_s += self.log_even(1e-4, 1.0);
-            let velocity = base * self.log_even(0.1, 1.0);
-            PathPiece { end_s, velocity }
-        });
-        pieces.collect()
-    }
-
-    fn speed_override(&mut self) -> SpeedOverride {
-        match self.below(12) {
-            0..3 => pause(),
-            3 => at(0.0),
-            4..7 => RUN,
-            7 => at(self.log_even(1e-3, 1.0)),
-            _ => at(self.even()),
-        }
-    }
+fn path(random: &mut Rng) -> Vec<PathPiece> {
+    let mut end_s = 0.0;
+    let base = random.log_uniform(0.02, 2.0);
+    let pieces = (0..=random.below(8)).map(|_| {
+        end_s += random.log_uniform(1e-4, 1.0);
+        let velocity = base * random.log_uniform(0.1, 1.0);
+        PathPiece { end_s, velocity }
+    });
+    pieces.collect()
 }
 
 /// Checks every executed segment of a motion, and every returned state.
@@ -154,12 +125,12 @@ fn crossing(start: AxisState, jerk: f64, duration_s: f64, position: f64) -> f64 
 
 /// Runs one random path; returns the number of cycles.
 fn case(seed: u64) -> usize {
-    let mut random = Random(seed);
-    let pieces = random.path();
-    let (acceleration, jerk) = (random.log_even(0.1, 50.0), random.log_even(1.0, 1e4));
+    let mut random = Rng::with_seed(seed);
+    let pieces = path(&mut random);
+    let (acceleration, jerk) = (random.log_uniform(0.1, 50.0), random.log_uniform(1.0, 1e4));
     let new = |dt_s| PathBounds::new(&pieces, acceleration, jerk, dt_s).unwrap();
     let full_s = duration_s(&new(1e-9));
-    let bounds = new(full_s / random.log_even(20.0, 400.0));
+    let bounds = new(full_s / random.log_uniform(20.0, 400.0));
     let mut judge = SegmentChecker {
         pieces: &pieces,
         acceleration,
@@ -169,8 +140,8 @@ fn case(seed: u64) -> usize {
     };
     let mut clock = PathClock::new();
     let (stop_at, calm_at) = (random.below(2000), random.below(600));
-    let often = random.log_even(1.0, 300.0);
-    let mut speed_override = if random.even() < 0.5 {
+    let often = random.log_uniform(1.0, 300.0);
+    let mut speed_override = if random.unit() < 0.5 {
         RUN
     } else {
         random.speed_override()
@@ -187,7 +158,7 @@ fn case(seed: u64) -> usize {
     for cycle in 0..=most {
         if cycle >= calm_at {
             speed_override = RUN;
-        } else if random.even() * often < 1.0 {
+        } else if random.unit() * often < 1.0 {
             speed_override = random.speed_override();
         }
         let told = SpeedOverride {

@@ -1,5 +1,7 @@
 //! Force control: limits under arbitrary forces, contact with a spring, and coming to rest.
 
+use rcc_testing::{Random, Rng};
+
 use super::{OffsetLimits, OffsetState, follow};
 use crate::testing::PrimitiveHarness;
 
@@ -10,14 +12,6 @@ const AT_REST: OffsetState = OffsetState {
     a: 0.0,
     held: 0.0,
 };
-
-/// Pseudo-random numbers in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
-fn random(state: &mut u64) -> f64 {
-    *state = state
-        .wrapping_mul(6_364_136_223_846_793_005)
-        .wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-}
 
 /// Runs one cycle and checks every limit.
 fn checked(before: OffsetState, goal: f64, limits: &OffsetLimits) -> OffsetState {
@@ -49,8 +43,8 @@ fn checked(before: OffsetState, goal: f64, limits: &OffsetLimits) -> OffsetState
 fn goals_that_jump_at_any_time_break_no_limit_and_never_leave_the_travel() {
     let mut held = 0;
     for seed in 1..400 {
-        let mut state = seed;
-        let mut share = |low: f64, high: f64| low + (high - low) * (random(&mut state) + 1.0) / 2.0;
+        let mut random = Rng::with_seed(seed);
+        let mut share = |low: f64, high: f64| random.uniform(low, high);
         let limits = OffsetLimits {
             velocity: share(0.005, 0.5),
             acceleration: share(0.05, 5.0),

@@ -1,0 +1,24 @@
+//! What tests and benchmarks of several packages repeat: arms, random numbers and temporary folders. Any thread.
+
+pub mod arms;
+pub mod random;
+
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
+
+pub use random::{Random, Rng};
+pub use tempfile::TempDir;
+
+/// Returns a new folder of mode 0700, removed when dropped. Its path is short, because the path of a Unix socket is
+/// limited to 107 bytes.
+///
+/// # Panics
+/// Panics if the temporary folder of the system cannot be written to.
+#[must_use]
+pub fn folder() -> TempDir {
+    tempfile::Builder::new()
+        .prefix("rcc-")
+        .permissions(Permissions::from_mode(0o700))
+        .tempdir()
+        .expect("a temporary folder")
+}
