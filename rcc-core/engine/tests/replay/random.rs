@@ -10,7 +10,7 @@ use rcc_core::types::{NULL_INT, Store};
 use rcc_protocol::control::{InputValue, PlanData};
 use rcc_testing::{Random, Rng};
 
-use super::{HOLD, model};
+use super::common::{HOLD, model};
 
 /// Mostly an ordinary number, sometimes NaN or an extreme one.
 fn any_real(random: &mut Rng) -> f64 {

@@ -1,0 +1,148 @@
+//! The message of every refusal of the executor.
+
+use super::*;
+
+/// Returns names with which command 3 publishes a topic that command 8 subscribes to with another type.
+fn names_with_topic(id: u64) -> Names {
+    let (topic, primitive) = ("tool/force".to_owned(), "force".to_owned());
+    match id {
+        3 => Names {
+            publishes: vec![TopicNames {
+                primitive,
+                topic,
+                type_name: "Wrench".to_owned(),
+                unit: None,
+            }],
+            ..Names::default()
+        },
+        _ => Names {
+            inputs: vec![InputNames {
+                primitive,
+                type_name: "Real".to_owned(),
+                unit: Some("N".to_owned()),
+                at_least: Vec::new(),
+                at_most: Vec::new(),
+                expires_s: None,
+                topic: Some(topic),
+            }],
+            ..Names::default()
+        },
+    }
+}
+
+#[test]
+fn every_refusal_has_a_code_names_and_a_remedy() {
+    let config = config();
+    let names = NameResolver {
+        disagreement: &|_| None,
+        config: &config,
+        net: &|id| format!("net#{id}"),
+        names: &names_with_topic,
+        reason: &|_, reason| format!("because {reason}"),
+    };
+    let device = |violation| Refusal::FirstSetPoint {
+        device: 0,
+        joint: 2,
+        value: 0.2,
+        limit: 0.002,
+        violation,
+    };
+    let resource = Resource::Digital {
+        device: 0,
+        channel: 0,
+    };
+    let key = Topic::new("tool/force", "Wrench", "").key;
+    let continuation = |violation| Refusal::Continuation {
+        device: 0,
+        joint: 2,
+        value: 0.2,
+        limit: 0.002,
+        violation,
+    };
+    let refusals = [
+        Refusal::NotUnderstood,
+        Refusal::SwitchTooLarge { max: 8 },
+        Refusal::NamedTwice,
+        Refusal::NeverTogether,
+        Refusal::LetsGo { device: 0 },
+        continuation(4),
+        continuation(5),
+        Refusal::TableFull,
+        Refusal::UnknownCommand,
+        Refusal::WrongState { state: 4 },
+        Refusal::Busy {
+            holder: 3,
+            resource,
+        },
+        Refusal::NotCancelable,
+        Refusal::DeviceNotReady {
+            device: 0,
+            state: 1,
+            reason: 9,
+        },
+        device(5),
+        device(2),
+        Refusal::FirstCycle { code: 3 },
+        Refusal::Plan(rcc_core::plan::PlanError::OtherConfiguration),
+        Refusal::Prepare(PrepareFault::Motion {
+            motion: 0,
+            leg: 0,
+            fault: MotionFault::AmbiguousRotation,
+        }),
+        Refusal::OtherTopic { other: 3, key },
+        Refusal::Overloaded,
+        Refusal::Stopping,
+        Refusal::NoRecorder,
+        Refusal::Withdrawn,
+    ];
+    for refusal in refusals {
+        let error = names.refusal(8, refusal);
+        assert!(codes::TABLE.contains(&error.code), "{refusal:?}");
+        assert!(
+            !error.help.is_empty() && !error.message.is_empty(),
+            "{refusal:?}"
+        );
+    }
+    let fault = MotionFault::JointRange {
+        fraction: 0.5,
+        joint: 2,
+        value: core::f64::consts::PI,
+        limit: 2.0,
+    };
+    let (motion, leg) = (0, 1);
+    let beyond = Refusal::Prepare(PrepareFault::Motion { motion, leg, fault });
+    let told = names.refusal(8, beyond).message;
+    let words = "motion 0, leg 2: J3 would be at 180.000° (3.141593 rad) at 50 %";
+    assert!(told.contains(words), "{told}");
+    let busy = names
+        .refusal(
+            8,
+            Refusal::Busy {
+                holder: 3,
+                resource,
+            },
+        )
+        .message;
+    assert_eq!(busy, "net#8 needs lwr.torch, which net#3 holds");
+    let resource = Resource::Topic { key };
+    let twice = Refusal::Busy {
+        holder: 3,
+        resource,
+    };
+    assert_eq!(
+        names.refusal(8, twice).message,
+        "net#8 publishes topic tool/force, and so does net#3, which runs"
+    );
+    assert_eq!(
+        names
+            .refusal(8, Refusal::OtherTopic { other: 3, key })
+            .message,
+        "net#8 subscribes to tool/force as Real in N, and net#3 publishes tool/force as Wrench, which runs"
+    );
+    let first = names.refusal(8, device(5)).message;
+    let joint = &config.devices[0].robot.as_ref().expect("an arm").joints[1].name;
+    assert!(
+        first.contains(&format!("lwr joint {joint}")) && first.contains("11.459°"),
+        "{first}"
+    );
+}
