@@ -10,6 +10,7 @@ mod machine;
 mod monitors;
 mod pairs;
 mod report;
+mod restart;
 
 use std::sync::Arc;
 use std::thread;

@@ -6,9 +6,9 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 use serde_json::Value;
 
-use super::field::{ARM, Field, count, held};
-use super::io;
+use super::field::{ARM, Field, IO, count, held};
 use super::pairs::{self, Pair, Victim};
+use super::restart;
 use crate::cell_fixture::ExecutorBoards;
 use crate::journal::Random;
 use crate::nets;
@@ -70,12 +70,12 @@ impl Arm<'_> {
     fn round(&mut self, number: u64) {
         let field = self.field;
         field.renew(&mut self.watch);
-        recover(field, &self.watch);
+        restart::driver(field, &mut held(&field.arm_driver), &self.watch, ARM);
         let fate = self.fate();
         let calm = (fate == PlannedOutcome::Kill).then(|| {
             let mut driver = held(&field.io_driver);
             // The thread that locks the driver restarts it if it was killed in a pair.
-            io::recover(field, &mut driver, &self.watch);
+            restart::driver(field, &mut driver, &self.watch, IO);
             driver
         });
         let lamp = calm.as_ref().map(|_| {
@@ -229,16 +229,5 @@ impl Arm<'_> {
         drop(driver);
         field.clean();
         field.await_driver(&self.watch, ARM, pid);
-    }
-}
-
-/// Starts the driver if it has exited because it was killed together with the executor.
-pub fn recover(field: &Field<'_>, watch: &ExecutorBoards) {
-    let mut driver = held(&field.arm_driver);
-    if driver.ended().is_some() {
-        let pid = driver.start(field.place);
-        drop(driver);
-        field.clean();
-        field.await_driver(watch, ARM, pid);
     }
 }

@@ -8,16 +8,16 @@ use nix::sys::signal::Signal;
 use rcc_os::clock::monotonic_ns;
 
 use super::field::{Field, count, held};
-use crate::process::Process;
-use crate::{await_some, nets};
+use super::restart;
+use crate::nets;
 
 /// Starts the loader; under load, kills and restarts it every 10 s to 30 s.
 pub fn loader(field: &Field<'_>) {
-    serve(field, &mut held(&field.loader));
+    restart::start_loader(field, &mut held(&field.loader));
     let mut random = field.random(3);
     let mut until_next = 20_000;
     field.journal.rounds("loader", |_| {
-        recover(field, &mut held(&field.loader));
+        restart::loader(field, &mut held(&field.loader));
         field.journal.pause(Duration::from_millis(200));
         until_next -= 200_i64;
         if until_next > 0 || !field.options.load {
@@ -32,26 +32,11 @@ pub fn loader(field: &Field<'_>) {
             Signal::SIGTERM
         });
         std::thread::sleep(random.time_below(Duration::from_millis(100)));
-        serve(field, &mut loader);
+        restart::start_loader(field, &mut loader);
         count(&field.counts.loaders);
         field.clean();
     });
     field.end(&mut held(&field.loader));
-}
-
-fn serve(field: &Field<'_>, loader: &mut Process) {
-    loader.start(field.place);
-    await_some("the loader to answer", || {
-        field.place.try_rest("GET", "/status", "")
-    });
-}
-
-/// Starts the loader if it has exited because it was killed together with another process.
-pub fn recover(field: &Field<'_>, loader: &mut Process) {
-    if loader.ended().is_some() {
-        serve(field, loader);
-        field.clean();
-    }
 }
 
 /// Loads big nets, runs those below 400 sums, and unloads them.

@@ -11,7 +11,7 @@ use rcc_ipc::clean;
 use rcc_os::process_instance::ProcessInstance;
 use serde_json::Value;
 
-use super::{Options, PRIORITY};
+use super::{Options, PRIORITY, restart};
 use crate::await_some;
 use crate::cell_fixture::{CellFixture, ExecutorBoards};
 use crate::journal::{Journal, Random};
@@ -163,15 +163,15 @@ impl<'a> Field<'a> {
         Random::new(self.options.seed, thread)
     }
 
-    /// One request, again and again until it is answered by a loader that reaches its executor. If the loader was killed,
-    /// it is started here: the thread that usually does so waits for the end of all rounds when somebody wants quiet.
+    /// One request, again and again until it is answered by a loader that reaches its executor. A loader that was killed
+    /// is restarted.
     pub fn ask(&self, method: &str, path: &str, body: &str) -> Reply {
         await_some(&format!("an answer to {method} {path}"), || {
             let reply = self.try_ask(method, path, body);
             if reply.is_none()
                 && let Ok(mut loader) = self.loader.try_lock()
             {
-                super::clients::recover(self, &mut loader);
+                restart::loader(self, &mut loader);
             }
             let reply = reply?;
             let later = reply.status >= 500 || reply.status == 429;
@@ -290,14 +290,6 @@ impl<'a> Field<'a> {
             let seen = ProcessInstance::from_incarnation(row.incarnation).pid == pid;
             (seen && row.state == DeviceState::Ready as u32).then_some(())
         });
-    }
-
-    /// Starts each process that was killed together with another one, as the thread that usually starts it would.
-    pub fn recover_all(&self) {
-        let watch = self.place.watch();
-        super::clients::recover(self, &mut held(&self.loader));
-        super::io::recover(self, &mut held(&self.io_driver), &watch);
-        super::arm::recover(self, &watch);
     }
 
     /// Looks at the boards of the executor that lives now.

@@ -6,9 +6,8 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::Signal;
 
 use super::field::{Field, IO, count, held};
-use crate::cell_fixture::ExecutorBoards;
+use super::restart;
 use crate::nets;
-use crate::process::Process;
 
 /// Pause between two restarts, in which other threads can use the station.
 const BREATH: Duration = Duration::from_millis(5);
@@ -26,7 +25,7 @@ pub fn run(field: &Field<'_>) {
     let mut done = 0;
     field.journal.rounds("io", |number| {
         field.renew(&mut watch);
-        recover(field, &mut held(&field.io_driver), &watch);
+        restart::driver(field, &mut held(&field.io_driver), &watch, IO);
         let early = (every * done).saturating_sub(begun.elapsed());
         field
             .journal
@@ -36,7 +35,7 @@ pub fn run(field: &Field<'_>) {
         }
         done += 1;
         let mut driver = held(&field.io_driver);
-        recover(field, &mut driver, &watch);
+        restart::driver(field, &mut driver, &watch, IO);
         let lamp = random.percent(20).then(|| {
             let name = format!("lamp-{number}");
             let lamp = field.load(&name, &nets::lamp(&name));
@@ -64,13 +63,4 @@ pub fn run(field: &Field<'_>) {
         }
     });
     field.end(&mut held(&field.io_driver));
-}
-
-/// Starts the driver if it has exited because it was killed together with another process.
-pub fn recover(field: &Field<'_>, driver: &mut Process, watch: &ExecutorBoards) {
-    if driver.ended().is_some() {
-        let pid = driver.start(field.place);
-        field.clean();
-        field.await_driver(watch, IO, pid);
-    }
 }
