@@ -7,10 +7,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use bytemuck::Zeroable;
 use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
-use rcc_engine::engine::{Engine, EngineConfig};
+use rcc_engine::engine::EngineConfig;
 use rcc_engine::net::Net;
-use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
+use rcc_engine::queue::{HelperRingEnds, rings};
 use rcc_engine::record::{FlightRecorder, FlightRecorderConfig, FlightRecorderHelper};
+use rcc_exec::boards::{Engine, EngineReply, EngineRequest, SharedMemory};
 use rcc_exec::rt::{self, Boards};
 use rcc_ipc::{BoardError, BoardWriter, Cell, CellError, CommandReader, Session, SessionError};
 use rcc_language::devices::DeviceTable;
@@ -76,7 +77,7 @@ pub struct BenchExecutor {
     engine: Engine,
     boards: Boards,
     drivers: Vec<InstantDriver>,
-    ends: HelperRingEnds,
+    ends: HelperRingEnds<SharedMemory>,
     devices: DeviceTable,
     hold: Joints,
     next_ticket: u64,
@@ -135,8 +136,11 @@ impl BenchExecutor {
             timing: session.create_board(TIMING)?,
             helpers: session.create_board(HELPERS)?,
             beats: Box::default(),
-            commands: commands.collect::<Result<_, _>>()?,
         };
+        let commands = commands.collect::<Result<Vec<_>, _>>()?;
+        let services: Vec<_> = (commands.iter())
+            .map(|board| board.service().to_owned())
+            .collect();
         let recorder = FlightRecorderConfig {
             span_ns: RECORDER_SPAN_NS,
             memory: RECORDER_MEMORY,
@@ -151,7 +155,7 @@ impl BenchExecutor {
             late_in_a_row_max: 0,
             models,
         };
-        let engine = Engine::new(config, rt).recorded_by(recorder);
+        let engine = Engine::with_boards(config, rt, commands).recorded_by(recorder);
         let mut executor = BenchExecutor {
             engine,
             boards,
@@ -164,12 +168,13 @@ impl BenchExecutor {
             _session: session,
             _cell_guard: cell_guard,
         };
-        executor.attach_drivers()?;
+        executor.attach_drivers(&services)?;
         Ok(executor)
     }
 
-    fn attach_drivers(&mut self) -> Result<(), BenchExecutorError> {
-        for (device, commands) in self.boards.commands.iter().enumerate() {
+    /// `services` are the boards with the set-points, by device.
+    fn attach_drivers(&mut self, services: &[String]) -> Result<(), BenchExecutorError> {
+        for (device, commands) in services.iter().enumerate() {
             let name = &self.devices.devices[device].name;
             let board: BoardWriter<Measurement> =
                 self._session.create_board(&format!("measured.{name}"))?;
@@ -181,7 +186,7 @@ impl BenchExecutor {
             measurement.position = self.hold;
             measurement.digital_known = u64::MAX;
             let reader = Box::new(self._session.open_board(board.service())?);
-            let commands = self._session.open_commands(commands.service())?;
+            let commands = self._session.open_commands(commands)?;
             self.drivers.push(InstantDriver {
                 measurement,
                 board,
@@ -285,7 +290,7 @@ impl BenchExecutor {
         let woke_ns = monotonic_ns();
         self.engine.latch_boards(woke_ns);
         self.engine.cycle(woke_ns);
-        rt::write(&self.engine, &mut self.boards);
+        rt::write(&mut self.engine, &mut self.boards);
         let exec_ns = monotonic_ns() - woke_ns;
         self.engine.account(0, exec_ns, 0);
         exec_ns

@@ -150,8 +150,7 @@ impl VirtualCell {
     }
 
     fn command(&self) -> Option<&CommandEntry> {
-        let mut rows = self.engine.tables().commands.iter();
-        rows.find(|row| row.id == ID)
+        self.engine.command(ID)
     }
 
     fn state(&self) -> CommandState {

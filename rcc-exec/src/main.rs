@@ -20,9 +20,10 @@ use rcc_config::cell::{CellConfig, RealTime};
 use rcc_core::message::CycleStatus;
 use rcc_engine::costs::Costs;
 use rcc_engine::costs::cache::{self, CostsSource};
-use rcc_engine::engine::{Engine, EngineConfig};
+use rcc_engine::engine::EngineConfig;
 use rcc_engine::queue::{HelperRingEnds, RtRingEnds, rings};
 use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
+use rcc_exec::boards::{Engine, SharedMemory};
 use rcc_exec::clock::{Clock, FollowedDevice};
 use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, RecordingResults};
 use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
@@ -30,7 +31,7 @@ use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::events::{self, EventRecorder};
-use rcc_ipc::{BoardError, BoardReader, Cell, Session};
+use rcc_ipc::{BoardError, BoardReader, Cell, CommandWriter, Session};
 use rcc_os::clock::monotonic_ns;
 use rcc_process::signals::request_stop;
 use rcc_process::{CellArguments, ExitError, HealthReport, Helpers, Notifier, Stop, exit};
@@ -76,7 +77,8 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let recorder = EventRecorder::watched(&cell, Role::Executor, session.label(), turn)?;
     let (rt_ends, helper_ends) = rings();
     let models = config.models();
-    let mut boards = make_boards(&session, config)?;
+    let mut boards = make_boards(&session)?;
+    let commands = make_command_boards(&session, config)?;
     let status = session.open_board::<CycleStatus>(boards.status.service())?;
     let server = session.serve(CONTROL)?;
     let publisher = session.publisher(RECORDS)?;
@@ -89,12 +91,14 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
         .service(TIMING, boards.timing.service())
         .service(HELPERS, boards.helpers.service())
         .service(RECORDS, publisher.service());
-    let announcement = config.devices.iter().zip(&boards.commands).fold(
-        announcement,
-        |announcement, (device, board)| {
-            announcement.service(&command_board(&device.name), board.service())
-        },
-    );
+    let announcement =
+        config
+            .devices
+            .iter()
+            .zip(&commands)
+            .fold(announcement, |announcement, (device, board)| {
+                announcement.service(&command_board(&device.name), board.service())
+            });
     lock_memory(&mut grants);
     let engine_config = EngineConfig {
         incarnation: session.incarnation(),
@@ -144,7 +148,7 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let (rt, grants) = start_rt(
         engine_config,
         (rt_ends, flight),
-        boards,
+        (boards, commands),
         config,
         grants,
         &stop,
@@ -316,11 +320,7 @@ fn pulse(status: &CycleStatus, grants: &Grants) -> HealthReport {
     }
 }
 
-fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardError> {
-    let commands = config
-        .devices
-        .iter()
-        .map(|device| session.create_commands(&command_board(&device.name)));
+fn make_boards(session: &Session) -> Result<Boards, BoardError> {
     Ok(Boards {
         status: session.create_board(STATUS)?,
         tables: session.create_board(TABLES)?,
@@ -328,15 +328,26 @@ fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardEr
         helpers: session.create_board(HELPERS)?,
         // Set once the threads exist.
         beats: Box::default(),
-        commands: commands.collect::<Result<_, _>>()?,
     })
+}
+
+/// Creates the boards with the set-points of all devices.
+fn make_command_boards(
+    session: &Session,
+    config: &CellConfig,
+) -> Result<Vec<CommandWriter>, BoardError> {
+    let commands = config
+        .devices
+        .iter()
+        .map(|device| session.create_commands(&command_board(&device.name)));
+    commands.collect()
 }
 
 /// Starts the real-time thread, which reports its privileges before its first cycle.
 fn start_rt(
     engine_config: EngineConfig,
-    (ends, flight): (RtRingEnds, Option<FlightRecorder>),
-    boards: Boards,
+    (ends, flight): (RtRingEnds<SharedMemory>, Option<FlightRecorder>),
+    (boards, commands): (Boards, Vec<CommandWriter>),
     config: &CellConfig,
     mut grants: Grants,
     stop: &Arc<AtomicBool>,
@@ -358,7 +369,7 @@ fn start_rt(
     let thread = thread::Builder::new().name("rcc-rt".into());
     let thread = thread.spawn(move || {
         let _end = end;
-        let engine = Engine::new(engine_config, ends).with_budget(budget_ns);
+        let engine = Engine::with_boards(engine_config, ends, commands).with_budget(budget_ns);
         let engine = match flight {
             Some(flight) => engine.recorded_by(flight),
             None => engine,

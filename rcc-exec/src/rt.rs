@@ -9,17 +9,16 @@ use bytemuck::Zeroable;
 use rcc_core::helper::{HelperHeartbeat, HelperTable};
 use rcc_core::message::{CycleStatus, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
-use rcc_ipc::{BoardWriter, CommandWriter};
+use rcc_ipc::BoardWriter;
 use rcc_os::clock::{monotonic_ns, sleep_until};
 
-use rcc_engine::engine::Engine;
-
+use crate::boards::Engine;
 use crate::clock::{Clock, Packet};
 
 /// Nets that have not ended this long after the stop request are aborted, ns.
 const STOP_MAX_NS: u64 = 5_000_000_000;
 
-/// The boards that the executor writes.
+/// The boards of the executor itself; the engine has those of the devices.
 #[derive(Debug)]
 pub struct Boards {
     /// Counters of the executor, written each cycle.
@@ -32,8 +31,6 @@ pub struct Boards {
     pub helpers: BoardWriter<HelperTable>,
     /// Signs of life of the helper threads, from which the table is made.
     pub beats: Box<[Arc<HelperHeartbeat>]>,
-    /// Command images, by device index.
-    pub commands: Vec<CommandWriter>,
 }
 
 /// Builds the table of helper threads, with relaxed loads only.
@@ -58,7 +55,7 @@ pub fn run(mut engine: Engine, mut boards: Boards, mut clock: Clock, stop: &Arc<
         engine.latch_boards(woke_ns);
         follow(&mut clock, &mut engine, woke_ns);
         engine.cycle(woke_ns);
-        write(&engine, &mut boards);
+        write(&mut engine, &mut boards);
         let ended_ns = monotonic_ns();
         let skipped = clock.advance(ended_ns);
         engine.account(
@@ -73,7 +70,7 @@ pub fn run(mut engine: Engine, mut boards: Boards, mut clock: Clock, stop: &Arc<
                 // Run one more cycle, so that drivers see that nothing is commanded.
                 engine.cycle(monotonic_ns());
                 engine.end_recording();
-                return write(&engine, &mut boards);
+                return write(&mut engine, &mut boards);
             }
             if ended_ns - since_ns > STOP_MAX_NS {
                 engine.abort_all();
@@ -98,15 +95,11 @@ fn follow(clock: &mut Clock, engine: &mut Engine, now_ns: u64) {
 }
 
 /// Writes the results of the cycle to the boards.
-pub fn write(engine: &Engine, boards: &mut Boards) {
-    for (index, board) in boards.commands.iter_mut().enumerate() {
-        if let Some(image) = engine.image(index) {
-            board.write(image);
-        }
-    }
+pub fn write(engine: &mut Engine, boards: &mut Boards) {
+    engine.write_set_points();
     boards.status.write(engine.status());
     if engine.tables_due() {
-        boards.tables.write(engine.tables());
+        boards.tables.write(&engine.tables());
         boards.helpers.write(&helper_table(&boards.beats));
     }
     if engine.timing_due() {

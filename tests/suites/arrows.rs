@@ -44,13 +44,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-ipc", &["rcc-core", "rcc-os", "rcc-protocol"]),
     (
         "rcc-engine",
-        &[
-            "rcc-core",
-            "rcc-motion",
-            "rcc-os",
-            "rcc-protocol",
-            "rcc-ipc",
-        ],
+        &["rcc-core", "rcc-motion", "rcc-os", "rcc-protocol"],
     ),
     ("rcc-process", &["rcc-core", "rcc-config"]),
     (

@@ -225,11 +225,7 @@ impl EngineHarness {
     /// Returns the row of a command.
     #[must_use]
     pub fn row(&self, id: u64) -> Option<&CommandEntry> {
-        self.engine
-            .tables()
-            .commands
-            .iter()
-            .find(|row| row.id == id)
+        self.engine.command(id)
     }
 
     /// Returns true if the command has ended or never existed.

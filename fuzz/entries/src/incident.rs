@@ -13,6 +13,7 @@ use rcc_engine::net::Net;
 use rcc_engine::record::hash::WordChecksum;
 use rcc_engine::record::{EvaluationRecord, FlightRecorder, FlightRecorderConfig, TriggerReason};
 use rcc_engine::replay::{ReplaySource, replay};
+use rcc_engine::rows::RowIndex;
 use rcc_protocol::control::PlanData;
 use rcc_protocol::events::hex_digits;
 
@@ -53,12 +54,12 @@ fn make() -> Vec<u64> {
         }
         cycle += 1;
         recorder.begin(cycle, cycle * 1_000_000, &inputs);
-        for (row, net) in nets.iter_mut().enumerate() {
+        for (row, net) in RowIndex::all().zip(&mut nets) {
             let begins = net.cycles == 0;
             let evaluation = net.evaluate(&cell.models, &inputs, 1e-3);
             recorder.net(EvaluationRecord {
                 row,
-                id: row as u64 + 1,
+                id: row.number() as u64 + 1,
                 net,
                 evaluation,
                 begins,

@@ -3,30 +3,39 @@
 //!
 //! Order within a cycle: latch inputs (by the caller, into [`Engine::latch`]) → requests → values between nets → nets →
 //! guard → command images and tables → records. Nothing here allocates, locks, formats or calls the system.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing
+    )
+)]
 
 mod admission;
+mod command_table;
 mod devices;
 mod handover;
 mod lifecycle;
 mod rates;
+mod requests;
 mod timing;
 mod topics;
 
 use bytemuck::Zeroable;
-use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
-use rcc_core::guard::Guard;
+use rcc_core::frame::DeviceModel;
 use rcc_core::message::{
-    COMMANDS_MAX, ClockStatus, CommandImage, CommandState, CycleStatus, DEVICES_MAX, DeviceState,
-    FaultCode, FaultRecord, MAGIC, Measurement, SetPoint, Tables,
+    COMMANDS_MAX, ClockStatus, CommandEntry, CommandImage, CycleStatus, FaultCode, FaultRecord,
+    MAGIC, Measurement, Tables,
 };
-use rcc_core::plan::Resources;
 
-use rcc_ipc::BoardReader;
-
-use crate::net::Nets;
+use crate::boards::{DeviceBoards, VirtualBoards};
 use crate::queue::{EngineEvent, EngineReply, EngineRequest, RtRingEnds};
 use crate::record::FlightRecorder;
-use handover::{Handover, rows};
+use command_table::CommandTable;
+use devices::Devices;
+use handover::Handover;
 use timing::CycleTimer;
 use topics::PublishedTopics;
 
@@ -52,66 +61,22 @@ pub struct EngineConfig {
     pub models: Vec<DeviceModel>,
 }
 
-/// One device in the engine.
-#[derive(Debug)]
-struct EngineDevice {
-    guard: Guard,
-    /// The engagement of the command that currently commands the arm.
-    engagement: Option<Engagement>,
-    /// Guard and engagement before a hand-over is tried, to restore them if it is refused.
-    before_handover: (Guard, Option<Engagement>),
-    /// Output of this cycle.
-    output: DeviceOutput,
-    image: Box<CommandImage>,
-}
-
-/// An uninterrupted sequence of cycles in which a net commands an arm.
-#[derive(Clone, Copy, Debug)]
-struct Engagement {
-    row: usize,
-    number: u64,
-    since_cycle: u64,
-    followed: bool,
-    /// Logical time that the driver must have played before it follows this engagement and not the previous one, ns.
-    follows_from_ns: u64,
-}
-
-/// A transition that a started or terminated row waits for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum PendingTransition {
-    Nothing,
-    /// START was accepted; the first evaluation, in the net's next cycle, decides about it.
-    Start {
-        ticket: u64,
-    },
-    /// The net has ended, but its arms still play the last set-points.
-    Settle {
-        since_cycle: u64,
-    },
-}
-
 /// Everything that the real-time thread owns.
 #[derive(Debug)]
-pub struct Engine {
-    config: EngineConfig,
+pub struct Engine<B: DeviceBoards = VirtualBoards> {
+    period_ns: u64,
+    stale_after_ns: u64,
+    late_in_a_row_max: u32,
     dt_s: f64,
     /// Cycles between two writes of unchanged tables, at least 1.
     tables_every: u64,
-    rings: RtRingEnds,
-    inputs: Vec<DeviceInput>,
-    devices: Vec<EngineDevice>,
-    boards: Vec<Option<(u64, Box<BoardReader<Measurement>>)>>,
-    nets: Box<Nets>,
-    pending: [PendingTransition; COMMANDS_MAX],
-    /// Bit r: row r is active or has a pending transition; all other rows have nothing to do in a cycle.
-    busy: u64,
-    /// Bit r: the net in row r, ready or active, subscribes to values of other nets.
-    subscribers: u64,
+    rings: RtRingEnds<B>,
+    devices: Devices<B>,
+    commands: Box<CommandTable>,
     topics: Box<PublishedTopics>,
     /// A hand-over that waits until all nets that start are due; it is tried before the rows are evaluated.
     handover: Option<Handover>,
     status: CycleStatus,
-    tables: Box<Tables>,
     tables_changed: bool,
     next_id: u64,
     next_engagement: u64,
@@ -122,47 +87,38 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Allocates all memory of the real-time thread.
+    /// Allocates all memory of an engine in virtual time.
     pub fn new(config: EngineConfig, rings: RtRingEnds) -> Engine {
+        let set_points = vec![(); config.models.len()];
+        Engine::with_boards(config, rings, set_points)
+    }
+}
+
+impl<B: DeviceBoards> Engine<B> {
+    /// Allocates all memory of the real-time thread. `set_points` are the boards of the devices in `config.models`, in
+    /// the same order.
+    pub fn with_boards(
+        config: EngineConfig,
+        rings: RtRingEnds<B>,
+        set_points: Vec<B::SetPoints>,
+    ) -> Engine<B> {
         let mut status = CycleStatus::zeroed();
         status.magic = MAGIC;
         status.incarnation = config.incarnation;
         status.period_ns = config.period_ns;
         status.clock = ClockStatus::OWN;
-        let mut tables: Box<Tables> = bytemuck::zeroed_box();
-        tables.magic = MAGIC;
-        let absent = DeviceInput {
-            present: false,
-            measurement: Measurement::zeroed(),
-        };
-        let device = |model: &DeviceModel| {
-            let image = CommandImage::new(config.incarnation, config.period_ns);
-            let guard = Guard::new(model.limits, model.first_tolerance_rad)
-                .with_impedance(model.impedance)
-                .with_workspace(model.arm, model.workspace);
-            EngineDevice {
-                before_handover: (guard.clone(), None),
-                guard,
-                engagement: None,
-                output: DeviceOutput::NONE,
-                image: Box::new(image),
-            }
-        };
         Engine {
+            period_ns: config.period_ns,
+            stale_after_ns: config.stale_after_ns,
+            late_in_a_row_max: config.late_in_a_row_max,
             dt_s: config.period_ns as f64 / 1e9,
             tables_every: (TABLES_EVERY_NS / config.period_ns.max(1)).max(1),
             rings,
-            inputs: vec![absent; config.models.len()],
-            devices: config.models.iter().take(DEVICES_MAX).map(device).collect(),
-            boards: config.models.iter().map(|_| None).collect(),
-            nets: Box::new([const { None }; COMMANDS_MAX]),
-            pending: [PendingTransition::Nothing; COMMANDS_MAX],
-            busy: 0,
-            subscribers: 0,
+            devices: Devices::new(&config, set_points),
+            commands: CommandTable::new(),
             topics: PublishedTopics::new(),
             handover: None,
             status,
-            tables,
             tables_changed: true,
             next_id: 1,
             next_engagement: 1,
@@ -170,20 +126,19 @@ impl Engine {
             time: CycleTimer::new(config.period_ns),
             stopping: false,
             recorder: None,
-            config,
         }
     }
 
     /// Sets what the thread was granted, for the status (bits, see [`CycleStatus::grants`]).
     #[must_use]
-    pub fn with_grants(mut self, grants: u32) -> Engine {
+    pub fn with_grants(mut self, grants: u32) -> Engine<B> {
         self.status.grants = grants;
         self
     }
 
     /// Adds a flight recorder, which records everything that replay needs.
     #[must_use]
-    pub fn recorded_by(mut self, recorder: FlightRecorder) -> Engine {
+    pub fn recorded_by(mut self, recorder: FlightRecorder) -> Engine<B> {
         self.recorder = Some(Box::new(recorder));
         self
     }
@@ -200,9 +155,23 @@ impl Engine {
         &self.status
     }
 
-    /// The tables, as of the last cycle.
-    pub fn tables(&self) -> &Tables {
-        &self.tables
+    /// The command and device tables, to be published.
+    pub fn tables(&self) -> Tables {
+        let mut tables = Tables::zeroed();
+        (tables.magic, tables.cycle) = (MAGIC, self.status.cycle);
+        for (place, row) in tables.commands.iter_mut().zip(self.commands.rows()) {
+            *place = row.entry;
+        }
+        for (place, (_, device)) in tables.devices.iter_mut().zip(self.devices.iter()) {
+            *place = device.entry;
+        }
+        tables
+    }
+
+    /// The published row of a command.
+    pub fn command(&self, id: u64) -> Option<&CommandEntry> {
+        let row = self.commands.find(id, |_| true).ok()?;
+        Some(&self.commands[row].entry)
     }
 
     /// Returns true if the tables should be written in this cycle.
@@ -212,7 +181,7 @@ impl Engine {
 
     /// The measurement of a device that was latched for this cycle; `None` while the device is lost.
     pub fn measurement(&self, device: usize) -> Option<&Measurement> {
-        let input = self.inputs.get(device)?;
+        let (input, _) = self.devices.get(device)?;
         input.present.then_some(&input.measurement)
     }
 
@@ -223,7 +192,7 @@ impl Engine {
 
     /// The command image of a device, which its driver reads.
     pub fn image(&self, device: usize) -> Option<&CommandImage> {
-        self.devices.get(device).map(|device| &*device.image)
+        self.devices.get(device).map(|(_, device)| device.image())
     }
 
     /// Returns true if no net is active.
@@ -239,36 +208,31 @@ impl Engine {
         }
     }
 
-    /// Latches all devices from their boards.
-    pub fn latch_boards(&mut self, now_ns: u64) {
-        for index in 0..self.boards.len() {
-            let board = self.boards.get(index).and_then(Option::as_ref);
-            let newest = board.map(|(incarnation, board)| (*incarnation, board.read()));
-            self.latch(index, newest, now_ns);
-        }
-    }
-
     /// Runs one cycle, after the devices were latched. `now_ns` is the time at which it woke (CLOCK_MONOTONIC).
     pub fn cycle(&mut self, now_ns: u64) {
         self.status.cycle += 1;
         self.status.stamp_ns = now_ns;
         self.tables_changed = false;
         if let Some(recorder) = &mut self.recorder {
-            recorder.begin(self.status.cycle, now_ns, &self.inputs);
+            let (_, inputs) = self.devices.slices();
+            recorder.begin(self.status.cycle, now_ns, inputs);
         }
         self.time.begin(now_ns);
-        for device in &mut self.devices {
-            device.output = DeviceOutput::NONE;
+        for (_, device) in self.devices.iter_mut() {
+            device.begin_cycle();
         }
         self.take_requests();
-        self.deliver(self.busy);
-        let started_rows = self.try_handover(now_ns);
-        for row in rows(self.busy & !started_rows) {
+        self.deliver(self.commands.busy);
+        let started = self.try_handover(now_ns);
+        for row in self.commands.busy.without(started).rows() {
             self.run_row(row, now_ns);
         }
         self.select_next_timed_net();
-        self.write_images(now_ns);
-        self.write_tables();
+        for (input, device) in self.devices.iter_mut() {
+            device.write_image(input, self.status.cycle, now_ns);
+        }
+        self.commands.remove_idle();
+        self.status.running = self.commands.busy.count();
     }
 
     fn take_requests(&mut self) {
@@ -288,7 +252,7 @@ impl Engine {
     }
 
     /// Sends a reply to the intake thread. There is room: see [`Engine::take_requests`].
-    fn send_reply(&mut self, reply: EngineReply) {
+    fn send_reply(&mut self, reply: EngineReply<B>) {
         if let Err(rtrb::PushError::Full(reply)) = self.rings.replies.push(reply) {
             // Unreachable by the rule above; leaking is the only reaction that does not free memory here.
             std::mem::forget(reply);
@@ -301,47 +265,6 @@ impl Engine {
         }
     }
 
-    fn write_images(&mut self, now_ns: u64) {
-        let sequence = self.status.cycle;
-        for (device, input) in self.devices.iter_mut().zip(&self.inputs) {
-            let image = &mut *device.image;
-            image.head.seen = if input.present {
-                input.measurement.sequence
-            } else {
-                0
-            };
-            let output = &device.output;
-            let point = SetPoint {
-                logical_ns: 0,
-                owner: device.engagement.map_or(0, |engagement| engagement.number),
-                has_position: u64::from(output.has_position),
-                position: output.position,
-                impedance: output.impedance,
-                digital: output.digital,
-                digital_commanded: output.digital_commanded,
-                analog: output.analog,
-            };
-            image.push(sequence, now_ns, point);
-        }
-    }
-
-    fn write_tables(&mut self) {
-        self.tables.cycle = self.status.cycle;
-        for row in rows(self.busy) {
-            let entry = self.tables.commands.get(row);
-            let active = entry.is_some_and(|entry| is_active(entry.state));
-            if !active && self.pending.get(row) == Some(&PendingTransition::Nothing) {
-                self.busy &= !(1 << row);
-            }
-        }
-        self.status.running = self.busy.count_ones();
-    }
-
-    /// The resources that the net in `row` claims.
-    fn claims(&self, row: usize) -> Option<&Resources> {
-        self.nets.get(row)?.as_ref().map(|net| net.resources())
-    }
-
     fn fault(&self, code: FaultCode) -> FaultRecord {
         FaultRecord {
             code: code as u32,
@@ -349,16 +272,4 @@ impl Engine {
             ..FaultRecord::NONE
         }
     }
-
-    /// State of a device as its driver reports it; offline if it is not present.
-    fn device_state(&self, device: usize) -> DeviceState {
-        match self.inputs.get(device) {
-            Some(input) if input.present => DeviceState::from_number(input.measurement.state),
-            _ => DeviceState::Offline,
-        }
-    }
-}
-
-fn is_active(state: u32) -> bool {
-    CommandState::from_number(state).is_active()
 }

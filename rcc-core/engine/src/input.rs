@@ -6,7 +6,8 @@ use rcc_core::plan::{InputPoint, Plan};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 use rcc_protocol::control::{InputFault, InputValue, Refusal};
 
-use crate::net::Nets;
+use crate::net::Net;
+use crate::rows::RowIndex;
 
 /// The arenas of a net.
 #[derive(Debug)]
@@ -46,7 +47,7 @@ struct InputBuffer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TopicSource {
     /// Row of the publishing net.
-    pub row: usize,
+    pub row: RowIndex,
     /// Index in the list of values that the net publishes.
     pub publish: usize,
 }
@@ -104,16 +105,21 @@ impl NetInputs {
     }
 
     /// Stages the values that other nets have computed since the last call, and null for topics that no net publishes
-    /// any more. `cycle` is the executor's cycle, `every` the number of cycles between two evaluations of this net.
-    pub fn receive(&mut self, points: &[InputPoint], nets: &Nets, cycle: u64, every: u32) {
+    /// any more. `cycle` is the executor's cycle, `every` the number of cycles between two evaluations of this net;
+    /// `net_in` returns the net in a row.
+    pub fn receive<'n>(
+        &mut self,
+        points: &[InputPoint],
+        (cycle, every): (u64, u32),
+        net_in: impl Fn(RowIndex) -> Option<&'n Net>,
+    ) {
         let buffers = self.buffers.iter_mut().zip(points);
         for (place, point) in buffers.filter(|(_, point)| point.topic.is_some()) {
             let Some(room) = self.words.get_mut(place.first..place.first + place.width) else {
                 continue;
             };
             let source = place.source;
-            let net =
-                source.and_then(|source| Some((nets.get(source.row)?.as_ref()?, source.publish)));
+            let net = source.and_then(|source| Some((net_in(source.row)?, source.publish)));
             match net {
                 Some((net, _)) if place.source_cycle == Some(net.evaluated_cycle) => continue,
                 Some((net, publish)) => {

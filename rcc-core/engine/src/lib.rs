@@ -4,6 +4,7 @@
 //! a cycle is a step.
 #![forbid(unsafe_code)]
 
+pub mod boards;
 pub mod costs;
 pub mod engine;
 pub mod incident;
@@ -14,3 +15,4 @@ pub mod queue;
 pub mod record;
 pub mod rehearsal;
 pub mod replay;
+pub mod rows;

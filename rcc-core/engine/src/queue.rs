@@ -1,13 +1,13 @@
 //! Messages between the real-time thread and the helper threads, through preallocated rings. Everything that is handed
 //! to the real-time thread comes back and is freed elsewhere.
 
-use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
+use rcc_core::message::{FaultRecord, MonitorRecord};
 use rcc_core::plan::ValuePoint;
 use rcc_core::timing::LateCycle;
-use rcc_ipc::BoardReader;
 use rcc_protocol::control::{Answer, InputValue, NetValues, Refusal, SWITCH_MAX};
 use rtrb::{Consumer, Producer};
 
+use crate::boards::{DeviceBoards, VirtualBoards};
 use crate::net::Net;
 
 /// Capacity of the ring of requests to the real-time thread.
@@ -23,7 +23,7 @@ pub const EVENTS_MAX: usize = 4096;
 /// A request to the real-time thread. `ticket` identifies the caller that waits for the answer.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Debug)]
-pub enum EngineRequest {
+pub enum EngineRequest<B: DeviceBoards = VirtualBoards> {
     /// Reserves a row of the command table.
     Reserve { ticket: u64 },
     /// Makes a loading command ready.
@@ -67,7 +67,7 @@ pub enum EngineRequest {
     Attach {
         device: usize,
         incarnation: u64,
-        board: Box<BoardReader<Measurement>>,
+        board: Box<B::Measurements>,
     },
     /// The driver with this incarnation is dead; its board comes back.
     Detach { device: usize, incarnation: u64 },
@@ -97,7 +97,7 @@ impl ValueReading {
 /// A message from the real-time thread to the intake thread.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Debug)]
-pub enum EngineReply {
+pub enum EngineReply<B: DeviceBoards = VirtualBoards> {
     /// A request was executed or refused.
     Answer { ticket: u64, answer: Answer },
     /// The result of a read, or why it was refused.
@@ -111,7 +111,7 @@ pub enum EngineReply {
     /// The list of values of a `Set` request, to be freed.
     Values(Vec<InputValue>),
     /// A board that is no longer read.
-    Board(Box<BoardReader<Measurement>>),
+    Board(Box<B::Measurements>),
 }
 
 /// An event for the log, from the real-time thread.
@@ -147,11 +147,11 @@ pub enum EngineEvent {
 
 /// The real-time thread's ends of all rings.
 #[derive(Debug)]
-pub struct RtRingEnds {
+pub struct RtRingEnds<B: DeviceBoards = VirtualBoards> {
     /// Receives requests.
-    pub requests: Consumer<EngineRequest>,
+    pub requests: Consumer<EngineRequest<B>>,
     /// Sends replies.
-    pub replies: Producer<EngineReply>,
+    pub replies: Producer<EngineReply<B>>,
     /// Sends monitor records.
     pub records: Producer<MonitorRecord>,
     /// Sends events.
@@ -160,11 +160,11 @@ pub struct RtRingEnds {
 
 /// The helper threads' ends of all rings.
 #[derive(Debug)]
-pub struct HelperRingEnds {
+pub struct HelperRingEnds<B: DeviceBoards = VirtualBoards> {
     /// Sends requests.
-    pub requests: Producer<EngineRequest>,
+    pub requests: Producer<EngineRequest<B>>,
     /// Receives replies.
-    pub replies: Consumer<EngineReply>,
+    pub replies: Consumer<EngineReply<B>>,
     /// Receives monitor records.
     pub records: Consumer<MonitorRecord>,
     /// Receives events.
@@ -172,7 +172,7 @@ pub struct HelperRingEnds {
 }
 
 /// Allocates all rings.
-pub fn rings() -> (RtRingEnds, HelperRingEnds) {
+pub fn rings<B: DeviceBoards>() -> (RtRingEnds<B>, HelperRingEnds<B>) {
     let (request_in, requests) = rtrb::RingBuffer::new(REQUESTS_MAX);
     let (replies, reply_out) = rtrb::RingBuffer::new(REPLIES_MAX);
     let (records, record_out) = rtrb::RingBuffer::new(RECORDS_MAX);

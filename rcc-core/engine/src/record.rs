@@ -14,8 +14,10 @@ use rcc_core::frame::DeviceInput;
 use rcc_core::message::{COMMANDS_MAX, CommandState, DEVICES_MAX, EndReason, FaultRecord};
 use rtrb::{Consumer, Producer};
 
+use crate::boards::DeviceBoards;
 use crate::net::{Evaluation, Net};
 use crate::queue::EngineRequest;
+use crate::rows::{RowIndex, RowSet};
 use entry::{
     BEGINS, CANCEL, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
     prepared_again_flags,
@@ -111,8 +113,8 @@ pub struct FlightRecorder {
     recordings: Producer<FrozenRecording>,
     spares: Consumer<Box<RecordRing>>,
     devices: Box<[WrittenInput]>,
-    /// Bit r: the net in row r is due for a snapshot.
-    due: u64,
+    /// Rows whose net is due for a snapshot.
+    due: RowSet,
     snapshot_step: u64,
     /// Number of words written when all nets were last due.
     round_at: u64,
@@ -156,7 +158,7 @@ impl FlightRecorder {
                 devices.min(DEVICES_MAX)
             ]
             .into(),
-            due: 0,
+            due: RowSet::EMPTY,
             round_at: 0,
             snapshot_step: (SNAPSHOT_EVERY_NS / period_ns / COMMANDS_MAX as u64).max(1),
             post_cycles: POST_TRIGGER_NS.div_ceil(period_ns),
@@ -178,13 +180,13 @@ impl FlightRecorder {
         self.ring
             .push(&[head(RecordTag::Cycle, 0, 0, 2), cycle, woke_ns]);
         if cycle.checked_rem(self.snapshot_step) == Some(0) {
-            let row = cycle.checked_div(self.snapshot_step).unwrap_or(0) % COMMANDS_MAX as u64;
-            self.due |= 1 << row;
+            let row = cycle.checked_div(self.snapshot_step).unwrap_or(0);
+            self.due.insert(RowIndex::wrapping(row));
         }
         // A small ring is overwritten sooner: make sure that it contains a snapshot to start from.
         let written = self.ring.written();
         if written.saturating_sub(self.round_at) > self.ring.capacity() as u64 / 4 {
-            (self.due, self.round_at) = (u64::MAX, written);
+            (self.due, self.round_at) = (RowSet::ALL, written);
         }
         let all = std::mem::take(&mut self.ring_is_new);
         for (index, (device, input)) in self.devices.iter_mut().zip(inputs).enumerate() {
@@ -211,7 +213,7 @@ impl FlightRecorder {
     }
 
     /// Records that a request is executed or refused in this cycle.
-    pub fn request(&mut self, request: &EngineRequest) {
+    pub fn request<B: DeviceBoards>(&mut self, request: &EngineRequest<B>) {
         let (kind, id) = kind_of(request);
         self.ring
             .push(&[head(RecordTag::Request, kind as u8, 0, 1), id]);
@@ -248,10 +250,9 @@ impl FlightRecorder {
             cancel,
             dt_s,
         } = evaluated;
-        let bit = 1u64.checked_shl(row as u32).unwrap_or(0);
         if begins {
             self.write_missing_inputs();
-            self.due &= !bit;
+            self.due.remove(row);
         }
         let flags = if begins { BEGINS } else { 0 } | if cancel { CANCEL } else { 0 };
         let flags = flags | prepared_again_flags(net.prepared_again());
@@ -264,8 +265,9 @@ impl FlightRecorder {
             dt_s.to_bits(),
             hash::hash(reals, bools, ints),
         ]);
-        if self.due & bit != 0 && !self.snapshot_taken && evaluation == Evaluation::Running {
-            self.due &= !bit;
+        let due = self.due.contains(row) && !self.snapshot_taken;
+        if due && evaluation == Evaluation::Running {
+            self.due.remove(row);
             self.snapshot_taken = true;
             self.snapshot(id, net, flags & CANCEL);
         }
@@ -353,7 +355,7 @@ impl FlightRecorder {
             self.spare = Some(recording.ring);
         }
         self.earliest_cycle = self.cycle + self.hold_off_cycles;
-        (self.due, self.round_at, self.ring_is_new) = (u64::MAX, 0, true);
+        (self.due, self.round_at, self.ring_is_new) = (RowSet::ALL, 0, true);
     }
 }
 
@@ -361,7 +363,7 @@ impl FlightRecorder {
 #[derive(Clone, Copy, Debug)]
 pub struct EvaluationRecord<'a> {
     /// Row of the command table.
-    pub row: usize,
+    pub row: RowIndex,
     /// Id of the command.
     pub id: u64,
     /// The net after the evaluation.
@@ -386,7 +388,7 @@ fn push_input(ring: &mut RecordRing, index: usize, device: &WrittenInput) {
     }
 }
 
-fn kind_of(request: &EngineRequest) -> (RequestKind, u64) {
+fn kind_of<B: DeviceBoards>(request: &EngineRequest<B>) -> (RequestKind, u64) {
     match request {
         EngineRequest::Install { id, .. } => (RequestKind::Install, *id),
         EngineRequest::Renew { id, .. } => (RequestKind::Renew, *id),

@@ -1,33 +1,37 @@
 //! Admission: the expected durations of nets that run in the same cycle must fit the cell's budget. Real-time thread.
 
-use rcc_core::message::COMMANDS_MAX;
 use rcc_core::plan::Rate;
 use rcc_protocol::control::Refusal;
 
-use super::{Engine, PendingTransition, is_active};
+use super::Engine;
+use super::handover::HandoverRows;
+use crate::boards::DeviceBoards;
+use crate::rows::RowIndex;
 
-impl Engine {
+impl<B: DeviceBoards> Engine<B> {
     /// Sets the budget: the time that nets may need together in one cycle, ns; 0: unlimited.
     #[must_use]
-    pub fn with_budget(mut self, budget_ns: u64) -> Engine {
+    pub fn with_budget(mut self, budget_ns: u64) -> Engine<B> {
         self.status.budget_ns = budget_ns;
         self
     }
 
-    /// Checks that the net in `row` fits beside the running nets and those in `start`, without those in `leave` (bit r:
-    /// row r). Durations of nets that are never due in the same cycle are not added; all others are, whatever their
+    /// Checks that the net in `row` fits beside the running nets and those that the hand-over starts, without those that
+    /// it stops. Durations of nets that are never due in the same cycle are not added; all others are, whatever their
     /// rates.
     ///
     /// Checking each net when it starts is sufficient: if a cycle exceeded the budget, the last net started in it would
     /// have been refused.
-    pub(super) fn check_budget(&self, row: usize, start: u64, leave: u64) -> Result<(), Refusal> {
-        let (needed_ns, budget_ns) = (self.expected_ns(row), self.status.budget_ns);
-        let in_use_ns = (0..COMMANDS_MAX)
-            .filter(|other| *other != row && leave >> other & 1 == 0)
-            .filter(|other| start >> other & 1 == 1 || self.is_evaluated(*other))
-            .filter(|other| coincide(self.rate(row), self.rate(*other)))
-            .fold(0, |sum: u64, other| {
-                sum.saturating_add(self.expected_ns(other))
+    pub(super) fn check_budget(&self, row: RowIndex, sets: HandoverRows) -> Result<(), Refusal> {
+        let command = &self.commands[row];
+        let (needed_ns, budget_ns) = (command.expected_ns(), self.status.budget_ns);
+        let in_use_ns = RowIndex::all()
+            .filter(|other| *other != row && !sets.stop.contains(*other))
+            .map(|other| (sets.start.contains(other), &self.commands[other]))
+            .filter(|(starts, other)| *starts || other.is_evaluated())
+            .filter(|(_, other)| coincide(command.rate(), other.rate()))
+            .fold(0, |sum: u64, (_, other)| {
+                sum.saturating_add(other.expected_ns())
             });
         if budget_ns == 0 || needed_ns.saturating_add(in_use_ns) <= budget_ns {
             return Ok(());
@@ -37,21 +41,6 @@ impl Engine {
             in_use_ns,
             budget_ns,
         })
-    }
-
-    fn expected_ns(&self, row: usize) -> u64 {
-        let net = self.nets.get(row).and_then(Option::as_ref);
-        net.map_or(0, |net| net.expected_ns)
-    }
-
-    /// Returns true if the net is evaluated, or will be from its first cycle on.
-    fn is_evaluated(&self, row: usize) -> bool {
-        let entry = self.tables.commands.get(row);
-        match self.pending.get(row) {
-            Some(PendingTransition::Start { .. }) => true,
-            Some(PendingTransition::Nothing) => entry.is_some_and(|entry| is_active(entry.state)),
-            _ => false,
-        }
     }
 }
 

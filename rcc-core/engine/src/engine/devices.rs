@@ -1,187 +1,201 @@
 //! Devices in the engine: latches the measurements of drivers, and passes the commands of nets through the guard.
 //! Real-time thread.
 
-use rcc_core::frame::DeviceOutput;
-use rcc_core::guard::{Violation, ViolationKind};
+use bytemuck::Zeroable;
+use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
+use rcc_core::guard::{Guard, Violation, ViolationKind};
 use rcc_core::impedance::AXES;
-use rcc_core::message::{DeviceState, FaultCode, FaultRecord, JOINTS_MAX, MAGIC, Measurement};
+use rcc_core::message::{
+    CommandImage, DEVICES_MAX, DeviceEntry, DeviceState, FaultCode, FaultRecord, JOINTS_MAX, MAGIC,
+    Measurement, SetPoint,
+};
 
-use rcc_ipc::BoardReader;
-
-use super::{Engagement, Engine, SETTLE_MAX_NS};
+use super::{Engine, EngineConfig, SETTLE_MAX_NS};
+use crate::boards::DeviceBoards;
 use crate::queue::{EngineEvent, EngineReply};
+use crate::rows::RowIndex;
 
-impl Engine {
-    /// Latches a device for this cycle: the incarnation of its driver and its newest measurement, or `None` without a
-    /// board.
-    pub fn latch(&mut self, index: usize, board: Option<(u64, Measurement)>, now_ns: u64) {
-        let Some(input) = self.inputs.get_mut(index) else {
-            return;
+/// One device of the cell, without its model and its input: see [`Devices`].
+#[derive(Debug)]
+pub(super) struct Device<B: DeviceBoards> {
+    index: usize,
+    /// Incarnation of its driver, and the board that the driver writes.
+    driver: Option<(u64, Box<B::Measurements>)>,
+    /// Board with its set-points, for the driver.
+    set_points: B::SetPoints,
+    pub(super) guard: Guard,
+    /// The engagement of the command that currently commands the arm.
+    pub(super) engagement: Option<Engagement>,
+    /// Guard and engagement before a hand-over is tried, to restore them if it is refused.
+    before_handover: (Guard, Option<Engagement>),
+    /// Commands of this cycle.
+    output: DeviceOutput,
+    image: Box<CommandImage>,
+    /// Its row of the published device table.
+    pub(super) entry: DeviceEntry,
+}
+
+/// An uninterrupted sequence of cycles in which a net commands an arm.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Engagement {
+    pub(super) row: RowIndex,
+    pub(super) number: u64,
+    pub(super) since_cycle: u64,
+    pub(super) followed: bool,
+    /// Logical time that the driver must have played before it follows this engagement and not the previous one, ns.
+    pub(super) follows_from_ns: u64,
+}
+
+/// The cycle in which a set-point is checked.
+#[derive(Clone, Copy, Debug)]
+struct GuardedCycle {
+    cycle: u64,
+    period_ns: u64,
+    dt_s: f64,
+}
+
+/// The devices of the cell, in the order of the configuration. Nets read models and inputs as slices, so these are
+/// apart; all three have the same length.
+#[derive(Debug)]
+pub(super) struct Devices<B: DeviceBoards> {
+    models: Box<[DeviceModel]>,
+    inputs: Box<[DeviceInput]>,
+    devices: Box<[Device<B>]>,
+}
+
+impl<B: DeviceBoards> Devices<B> {
+    /// `set_points` are the boards of the devices in `config.models`, in the same order.
+    pub(super) fn new(config: &EngineConfig, set_points: Vec<B::SetPoints>) -> Devices<B> {
+        let models = config.models.iter().take(DEVICES_MAX);
+        let devices: Box<[_]> = (models.zip(set_points).enumerate())
+            .map(|(index, (model, set_points))| {
+                let guard = Guard::new(model.limits, model.first_tolerance_rad)
+                    .with_impedance(model.impedance)
+                    .with_workspace(model.arm, model.workspace);
+                let image = CommandImage::new(config.incarnation, config.period_ns);
+                Device {
+                    index,
+                    driver: None,
+                    set_points,
+                    before_handover: (guard.clone(), None),
+                    guard,
+                    engagement: None,
+                    output: DeviceOutput::NONE,
+                    image: Box::new(image),
+                    entry: DeviceEntry::zeroed(),
+                }
+            })
+            .collect();
+        let absent = DeviceInput {
+            present: false,
+            measurement: Measurement::zeroed(),
         };
-        // A driver was restarted: the device is absent for one cycle, so that nets that commanded the previous
-        // incarnation end, however quickly it was replaced. A net never continues with a restarted driver.
-        let known = (self.tables.devices.get(index)).map_or(0, |entry| entry.incarnation);
-        let board = board.filter(|(incarnation, _)| known == 0 || known == *incarnation);
-        let before = input.present;
-        let mut fresh = false;
-        input.present = false;
-        let mut forward = true;
-        if let Some((_, measurement)) = board {
-            // Within one incarnation of a driver the sequence number of its exchanges never decreases.
-            let counted = (self.tables.devices.get(index)).map_or(0, |entry| entry.sequence);
-            forward = known == 0 || measurement.sequence >= counted;
-            // A stamp from the future is as bad as an old one: it would not age.
-            let age_ns = now_ns.abs_diff(measurement.stamp_ns);
-            fresh = measurement.magic == MAGIC && age_ns <= self.config.stale_after_ns;
-            let joints = self
-                .config
-                .models
-                .get(index)
-                .map_or(0, |model| model.joints);
-            input.measurement = measurement;
-            input.present = is_plausible(&mut input.measurement, joints) && fresh && forward;
-        }
-        let (present, measurement) = (input.present, input.measurement);
-        let state = if present {
-            DeviceState::from_number(measurement.state)
-        } else {
-            DeviceState::Offline
-        };
-        let engagement = self.devices.get(index).and_then(|device| device.engagement);
-        let holder = engagement.and_then(|engagement| self.tables.commands.get(engagement.row));
-        let holder = holder.map_or(0, |row| row.id);
-        let Some(entry) = self.tables.devices.get_mut(index) else {
-            return;
-        };
-        self.tables_changed |= entry.holder != holder;
-        entry.holder = holder;
-        entry.attached = u32::from(board.is_some());
-        let driver = board.map_or(entry.incarnation, |(incarnation, _)| incarnation);
-        entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
-        // After a sequence number went back, the device stays lost until it reaches the old one, or its driver is
-        // restarted.
-        if forward {
-            entry.sequence = measurement.sequence;
-        }
-        entry.stamp_ns = measurement.stamp_ns;
-        entry.quality_permille = measurement.quality_permille;
-        entry.reason = measurement.reason;
-        if before && !present {
-            entry.losses += 1;
-        }
-        if entry.state != state as u32 {
-            let was = entry.state;
-            entry.state = state as u32;
-            self.tables_changed = true;
-            let cycle = self.status.cycle + 1;
-            let reason = measurement.reason;
-            self.log(EngineEvent::Device {
-                cycle,
-                device: index as u32,
-                state: state as u32,
-                was,
-                reason,
-                age_ns: if fresh {
-                    0
-                } else {
-                    now_ns.abs_diff(measurement.stamp_ns)
-                },
-                driver,
-                attached: board.is_some(),
-            });
+        Devices {
+            models: config.models.iter().take(devices.len()).copied().collect(),
+            inputs: vec![absent; devices.len()].into(),
+            devices,
         }
     }
 
-    /// A driver announced itself: its board replaces the previous one, which is given back.
-    pub(super) fn attach(
-        &mut self,
-        device: usize,
-        incarnation: u64,
-        board: Box<BoardReader<Measurement>>,
-    ) {
-        let old = match self.boards.get_mut(device) {
-            Some(place) => place.replace((incarnation, board)).map(|(_, board)| board),
-            None => Some(board),
-        };
-        if let Some(board) = old {
-            self.send_reply(EngineReply::Board(board));
-        }
+    pub(super) fn len(&self) -> usize {
+        self.devices.len()
     }
 
-    /// A driver is dead: its board is given back, unless another one has replaced it.
-    pub(super) fn detach(&mut self, device: usize, incarnation: u64) {
-        let Some(place) = self.boards.get_mut(device) else {
-            return;
-        };
-        if let Some((_, board)) = place.take_if(|(attached, _)| *attached == incarnation) {
-            self.send_reply(EngineReply::Board(board));
-        }
+    /// Models and inputs, as nets read them.
+    pub(super) fn slices(&self) -> (&[DeviceModel], &[DeviceInput]) {
+        (&self.models, &self.inputs)
     }
 
-    /// Passes the commands of the net in `row` on to its devices: all of them, or none and a fault.
-    pub(super) fn pass_commands(&mut self, row: usize) -> Result<(), FaultRecord> {
-        for index in 0..self.devices.len() {
-            let claimed = self
-                .claims(row)
-                .map_or(0, |claims| claims.arms >> index & 1);
-            if claimed == 1 {
-                self.guard_arm(row, index)?;
-            }
+    pub(super) fn iter(&self) -> impl Iterator<Item = (&DeviceInput, &Device<B>)> {
+        self.inputs.iter().zip(self.devices.iter())
+    }
+
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = (&DeviceInput, &mut Device<B>)> {
+        self.inputs.iter().zip(self.devices.iter_mut())
+    }
+
+    pub(super) fn get(&self, index: usize) -> Option<(&DeviceInput, &Device<B>)> {
+        self.inputs.get(index).zip(self.devices.get(index))
+    }
+
+    pub(super) fn get_mut(&mut self, index: usize) -> Option<(&DeviceInput, &mut Device<B>)> {
+        self.inputs.get(index).zip(self.devices.get_mut(index))
+    }
+
+    /// State of a device as its driver reports it; offline if it is not present.
+    pub(super) fn state(&self, index: usize) -> DeviceState {
+        (self.inputs.get(index)).map_or(DeviceState::Offline, reported_state)
+    }
+}
+
+/// State of a device as its driver reports it; offline if it is not present.
+fn reported_state(input: &DeviceInput) -> DeviceState {
+    match input.present {
+        true => DeviceState::from_number(input.measurement.state),
+        false => DeviceState::Offline,
+    }
+}
+
+impl<B: DeviceBoards> Device<B> {
+    pub(super) fn image(&self) -> &CommandImage {
+        &self.image
+    }
+
+    /// Discards the commands of the previous cycle.
+    pub(super) fn begin_cycle(&mut self) {
+        self.output = DeviceOutput::NONE;
+    }
+
+    /// Remembers the state to which [`Device::undo_handover`] returns.
+    pub(super) fn begin_handover(&mut self) {
+        self.before_handover = (self.guard.clone(), self.engagement);
+    }
+
+    /// Restores the state before the hand-over was tried.
+    pub(super) fn undo_handover(&mut self) {
+        (self.guard, self.engagement) = self.before_handover.clone();
+        self.output = DeviceOutput::NONE;
+    }
+
+    /// Ends the engagement of the net in `row`, if there is one.
+    fn disengage(&mut self, row: RowIndex) {
+        if self
+            .engagement
+            .is_some_and(|engagement| engagement.row == row)
+        {
+            self.engagement = None;
         }
-        let Some(net) = self.nets.get(row).and_then(Option::as_ref) else {
-            return Ok(());
-        };
-        for (device, output) in self.devices.iter_mut().zip(net.outputs()) {
-            merge(&mut device.output, output);
-        }
-        Ok(())
     }
 
     /// Checks the set-point of an arm: the first of an engagement against the hold set-point, all others against the
-    /// previous one.
-    fn guard_arm(&mut self, row: usize, index: usize) -> Result<(), FaultRecord> {
-        let state = self.device_state(index);
-        let output = self
-            .nets
-            .get(row)
-            .and_then(Option::as_ref)
-            .and_then(|net| net.outputs().get(index));
-        let (Some(output), Some(device), Some(input)) =
-            (output, self.devices.get_mut(index), self.inputs.get(index))
-        else {
-            return Ok(());
-        };
-        let cycle = self.status.cycle;
+    /// previous one. Returns true if it begins the engagement `next`.
+    fn check_set_point(
+        &mut self,
+        input: &DeviceInput,
+        output: &DeviceOutput,
+        next: Engagement,
+        now: GuardedCycle,
+    ) -> Result<bool, FaultRecord> {
+        let (index, cycle) = (self.index, now.cycle);
         if !output.has_position {
-            device.engagement = None;
-            return Ok(());
+            self.engagement = None;
+            return Ok(false);
         }
-        let Some(engagement) = &mut device.engagement else {
+        let (state, strategy) = (reported_state(input), input.measurement.strategy);
+        let guard = &mut self.guard;
+        let Some(engagement) = &mut self.engagement else {
             // A device that becomes commanded must rest at its hold set-point, and the net must begin there.
             if state != DeviceState::Ready {
                 return Err(fault_at(FaultCode::DeviceLost, index, cycle));
             }
-            let strategy = input.measurement.strategy;
-            let first = device
-                .guard
-                .first(&output.position, &input.measurement.hold)
-                .and_then(|()| {
-                    let guard = &mut device.guard;
-                    guard.check_impedance(&output.impedance, strategy, self.dt_s)
-                });
+            let first = guard.first(&output.position, &input.measurement.hold);
+            let first =
+                first.and_then(|()| guard.check_impedance(&output.impedance, strategy, now.dt_s));
             first.map_err(|violation| fault_of(FaultCode::Jump, index, cycle, violation))?;
-            let number = self.next_engagement;
-            self.next_engagement += 1;
-            device.engagement = Some(Engagement {
-                row,
-                number,
-                since_cycle: cycle,
-                followed: false,
-                follows_from_ns: 0,
-            });
-            return Ok(());
+            self.engagement = Some(next);
+            return Ok(true);
         };
-        let waited_ns = (cycle - engagement.since_cycle) * self.config.period_ns;
+        let waited_ns = (cycle - engagement.since_cycle) * now.period_ns;
         let follows = match state {
             DeviceState::Commanded => true,
             // The driver buffers some set-points before it follows the first.
@@ -193,43 +207,202 @@ impl Engine {
         }
         engagement.followed |= state == DeviceState::Commanded
             && input.measurement.played_ns >= engagement.follows_from_ns;
-        let strategy = input.measurement.strategy;
-        let next = device.guard.check(&output.position, self.dt_s);
-        let next = next.and_then(|()| {
-            let guard = &mut device.guard;
-            guard.check_impedance(&output.impedance, strategy, self.dt_s)
-        });
-        next.map_err(|violation| fault_of(FaultCode::Limit, index, cycle, violation))
+        let later = guard.check(&output.position, now.dt_s);
+        let later =
+            later.and_then(|()| guard.check_impedance(&output.impedance, strategy, now.dt_s));
+        later.map_err(|violation| fault_of(FaultCode::Limit, index, cycle, violation))?;
+        Ok(false)
+    }
+
+    /// Adds the commands of this cycle to the image.
+    pub(super) fn write_image(&mut self, input: &DeviceInput, cycle: u64, now_ns: u64) {
+        self.image.head.seen = match input.present {
+            true => input.measurement.sequence,
+            false => 0,
+        };
+        let output = &self.output;
+        let point = SetPoint {
+            logical_ns: 0,
+            owner: self.engagement.map_or(0, |engagement| engagement.number),
+            has_position: u64::from(output.has_position),
+            position: output.position,
+            impedance: output.impedance,
+            digital: output.digital,
+            digital_commanded: output.digital_commanded,
+            analog: output.analog,
+        };
+        self.image.push(cycle, now_ns, point);
+    }
+}
+
+impl<B: DeviceBoards> Engine<B> {
+    /// Latches all devices from their boards.
+    pub fn latch_boards(&mut self, now_ns: u64) {
+        for index in 0..self.devices.len() {
+            let driver = (self.devices.get(index)).and_then(|(_, device)| device.driver.as_ref());
+            let newest = driver.map(|(incarnation, board)| (*incarnation, B::read(board)));
+            self.latch(index, newest, now_ns);
+        }
+    }
+
+    /// Latches a device for this cycle: the incarnation of its driver and its newest measurement, or `None` without a
+    /// board.
+    pub fn latch(&mut self, index: usize, board: Option<(u64, Measurement)>, now_ns: u64) {
+        let Devices {
+            models,
+            inputs,
+            devices,
+        } = &mut self.devices;
+        let place = models.get(index).zip(inputs.get_mut(index));
+        let Some(((model, input), device)) = place.zip(devices.get_mut(index)) else {
+            return;
+        };
+        let entry = &mut device.entry;
+        // A driver was restarted: the device is absent for one cycle, so that nets that commanded the previous
+        // incarnation end, however quickly it was replaced. A net never continues with a restarted driver.
+        let known = entry.incarnation;
+        let board = board.filter(|(incarnation, _)| known == 0 || known == *incarnation);
+        let before = std::mem::replace(&mut input.present, false);
+        let (mut fresh, mut forward) = (false, true);
+        if let Some((_, measurement)) = board {
+            // Within one incarnation of a driver the sequence number of its exchanges never decreases.
+            forward = known == 0 || measurement.sequence >= entry.sequence;
+            // A stamp from the future is as bad as an old one: it would not age.
+            let age_ns = now_ns.abs_diff(measurement.stamp_ns);
+            fresh = measurement.magic == MAGIC && age_ns <= self.stale_after_ns;
+            input.measurement = measurement;
+            let plausible = is_plausible(&mut input.measurement, model.joints);
+            input.present = plausible && fresh && forward;
+        }
+        let (state, measurement) = (reported_state(input), &input.measurement);
+        let holder = device.engagement;
+        let holder = holder.map_or(0, |engagement| self.commands[engagement.row].entry.id);
+        self.tables_changed |= entry.holder != holder;
+        entry.holder = holder;
+        entry.attached = u32::from(board.is_some());
+        let driver = board.map_or(known, |(incarnation, _)| incarnation);
+        entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
+        // After a sequence number went back, the device stays lost until it reaches the old one, or its driver is
+        // restarted.
+        if forward {
+            entry.sequence = measurement.sequence;
+        }
+        entry.stamp_ns = measurement.stamp_ns;
+        entry.quality_permille = measurement.quality_permille;
+        entry.reason = measurement.reason;
+        if before && !input.present {
+            entry.losses += 1;
+        }
+        let was = std::mem::replace(&mut entry.state, state as u32);
+        if was != state as u32 {
+            self.tables_changed = true;
+            let age_ns = match fresh {
+                true => 0,
+                false => now_ns.abs_diff(measurement.stamp_ns),
+            };
+            let event = EngineEvent::Device {
+                cycle: self.status.cycle + 1,
+                device: index as u32,
+                state: state as u32,
+                was,
+                reason: measurement.reason,
+                age_ns,
+                driver,
+                attached: board.is_some(),
+            };
+            self.log(event);
+        }
+    }
+
+    /// A driver announced itself: its board replaces the previous one, which is given back.
+    pub(super) fn attach(&mut self, device: usize, incarnation: u64, board: Box<B::Measurements>) {
+        let old = match self.devices.get_mut(device) {
+            Some((_, device)) => (device.driver)
+                .replace((incarnation, board))
+                .map(|(_, board)| board),
+            None => Some(board),
+        };
+        if let Some(board) = old {
+            self.send_reply(EngineReply::Board(board));
+        }
+    }
+
+    /// A driver is dead: its board is given back, unless another one has replaced it.
+    pub(super) fn detach(&mut self, device: usize, incarnation: u64) {
+        let Some((_, device)) = self.devices.get_mut(device) else {
+            return;
+        };
+        if let Some((_, board)) = (device.driver).take_if(|(known, _)| *known == incarnation) {
+            self.send_reply(EngineReply::Board(board));
+        }
+    }
+
+    /// Passes the commands of the net in `row` on to its devices: all of them, or none and a fault.
+    pub(super) fn pass_commands(&mut self, row: RowIndex) -> Result<(), FaultRecord> {
+        let now = GuardedCycle {
+            cycle: self.status.cycle,
+            period_ns: self.period_ns,
+            dt_s: self.dt_s,
+        };
+        let Some(net) = &self.commands[row].net else {
+            return Ok(());
+        };
+        let arms = net.resources().arms;
+        for ((input, device), output) in self.devices.iter_mut().zip(net.outputs()) {
+            if arms >> device.index & 1 == 0 {
+                continue;
+            }
+            let next = Engagement {
+                row,
+                number: self.next_engagement,
+                since_cycle: now.cycle,
+                followed: false,
+                follows_from_ns: 0,
+            };
+            let begins = device.check_set_point(input, output, next, now)?;
+            self.next_engagement += u64::from(begins);
+        }
+        self.merge_outputs(row);
+        Ok(())
+    }
+
+    /// Adds the outputs of the net in `row` to the commands of this cycle.
+    pub(super) fn merge_outputs(&mut self, row: RowIndex) {
+        if let Some(net) = &self.commands[row].net {
+            for ((_, device), output) in self.devices.iter_mut().zip(net.outputs()) {
+                merge(&mut device.output, output);
+            }
+        }
     }
 
     /// The first device that the net in `row` uses and that is offline.
-    pub(super) fn lost_device(&self, row: usize) -> Option<usize> {
-        let claims = self.claims(row)?;
+    pub(super) fn lost_device(&self, row: RowIndex) -> Option<usize> {
+        let claims = self.commands[row].claims();
         (0..self.devices.len())
-            .find(|index| claims.uses(*index) && self.device_state(*index) == DeviceState::Offline)
+            .find(|index| claims.uses(*index) && self.devices.state(*index) == DeviceState::Offline)
     }
 
     /// Returns true if all arms of the net in `row` have played everything up to `logical_ns` and rest.
-    pub(super) fn arms_settled(&self, row: usize, logical_ns: u64) -> bool {
-        let Some(claims) = self.claims(row) else {
-            return true;
-        };
-        self.inputs.iter().enumerate().all(|(index, input)| {
+    pub(super) fn arms_settled(&self, row: RowIndex, logical_ns: u64) -> bool {
+        let row = &self.commands[row];
+        self.devices.iter().all(|(input, device)| {
             let settled = input.measurement.settled_ns >= logical_ns
-                && self.device_state(index) == DeviceState::Ready;
-            claims.arms >> index & 1 == 0 || settled
+                && reported_state(input) == DeviceState::Ready;
+            settled || !row.claims_arm(device.index)
         })
     }
 
     /// Ends the engagements of the net in `row`.
-    pub(super) fn disengage(&mut self, row: usize) {
-        for device in &mut self.devices {
-            if device
-                .engagement
-                .is_some_and(|engagement| engagement.row == row)
-            {
-                device.engagement = None;
-            }
+    pub(super) fn disengage(&mut self, row: RowIndex) {
+        for (_, device) in self.devices.iter_mut() {
+            device.disengage(row);
+        }
+    }
+
+    /// Writes the set-points of this cycle to the boards.
+    pub fn write_set_points(&mut self) {
+        for (_, device) in self.devices.iter_mut() {
+            B::write(&mut device.set_points, &device.image);
         }
     }
 }
@@ -263,7 +436,7 @@ fn is_plausible(measurement: &mut Measurement, joints: u32) -> bool {
     online && measurement.joints == joints
 }
 
-pub(super) fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {
+fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {
     if one.has_position {
         all.has_position = true;
         all.position = one.position;

@@ -5,15 +5,16 @@
 //! nets, in the next one in which all nets that start are due. An arm that passes from one command to another stays
 //! engaged: its driver sees one stream of set-points, and the guard continues with its history.
 
-use rcc_core::frame::DeviceOutput;
-use rcc_core::message::{
-    COMMANDS_MAX, CommandState, DeviceState, EndReason, FaultCode, FaultRecord,
-};
+use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode, FaultRecord};
 use rcc_protocol::control::{Answer, Refusal, SWITCH_MAX};
 
-use super::{Engagement, Engine, PendingTransition};
+use super::Engine;
+use super::command_table::PendingTransition;
+use super::devices::Engagement;
+use crate::boards::DeviceBoards;
 use crate::net::Evaluation;
 use crate::queue::EngineReply;
+use crate::rows::{RowIndex, RowSet};
 
 /// A hand-over that waits to be tried; unused ids are 0.
 #[derive(Clone, Copy, Debug)]
@@ -24,31 +25,28 @@ pub(super) struct Handover {
     since_cycle: u64,
 }
 
-/// The rows of a hand-over. Bit r: row r of the command table.
+/// The rows that a hand-over stops and starts.
 #[derive(Clone, Copy, Debug)]
-struct HandoverRows {
-    stop: u64,
-    start: u64,
+pub(super) struct HandoverRows {
+    pub(super) stop: RowSet,
+    pub(super) start: RowSet,
+}
+
+impl HandoverRows {
+    /// No hand-over: a command starts beside the others.
+    pub(super) const NONE: HandoverRows = HandoverRows {
+        stop: RowSet::EMPTY,
+        start: RowSet::EMPTY,
+    };
 }
 
 /// Longest time that a hand-over waits for a cycle in which all nets that start are due.
 const TOGETHER_MAX_NS: u64 = 1_000_000_000;
 
-const _: () = assert!(COMMANDS_MAX <= u64::BITS as usize);
-
 /// A refusal with the id of the command that it concerns; 0: none.
 type HandoverRefusal = (u64, Refusal);
 
-/// The rows in a bit set, in ascending order.
-pub(super) fn rows(mut set: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let row = set.trailing_zeros();
-        set &= set.wrapping_sub(1);
-        (row < u64::BITS).then_some(row as usize)
-    })
-}
-
-impl Engine {
+impl<B: DeviceBoards> Engine<B> {
     /// Accepts a hand-over, unless another one still waits for its nets to be due.
     pub(super) fn take_handover(
         &mut self,
@@ -71,24 +69,25 @@ impl Engine {
     fn checked(&self, handover: &Handover) -> Result<HandoverRows, HandoverRefusal> {
         let stop = self.rows_of(&handover.stop, CommandState::is_active)?;
         let start = self.rows_of(&handover.start, |state| state == CommandState::Ready)?;
-        if self.stopping && start != 0 {
+        if self.stopping && start != RowSet::EMPTY {
             return Err((0, Refusal::Stopping));
         }
-        for row in rows(start) {
+        let sets = HandoverRows { stop, start };
+        for row in start.rows() {
             let about = |refusal| (self.id_of(row), refusal);
-            if self.pending.get(row) != Some(&PendingTransition::Nothing) {
+            if self.commands[row].is_pending() {
                 let state = CommandState::Ready as u32;
                 return Err(about(Refusal::WrongState { state }));
             }
-            self.check_free(row, stop, start).map_err(about)?;
+            self.check_free(row, sets).map_err(about)?;
             // Topics of a net that is not due yet are checked when it is due, and not in every cycle before.
             if self.is_due(row) {
-                self.check_topics(row, stop, start).map_err(about)?;
+                self.check_topics(row, sets).map_err(about)?;
             }
-            self.check_devices(row, stop).map_err(about)?;
-            self.check_budget(row, start, stop).map_err(about)?;
+            self.check_devices(row, sets).map_err(about)?;
+            self.check_budget(row, sets).map_err(about)?;
         }
-        Ok(HandoverRows { stop, start })
+        Ok(sets)
     }
 
     /// The rows of the commands with these ids, all of which must be in an allowed state; an id of 0 is skipped.
@@ -96,69 +95,63 @@ impl Engine {
         &self,
         ids: &[u64; SWITCH_MAX],
         allowed: impl Fn(CommandState) -> bool,
-    ) -> Result<u64, HandoverRefusal> {
-        let mut set = 0;
+    ) -> Result<RowSet, HandoverRefusal> {
+        let mut set = RowSet::EMPTY;
         for &id in ids.iter().filter(|id| **id != 0) {
-            let row = self.row_in(id, &allowed).map_err(|refusal| (id, refusal))?;
-            if set >> row & 1 == 1 {
+            let row = self.commands.find(id, &allowed);
+            let row = row.map_err(|refusal| (id, refusal))?;
+            if set.contains(row) {
                 return Err((id, Refusal::NamedTwice));
             }
-            set |= 1 << row;
+            set.insert(row);
         }
         Ok(set)
     }
 
-    fn id_of(&self, row: usize) -> u64 {
-        self.tables.commands.get(row).map_or(0, |entry| entry.id)
+    fn id_of(&self, row: RowIndex) -> u64 {
+        self.commands[row].entry.id
     }
 
     /// Returns true if a command in `leave` commands the arm of a device, or has ended while the arm plays its last
     /// set-points.
-    pub(super) fn leaves_arm(&self, index: usize, leave: u64) -> bool {
+    pub(super) fn leaves_arm(&self, index: usize, leave: RowSet) -> bool {
         self.engaged_by(index, leave) || self.settled_by(index, leave)
     }
 
-    fn engaged_by(&self, index: usize, leave: u64) -> bool {
-        let engagement = self.devices.get(index).and_then(|device| device.engagement);
-        engagement.is_some_and(|engagement| leave >> engagement.row & 1 == 1)
+    fn engaged_by(&self, index: usize, leave: RowSet) -> bool {
+        let device = self.devices.get(index);
+        let engagement = device.and_then(|(_, device)| device.engagement);
+        engagement.is_some_and(|engagement| leave.contains(engagement.row))
     }
 
-    fn settled_by(&self, index: usize, leave: u64) -> bool {
-        rows(leave).any(|row| {
-            let settles = matches!(
-                self.pending.get(row),
-                Some(PendingTransition::Settle { .. })
-            );
-            settles && self.claims_arm(row, index)
+    fn settled_by(&self, index: usize, leave: RowSet) -> bool {
+        leave.rows().any(|row| {
+            let row = &self.commands[row];
+            matches!(row.pending, PendingTransition::Settle { .. }) && row.claims_arm(index)
         })
     }
 
-    fn claims_arm(&self, row: usize, index: usize) -> bool {
-        self.claims(row)
-            .is_some_and(|claims| claims.arms >> index & 1 == 1)
-    }
-
     /// Tries the pending hand-over, if there is one, and answers it. Returns the rows that it evaluated.
-    pub(super) fn try_handover(&mut self, now_ns: u64) -> u64 {
+    pub(super) fn try_handover(&mut self, now_ns: u64) -> RowSet {
         let Some(handover) = self.handover.take() else {
-            return 0;
+            return RowSet::EMPTY;
         };
         let sets = match self.checked(&handover) {
             Ok(sets) => sets,
             Err(refused) => {
                 self.refuse_handover(handover.ticket, refused);
-                return 0;
+                return RowSet::EMPTY;
             }
         };
-        if let Some(row) = rows(sets.start).find(|row| !self.is_due(*row)) {
-            let waited_ns = (self.status.cycle - handover.since_cycle) * self.config.period_ns;
+        if let Some(row) = sets.start.rows().find(|row| !self.is_due(*row)) {
+            let waited_ns = (self.status.cycle - handover.since_cycle) * self.period_ns;
             if waited_ns < TOGETHER_MAX_NS {
                 self.handover = Some(handover);
             } else {
                 let refused = (self.id_of(row), Refusal::NeverTogether);
                 self.refuse_handover(handover.ticket, refused);
             }
-            return 0;
+            return RowSet::EMPTY;
         }
         self.deliver(sets.start);
         match self.try_all(sets) {
@@ -173,22 +166,23 @@ impl Engine {
             }
             Err(refused) => {
                 self.refuse_handover(handover.ticket, refused);
-                0
+                RowSet::EMPTY
             }
         }
     }
 
     /// Evaluates all nets that start and passes their commands on; returns the rows that terminated in this cycle. If
     /// one cannot start, everything is restored.
-    fn try_all(&mut self, sets: HandoverRows) -> Result<u64, HandoverRefusal> {
+    fn try_all(&mut self, sets: HandoverRows) -> Result<RowSet, HandoverRefusal> {
         let next_engagement = self.next_engagement;
-        for device in &mut self.devices {
-            device.before_handover = (device.guard.clone(), device.engagement);
+        for (_, device) in self.devices.iter_mut() {
+            device.begin_handover();
         }
-        let mut ended = 0;
-        for row in rows(sets.start) {
+        let mut ended = RowSet::EMPTY;
+        for row in sets.start.rows() {
             match self.try_first(row, sets.stop) {
-                Ok(evaluation) => ended |= u64::from(evaluation == Evaluation::Terminated) << row,
+                Ok(Evaluation::Terminated) => ended.insert(row),
+                Ok(_) => {}
                 Err(refusal) => {
                     self.next_engagement = next_engagement;
                     self.undo(sets.start);
@@ -200,29 +194,29 @@ impl Engine {
     }
 
     /// Ends the commands that leave and commits the first cycle of those that start.
-    fn complete(&mut self, sets: HandoverRows, ended: u64, now_ns: u64) {
-        for row in rows(sets.stop) {
+    fn complete(&mut self, sets: HandoverRows, ended: RowSet, now_ns: u64) {
+        for row in sets.stop.rows() {
             self.leave(row);
         }
-        for row in rows(sets.start) {
-            let evaluation = if ended >> row & 1 == 1 {
-                Evaluation::Terminated
-            } else {
-                Evaluation::Running
+        for row in sets.start.rows() {
+            let evaluation = match ended.contains(row) {
+                true => Evaluation::Terminated,
+                false => Evaluation::Running,
             };
             self.commit_start(row, evaluation, now_ns);
         }
     }
 
     /// The first evaluation of a row that takes over from the commands in `leave`.
-    fn try_first(&mut self, row: usize, leave: u64) -> Result<Evaluation, Refusal> {
+    fn try_first(&mut self, row: RowIndex, leave: RowSet) -> Result<Evaluation, Refusal> {
         let evaluation = self.evaluate(row);
         if let Evaluation::Fault(code) = evaluation {
             return Err(Refusal::FirstCycle { code: code as u32 });
         }
         let mut taken = 0u64;
         for index in 0..self.devices.len() {
-            let takes = self.claims_arm(row, index) && self.take_over(row, index, leave)?;
+            let claimed = self.commands[row].claims_arm(index);
+            let takes = claimed && self.take_over(row, index, leave)?;
             taken |= u64::from(takes) << index;
         }
         let passed = self.pass_commands(row);
@@ -235,16 +229,16 @@ impl Engine {
 
     /// Engages the row with an arm that a command in `leave` commands or has just released. Returns false if there is
     /// no such command; the arm must then rest at its hold set-point.
-    fn take_over(&mut self, row: usize, index: usize, leave: u64) -> Result<bool, Refusal> {
+    fn take_over(&mut self, row: RowIndex, index: usize, leave: RowSet) -> Result<bool, Refusal> {
         let engaged = self.engaged_by(index, leave);
         let settled =
-            self.device_state(index) == DeviceState::Commanded && self.settled_by(index, leave);
+            self.devices.state(index) == DeviceState::Commanded && self.settled_by(index, leave);
         if !engaged && !settled {
             return Ok(false);
         }
-        let net = self.nets.get(row).and_then(Option::as_ref);
+        let net = self.commands[row].net.as_ref();
         let output = net.and_then(|net| net.outputs().get(index));
-        let (Some(output), Some(device)) = (output, self.devices.get_mut(index)) else {
+        let Some((output, (_, device))) = output.zip(self.devices.get_mut(index)) else {
             return Ok(false);
         };
         let number = index as u32;
@@ -277,7 +271,7 @@ impl Engine {
             number: self.next_engagement,
             since_cycle,
             followed: false,
-            follows_from_ns: since_cycle * self.config.period_ns,
+            follows_from_ns: since_cycle * self.period_ns,
         });
         self.next_engagement += 1;
         Ok(true)
@@ -298,28 +292,21 @@ impl Engine {
     }
 
     /// Restores the state before the hand-over was tried.
-    fn undo(&mut self, start: u64) {
-        for device in &mut self.devices {
-            (device.guard, device.engagement) = device.before_handover.clone();
-            device.output = DeviceOutput::NONE;
+    fn undo(&mut self, start: RowSet) {
+        for (_, device) in self.devices.iter_mut() {
+            device.undo_handover();
         }
-        for row in rows(start) {
+        for row in start.rows() {
             self.reset_to_ready(row);
         }
     }
 
     /// Ends a row in a hand-over: its last cycle was the previous one.
-    fn leave(&mut self, row: usize) {
-        if matches!(
-            self.pending.get(row),
-            Some(PendingTransition::Settle { .. })
-        ) {
+    fn leave(&mut self, row: RowIndex) {
+        if matches!(self.commands[row].pending, PendingTransition::Settle { .. }) {
             return self.finish(row);
         }
-        let last_cycle = self.status.cycle - 1;
-        if let Some(entry) = self.tables.commands.get_mut(row) {
-            entry.ended_cycle = last_cycle;
-        }
+        self.commands[row].entry.ended_cycle = self.status.cycle - 1;
         self.end(row, EndReason::Aborted, FaultRecord::NONE);
     }
 

@@ -7,16 +7,17 @@
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::histogram::Histogram;
-use rcc_core::message::{COMMANDS_MAX, EndReason, FaultCode, MAGIC};
+use rcc_core::message::{EndReason, FaultCode, MAGIC};
 use rcc_core::primitives::{self, KERNELS_MAX};
 use rcc_core::timing::{CycleTiming, LateCause, LateCycle, PrimitiveTime};
 use rcc_os::clock::monotonic_ns;
 
-use super::handover::rows;
-use super::{Engine, is_active};
+use super::Engine;
+use crate::boards::DeviceBoards;
 use crate::net::{Evaluation, Net, RunTime};
 use crate::queue::EngineEvent;
 use crate::record::TriggerReason;
+use crate::rows::RowIndex;
 
 /// Period of writing the timing board, ns.
 const TIMING_EVERY_NS: u64 = 100_000_000;
@@ -32,9 +33,7 @@ pub(super) struct CycleTimer {
     clock_read_ns: u64,
     woke_ns: u64,
     /// Row of the command table whose net is timed next.
-    next_row: usize,
-    /// Index of the run that is timed next, by row.
-    next_runs: [usize; COMMANDS_MAX],
+    next_row: RowIndex,
     sampled: bool,
     /// Id of the command with the longest evaluation in this cycle, and its duration, ns.
     most_expensive: (u64, u64),
@@ -54,8 +53,7 @@ impl CycleTimer {
             clock: monotonic_ns,
             clock_read_ns: clock_read_cost(monotonic_ns),
             woke_ns: 0,
-            next_row: 0,
-            next_runs: [0; COMMANDS_MAX],
+            next_row: RowIndex::FIRST,
             sampled: false,
             most_expensive: (0, 0),
             late_in_a_row: 0,
@@ -74,20 +72,18 @@ impl CycleTimer {
         self.due = false;
     }
 
-    /// Evaluates the net in `row` and returns the duration, ns; times one of its runs if it is the row's turn.
+    /// Evaluates the net in `row` and returns the duration, ns; times its run `next_run` if it is the row's turn.
     pub(super) fn evaluate(
         &mut self,
-        row: usize,
-        net: &mut Net,
-        models: &[DeviceModel],
-        inputs: &[DeviceInput],
+        row: RowIndex,
+        (net, next_run): (&mut Net, &mut usize),
+        (models, inputs): (&[DeviceModel], &[DeviceInput]),
         dt_s: f64,
     ) -> (Evaluation, u64) {
         let turn = row == self.next_row && !self.sampled;
-        let run = self.next_runs.get(row).copied().unwrap_or(0);
         let begun_ns = (self.clock)();
         let (evaluation, time) = if turn {
-            net.evaluate_timed(models, inputs, dt_s, (run, self.clock))
+            net.evaluate_timed(models, inputs, dt_s, (*next_run, self.clock))
         } else {
             (net.evaluate(models, inputs, dt_s), None)
         };
@@ -97,11 +93,11 @@ impl CycleTimer {
             if let Some(time) = time {
                 self.add_run_time(time);
             }
-            let last = run + 1 >= net.runs();
-            if let Some(next) = self.next_runs.get_mut(row) {
-                *next = if last { 0 } else { run + 1 };
+            *next_run += 1;
+            if *next_run >= net.runs() {
+                *next_run = 0;
+                self.next_row = row.next();
             }
-            self.next_row += usize::from(last);
         }
         (evaluation, exec_ns)
     }
@@ -125,10 +121,10 @@ impl CycleTimer {
     }
 }
 
-impl Engine {
+impl<B: DeviceBoards> Engine<B> {
     /// Uses another clock (ns) for durations of nets; it must be suitable for the real-time thread.
     #[must_use]
-    pub fn with_clock(mut self, clock: fn() -> u64) -> Engine {
+    pub fn with_clock(mut self, clock: fn() -> u64) -> Engine<B> {
         self.time.clock = clock;
         self.time.clock_read_ns = 0;
         self
@@ -153,14 +149,15 @@ impl Engine {
         }
         // A net that was not due waits for its turn in the next round: slow nets are timed less often.
         let sampled = std::mem::take(&mut self.time.sampled);
-        let first = (self.time.next_row + usize::from(!sampled)) % COMMANDS_MAX;
-        // Every active row is in `busy`, so other rows need not be checked. Rows from `first` on, then the others.
-        let mut turns = rows(self.busy >> first << first).chain(rows(self.busy));
-        let active = |row: &usize| {
-            let entry = self.tables.commands.get(*row);
-            entry.is_some_and(|entry| is_active(entry.state))
+        let first = match sampled {
+            true => self.time.next_row,
+            false => self.time.next_row.next(),
         };
-        self.time.next_row = turns.find(active).unwrap_or(0);
+        // Every active row is in `busy`, so other rows need not be checked. Rows from `first` on, then the others.
+        let busy = self.commands.busy;
+        let mut turns = busy.starting_at(first).rows().chain(busy.rows());
+        let next = turns.find(|row| self.commands[*row].is_active());
+        self.time.next_row = next.unwrap_or(RowIndex::FIRST);
     }
 
     /// Accounts for a finished cycle: how late it woke, how long it took (ns), and how many periods it skipped; a cycle
@@ -201,7 +198,7 @@ impl Engine {
         // Waking late is not the fault of a net: such a cycle neither counts nor resets the count.
         if cause == LateCause::ComputedLong {
             self.time.late_in_a_row += 1;
-            if self.time.late_in_a_row == self.config.late_in_a_row_max {
+            if self.time.late_in_a_row == self.late_in_a_row_max {
                 self.time.late_in_a_row = 0;
                 if let Some(recorder) = &mut self.recorder {
                     recorder.trigger(TriggerReason::Late);
@@ -231,15 +228,8 @@ impl Engine {
 
     /// Ends the net with the longest last evaluation: too many cycles were late because of computation.
     fn end_most_expensive(&mut self) {
-        let active = self
-            .tables
-            .commands
-            .iter()
-            .enumerate()
-            .filter(|(_, entry)| is_active(entry.state));
-        let most = active
-            .max_by_key(|(_, entry)| entry.exec_last_ns)
-            .map(|(row, _)| row);
+        let active = RowIndex::all().filter(|row| self.commands[*row].is_active());
+        let most = active.max_by_key(|row| self.commands[*row].entry.exec_last_ns);
         if let Some(row) = most {
             self.end(row, EndReason::Fault, self.fault(FaultCode::Overrun));
         }

@@ -10,9 +10,11 @@ use rcc_core::topic::Topic;
 use rcc_protocol::control::Refusal;
 
 use super::Engine;
-use super::handover::rows;
+use super::handover::HandoverRows;
+use crate::boards::DeviceBoards;
 use crate::input::TopicSource;
 use crate::net::Net;
+use crate::rows::{RowIndex, RowSet};
 
 /// Room for the topics of all nets.
 const PUBLISHED_MAX: usize = COMMANDS_MAX * TOPICS_MAX;
@@ -29,7 +31,10 @@ pub(super) struct PublishedTopics {
 impl PublishedTopics {
     pub(super) fn new() -> Box<PublishedTopics> {
         let topic = Topic { key: 0, kind: 0 };
-        let feed = TopicSource { row: 0, publish: 0 };
+        let feed = TopicSource {
+            row: RowIndex::FIRST,
+            publish: 0,
+        };
         Box::new(PublishedTopics {
             published: [(topic, feed); PUBLISHED_MAX],
             count: 0,
@@ -49,7 +54,7 @@ impl PublishedTopics {
     }
 
     /// A topic has one publisher, and a net publishes at most [`TOPICS_MAX`] topics: there is room.
-    fn add(&mut self, row: usize, net: &Net) {
+    fn add(&mut self, row: RowIndex, net: &Net) {
         for (point, publish) in net.plan().publishes.iter().zip(0..) {
             if let Some(place) = self.published.get_mut(self.count) {
                 *place = (point.topic, TopicSource { row, publish });
@@ -62,7 +67,7 @@ impl PublishedTopics {
         self.version += 1;
     }
 
-    fn remove(&mut self, row: usize) {
+    fn remove(&mut self, row: RowIndex) {
         let mut kept = 0;
         for number in 0..self.count {
             let entry = self.published.get(number).copied();
@@ -81,30 +86,28 @@ impl PublishedTopics {
     }
 }
 
-impl Engine {
-    /// Stages values in the nets of these rows that are evaluated in this cycle (bit r: row r).
-    pub(super) fn deliver(&mut self, to: u64) {
-        for row in rows(self.subscribers & to) {
+impl<B: DeviceBoards> Engine<B> {
+    /// Stages values in the nets of these rows that are evaluated in this cycle.
+    pub(super) fn deliver(&mut self, to: RowSet) {
+        for row in self.commands.subscribers.common(to).rows() {
             if !self.is_due(row) {
                 continue;
             }
             // Take the net out of its row while it reads the others; a net does not subscribe to itself.
-            let Some(mut net) = self.nets.get_mut(row).and_then(Option::take) else {
+            let Some(mut net) = self.commands[row].net.take() else {
                 continue;
             };
-            let topics = &self.topics;
-            let find = |input: &InputPoint| topics.find(input.topic?);
+            let (topics, commands) = (&self.topics, &self.commands);
             let now = (self.status.cycle, topics.version);
-            net.receive(now, &self.nets, find);
-            if let Some(place) = self.nets.get_mut(row) {
-                *place = Some(net);
-            }
+            let find = |input: &InputPoint| topics.find(input.topic?);
+            net.receive(now, find, |source| commands[source].net.as_deref());
+            self.commands[row].net = Some(net);
         }
     }
 
     /// The net in `row` runs from now on.
-    pub(super) fn publish(&mut self, row: usize) {
-        if let Some(Some(net)) = self.nets.get(row)
+    pub(super) fn publish(&mut self, row: RowIndex) {
+        if let Some(net) = &self.commands[row].net
             && !net.plan().publishes.is_empty()
         {
             self.topics.add(row, net);
@@ -112,21 +115,22 @@ impl Engine {
     }
 
     /// The net in `row` has ended, even if its arms still play its last set-points.
-    pub(super) fn unpublish(&mut self, row: usize) {
+    pub(super) fn unpublish(&mut self, row: RowIndex) {
         self.topics.remove(row);
     }
 
     /// Checks that a published topic has the same type in this net and in the other active nets, in both directions.
-    /// `leave` and `arrive` as for [`Engine::check_free`].
-    pub(super) fn check_topics(&self, row: usize, leave: u64, arrive: u64) -> Result<(), Refusal> {
-        let net = |row: usize| self.nets.get(row).and_then(Option::as_deref);
-        let Some(own) = net(row) else {
+    /// `sets` as for [`Engine::check_free`].
+    pub(super) fn check_topics(&self, row: RowIndex, sets: HandoverRows) -> Result<(), Refusal> {
+        let Some(own) = self.commands[row].net.as_deref() else {
             return Err(Refusal::UnknownCommand);
         };
-        for (row, other) in self.other_active(row, leave, arrive) {
-            let topic_conflict = net(row)
-                .and_then(|net| topic_conflict(own, net).or_else(|| topic_conflict(net, own)));
-            if let Some(Topic { key, .. }) = topic_conflict {
+        for other in self.other_active(row, sets) {
+            let net = other.net.as_deref();
+            let conflict =
+                net.and_then(|net| topic_conflict(own, net).or_else(|| topic_conflict(net, own)));
+            if let Some(Topic { key, .. }) = conflict {
+                let other = other.entry.id;
                 return Err(Refusal::OtherTopic { other, key });
             }
         }

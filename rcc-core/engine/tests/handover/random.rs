@@ -54,12 +54,7 @@ fn set_points_keep_the_limits_of_the_arm_through_any_hand_over() {
                 }
                 6..=8 => {
                     let active = |id: &&u64| {
-                        let row = fixture
-                            .engine
-                            .tables()
-                            .commands
-                            .iter()
-                            .find(|row| row.id == **id);
+                        let row = fixture.engine.command(**id);
                         row.is_some_and(|row| CommandState::from_number(row.state).is_active())
                     };
                     let stop: Vec<u64> = ids.iter().filter(active).take(3).copied().collect();

@@ -1,0 +1,144 @@
+//! Values of a net as its last evaluation left them: read by requests, copied to other nets, and monitored. Real-time
+//! thread.
+
+use rcc_core::message::{MONITOR_WIDTH_MAX, MonitorRecord};
+use rcc_core::plan::{InputPoint, MonitorPoint, PublishPoint, ValuePoint};
+use rcc_core::types::{NULL_BOOL, Store};
+use rcc_protocol::control::Refusal;
+
+use super::Net;
+use crate::input::null;
+use crate::queue::ValueReading;
+
+impl Net {
+    /// Copies values as the last evaluation left them into `reading`.
+    ///
+    /// # Errors
+    /// Returns [`Refusal::NoSuchValue`] if a value lies outside of the arenas.
+    pub fn read(&self, reading: &mut ValueReading) -> Result<(), Refusal> {
+        let mut room = reading.values.words.iter_mut();
+        for (point, value) in reading.points.iter().zip(0u32..) {
+            self.copy(*point, &mut room)
+                .ok_or(Refusal::NoSuchValue { value })?;
+        }
+        let values = &mut reading.values;
+        values.cycle = if self.cycles > 0 {
+            self.evaluated_cycle
+        } else {
+            0
+        };
+        values.evaluations = self.cycles;
+        values.every = self.data.rate.every;
+        Ok(())
+    }
+
+    /// Copies a published value to another net. It becomes null if width or type of slot differ, which happens if a
+    /// plan declares wrong types.
+    pub fn copy_published(&self, publish: usize, to: &InputPoint, room: &mut [u64]) {
+        room.fill(null(to.store));
+        let point = self.data.publishes.get(publish);
+        let fits = |point: &&PublishPoint| point.store == to.store && point.width == to.width;
+        if let Some(point) = point.filter(fits) {
+            let point = ValuePoint {
+                store: point.store,
+                slot: point.slot,
+                width: point.width,
+            };
+            // `Plan::check` has proved that it lies within the arena.
+            let _: Option<()> = self.copy(point, &mut room.iter_mut());
+        }
+    }
+
+    /// Copies a value, one word per element.
+    fn copy<'w>(
+        &self,
+        point: ValuePoint,
+        room: &mut impl Iterator<Item = &'w mut u64>,
+    ) -> Option<()> {
+        let first = point.slot as usize;
+        let slots = first..first.checked_add(point.width as usize)?;
+        match point.store {
+            Store::Real => {
+                let values = self.reals.get(slots)?.iter();
+                values
+                    .zip(room)
+                    .for_each(|(value, word)| *word = value.to_bits());
+            }
+            Store::Bool => {
+                let values = self.bools.get(slots)?.iter();
+                values
+                    .zip(room)
+                    .for_each(|(value, word)| *word = u64::from(*value));
+            }
+            Store::Int => {
+                let values = self.ints.get(slots)?.iter();
+                values
+                    .zip(room)
+                    .for_each(|(value, word)| *word = value.cast_unsigned());
+            }
+        }
+        Some(())
+    }
+
+    /// Calls `push` with each monitor that is due in the last evaluated cycle.
+    pub fn monitors(&self, mut push: impl FnMut(u32, &[f64])) {
+        let evaluated = self.cycles.saturating_sub(1);
+        for (monitor, index) in self.data.monitors.iter().zip(0..) {
+            if evaluated.is_multiple_of(u64::from(monitor.every.max(1))) {
+                let mut values = [0.0; MONITOR_WIDTH_MAX];
+                let width = self.read_monitor(monitor, &mut values);
+                push(index, &values[..width]);
+            }
+        }
+    }
+
+    fn read_monitor(&self, monitor: &MonitorPoint, values: &mut [f64; MONITOR_WIDTH_MAX]) -> usize {
+        let (slot, width) = (
+            monitor.slot as usize,
+            (monitor.width as usize).min(MONITOR_WIDTH_MAX),
+        );
+        let places = values.iter_mut().take(width);
+        match monitor.store {
+            Store::Real => places
+                .zip(self.reals.iter().skip(slot))
+                .for_each(|(place, value)| *place = *value),
+            Store::Bool => places
+                .zip(self.bools.iter().skip(slot))
+                .for_each(|(place, value)| {
+                    *place = if value & NULL_BOOL != 0 {
+                        f64::NAN
+                    } else {
+                        f64::from(*value)
+                    };
+                }),
+            Store::Int => places
+                .zip(self.ints.iter().skip(slot))
+                .for_each(|(place, value)| *place = f64::from_bits(value.cast_unsigned())),
+        }
+        width
+    }
+}
+
+/// Makes a monitor record.
+pub fn monitor_record(
+    cycle: u64,
+    stamp_ns: u64,
+    command: u64,
+    monitor: u32,
+    values: &[f64],
+) -> MonitorRecord {
+    let mut all = [0.0; MONITOR_WIDTH_MAX];
+    for (place, value) in all.iter_mut().zip(values) {
+        *place = *value;
+    }
+    let width = values.len() as u32;
+    MonitorRecord {
+        sequence: 0,
+        cycle,
+        stamp_ns,
+        command,
+        monitor,
+        width,
+        values: all,
+    }
+}

@@ -1,0 +1,177 @@
+//! Nets that are built for LOAD and, if an arm rests elsewhere by then, again for START. Run by the intake thread; the
+//! net-builder thread does the work.
+
+use std::collections::BTreeMap;
+
+use rcc_engine::net::{Net, NetOrigin};
+use rcc_ipc::request::Request;
+use rcc_protocol::control::{Answer, Call, InputValue, Refusal};
+use rcc_protocol::rehearsal::RehearsalReport;
+
+use super::{Intake, OnDone, PendingRequest, commands_of, reply};
+use crate::boards::EngineRequest;
+use crate::net_builder::{BuildOutcome, BuildRequest, BuildSource, DeviceSnapshot};
+
+/// What the net of a command is being built for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum BuildState {
+    /// LOAD.
+    New,
+    /// START: an arm rests elsewhere than at LOAD.
+    ForStart,
+    /// A START that a CANCEL or ABORT has withdrawn.
+    Withdrawn,
+}
+
+/// A command that is ready but not started. Its net is rebuilt from `origin` if an arm rests elsewhere at START.
+pub(super) struct ReadyCommand {
+    pub(super) origin: NetOrigin,
+    /// Bit d is set if the net commands the arm of device d.
+    pub(super) arms: u64,
+    /// Values that were set since LOAD, by input.
+    pub(super) values: BTreeMap<u32, Vec<u64>>,
+}
+
+impl Intake {
+    /// Returns true if the call names a command whose net is being built.
+    pub(super) fn awaits_build(&self, call: &Call) -> bool {
+        let commands = commands_of(call);
+        commands.iter().any(|id| self.building.contains_key(id))
+    }
+
+    /// Refuses every START of this command that has not taken effect.
+    pub(super) fn withdraw(&mut self, id: u64) {
+        self.building.insert(id, BuildState::Withdrawn);
+        for (call, request) in std::mem::take(&mut self.deferred) {
+            match call {
+                Call::Start { id: other } if other == id => {
+                    reply(request, &Answer::Refused(Refusal::Withdrawn));
+                }
+                call => self.deferred.push_back((call, request)),
+            }
+        }
+    }
+
+    /// Submits a net to be built; the request stays pending.
+    pub(super) fn build(&mut self, build_request: BuildRequest, request: Request) {
+        let (ticket, id) = (build_request.ticket, build_request.id);
+        let rebuild = matches!(build_request.source, BuildSource::Rebuild(..));
+        match self.net_builder.submit(build_request) {
+            Ok(()) => {
+                let state = self.building.entry(id).or_insert(BuildState::New);
+                if rebuild {
+                    *state = BuildState::ForStart;
+                }
+                let on_done = OnDone::Nothing;
+                self.pending
+                    .insert(ticket, PendingRequest { request, on_done });
+            }
+            Err(refusal) => reply(request, &Answer::Refused(refusal)),
+        }
+    }
+
+    /// Handles the end of a build: the command becomes ready or rejected; after a rebuild it is started or stays ready.
+    pub(super) fn handle_build_outcome(&mut self, outcome: BuildOutcome) {
+        let BuildOutcome {
+            ticket,
+            id,
+            rebuild,
+            net,
+        } = outcome;
+        let net = match self.building.remove(&id) {
+            Some(BuildState::Withdrawn) => Err(Refusal::Withdrawn),
+            _ => net,
+        };
+        let pending = self.pending.remove(&ticket);
+        if let Some(PendingRequest { request, .. }) = pending {
+            match net {
+                Ok((net, rehearsed)) if rebuild => {
+                    self.start_rebuilt(ticket, id, net, rehearsed, request)
+                }
+                Ok((net, rehearsed)) => {
+                    let ready = ReadyCommand {
+                        origin: net.origin(),
+                        arms: net.resources().arms,
+                        values: BTreeMap::new(),
+                    };
+                    let on_done = OnDone::Ready(id, rehearsed, ready);
+                    let engine_request = EngineRequest::Install { ticket, id, net };
+                    self.submit(
+                        engine_request,
+                        Some((ticket, PendingRequest { request, on_done })),
+                    );
+                }
+                Err(refusal) => {
+                    reply(request, &Answer::Refused(refusal));
+                    if !rebuild {
+                        // Ticket 0, because the caller already has the reason.
+                        self.submit(EngineRequest::Reject { ticket: 0, id }, None);
+                    }
+                }
+            }
+        }
+        for (call, request) in std::mem::take(&mut self.deferred) {
+            if self.awaits_build(&call) {
+                self.deferred.push_back((call, request));
+            } else {
+                self.dispatch(call, request);
+            }
+        }
+    }
+
+    /// Starts a command whose net was rebuilt: the new net replaces the one that was ready.
+    fn start_rebuilt(
+        &mut self,
+        ticket: u64,
+        id: u64,
+        net: Box<Net>,
+        rehearsed: Option<RehearsalReport>,
+        request: Request,
+    ) {
+        let origin = net.origin();
+        if self
+            .engine_requests
+            .push(EngineRequest::Renew { id, net })
+            .is_err()
+        {
+            return reply(request, &Answer::Refused(Refusal::Overloaded));
+        }
+        self.send_origin(id, &origin);
+        if let Some(ready) = self.ready.get_mut(&id) {
+            ready.origin = origin;
+        }
+        let on_done = OnDone::Started(vec![id], rehearsed);
+        let engine_request = EngineRequest::Start { ticket, id };
+        self.submit(
+            engine_request,
+            Some((ticket, PendingRequest { request, on_done })),
+        );
+    }
+
+    /// Sends the origin of a net to the writer of incident files.
+    pub(super) fn send_origin(&self, id: u64, origin: &NetOrigin) {
+        if let Some(incident_writer) = &self.incident_writer {
+            // The receiver is gone only when the executor ends.
+            let _ = incident_writer.send((id, origin.clone()));
+        }
+    }
+
+    /// Returns what the net of a command must be rebuilt from before START: its arms are at rest, and at least one of
+    /// them elsewhere than when the net was built. Returns `None` while an arm moves; START itself then refuses.
+    pub(super) fn rebuild_source(&self, id: u64, snapshot: &DeviceSnapshot) -> Option<BuildSource> {
+        let ready = self.ready.get(&id)?;
+        let mut same = true;
+        for device in (0..snapshot.devices.len()).filter(|device| ready.arms >> device & 1 == 1) {
+            let rests = snapshot.rest_position(device)?;
+            let conditions = &ready.origin.start_conditions;
+            let built_for = conditions.holds.get(device).copied().flatten();
+            same &= built_for == Some(rests);
+        }
+        let value = |(input, words): (&u32, &Vec<u64>)| InputValue {
+            input: *input,
+            words: words.clone(),
+        };
+        let values = || ready.values.iter().map(value).collect();
+        (!same).then(|| BuildSource::Rebuild(ready.origin.clone(), values()))
+    }
+}
