@@ -210,6 +210,7 @@ fn settled(field: &Field<'_>, first: Option<&Census>) -> Census {
     let begun = Instant::now();
     loop {
         clients::publish(field);
+        field.unload_rejected();
         field.clean();
         let now = Census::of(field.place, field.executor());
         let within = first.is_some_and(|first| now.growth(first).is_empty());

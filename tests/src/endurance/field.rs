@@ -262,6 +262,16 @@ impl<'a> Field<'a> {
         assert!(matches!(reply.status, 200 | 404), "unload {id}: {reply:?}");
     }
 
+    /// Unloads the commands of loaders that died before they answered: nobody knows their ids, and they stay, rejected,
+    /// until they are unloaded.
+    pub fn unload_rejected(&self) {
+        let commands = self.ask("GET", "/commands", "").body;
+        let rows = commands.as_array().expect("a list of commands").iter();
+        for row in rows.filter(|row| row["state"] == "rejected") {
+            self.unload(row["id"].as_u64().expect("an id"));
+        }
+    }
+
     /// Runs the janitor, as a supervisor does after a death.
     pub fn clean(&self) {
         let _one = self.janitor.lock().unwrap_or_else(|held| held.into_inner());
