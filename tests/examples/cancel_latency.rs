@@ -33,6 +33,7 @@ fn kind(name: &str) -> Result<FloodKind, String> {
 
 fn main() {
     flood::flood_if_asked();
+    rcc_tests::cell::without_time_limit();
     let Arguments {
         nets,
         primitives,

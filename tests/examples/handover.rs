@@ -7,6 +7,7 @@ use rcc_tests::TestCell;
 use rcc_tests::handover::hand_over;
 
 fn main() {
+    rcc_tests::cell::without_time_limit();
     let times = std::env::args().nth(1).and_then(|text| text.parse().ok());
     let times = times.unwrap_or(1000);
     let cell = TestCell::demo();

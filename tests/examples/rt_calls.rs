@@ -4,6 +4,7 @@
 use rcc_tests::rt_calls::count;
 
 fn main() -> Result<(), String> {
+    rcc_tests::cell::without_time_limit();
     let cycles = std::env::args().nth(1).and_then(|text| text.parse().ok());
     let counted = count(cycles.unwrap_or(100_000))?;
     let [nets, switches, monitors, drivers, loaders] = counted.happened;

@@ -6,6 +6,7 @@ use std::fs::File;
 use std::ops::Deref;
 use std::path::Path;
 use std::process::{Child, ExitStatus};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
@@ -23,8 +24,14 @@ pub struct TestCell {
     _life: CellTimeout,
 }
 
-/// Time after which a cell is killed: longer than any test has taken on a busy machine.
+/// Time after which a test's cell is killed: longer than any test has taken on a busy machine.
 const CELL_LIFETIME_MAX: Duration = Duration::from_secs(300);
+static IS_LIMITED: AtomicBool = AtomicBool::new(true);
+
+/// Removes the time limit of this process's cells: for programs that a person runs and can end.
+pub fn without_time_limit() {
+    IS_LIMITED.store(false, Ordering::Relaxed);
+}
 
 /// Reason why the fixture is always `Some`: it is taken out only when the cell itself is consumed.
 const HERE: &str = "the fixture is present until the cell is consumed";
@@ -178,6 +185,9 @@ impl CellTimeout {
         let folder = folder.to_owned();
         std::thread::spawn(move || {
             if has_ended.recv_timeout(CELL_LIFETIME_MAX) != Err(RecvTimeoutError::Timeout) {
+                return;
+            }
+            if !IS_LIMITED.load(Ordering::Relaxed) {
                 return;
             }
             eprintln!(
