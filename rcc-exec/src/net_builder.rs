@@ -129,7 +129,7 @@ impl NetBuilderThread {
                 }
             }
         };
-        helpers.spawn("maker", BUILD_MAX, work)?;
+        helpers.spawn("net-builder", BUILD_MAX, work)?;
         Ok(NetBuilderThread { requests, outcomes })
     }
 

@@ -257,7 +257,7 @@ fn an_event_thread_that_hangs_stops_the_heartbeat() {
 
 #[test]
 fn a_helper_that_panics_ends_the_executor_with_its_name() {
-    for helper in ["intake", "maker", "pump", "incidents", "events", "notify"] {
+    for helper in ["intake", "net-builder", "pump", "incidents", "events", "notify"] {
         let mut trigger = PathBuf::new();
         let mut supervised = SupervisedExecutor::start_with(
             &format!("panic-{helper}"),

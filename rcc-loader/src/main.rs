@@ -98,7 +98,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         .with_file_watch(arguments.chosen_ports());
     let service = Arc::new(service);
     let maintained = Arc::clone(&service);
-    helpers.spawn("tend", SLOW_TURN_MAX, move |helper| {
+    helpers.spawn("maintenance", SLOW_TURN_MAX, move |helper| {
         // Compiling a long text takes a hundred times its size in memory, which is returned to the system afterwards.
         let mut memory = MemoryTrimmer::default();
         while !helper.rest(MAINTAIN_EVERY) {

@@ -117,7 +117,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
         .arg("--config")
         .arg(cell.config())
         .arg("--parent-death");
-    command.env("RCC_TEST_PANIC", format!("maker@{}", trigger.display()));
+    command.env("RCC_TEST_PANIC", format!("net-builder@{}", trigger.display()));
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut executor = TracedProgram(ends_with_test(&mut command).spawn().expect("it starts"));
     cell.await_devices();
@@ -132,7 +132,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
     stderr.read_to_string(&mut words).expect("text");
     assert_eq!(status.code(), Some(1), "{words}");
     assert!(
-        words.contains("the helper thread `maker` panicked"),
+        words.contains("the helper thread `net-builder` panicked"),
         "{words}"
     );
     assert_within_limits(&arm.await_rest(), &[LOST]);
@@ -154,12 +154,12 @@ fn status_shows_each_helper_with_its_age_and_its_limit() {
         .collect();
     for name in [
         "intake",
-        "maker",
+        "net-builder",
         "pump",
         "incidents",
         "events",
         "notify",
-        "tend",
+        "maintenance",
         "workers",
         "stop-0",
         "stop-1",

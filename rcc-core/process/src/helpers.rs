@@ -511,10 +511,10 @@ mod tests {
     #[test]
     fn a_helper_that_never_begins_counts_as_hung() {
         let helpers = Helpers::default();
-        let _helper = helpers.helper("maker", Duration::from_secs(2));
+        let _helper = helpers.helper("net-builder", Duration::from_secs(2));
         let mut watch = helpers.watch(|_| {});
         let hang = watch.hang(Duration::from_secs(3)).unwrap();
-        assert_eq!(hang.helper, "maker");
+        assert_eq!(hang.helper, "net-builder");
     }
 
     #[test]
