@@ -3,21 +3,12 @@
 
 use std::fs::{self, DirBuilder, File, TryLockError};
 use std::io;
-use std::os::fd::AsRawFd;
-use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, PermissionsExt};
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use nix::errno::Errno;
-use nix::sys::socket::{
-    AddressFamily, Backlog, SockFlag, SockType, UnixAddr, bind, listen, socket,
-};
-use nix::sys::stat::{Mode, fchmod};
-
-/// Backlog of connections that wait to be accepted.
-const WAITING: i32 = 64;
 /// Longest wait for the folder's lock, which other starting simulators hold only briefly.
 const LOCK_LIMIT: Duration = Duration::from_secs(5);
 
@@ -133,14 +124,13 @@ impl ControlSocket {
         require_private(&folder)?;
         let path = folder.join(name);
         let _lock = lock(&folder)?;
-        let listener = match bind_private(&path) {
-            Err(Errno::EADDRINUSE) => {
-                remove_dead(&path)?;
-                bind_private(&path)
-            }
-            result => result,
-        }?;
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o600))?;
+        let listener = rcc_os::socket::listen(&path, None).map_err(|error| match error.kind() {
+            io::ErrorKind::AddrInUse => io::Error::new(
+                error.kind(),
+                "another simulator listens there: choose another path, or stop it",
+            ),
+            _ => error,
+        })?;
         let found = fs::symlink_metadata(&path)?;
         let socket = ControlSocket {
             path,
@@ -221,35 +211,6 @@ fn lock(folder: &Path) -> io::Result<File> {
             }
             Err(TryLockError::WouldBlock) => thread::sleep(Duration::from_millis(5)),
         }
-    }
-}
-
-/// Binds with mode 0600: on Linux a socket's file gets the mode of the socket, so nobody else can connect at any
-/// moment.
-fn bind_private(path: &Path) -> Result<UnixListener, Errno> {
-    let flags = SockFlag::SOCK_CLOEXEC;
-    let socket = socket(AddressFamily::Unix, SockType::Stream, flags, None)?;
-    fchmod(&socket, Mode::S_IRUSR | Mode::S_IWUSR)?;
-    bind(socket.as_raw_fd(), &UnixAddr::new(path)?)?;
-    listen(&socket, Backlog::new(WAITING)?)?;
-    Ok(UnixListener::from(socket))
-}
-
-/// Removes a socket on which nobody listens.
-fn remove_dead(path: &Path) -> io::Result<()> {
-    let is_socket = fs::symlink_metadata(path)?.file_type().is_socket();
-    if !is_socket {
-        return Err(io::Error::other(
-            "the file is not a socket: choose another path, or remove the file",
-        ));
-    }
-    match UnixStream::connect(path) {
-        Ok(_) => Err(io::Error::new(
-            io::ErrorKind::AddrInUse,
-            "another simulator listens there: choose another path, or stop it",
-        )),
-        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => fs::remove_file(path),
-        Err(error) => Err(error),
     }
 }
 

@@ -1,10 +1,8 @@
 //! Creates the Unix socket of a cell's loader, with mode 0600, or 0660 for a group. The socket of a dead loader is
 //! replaced, that of a living one is not. Used once by the main thread.
 
-use std::fs;
 use std::io;
-use std::os::unix::fs::{PermissionsExt, chown};
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
 /// The reason why the socket cannot be created.
@@ -33,33 +31,24 @@ pub enum SocketError {
 /// Returns [`SocketError::InUse`] if a living loader serves the socket, and [`SocketError::File`] if the system refuses
 /// an operation.
 pub fn listen(path: &Path, group: Option<u32>) -> Result<UnixListener, SocketError> {
-    let failed = |source| SocketError::File {
-        path: path.to_owned(),
-        source,
-    };
-    if UnixStream::connect(path).is_ok() {
-        return Err(SocketError::InUse {
-            path: path.to_owned(),
-        });
-    }
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(failed(error)),
-        _ => {}
-    }
-    // The folder is closed to everybody else, or open to a group that may not write to a new socket.
-    let listener = UnixListener::bind(path).map_err(failed)?;
-    if group.is_some() {
-        chown(path, None, group).map_err(failed)?;
-    }
-    let mode = if group.is_some() { 0o660 } else { 0o600 };
-    fs::set_permissions(path, fs::Permissions::from_mode(mode)).map_err(failed)?;
-    listener.set_nonblocking(true).map_err(failed)?;
-    Ok(listener)
+    let listener = rcc_os::socket::listen(path, group);
+    let listener = listener.and_then(|listener| {
+        listener.set_nonblocking(true)?;
+        Ok(listener)
+    });
+    listener.map_err(|source| {
+        let path = path.to_owned();
+        match source.kind() {
+            io::ErrorKind::AddrInUse => SocketError::InUse { path },
+            _ => SocketError::File { path, source },
+        }
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn a_stale_socket_is_replaced() -> Result<(), SocketError> {

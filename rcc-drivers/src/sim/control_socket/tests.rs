@@ -1,7 +1,8 @@
 //! The socket's mode, its replacement and its removal; which files requests may name.
 //! Tests of files in a folder of their own.
 
-use std::os::unix::fs::symlink;
+use std::os::unix::fs::{PermissionsExt, symlink};
+use std::os::unix::net::UnixStream;
 
 use rcc_testing::folder;
 
@@ -18,14 +19,6 @@ fn the_socket_is_private_and_removed_with_the_simulator() {
     assert_eq!(mode(&place.path().join("new")), 0o700);
     drop(socket);
     assert!(!place.path().join("new").exists());
-}
-
-#[test]
-fn a_socket_is_private_from_the_start() {
-    let place = folder();
-    let path = place.path().join("sim.sock");
-    let _listener = bind_private(&path).unwrap();
-    assert_eq!(fs::metadata(&path).unwrap().mode() & 0o077, 0);
 }
 
 #[test]
