@@ -1,11 +1,10 @@
 //! Threads reserved for CANCEL and ABORT. They are created before the first request, so they are free however many
 //! blocking threads are busy.
 
-use std::collections::VecDeque;
 use std::io;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use rcc_process::{Helper, Helpers, helpers};
@@ -26,24 +25,7 @@ type Job = Box<dyn FnOnce() + Send>;
 
 /// Handle of the threads; they end when the last clone is dropped, or with the other helpers.
 #[derive(Clone, Debug)]
-pub struct StopWorkers(Arc<Closing>);
-
-/// Closes the queue when it is dropped.
-#[derive(Debug)]
-struct Closing(Arc<Queue>);
-
-/// Jobs that wait for a thread.
-#[derive(Default)]
-struct Queue {
-    waiting: Mutex<Waiting>,
-    changed: Condvar,
-}
-
-#[derive(Default)]
-struct Waiting {
-    jobs: VecDeque<Job>,
-    closed: bool,
-}
+pub struct StopWorkers(Sender<Job>);
 
 impl StopWorkers {
     /// Starts the threads, with heartbeats in the table of helpers.
@@ -51,12 +33,12 @@ impl StopWorkers {
     /// # Errors
     /// Returns an error if the system cannot create a thread.
     pub fn start(helpers: &Helpers) -> io::Result<StopWorkers> {
-        let queue = Arc::new(Queue::default());
+        let (sender, jobs) = bounded(QUEUE_MAX);
         for name in THREADS {
-            let (queue, helper) = (Arc::clone(&queue), helpers.helper(name, JOB_MAX));
-            helpers::thread(name, move || queue.work(&helper))?;
+            let (jobs, helper) = (jobs.clone(), helpers.helper(name, JOB_MAX));
+            helpers::thread(name, move || work(&jobs, &helper))?;
         }
-        Ok(StopWorkers(Arc::new(Closing(queue))))
+        Ok(StopWorkers(sender))
     }
 
     /// Runs `what` on one of the threads, even if nobody waits for its result any more.
@@ -73,7 +55,7 @@ impl StopWorkers {
             // The caller may be gone; the work is done nevertheless.
             let _ = answer.send(what());
         });
-        if !self.0.0.push(job) {
+        if self.0.try_send(job).is_err() {
             return Err(ApiError::new(
                 codes::TOO_MANY,
                 "too many CANCEL and ABORT requests are being processed",
@@ -90,52 +72,18 @@ impl StopWorkers {
     }
 }
 
-impl Queue {
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Appends a job; returns false if the queue is full.
-    fn push(&self, job: Job) -> bool {
-        let mut waiting = self.lock();
-        if waiting.jobs.len() >= QUEUE_MAX {
-            return false;
-        }
-        waiting.jobs.push_back(job);
-        self.changed.notify_one();
-        true
-    }
-
-    /// Runs jobs until the queue is closed or the helpers end.
-    fn work(&self, helper: &Helper) {
-        while !helper.is_over() {
-            helper.turn();
-            let idle = |waiting: &mut Waiting| waiting.jobs.is_empty() && !waiting.closed;
-            let waited = self.changed.wait_timeout_while(self.lock(), IDLE_MAX, idle);
-            let mut waiting = waited.unwrap_or_else(PoisonError::into_inner).0;
-            let job = waiting.jobs.pop_front();
-            if job.is_none() && waiting.closed {
-                return;
-            }
-            drop(waiting);
-            if let Some(job) = job {
+/// Runs jobs until the last sender is dropped or the helpers end.
+fn work(jobs: &Receiver<Job>, helper: &Helper) {
+    while !helper.is_over() {
+        helper.turn();
+        match jobs.recv_timeout(IDLE_MAX) {
+            Ok(job) => {
                 // The panic hook reports a panic; the thread survives for the next job.
                 let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(job));
             }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return,
         }
-    }
-}
-
-impl std::fmt::Debug for Queue {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Queue").finish_non_exhaustive()
-    }
-}
-
-impl Drop for Closing {
-    fn drop(&mut self) {
-        self.0.lock().closed = true;
-        self.0.changed.notify_all();
     }
 }
 
