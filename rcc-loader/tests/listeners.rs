@@ -24,10 +24,11 @@ use rcc_api::token::{TOKEN_LENGTH_MAX, TOKEN_LENGTH_MIN};
 use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
 use rcc_loader::server::connection::{
-    CONNECTION_TIME_MAX, ConnectionLimits, HEAD_MAX, HEAD_TIME_MAX, HEADERS_MAX, HEADS_MAX, STOPS,
-    TCP, UNAUTHENTICATED, UNIX,
+    CONNECTION_TIME_MAX, ConnectionLimits, HEAD_TIME_MAX, HEADS_MAX, STOPS, TCP, UNAUTHENTICATED,
+    UNIX,
 };
 use rcc_loader::server::listeners::{ListenError, Listeners};
+use rcc_loader::server::request_head::{HEAD_MAX, HEADERS_MAX};
 use rcc_loader::server::{bodies, routes, store};
 use test_server::{LIMIT, TestServer, answer, ask, exchange};
 

@@ -1,24 +1,26 @@
 //! Messages for people: why the executor refused a call, and what ended a net, with names instead of numbers. Pure;
 //! used by the server's threads.
 
-use std::f64::consts::PI;
-
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
-use rcc_core::guard::{ViolationKind, axis};
-use rcc_core::impedance::ControlMode;
-use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
-use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
+use rcc_core::guard::ViolationKind;
+use rcc_core::message::{CommandState, DeviceState, FaultCode};
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
 use rcc_language::names::Names;
 use rcc_protocol::ProcessMismatch;
 use rcc_protocol::control::{InputFault, Refusal};
 
-use crate::bodies::FaultView;
 use crate::codes::{self, ErrorCode};
 use crate::error::ApiError;
-use crate::{impedance, topics};
+use crate::topics;
+use motion::motion;
+use violation::first_set_point;
+
+mod impedance;
+mod motion;
+mod rehearsal;
+mod violation;
 
 /// Resolves numbers to names: from the configuration, the nets, and the reasons that drivers give.
 pub struct NameResolver<'a> {
@@ -351,33 +353,6 @@ impl NameResolver<'_> {
         )
     }
 
-    fn discontinuous(
-        &self,
-        net: &str,
-        device: u32,
-        joint: u32,
-        value: f64,
-        limit: f64,
-        violation: u32,
-    ) -> (ErrorCode, String, String) {
-        let broken = match ViolationKind::from_number(violation) {
-            Some(ViolationKind::Jump) => format!(
-                "{} joint {}: the first set-point is {} away from the last one (allowed {})",
-                self.device_name(device),
-                self.joint_name(device, joint),
-                angle(value, ""),
-                angle(limit, "")
-            ),
-            _ => self.violation(device, joint, value, limit, violation),
-        };
-        (
-            codes::DISCONTINUOUS,
-            format!("{net} cannot take over: {broken}"),
-            "start at the currently commanded position and velocity, or hand over while the arm is commanded to be at rest"
-                .to_owned(),
-        )
-    }
-
     fn plan(&self, (id, net): (u64, &str), error: PlanError) -> (ErrorCode, String, String) {
         let restart = "install loader and executor from the same build, start both with the same configuration file, and load the \
                        net again";
@@ -441,109 +416,6 @@ impl NameResolver<'_> {
             help,
         )
     }
-
-    /// Describes a violation of a guard rule.
-    pub(super) fn violation(
-        &self,
-        device: u32,
-        joint: u32,
-        value: f64,
-        limit: f64,
-        kind: u32,
-    ) -> String {
-        let name = self.device_name(device);
-        let what = format!("{name} joint {}", self.joint_name(device, joint));
-        let kind = ViolationKind::from_number(kind);
-        match kind {
-            Some(ViolationKind::Strategy) => format!(
-                "{name} runs {}, but its set-points are for {}",
-                ControlMode::label(limit as u64),
-                ControlMode::label(value as u64)
-            ),
-            Some(
-                kind @ (ViolationKind::Stiffness
-                | ViolationKind::StiffnessRate
-                | ViolationKind::Damping
-                | ViolationKind::Added),
-            ) => format!("{name} {}", impedance::rule(kind, joint, value, limit)),
-            Some(ViolationKind::Workspace) => {
-                let axis = axis((joint as usize).wrapping_sub(1)).unwrap_or("?");
-                format!(
-                    "{name} would leave its workspace: {axis} is {value:.4} m, the bound is {limit:.4} m"
-                )
-            }
-            Some(ViolationKind::Singularity) => format!(
-                "{name} would come too close to a singularity: {value:.4}, its `workspace:` requires {limit:.4}"
-            ),
-            Some(ViolationKind::NotFinite) => {
-                format!("{what}: the set-point is not a finite number")
-            }
-            Some(ViolationKind::Range) => format!(
-                "{what}: position {} is beyond the limit {}",
-                angle(value, ""),
-                angle(limit, "")
-            ),
-            Some(ViolationKind::Velocity) => format!(
-                "{what}: velocity {} exceeds {}",
-                angle(value, "/s"),
-                angle(limit, "/s")
-            ),
-            Some(ViolationKind::Acceleration) => format!(
-                "{what}: acceleration {} exceeds {}",
-                angle(value, "/s²"),
-                angle(limit, "/s²")
-            ),
-            Some(ViolationKind::Jump) | None => format!(
-                "{what}: the set-point is {} away from where the device is held (allowed {})",
-                angle(value, ""),
-                angle(limit, "")
-            ),
-        }
-    }
-
-    /// Describes the fault that ended a net; `None` if it had no fault.
-    #[must_use]
-    pub fn fault(&self, fault: &FaultRecord) -> Option<FaultView> {
-        let code = FaultCode::from_number(fault.code);
-        if code == FaultCode::None {
-            return None;
-        }
-        let device = (fault.device != u32::MAX).then(|| self.device_name(fault.device));
-        let joint = (fault.joint != 0).then(|| match axis(fault.joint as usize - 1) {
-            Some(axis) => format!("axis {axis}"),
-            None => self.joint_name(fault.device, fault.joint),
-        });
-        let words = match (code, &device) {
-            (FaultCode::DeviceLost, Some(device)) => {
-                format!("device {device} was lost in cycle {}", fault.cycle)
-            }
-            (FaultCode::Jump | FaultCode::Limit, Some(_)) => self.violation(
-                fault.device,
-                fault.joint,
-                fault.value,
-                fault.limit,
-                fault.violation,
-            ),
-            (FaultCode::Panic, _) => "a primitive panicked: report it with the net".to_owned(),
-            (FaultCode::Motion, _) => "a motion could not be computed".to_owned(),
-            (FaultCode::Overrun, _) => {
-                format!(
-                    "too many late cycles in a row, the last one was {}",
-                    fault.cycle
-                )
-            }
-            _ => code.name().to_owned(),
-        };
-        Some(FaultView {
-            fault: code.name().to_owned(),
-            device,
-            joint,
-            value: fault.value,
-            limit: fault.limit,
-            cycle: fault.cycle,
-            words,
-        })
-    }
 }
 
 /// Returns the error for a name or id that does not exist.
@@ -554,168 +426,6 @@ pub fn unknown(name: &str) -> ApiError {
         format!("command `{name}` not found"),
         "`rcc-cli ls` lists all commands; `rcc-cli load FILE` loads one",
     )
-}
-
-fn first_set_point(
-    net: &str,
-    violation: &str,
-    kind: Option<ViolationKind>,
-    value: f64,
-) -> (ErrorCode, String, String) {
-    let help = match kind {
-        Some(ViolationKind::Strategy) => impedance::switch(ControlMode::from_number(value as u64)),
-        Some(
-            ViolationKind::Stiffness
-            | ViolationKind::StiffnessRate
-            | ViolationKind::Damping
-            | ViolationKind::Added,
-        ) => impedance::STAY_WITHIN,
-        _ => START_AT_HOLD,
-    };
-    (
-        codes::FIRST_SET_POINT,
-        format!("{net} cannot start: {violation}"),
-        help.to_owned(),
-    )
-}
-
-const START_AT_HOLD: &str = "start where the device is held (a motion without `from` does so, wherever that is at START), or bring the device \
-                to where the net starts; there is deliberately no flag to skip this check";
-
-/// Describes why a leg of a motion is impossible, and the remedy; `joint_name` names joints, counted from 1.
-fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, String) {
-    let place = |fraction: f64| format!("at {:.0} % of its path", fraction * 100.0);
-    let joint = |joint: u8| joint_name(u32::from(joint) + 1);
-    match fault {
-        MotionFault::AmbiguousRotation => (
-            "it turns by 180°, and both directions are equally short".to_owned(),
-            "split it into two motions, or change the orientation slightly".to_owned(),
-        ),
-        MotionFault::Limits => (
-            "its limits leave no margin for a curve of the path".to_owned(),
-            "choose limits in usual proportions, for example 0.25 m/s, 1 m/s^2, 10 m/s^3"
-                .to_owned(),
-        ),
-        MotionFault::NoMotion => (
-            "the plan has no such motion".to_owned(),
-            "this is a bug in the loader: report it with the net".to_owned(),
-        ),
-        MotionFault::NotFinite => (
-            "a pose, a joint or an angle of it is null".to_owned(),
-            "give `to` (as many joints as the arm has) or `pose`".to_owned(),
-        ),
-        MotionFault::Legs { count } => (
-            format!("the path has {count} legs"),
-            format!("give 1 to {LEGS_MAX} legs; each point of a spline counts as one"),
-        ),
-        MotionFault::JointCount { joints } => (
-            format!("it gives more joint angles than the arm has joints ({joints})"),
-            "give one angle per joint, A1 first".to_owned(),
-        ),
-        MotionFault::Collinear => (
-            "start, via and end of the arc lie on a line".to_owned(),
-            "move the via point aside, or use a line".to_owned(),
-        ),
-        MotionFault::NoAngle => (
-            "the `angle` of the arc is 0".to_owned(),
-            "leave it out to end at `to`; deg(360) is a whole circle".to_owned(),
-        ),
-        MotionFault::Coincident { distance_m } => (
-            format!("two points of it are {distance_m:.1e} m apart"),
-            "points of an arc or spline must differ by 1 µm or more".to_owned(),
-        ),
-        MotionFault::TurnsTooFar { angle_rad } => (
-            format!("a point of the spline is turned by {angle_rad:.2} rad from the middle one"),
-            "at most 4 rad are possible: split it into two splines".to_owned(),
-        ),
-        MotionFault::NoArmAngle => (
-            "it turns the elbow, but an arm with six joints has no arm angle".to_owned(),
-            "remove `arm_angle` and `elbow`".to_owned(),
-        ),
-        MotionFault::NoRoomForElbow => (
-            "the roundings at its ends leave no length in which the elbow could turn".to_owned(),
-            "make `blend` smaller here or on the leg before, or turn the elbow on another leg"
-                .to_owned(),
-        ),
-        MotionFault::NoStatus => (
-            "it gives a `status`, which is defined only for arms with six joints (KUKA)".to_owned(),
-            "give the `branch` instead: `ArmAngle` computes it from joint positions".to_owned(),
-        ),
-        MotionFault::Unreachable { fraction } => (
-            format!("the arm cannot reach it {}", place(fraction)),
-            "move the points closer to the arm, or use a `ptp` in another branch".to_owned(),
-        ),
-        MotionFault::JointRange {
-            fraction,
-            joint: which,
-            value,
-            limit,
-        } => (
-            format!(
-                "{} would be at {} {}, its limit is {}",
-                joint(which),
-                angle(value, ""),
-                place(fraction),
-                angle(limit, "")
-            ),
-            format!(
-                "{}for a `ptp`, choose another goal, `branch` or `turn`; for another path, start in another branch (use a `ptp` to \
-                 joints first) or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
-                // No joint can turn twice around: such values are usually degrees.
-                if value.abs() > 4.0 * PI {
-                    "bare angles are in rad, write `deg(30)` for degrees; "
-                } else {
-                    ""
-                }
-            ),
-        ),
-        MotionFault::Singular {
-            fraction,
-            joint: which,
-        } => (
-            format!(
-                "it passes through a singularity {}: {} would jump",
-                place(fraction),
-                joint(which)
-            ),
-            "go around it, or use a `ptp`".to_owned(),
-        ),
-        MotionFault::TooFast {
-            fraction,
-            quantity,
-            order,
-            value,
-            limit,
-            possible,
-        } => {
-            let what = match quantity {
-                Quantity::Line => "the flange".to_owned(),
-                Quantity::Turn => "the rotation of the flange".to_owned(),
-                Quantity::Joint(which) => joint(which),
-            };
-            let per = ["/s", "/s²", "/s³"][usize::from(order.clamp(1, 3)) - 1];
-            let told = |value: f64| match quantity {
-                Quantity::Line => format!("{value:.3} m{per}"),
-                Quantity::Turn | Quantity::Joint(_) => angle(value, per),
-            };
-            let rest = match value > limit {
-                true => "",
-                false => ", and the remaining margin is too small to decelerate",
-            };
-            (
-                format!(
-                    "at the given speed {what} would reach {} {}; its limit is {}{rest}",
-                    told(value),
-                    place(fraction),
-                    told(limit)
-                ),
-                format!(
-                    "at most {:.0} % of this speed is possible; without `velocity` the motion is as fast as the joints allow",
-                    (possible * 100.0).floor()
-                ),
-            )
-        }
-    }
 }
 
 fn over_budget(net: &str, times_ns: [u64; 3]) -> (ErrorCode, String, String) {
@@ -760,8 +470,4 @@ fn wrong_state(net: &str, state: CommandState) -> (ErrorCode, String, String) {
         format!("{net} is {}", state.name()),
         help,
     )
-}
-
-fn angle(rad: f64, per: &str) -> String {
-    format!("{:.3}°{per} ({rad:.6} rad{per})", rad.to_degrees())
 }

@@ -27,12 +27,8 @@ use tokio::time::timeout;
 use quotas::{ClientPeer, HeadPermit, Quotas, RequestClass};
 pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, TCP, UNAUTHENTICATED, UNIX};
 
-use super::request_head::{self, PrefixedStream, RequestHead};
+use super::request_head::{self, HEADERS_MAX, PrefixedStream, RequestHead};
 
-/// Maximum size of a request head, bytes.
-pub const HEAD_MAX: usize = 16 << 10;
-/// Maximum number of header lines.
-pub const HEADERS_MAX: usize = 64;
 /// Time allowed for the head of a request, from the connection on.
 pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
 /// Time allowed for a whole connection: request, work, and delivery of the answer.

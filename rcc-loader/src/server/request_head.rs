@@ -11,8 +11,10 @@ use rcc_api::error::ApiError;
 use rcc_api::routes::is_stop;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 
-use super::connection::{HEAD_MAX, HEADERS_MAX};
-
+/// Maximum size of a request head, bytes.
+pub const HEAD_MAX: usize = 16 << 10;
+/// Maximum number of header lines.
+pub const HEADERS_MAX: usize = 64;
 /// Up to this many bytes the head is parsed after each read, so that garbage is answered at once; beyond, only at line
 /// ends.
 const EVERY_BYTE_PARSED_MAX: usize = 64;

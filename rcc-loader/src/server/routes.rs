@@ -3,12 +3,12 @@
 
 use std::io;
 use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, Extension, MatchedPath, Path, Query, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
-use axum::middleware::{self, Next};
+use axum::extract::{DefaultBodyLimit, Extension, Path, Query, State};
+use axum::http::StatusCode;
+use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Json, Router};
@@ -18,19 +18,21 @@ use rcc_api::bodies::{
     TimingView, TopicView, ValuesView, WrittenIncident,
 };
 use rcc_api::error::ApiError;
-use rcc_api::routes::TIMEOUT_HEADER;
 use rcc_api::{catalogue, codes};
 use rcc_core::printable::Printable;
 use rcc_process::Helpers;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use tokio::sync::Semaphore;
 use utoipa::OpenApi;
 
-use super::bodies::{self, ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
+use super::bodies::{ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
 use super::caller::Caller;
 use super::error::ErrorResponse;
 use super::service::{Operation, Service};
 use super::stop_workers::StopWorkers;
+use requests::{answering, blocking, constant, json, limited, reading, text_of, too_many, written};
+
+mod requests;
 
 /// Maximum number of texts that are being compiled or wait for it; further ones are refused.
 pub const LOADING_MAX: usize = 32;
@@ -138,163 +140,6 @@ fn routes(state: ServerState) -> Router {
         .layer(DefaultBodyLimit::disable())
         .layer(middleware::from_fn_with_state(state.clone(), limited))
         .with_state(state)
-}
-
-/// Limits the number of requests, the size of each, and the time for its arrival and its answer.
-async fn limited(State(state): State<ServerState>, mut request: Request, next: Next) -> Response {
-    let route = request.extensions().get::<MatchedPath>();
-    let route = route.map_or_else(String::new, |route| route.as_str().to_owned());
-    let Some(bytes_max) = bodies::body_max(request.method(), &route) else {
-        return with_time_limit(next.run(request)).await;
-    };
-    let caller = match caller(request.headers()) {
-        Ok(caller) => caller,
-        Err(error) => return ErrorResponse(error).into_response(),
-    };
-    // This future lives as long as the client's connection is open.
-    let _presence = caller.guard();
-    request.extensions_mut().insert(caller);
-    // Read the body first: a slow sender occupies nothing that others need.
-    let request = match read_body(request, bytes_max, &state).await {
-        Ok(request) => request,
-        Err(error) => return ErrorResponse(error).into_response(),
-    };
-    let Ok(_place) = state.requests.try_acquire() else {
-        return ErrorResponse(too_many(REQUESTS_MAX)).into_response();
-    };
-    with_time_limit(next.run(request)).await
-}
-
-async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
-    let error = match tokio::time::timeout(REQUEST_TIME_MAX, answer).await {
-        Ok(response) if response.status().is_client_error() && !is_json(&response) => {
-            let message = "invalid address or query";
-            ApiError::new(
-                codes::BAD_REQUEST,
-                message,
-                "encode it as UTF-8, percent-encoded",
-            )
-        }
-        Ok(response) if response.status().is_server_error() && !is_json(&response) => {
-            let message = format!("the loader could not answer: {}", response.status());
-            let help = "this is a bug in the loader: report it";
-            ApiError::new(codes::PROCESS_FAILED, message, help)
-        }
-        Ok(response) => return response,
-        Err(_) => ApiError::new(
-            codes::LOADER_SILENT,
-            format!("the request took longer than {REQUEST_TIME_MAX:?}"),
-            "try again; it may or may not have been carried out",
-        ),
-    };
-    ErrorResponse(error).into_response()
-}
-
-/// Returns the caller with the waiting time that the client announces.
-fn caller(head: &HeaderMap) -> Result<Caller, ApiError> {
-    let Some(given) = head.get(TIMEOUT_HEADER) else {
-        return Ok(Caller::default());
-    };
-    let time = given.to_str().ok().and_then(|text| text.parse().ok());
-    let time = time.map(Duration::from_millis).ok_or_else(|| {
-        ApiError::new(
-            codes::BAD_REQUEST,
-            format!("`{TIMEOUT_HEADER}` is not a number of milliseconds"),
-            format!("send for example `{TIMEOUT_HEADER}: 2000`, or omit it"),
-        )
-    })?;
-    Ok(Caller::until(Instant::now().checked_add(time)))
-}
-
-/// Reads the whole body of a request into memory.
-async fn read_body(
-    request: Request,
-    bytes_max: usize,
-    state: &ServerState,
-) -> Result<Request, ApiError> {
-    if bytes_max == 0 {
-        return bodies::require_no_body(&request).map(|()| request);
-    }
-    let (mut parts, body) = request.into_parts();
-    let (bytes, memory) = bodies::read(body, bytes_max, &state.texts).await?;
-    parts.extensions.insert(memory);
-    Ok(Request::from_parts(parts, bytes.into()))
-}
-
-/// Returns true for our own errors, which are JSON; those of axum's extractors are not.
-fn is_json(response: &Response) -> bool {
-    let kind = response.headers().get(header::CONTENT_TYPE);
-    kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
-}
-
-fn too_many(requests_max: usize) -> ApiError {
-    ApiError::new(
-        codes::TOO_MANY,
-        format!("{requests_max} requests of this kind are being processed; this one is refused"),
-        "try again in a moment",
-    )
-}
-
-/// Runs `what` on a blocking thread.
-async fn blocking<T: Send + 'static>(
-    state: ServerState,
-    what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
-) -> Result<T, ApiError> {
-    tokio::task::spawn_blocking(move || what(&state.service))
-        .await
-        .unwrap_or_else(|panic| {
-            Err(ApiError::new(
-                codes::PROCESS_FAILED,
-                format!("the loader failed to process the request: {panic}"),
-                "this is a bug in the loader: report it",
-            ))
-        })
-}
-
-/// As [`blocking`]; the result is also serialized to JSON there.
-async fn answering<T: Serialize>(
-    state: ServerState,
-    what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
-) -> Result<Response, ErrorResponse> {
-    let answers = Arc::clone(&state.answers);
-    let bytes = blocking(state, |service| written(&what(service)?)).await?;
-    Ok(bodies::answer(bytes, &answers)?)
-}
-
-/// As [`answering`], for requests that read command files.
-async fn reading<T: Serialize>(
-    state: ServerState,
-    what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
-) -> Result<Response, ErrorResponse> {
-    let places = Arc::clone(&state.reading);
-    // The semaphores are never closed.
-    let place = places.acquire_owned().await.ok();
-    answering(state, move |service| {
-        // Released when the files are read and the answer is serialized, even if nobody waits for it any more.
-        let _place = place;
-        what(service)
-    })
-    .await
-}
-
-fn written<T: Serialize>(value: &T) -> Result<Vec<u8>, ApiError> {
-    serde_json::to_vec(value).map_err(|error| {
-        ApiError::new(
-            codes::PROCESS_FAILED,
-            error.to_string(),
-            "report it as a bug",
-        )
-    })
-}
-
-fn text_of(body: Bytes, what: &str) -> Result<String, ApiError> {
-    String::from_utf8(body.into()).map_err(|_| {
-        ApiError::new(
-            codes::BAD_REQUEST,
-            format!("{what} not valid UTF-8"),
-            "send YAML or JSON as UTF-8",
-        )
-    })
 }
 
 #[derive(Deserialize)]
@@ -479,17 +324,6 @@ async fn values(
     .await
 }
 
-/// Parses a JSON body.
-fn json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
-    serde_json::from_slice(body).map_err(|error| {
-        ApiError::new(
-            codes::BAD_REQUEST,
-            format!("invalid body: {error}"),
-            "see `GET /openapi.json` for the format",
-        )
-    })
-}
-
 /// CANCEL: the net's `Cancel` primitive outputs true from the next cycle on.
 #[utoipa::path(post, path = "/commands/{name}/cancel", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
@@ -546,22 +380,6 @@ async fn devices(State(state): State<ServerState>) -> Result<Response, ErrorResp
 async fn primitives(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| written(&catalogue::primitives())).await
-}
-
-/// Returns an answer that is constant for this process; it is created once, by a blocking thread.
-async fn constant(
-    state: ServerState,
-    kept: &'static OnceLock<Bytes>,
-    make: impl FnOnce(&Service) -> Result<Vec<u8>, ApiError> + Send + 'static,
-) -> Result<Response, ErrorResponse> {
-    let bytes = match kept.get() {
-        Some(bytes) => bytes.clone(),
-        None => {
-            let made = blocking(state, make).await?;
-            kept.get_or_init(|| made.into()).clone()
-        }
-    };
-    Ok(([(header::CONTENT_TYPE, "application/json")], bytes).into_response())
 }
 
 /// Returns the JSON Schema of nets, with the names of this cell's devices and channels.

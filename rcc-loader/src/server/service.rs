@@ -3,11 +3,10 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
-use rcc_api::bodies::{CommandView, Done, Finding, WrittenIncident};
+use rcc_api::bodies::{CommandView, Done, Finding};
 use rcc_api::codes;
-use rcc_api::command_file::CommandFile;
 use rcc_api::compile::{self, Compiled};
 use rcc_api::error::ApiError;
 use rcc_api::messages::{self, NameResolver};
@@ -17,41 +16,46 @@ use rcc_ipc::events::EventRecorder;
 use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_process::Helpers;
-use rcc_protocol::control::{Answer, Call, RecordingState};
-use rcc_protocol::events::{EventKind, event_text, hex_digits};
+use rcc_protocol::control::{Answer, Call};
+use rcc_protocol::events::{EventKind, hex_digits};
 use rcc_protocol::{Announcement, Configuration};
 use serde::Serialize;
 
 use super::address::{self, CommandAddress};
 use super::caller::Caller;
 use super::command_summary::CommandSummary;
-use super::configuration::WatchedFiles;
 use super::executor::{ExecutorConnection, ExecutorLink};
-use super::store::{self, CommandStore, StoreError};
+use super::store::CommandStore;
+use configuration::WatchedFiles;
 
-/// Maximum time until a recording is in a file.
-const RECORD_MAX: Duration = Duration::from_secs(8);
-/// Interval at which the executor is asked whether it is.
-const RECORD_POLL_EVERY: Duration = Duration::from_millis(50);
+mod configuration;
+mod handover;
+mod load;
+mod recording;
+mod status;
+mod timing;
+mod topics;
+mod values;
+
 /// Minimum age at which the file of a command that is not in the table is removed.
 const SWEEP_AGE_MIN: Duration = Duration::from_secs(5);
 
 /// The loader of one cell.
 pub struct Service {
-    pub(super) executor: ExecutorLink,
-    pub(super) config: CellConfig,
+    executor: ExecutorLink,
+    config: CellConfig,
     /// This loader's announcement.
-    pub(super) own: Announcement,
+    own: Announcement,
     /// Incarnation of the last known executor, and the configuration by which its devices and channels are named: the
     /// part of [`Service::config`] that also holds for it.
-    pub(super) naming: Mutex<(u64, Arc<CellConfig>)>,
-    pub(super) files: Mutex<WatchedFiles>,
+    naming: Mutex<(u64, Arc<CellConfig>)>,
+    files: Mutex<WatchedFiles>,
     /// Commands that this process is loading; with them a restarted loader tells its own commands from those of a dead
     /// loader.
     loading: Mutex<BTreeMap<u64, PendingLoad>>,
     recorder: Option<EventRecorder>,
     /// The helper threads of this process, for status queries.
-    pub(super) helpers: Helpers,
+    helpers: Helpers,
     /// Process id and incarnation of the executor that was last reported to the event log.
     reported_executor: Mutex<Option<(u32, u64)>>,
     /// Incarnation of the executor, and its commands.
@@ -92,7 +96,7 @@ pub enum Operation {
 
 impl Operation {
     /// Returns true for the states in which the operation has an effect.
-    pub(super) fn suits(self, state: CommandState) -> bool {
+    fn suits(self, state: CommandState) -> bool {
         match self {
             Operation::Start => state == CommandState::Ready,
             Operation::Cancel | Operation::Abort => state.is_active(),
@@ -149,7 +153,7 @@ impl Service {
         self
     }
 
-    pub(super) fn record(&self, what: EventKind) {
+    fn record(&self, what: EventKind) {
         if let Some(recorder) = &self.recorder {
             recorder.tell(what);
         }
@@ -226,179 +230,6 @@ impl Service {
         }
     }
 
-    fn reject_orphans(&self, attached: &ExecutorConnection, store: &CommandStore) {
-        for row in attached.tables().commands {
-            let state = CommandState::from_number(row.state);
-            if state != CommandState::Loading || self.loading().contains_key(&row.id) {
-                continue;
-            }
-            let lost = ApiError::new(
-                codes::LOADER_DIED,
-                "the loader died while loading this command",
-                "load the text again",
-            );
-            let mut file = store.read(row.id).unwrap_or_default();
-            file.id = row.id;
-            file.diagnostics.push(lost.finding());
-            store::discard_excess(&mut file);
-            if let Err(error) = store.write(&file) {
-                tracing::warn!(%error, "cannot write the file of a rejected command");
-            }
-            match self.executor.call(&Call::Reject { id: row.id }) {
-                Ok(_) => tracing::info!(id = row.id, "rejected a command of a dead loader"),
-                Err(error) => tracing::warn!(
-                    message = error.message,
-                    "cannot reject a command of a dead loader"
-                ),
-            }
-        }
-    }
-
-    /// First half of LOAD: reserves an id for the text. The second half is [`Service::install`].
-    ///
-    /// # Errors
-    /// Returns an error if there is no executor, its table is full, or there is no room for the command's file.
-    pub fn reserve(&self, caller: &Caller, text: String) -> Result<u64, ApiError> {
-        let (attached, store) = self.attach()?;
-        self.require_agreement(&attached)?;
-        store
-            .has_room(text.len() as u64)
-            .map_err(|error| not_stored(&error))?;
-        match self.executor.call_for(caller, &Call::Reserve)? {
-            Answer::Reserved { id } => {
-                let entry = Arc::new(CommandSummary {
-                    net: compile::name_of(&text),
-                    loaded_at: seconds_now(),
-                    ..CommandSummary::default()
-                });
-                self.loading().insert(id, PendingLoad { entry, text });
-                Ok(id)
-            }
-            Answer::Refused(refusal) => {
-                Err(self.with_names(None, |names| names.refusal(0, refusal)))
-            }
-            _ => Err(unexpected()),
-        }
-    }
-
-    /// Second half of LOAD: compiles the text, writes the names, and hands the plan over. The command becomes ready or
-    /// rejected; its file contains the errors.
-    pub fn install(&self, id: u64, file_name: &str) {
-        let file = match self.loading().get_mut(&id) {
-            Some(loading) => CommandFile {
-                id,
-                net: loading.entry.net.clone(),
-                text: std::mem::take(&mut loading.text),
-                loaded_at: loading.entry.loaded_at,
-                ..CommandFile::default()
-            },
-            None => CommandFile::default(),
-        };
-        if let Err(error) = self.try_install(id, file, file_name) {
-            tracing::warn!(
-                id,
-                code = error.code.code,
-                message = error.message,
-                "load failed"
-            );
-            self.record_rejected(id, &error.finding(), 1);
-        }
-        self.loading().remove(&id);
-    }
-
-    fn record_rejected(&self, id: u64, first: &Finding, count: usize) {
-        let net = self
-            .loading()
-            .get(&id)
-            .map(|loading| loading.entry.net.clone());
-        let reported_executor = *self
-            .reported_executor
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        self.record(EventKind::Rejected {
-            command: id,
-            executor: reported_executor
-                .map_or_else(String::new, |(_, incarnation)| hex_digits(incarnation)),
-            net: event_text(&net.unwrap_or_default()),
-            code: first.code.clone(),
-            words: event_text(&first.message),
-            count,
-        });
-    }
-
-    fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
-        let (attached, store) = self.attach()?;
-        self.require_agreement(&attached)?;
-        let stored = |file: &CommandFile| store.write(file).map_err(|error| not_stored(&error));
-        let Compiled {
-            net,
-            description,
-            plan,
-            names,
-            warnings,
-            uses,
-            topics,
-            primitives,
-            ..
-        } = match compile::compile(&file.text, name, &self.config) {
-            Ok(compiled) => compiled,
-            Err(diagnostics) => {
-                let errors = diagnostics.iter().filter(|row| row.severity == "error");
-                if let Some(first) = errors.clone().next() {
-                    self.record_rejected(id, first, errors.count());
-                }
-                file.diagnostics = diagnostics;
-                store::discard_excess(&mut file);
-                // If the file cannot be written, the findings stay in memory and the command is rejected all the same.
-                let kept = stored(&file);
-                self.executor.call(&Call::Reject { id })?;
-                return kept;
-            }
-        };
-        file.uses = self.with_names(None, |names| {
-            let uses = uses.into_iter().map(|use_| names.resource(id, use_));
-            uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
-                .collect()
-        });
-        (file.net, file.description, file.names) = (net, description, Some(names));
-        (file.diagnostics, file.primitives) = (warnings, primitives);
-        self.record(EventKind::Loaded {
-            command: id,
-            executor: hex_digits(attached.announcement.incarnation),
-            net: event_text(&file.net),
-            primitives,
-            uses: file
-                .uses
-                .iter()
-                .map(|use_| event_text(use_))
-                .take(16)
-                .collect(),
-        });
-        let handed_over =
-            stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
-        let refused = match handed_over {
-            Ok(Answer::RefusedFor { .. } | Answer::Values(_) | Answer::Recorded(_)) => unexpected(),
-            Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
-            Ok(Answer::Rehearsed { rehearsed, .. }) => {
-                file.rehearsal = Some(self.with_names(None, |names| names.rehearsal(&rehearsed)));
-                return stored(&file);
-            }
-            Ok(Answer::Refused(refusal)) => {
-                self.with_names(Some(&store), |names| names.refusal(id, refusal))
-            }
-            Err(error) => {
-                // The command must not stay `loading`; if the executor is gone, so is the command.
-                let _ = self.executor.call(&Call::Reject { id });
-                error
-            }
-        };
-        let finding = refused.finding();
-        self.record_rejected(id, &finding, 1);
-        file.diagnostics.push(finding);
-        store::discard_excess(&mut file);
-        stored(&file)
-    }
-
     /// Returns all commands, sorted by id.
     ///
     /// # Errors
@@ -461,55 +292,9 @@ impl Service {
         }
     }
 
-    /// Freezes the flight recorder, and waits until its last seconds are in a file.
-    ///
-    /// # Errors
-    /// Returns an error if there is no executor, its recorder is off, or the file is not written in time.
-    pub fn freeze(&self, caller: &Caller) -> Result<WrittenIncident, ApiError> {
-        let (attached, _) = self.attach()?;
-        let incarnation = attached.announcement.incarnation;
-        let cycle = match self.executor.call_for(caller, &Call::Record)? {
-            Answer::Done { cycle } => cycle,
-            Answer::Refused(refusal) => {
-                return Err(self.with_names(None, |names| names.refusal(0, refusal)));
-            }
-            _ => return Err(unexpected()),
-        };
-        let limit = Instant::now() + RECORD_MAX;
-        // Polls, so that other requests to the executor do not wait meanwhile.
-        loop {
-            let (attached, _) = self.attach()?;
-            if attached.announcement.incarnation != incarnation {
-                return Err(recording_lost(
-                    "the executor died before it wrote the file".to_owned(),
-                ));
-            }
-            match self.executor.call(&Call::Recorded { cycle })? {
-                Answer::Recorded(RecordingState::Written { file }) => {
-                    return Ok(WrittenIncident {
-                        cycle,
-                        executor: hex_digits(incarnation),
-                        file,
-                    });
-                }
-                Answer::Recorded(RecordingState::Lost { why }) => return Err(recording_lost(why)),
-                Answer::Recorded(RecordingState::NotYet) => {}
-                _ => return Err(unexpected()),
-            }
-            if Instant::now() >= limit {
-                return Err(ApiError::new(
-                    codes::EXECUTOR_SILENT,
-                    format!("the recording of cycle {cycle} was not written within {RECORD_MAX:?}"),
-                    "the disk is slow: `rcc-cli events` reports when the file is written, `rcc-cli incidents` then lists it",
-                ));
-            }
-            std::thread::sleep(RECORD_POLL_EVERY);
-        }
-    }
-
     /// Resolves `7`, `line` or `line#7` to a command. If several commands have the name, it is the newest one in a
     /// suitable state, or else the newest.
-    pub(super) fn resolve(
+    fn resolve(
         &self,
         attached: &ExecutorConnection,
         store: &CommandStore,
@@ -558,7 +343,7 @@ impl Service {
     }
 
     /// Returns the name of a command's net; empty if it is not known.
-    pub(super) fn net(&self, store: &CommandStore, id: u64) -> String {
+    fn net(&self, store: &CommandStore, id: u64) -> String {
         let entry = self.summary(store, id);
         entry.map_or_else(String::new, |entry| entry.net.clone())
     }
@@ -604,7 +389,7 @@ impl Service {
         }
     }
 
-    pub(super) fn with_names<T>(
+    fn with_names<T>(
         &self,
         store: Option<&CommandStore>,
         what: impl FnOnce(&NameResolver<'_>) -> T,
@@ -642,39 +427,10 @@ pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Ve
     compile::compile(text, file, config)
 }
 
-/// Returns the error for a recording that was not written.
-fn recording_lost(why: String) -> ApiError {
-    ApiError::new(
-        codes::NOT_STORED,
-        format!("the recording was not written: {why}"),
-        "its data is lost; make sure that the folder of incidents is writable (`recorder: {folder: …}`)",
-    )
-}
-
-fn not_stored(error: &StoreError) -> ApiError {
-    let (code, help) = match error {
-        StoreError::File { .. } => (
-            codes::NOT_STORED,
-            "free disk space there, or set RCC_RUNTIME_DIR to another folder",
-        ),
-        StoreError::Full { .. } => (
-            codes::NOT_KEPT,
-            "unload commands that have ended: `rcc-cli ls`, then `rcc-cli unload NAME`",
-        ),
-    };
-    ApiError::new(code, error.to_string(), help)
-}
-
-pub(super) fn unexpected() -> ApiError {
+fn unexpected() -> ApiError {
     ApiError::new(
         codes::OTHER_BUILD,
         "the executor gave an unexpected answer",
         "install loader and executor from the same build and restart them",
     )
-}
-
-fn seconds_now() -> u64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_secs())
 }

@@ -14,8 +14,8 @@ use rcc_protocol::configuration::changed;
 use rcc_protocol::events::{EventKind, event_text};
 use rcc_protocol::{Announcement, Configuration, ProcessMismatch, Role};
 
-use super::executor::ExecutorConnection;
-use super::service::Service;
+use super::Service;
+use crate::server::executor::ExecutorConnection;
 
 /// Interval at which the configuration's files are checked.
 const CHECK_EVERY: Duration = Duration::from_secs(1);

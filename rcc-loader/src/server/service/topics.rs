@@ -8,7 +8,7 @@ use rcc_api::error::ApiError;
 use rcc_api::topics::uses;
 use rcc_core::message::CommandState;
 
-use super::service::Service;
+use super::Service;
 
 impl Service {
     /// Returns the topics of all nets that are ready or active, sorted by name; a name used with two types has two

@@ -14,11 +14,11 @@ use rcc_ipc::AnnounceError;
 use rcc_os::clock::monotonic_ns;
 use rcc_protocol::{Announcement, Role};
 
+use super::Service;
 use super::configuration::disagreement_sentence;
-use super::executor::ExecutorConnection;
-use super::service::Service;
-use super::store::CommandStore;
 use super::timing::committed_ns;
+use crate::server::executor::ExecutorConnection;
+use crate::server::store::CommandStore;
 
 /// Bits of `CycleStatus::grants`, and what they grant.
 const GRANTS: [(u32, &str); 3] = [(1, "SCHED_FIFO"), (2, "memory locked"), (4, "own core")];

@@ -14,8 +14,8 @@ use rcc_protocol::control::{Answer, Call, NetValues, READ_MAX};
 use rcc_protocol::pattern::Pattern;
 use serde_json::{Number, Value};
 
-use super::caller::Caller;
-use super::service::{Service, unexpected};
+use super::{Service, unexpected};
+use crate::server::caller::Caller;
 
 /// A selected port, or one element of it.
 #[derive(Clone, Debug, PartialEq)]

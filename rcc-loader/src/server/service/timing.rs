@@ -11,10 +11,10 @@ use rcc_core::primitives::{self, CATALOGUE};
 use rcc_core::timing::{LateCause, LateCycle, PrimitiveTime};
 use rcc_protocol::control::{Answer, Call};
 
-use super::caller::Caller;
-use super::executor::{ExecutorConnection, TableSnapshot};
-use super::service::{Service, unexpected};
-use super::store::CommandStore;
+use super::{Service, unexpected};
+use crate::server::caller::Caller;
+use crate::server::executor::{ExecutorConnection, TableSnapshot};
+use crate::server::store::CommandStore;
 
 impl Service {
     /// Returns the histograms and the cost of primitives.

@@ -7,10 +7,10 @@ use rcc_protocol::rehearsal::{
     LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
 };
 
+use super::violation::angle;
+use super::{NameResolver, impedance};
 use crate::bodies::{PeakView, RehearsalView};
 use crate::codes::{self, ErrorCode};
-use crate::impedance;
-use crate::messages::NameResolver;
 
 /// Distances to a singularity below this are mentioned in the summary (sine of the remaining angle).
 const NEAR: f64 = 0.05;
@@ -229,8 +229,4 @@ fn help(foreseen: &PredictedViolation) -> String {
         }
         RehearsalRule::Fault => "correct the net or its parameters; `rcc-cli simulate` shows how the fault arises".to_owned(),
     }
-}
-
-fn angle(rad: f64, per: &str) -> String {
-    format!("{:.3}°{per} ({rad:.6} rad{per})", rad.to_degrees())
 }

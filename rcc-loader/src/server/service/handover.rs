@@ -7,10 +7,10 @@ use rcc_api::error::ApiError;
 use rcc_core::message::CommandState;
 use rcc_protocol::control::{Answer, Call, SWITCH_MAX};
 
-use super::caller::Caller;
-use super::executor::ExecutorConnection;
-use super::service::{Operation, Service, unexpected};
-use super::store::CommandStore;
+use super::{Operation, Service, unexpected};
+use crate::server::caller::Caller;
+use crate::server::executor::ExecutorConnection;
+use crate::server::store::CommandStore;
 
 impl Service {
     /// Stops some commands and starts others.

@@ -1,0 +1,143 @@
+//! Messages about motions that cannot be built: why a leg is impossible, and the remedy. Pure.
+
+use std::f64::consts::PI;
+
+use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
+
+use super::violation::angle;
+
+/// Describes why a leg of a motion is impossible, and the remedy; `joint_name` names joints, counted from 1.
+pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, String) {
+    let place = |fraction: f64| format!("at {:.0} % of its path", fraction * 100.0);
+    let joint = |joint: u8| joint_name(u32::from(joint) + 1);
+    match fault {
+        MotionFault::AmbiguousRotation => (
+            "it turns by 180°, and both directions are equally short".to_owned(),
+            "split it into two motions, or change the orientation slightly".to_owned(),
+        ),
+        MotionFault::Limits => (
+            "its limits leave no margin for a curve of the path".to_owned(),
+            "choose limits in usual proportions, for example 0.25 m/s, 1 m/s^2, 10 m/s^3"
+                .to_owned(),
+        ),
+        MotionFault::NoMotion => (
+            "the plan has no such motion".to_owned(),
+            "this is a bug in the loader: report it with the net".to_owned(),
+        ),
+        MotionFault::NotFinite => (
+            "a pose, a joint or an angle of it is null".to_owned(),
+            "give `to` (as many joints as the arm has) or `pose`".to_owned(),
+        ),
+        MotionFault::Legs { count } => (
+            format!("the path has {count} legs"),
+            format!("give 1 to {LEGS_MAX} legs; each point of a spline counts as one"),
+        ),
+        MotionFault::JointCount { joints } => (
+            format!("it gives more joint angles than the arm has joints ({joints})"),
+            "give one angle per joint, A1 first".to_owned(),
+        ),
+        MotionFault::Collinear => (
+            "start, via and end of the arc lie on a line".to_owned(),
+            "move the via point aside, or use a line".to_owned(),
+        ),
+        MotionFault::NoAngle => (
+            "the `angle` of the arc is 0".to_owned(),
+            "leave it out to end at `to`; deg(360) is a whole circle".to_owned(),
+        ),
+        MotionFault::Coincident { distance_m } => (
+            format!("two points of it are {distance_m:.1e} m apart"),
+            "points of an arc or spline must differ by 1 µm or more".to_owned(),
+        ),
+        MotionFault::TurnsTooFar { angle_rad } => (
+            format!("a point of the spline is turned by {angle_rad:.2} rad from the middle one"),
+            "at most 4 rad are possible: split it into two splines".to_owned(),
+        ),
+        MotionFault::NoArmAngle => (
+            "it turns the elbow, but an arm with six joints has no arm angle".to_owned(),
+            "remove `arm_angle` and `elbow`".to_owned(),
+        ),
+        MotionFault::NoRoomForElbow => (
+            "the roundings at its ends leave no length in which the elbow could turn".to_owned(),
+            "make `blend` smaller here or on the leg before, or turn the elbow on another leg"
+                .to_owned(),
+        ),
+        MotionFault::NoStatus => (
+            "it gives a `status`, which is defined only for arms with six joints (KUKA)".to_owned(),
+            "give the `branch` instead: `ArmAngle` computes it from joint positions".to_owned(),
+        ),
+        MotionFault::Unreachable { fraction } => (
+            format!("the arm cannot reach it {}", place(fraction)),
+            "move the points closer to the arm, or use a `ptp` in another branch".to_owned(),
+        ),
+        MotionFault::JointRange {
+            fraction,
+            joint: which,
+            value,
+            limit,
+        } => (
+            format!(
+                "{} would be at {} {}, its limit is {}",
+                joint(which),
+                angle(value, ""),
+                place(fraction),
+                angle(limit, "")
+            ),
+            format!(
+                "{}for a `ptp`, choose another goal, `branch` or `turn`; for another path, start in another branch (use a `ptp` to \
+                 joints first) or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
+                // No joint can turn twice around: such values are usually degrees.
+                if value.abs() > 4.0 * PI {
+                    "bare angles are in rad, write `deg(30)` for degrees; "
+                } else {
+                    ""
+                }
+            ),
+        ),
+        MotionFault::Singular {
+            fraction,
+            joint: which,
+        } => (
+            format!(
+                "it passes through a singularity {}: {} would jump",
+                place(fraction),
+                joint(which)
+            ),
+            "go around it, or use a `ptp`".to_owned(),
+        ),
+        MotionFault::TooFast {
+            fraction,
+            quantity,
+            order,
+            value,
+            limit,
+            possible,
+        } => {
+            let what = match quantity {
+                Quantity::Line => "the flange".to_owned(),
+                Quantity::Turn => "the rotation of the flange".to_owned(),
+                Quantity::Joint(which) => joint(which),
+            };
+            let per = ["/s", "/s²", "/s³"][usize::from(order.clamp(1, 3)) - 1];
+            let told = |value: f64| match quantity {
+                Quantity::Line => format!("{value:.3} m{per}"),
+                Quantity::Turn | Quantity::Joint(_) => angle(value, per),
+            };
+            let rest = match value > limit {
+                true => "",
+                false => ", and the remaining margin is too small to decelerate",
+            };
+            (
+                format!(
+                    "at the given speed {what} would reach {} {}; its limit is {}{rest}",
+                    told(value),
+                    place(fraction),
+                    told(limit)
+                ),
+                format!(
+                    "at most {:.0} % of this speed is possible; without `velocity` the motion is as fast as the joints allow",
+                    (possible * 100.0).floor()
+                ),
+            )
+        }
+    }
+}

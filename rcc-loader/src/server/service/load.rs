@@ -1,0 +1,216 @@
+//! LOAD: reserves an id for a text, compiles it, and hands the plan to the executor; rejects what a dead loader was
+//! loading. Run by blocking threads of the server.
+
+use std::sync::{Arc, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use rcc_api::bodies::Finding;
+use rcc_api::codes;
+use rcc_api::command_file::CommandFile;
+use rcc_api::compile::{self, Compiled};
+use rcc_api::error::ApiError;
+use rcc_core::message::CommandState;
+use rcc_protocol::control::{Answer, Call};
+use rcc_protocol::events::{EventKind, event_text, hex_digits};
+
+use super::{PendingLoad, Service, unexpected};
+use crate::server::caller::Caller;
+use crate::server::command_summary::CommandSummary;
+use crate::server::executor::ExecutorConnection;
+use crate::server::store::{self, CommandStore, StoreError};
+
+impl Service {
+    /// Rejects the commands that a dead loader was loading.
+    pub(super) fn reject_orphans(&self, attached: &ExecutorConnection, store: &CommandStore) {
+        for row in attached.tables().commands {
+            let state = CommandState::from_number(row.state);
+            if state != CommandState::Loading || self.loading().contains_key(&row.id) {
+                continue;
+            }
+            let lost = ApiError::new(
+                codes::LOADER_DIED,
+                "the loader died while loading this command",
+                "load the text again",
+            );
+            let mut file = store.read(row.id).unwrap_or_default();
+            file.id = row.id;
+            file.diagnostics.push(lost.finding());
+            store::discard_excess(&mut file);
+            if let Err(error) = store.write(&file) {
+                tracing::warn!(%error, "cannot write the file of a rejected command");
+            }
+            match self.executor.call(&Call::Reject { id: row.id }) {
+                Ok(_) => tracing::info!(id = row.id, "rejected a command of a dead loader"),
+                Err(error) => tracing::warn!(
+                    message = error.message,
+                    "cannot reject a command of a dead loader"
+                ),
+            }
+        }
+    }
+
+    /// First half of LOAD: reserves an id for the text. The second half is [`Service::install`].
+    ///
+    /// # Errors
+    /// Returns an error if there is no executor, its table is full, or there is no room for the command's file.
+    pub fn reserve(&self, caller: &Caller, text: String) -> Result<u64, ApiError> {
+        let (attached, store) = self.attach()?;
+        self.require_agreement(&attached)?;
+        store
+            .has_room(text.len() as u64)
+            .map_err(|error| not_stored(&error))?;
+        match self.executor.call_for(caller, &Call::Reserve)? {
+            Answer::Reserved { id } => {
+                let entry = Arc::new(CommandSummary {
+                    net: compile::name_of(&text),
+                    loaded_at: seconds_now(),
+                    ..CommandSummary::default()
+                });
+                self.loading().insert(id, PendingLoad { entry, text });
+                Ok(id)
+            }
+            Answer::Refused(refusal) => {
+                Err(self.with_names(None, |names| names.refusal(0, refusal)))
+            }
+            _ => Err(unexpected()),
+        }
+    }
+
+    /// Second half of LOAD: compiles the text, writes the names, and hands the plan over. The command becomes ready or
+    /// rejected; its file contains the errors.
+    pub fn install(&self, id: u64, file_name: &str) {
+        let file = match self.loading().get_mut(&id) {
+            Some(loading) => CommandFile {
+                id,
+                net: loading.entry.net.clone(),
+                text: std::mem::take(&mut loading.text),
+                loaded_at: loading.entry.loaded_at,
+                ..CommandFile::default()
+            },
+            None => CommandFile::default(),
+        };
+        if let Err(error) = self.try_install(id, file, file_name) {
+            tracing::warn!(
+                id,
+                code = error.code.code,
+                message = error.message,
+                "load failed"
+            );
+            self.record_rejected(id, &error.finding(), 1);
+        }
+        self.loading().remove(&id);
+    }
+
+    fn record_rejected(&self, id: u64, first: &Finding, count: usize) {
+        let net = self
+            .loading()
+            .get(&id)
+            .map(|loading| loading.entry.net.clone());
+        let reported_executor = *self
+            .reported_executor
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        self.record(EventKind::Rejected {
+            command: id,
+            executor: reported_executor
+                .map_or_else(String::new, |(_, incarnation)| hex_digits(incarnation)),
+            net: event_text(&net.unwrap_or_default()),
+            code: first.code.clone(),
+            words: event_text(&first.message),
+            count,
+        });
+    }
+
+    fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
+        let (attached, store) = self.attach()?;
+        self.require_agreement(&attached)?;
+        let stored = |file: &CommandFile| store.write(file).map_err(|error| not_stored(&error));
+        let Compiled {
+            net,
+            description,
+            plan,
+            names,
+            warnings,
+            uses,
+            topics,
+            primitives,
+            ..
+        } = match compile::compile(&file.text, name, &self.config) {
+            Ok(compiled) => compiled,
+            Err(diagnostics) => {
+                let errors = diagnostics.iter().filter(|row| row.severity == "error");
+                if let Some(first) = errors.clone().next() {
+                    self.record_rejected(id, first, errors.count());
+                }
+                file.diagnostics = diagnostics;
+                store::discard_excess(&mut file);
+                // If the file cannot be written, the findings stay in memory and the command is rejected all the same.
+                let kept = stored(&file);
+                self.executor.call(&Call::Reject { id })?;
+                return kept;
+            }
+        };
+        file.uses = self.with_names(None, |names| {
+            let uses = uses.into_iter().map(|use_| names.resource(id, use_));
+            uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
+                .collect()
+        });
+        (file.net, file.description, file.names) = (net, description, Some(names));
+        (file.diagnostics, file.primitives) = (warnings, primitives);
+        self.record(EventKind::Loaded {
+            command: id,
+            executor: hex_digits(attached.announcement.incarnation),
+            net: event_text(&file.net),
+            primitives,
+            uses: file
+                .uses
+                .iter()
+                .map(|use_| event_text(use_))
+                .take(16)
+                .collect(),
+        });
+        let handed_over =
+            stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
+        let refused = match handed_over {
+            Ok(Answer::RefusedFor { .. } | Answer::Values(_) | Answer::Recorded(_)) => unexpected(),
+            Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
+            Ok(Answer::Rehearsed { rehearsed, .. }) => {
+                file.rehearsal = Some(self.with_names(None, |names| names.rehearsal(&rehearsed)));
+                return stored(&file);
+            }
+            Ok(Answer::Refused(refusal)) => {
+                self.with_names(Some(&store), |names| names.refusal(id, refusal))
+            }
+            Err(error) => {
+                // The command must not stay `loading`; if the executor is gone, so is the command.
+                let _ = self.executor.call(&Call::Reject { id });
+                error
+            }
+        };
+        let finding = refused.finding();
+        self.record_rejected(id, &finding, 1);
+        file.diagnostics.push(finding);
+        store::discard_excess(&mut file);
+        stored(&file)
+    }
+}
+
+fn not_stored(error: &StoreError) -> ApiError {
+    let (code, help) = match error {
+        StoreError::File { .. } => (
+            codes::NOT_STORED,
+            "free disk space there, or set RCC_RUNTIME_DIR to another folder",
+        ),
+        StoreError::Full { .. } => (
+            codes::NOT_KEPT,
+            "unload commands that have ended: `rcc-cli ls`, then `rcc-cli unload NAME`",
+        ),
+    };
+    ApiError::new(code, error.to_string(), help)
+}
+
+fn seconds_now() -> u64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_secs())
+}
