@@ -9,6 +9,7 @@ use rcc_core::printable::{Coloured, Printable};
 
 pub mod arguments;
 pub mod exit;
+pub mod health;
 pub mod helpers;
 pub mod log_throttle;
 pub mod notify;
@@ -17,8 +18,9 @@ pub mod signals;
 
 pub use arguments::CellArguments;
 pub use exit::ExitError;
+pub use health::HealthReport;
 pub use helpers::{Helper, Helpers};
-pub use notify::{HealthReport, Notifier};
+pub use notify::Notifier;
 pub use signals::Stop;
 
 /// Sends the log to stderr at level info (`RUST_LOG` is not read), coloured only on a terminal. A line that cannot be

@@ -10,6 +10,7 @@ use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
+use crate::health::HealthReport;
 use crate::helpers::{Helper, Helpers};
 
 /// Name of the thread.
@@ -28,16 +29,6 @@ const STOP_TIMEOUT: Duration = Duration::from_millis(100);
 const SEND_WAIT: Duration = Duration::from_secs(1);
 /// Minimum time between two log lines about undelivered messages.
 const LOG_EVERY: Duration = Duration::from_secs(10);
-
-/// State of a program at one moment.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct HealthReport {
-    /// Changes while the program does its work: cycles, exchanges, iterations of a loop. Without a change no heartbeat
-    /// is sent.
-    pub progress: u64,
-    /// One line for people.
-    pub status: String,
-}
 
 /// The connection to the supervisor; without one (no `NOTIFY_SOCKET`) it sends nothing.
 #[derive(Debug)]
