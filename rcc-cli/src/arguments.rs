@@ -6,7 +6,8 @@ use std::time::Duration;
 use clap::Parser;
 
 use crate::context::OutputFormat;
-use crate::verbs::{Verb, duration};
+use crate::duration::duration;
+use crate::verbs::Verb;
 
 /// Robot Control Core: check, run and inspect nets.
 #[derive(Parser, Debug)]

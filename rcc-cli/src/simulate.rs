@@ -15,6 +15,7 @@ use rcc_protocol::control::{Answer, PlanData, Refusal};
 use rcc_protocol::rehearsal::RehearsalReport;
 use thiserror::Error;
 
+mod arguments;
 pub mod arm;
 pub mod device;
 pub mod script;

@@ -11,6 +11,7 @@ use rcc_core::primitive::ChannelKind;
 use rcc_core::vector::{self, Vector};
 use rcc_motion::StopLimits;
 
+use super::arguments::{arguments_of, value_of};
 use super::arm::FollowingArm;
 use super::wall::ElasticWall;
 
@@ -255,26 +256,6 @@ fn springs(
         yielding.shift = vector::add(yielding.shift, moved);
     }
     Some(yielding)
-}
-
-/// Returns the arguments of the simulators of a device.
-pub(super) fn arguments_of<'a>(
-    config: &DeviceConfig,
-    simulators: &'a [SimulatorConfig],
-) -> Vec<&'a str> {
-    simulators
-        .iter()
-        .filter(|simulator| simulator.device.as_deref() == Some(&config.name))
-        .flat_map(|simulator| simulator.arguments.iter().map(String::as_str))
-        .collect()
-}
-
-/// Returns the value of an option such as `--start=` among a simulator's arguments.
-pub(super) fn value_of<'a>(arguments: &[&'a str], option: &str) -> Option<&'a str> {
-    let mut values = arguments
-        .iter()
-        .filter_map(|argument| argument.strip_prefix(option));
-    values.next()
 }
 
 /// Control strategies as named by `--strategy=`.

@@ -7,6 +7,7 @@ use rcc_core::primitive::ChannelKind;
 use thiserror::Error;
 
 use super::device::SimulatedDevice;
+use crate::duration::duration;
 
 /// Sets one input once.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,7 +77,7 @@ impl ScriptStep {
         };
         let (name, rest) = text.split_once('=').ok_or_else(form)?;
         let (value, at) = match rest.rsplit_once('@') {
-            Some((value, at)) => (value, crate::verbs::duration(at).map_err(|_| form())?),
+            Some((value, at)) => (value, duration(at).map_err(|_| form())?),
             None => (rest, Duration::ZERO),
         };
         let (device_name, channel_name) = name.trim().split_once('.').ok_or_else(form)?;

@@ -3,7 +3,8 @@
 
 use rcc_config::{CellConfig, DeviceConfig, RobotConfig};
 
-use super::device::{IDEAL_ARM, STRATEGIES, arguments_of, value_of};
+use super::arguments::{arguments_of, value_of};
+use super::device::{IDEAL_ARM, STRATEGIES};
 use super::wall::ElasticWall;
 
 /// Settings of `ideal-arm`.

@@ -3,7 +3,7 @@
 
 use rcc_core::vector::{self, Vector};
 
-use super::device::value_of;
+use super::arguments::value_of;
 
 /// A plane that pushes back and never pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]

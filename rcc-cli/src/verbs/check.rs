@@ -7,7 +7,7 @@ use std::time::Instant;
 use rcc_api::bodies::{Finding, RehearsalView};
 use rcc_api::codes::{self, exit};
 use rcc_api::compile::{findings, name_of};
-use rcc_config::{CellConfig, auto_ports};
+use rcc_config::CellConfig;
 use rcc_language::Compiler;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::FileLibraries;
@@ -15,13 +15,12 @@ use rcc_language::names::Names;
 use rcc_protocol::control::PlanData;
 use serde::Serialize;
 
-use super::simulate::with_names;
 use crate::context::{Context, OutputFormat};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::output::{print_diagnostics, print_line};
+use crate::scenario::{load_config, require_valid_settings, with_names};
 use crate::simulate::rehearse_at_start;
-use crate::simulate::settings::first_invalid_setting;
 use crate::supervisor::paths;
 use crate::table::grouped;
 
@@ -315,28 +314,6 @@ fn search(folder: &Path, depth: usize, found: &mut Vec<String>) -> std::io::Resu
 fn is_net((name, text): &(String, String)) -> bool {
     let is_foreign = name.ends_with(".net") || name.ends_with(".dio");
     is_foreign || !name_of(text).is_empty()
-}
-
-/// Loads a configuration for compiling nets; automatic ports get a dummy number.
-pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
-    let invalid = |faults| Failure::from_faults("invalid configuration", &faults);
-    let ports = auto_ports(path).map_err(invalid)?;
-    let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();
-    CellConfig::load(path, &ports).map_err(invalid)
-}
-
-/// Fails if the configuration has settings that a simulation would have to ignore.
-pub(super) fn require_valid_settings(config: &CellConfig) -> Result<(), Failure> {
-    let Some(wrong) = first_invalid_setting(config) else {
-        return Ok(());
-    };
-    let mut failure = Failure::new(
-        codes::BAD_REQUEST,
-        format!("{}: {wrong}", config.source.display()),
-        "correct it in the cell's configuration; `rcc-cli up` rejects it as well",
-    );
-    failure.exit = exit::INVALID;
-    Err(failure)
 }
 
 #[cfg(test)]

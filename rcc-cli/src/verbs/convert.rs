@@ -9,11 +9,11 @@ use rcc_language::devices::DeviceTable;
 use rcc_language::parse::parse;
 use rcc_language::{Faults, write};
 
-use super::check::load_config;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::output::{print_diagnostics, print_file};
+use crate::scenario::load_config;
 use crate::supervisor::paths;
 
 /// Arguments of `convert`.

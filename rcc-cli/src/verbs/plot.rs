@@ -1,20 +1,18 @@
 //! `plot NET`: plots what the arms of a net would do in virtual time: the path of the flange, and positions,
 //! velocities, accelerations and jerks of the joints relative to their limits.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rcc_api::codes::{self, exit};
 use rcc_core::message::EndReason;
 use rcc_protocol::control::Refusal;
 use serde::Serialize;
 
-use super::simulate::{
-    PreparedScenario, SimulationScenario, create, failure, not_written, with_names,
-};
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::plot::{Plot, PlotError};
+use crate::plot::Plot;
+use crate::result_file::write_plot;
+use crate::scenario::{PreparedScenario, SimulationScenario, failure, with_names};
 use crate::simulate::tracks::ArmTracks;
 use crate::simulate::{self, SimulationOptions};
 
@@ -72,7 +70,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         Some(cancel_s) => format!("{}, CANCEL after {cancel_s} s", names.net),
         None => names.net.clone(),
     };
-    write(&out, &Plot { title, panels })?;
+    write_plot(&out, &Plot { title, panels })?;
     let words = |refusal: Refusal| with_names(&names, &config, |namer| namer.refusal(1, refusal));
     let fault = with_names(&names, &config, |namer| {
         namer.fault(&simulated.command.fault)
@@ -96,34 +94,5 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         Some(_) => Err(Failure::reported(exit::FAILED)),
         None if is_fault => Err(Failure::reported(exit::FAILED)),
         None => Ok(()),
-    }
-}
-
-/// Writes a plot in the format given by the file's extension.
-pub(super) fn write(path: &Path, picture: &Plot) -> Result<(), Failure> {
-    let name = path.extension().and_then(|extension| extension.to_str());
-    let failed = |error: PlotError| {
-        let message = format!("{}: {error}", path.display());
-        Failure::new(
-            codes::PROCESS_FAILED,
-            message,
-            "check the free disk space; otherwise report it as a bug",
-        )
-    };
-    match name {
-        Some("png") => picture.png(create(path)?).map_err(failed),
-        Some("svg") => {
-            let svg = picture.svg().map_err(failed)?;
-            let written = create(path)?.write_all(svg.as_bytes());
-            written.map_err(|error| not_written(path, &error))
-        }
-        _ => {
-            let message = format!("unsupported plot format: {}", path.display());
-            Err(Failure::new(
-                codes::BAD_REQUEST,
-                message,
-                "use a file name that ends in .svg or .png",
-            ))
-        }
     }
 }

@@ -6,10 +6,10 @@ use rcc_language::devices::DeviceTable;
 use rcc_language::schema::schema;
 use serde_json::Value;
 
-use super::check::load_config;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::print_line;
+use crate::scenario::load_config;
 
 /// Arguments of `schema`.
 #[derive(clap::Args, Debug)]

@@ -1,67 +1,25 @@
 //! `simulate NET`: runs a net in virtual time against simple device models, without a cell; results as table, CSV and
 //! SVG.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{FaultView, RehearsalView};
-use rcc_api::codes::{self, RequestedEnd, exit};
-use rcc_api::compile::compile;
-use rcc_api::messages::NameResolver;
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
 use rcc_language::names::Names;
-use rcc_protocol::control::PlanData;
 use serde::Serialize;
 
-use super::check::{load_config, require_valid_settings};
-use super::plot;
 use crate::context::{Context, OutputFormat};
-use crate::failure::{Failure, draw};
-use crate::follow::read_net;
-use crate::output::{print_diagnostics, print_note};
+use crate::failure::Failure;
+use crate::output::print_note;
 use crate::plot::Plot;
-use crate::simulate::script::ScriptStep;
+use crate::result_file::{create, write_plot};
+use crate::scenario::{PreparedScenario, SimulationScenario, failure, with_names};
 use crate::simulate::trace;
-use crate::simulate::{self, SimulateError, SimulationOptions, SimulationResult};
-use crate::supervisor::paths;
+use crate::simulate::{self, SimulationResult};
 use crate::table;
-
-/// Default limit of logical time.
-const LIMIT: Duration = Duration::from_secs(60);
-
-/// Net, devices and events of a simulation.
-#[derive(clap::Args, Debug)]
-pub struct SimulationScenario {
-    /// Net (YAML or JSON); - reads standard input
-    pub file: String,
-    /// Cell configuration whose devices are simulated [default: the demo cell's]
-    #[arg(long)]
-    pub config: Option<PathBuf>,
-    /// End after this logical time; without it, a net that still runs after 60s is an error
-    #[arg(long = "for", value_name = "TIME", value_parser = super::duration)]
-    pub limit: Option<Duration>,
-    /// Cancel after this time; a net without Cancel is aborted
-    #[arg(long, value_name = "TIME", value_parser = super::duration)]
-    pub cancel_at: Option<Duration>,
-    /// Set a device input: io.door_closed=true@2s, io.temperature=300K; without a time, from the start
-    #[arg(long, value_name = "DEVICE.CHANNEL=VALUE[@TIME]")]
-    pub input: Vec<String>,
-}
-
-/// A scenario whose files have been read.
-pub struct PreparedScenario {
-    /// Configuration of the cell.
-    pub config: CellConfig,
-    /// Plan of the net.
-    pub plan: PlanData,
-    /// Names of its ports.
-    pub names: Names,
-    /// Events and limits.
-    pub options: SimulationOptions,
-}
 
 /// Arguments of `simulate`.
 #[derive(clap::Args, Debug)]
@@ -116,7 +74,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
         let panels = trace::panels(simulated.trace.columns());
         let title = report.net.clone();
-        plot::write(path, &Plot { title, panels })?;
+        write_plot(path, &Plot { title, panels })?;
     }
     context.print(&report, human);
     if context.format == OutputFormat::Human {
@@ -125,122 +83,6 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     arguments
         .scenario
         .judge(EndReason::from_number(simulated.command.reason))
-}
-
-impl SimulationScenario {
-    /// Judges the result by what was requested, with the exit codes of `run`.
-    ///
-    /// # Errors
-    /// Fails if the net ended otherwise than `finished` without a requested CANCEL, or did not end and no time was
-    /// given.
-    pub(super) fn judge(&self, reason: EndReason) -> Result<(), Failure> {
-        let asked = match self.cancel_at {
-            Some(_) => RequestedEnd::Cancel,
-            None => RequestedEnd::Finish,
-        };
-        let code = match (reason, self.limit) {
-            (EndReason::None, Some(_)) => exit::OK,
-            (EndReason::None, None) => {
-                print_note(&format!(
-                    "still running after {LIMIT:?}: set the simulated time with --for TIME"
-                ));
-                exit::TIMEOUT
-            }
-            _ => codes::outcome(asked, Some(reason.name())),
-        };
-        match code {
-            exit::OK => Ok(()),
-            code => Err(Failure::reported(code)),
-        }
-    }
-
-    /// Reads the cell and the net and compiles it; prints warnings.
-    ///
-    /// # Errors
-    /// Fails if a file cannot be read or is invalid, or if an input cannot be parsed.
-    pub fn prepare(&self) -> Result<PreparedScenario, Failure> {
-        let path = match &self.config {
-            Some(path) => path.clone(),
-            None => paths::config("cells/demo.yaml")?,
-        };
-        let config = load_config(&path)?;
-        require_valid_settings(&config)?;
-        let options = self.options(&config)?;
-        let source = read_net(&self.file)?;
-        let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
-            let what = format!("{} is invalid", source.0);
-            Failure::invalid(&what, diagnostics, source.clone())
-        })?;
-        print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::colour()));
-        Ok(PreparedScenario {
-            config,
-            plan: compiled.plan,
-            names: compiled.names,
-            options,
-        })
-    }
-
-    fn options(&self, config: &CellConfig) -> Result<SimulationOptions, Failure> {
-        let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
-        let steps = self
-            .input
-            .iter()
-            .map(|text| ScriptStep::parse(text, config));
-        let steps = steps.collect::<Result<_, _>>().map_err(|error| {
-            let help = "see `rcc-cli simulate --help`";
-            Failure::new(codes::BAD_REQUEST, error.to_string(), help)
-        })?;
-        Ok(SimulationOptions {
-            limit_ns: ns(self.limit.unwrap_or(LIMIT)),
-            cancel_at_ns: self.cancel_at.map(ns),
-            steps,
-            despite_refusal: false,
-        })
-    }
-}
-
-pub(super) fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
-    let file = File::create(path).map_err(|error| not_written(path, &error))?;
-    Ok(BufWriter::new(file))
-}
-
-pub(super) fn not_written(path: &Path, error: &std::io::Error) -> Failure {
-    let message = format!("cannot write {}: {error}", path.display());
-    Failure::new(codes::NOT_STORED, message, "name another file")
-}
-
-pub(super) fn with_names<T>(
-    names: &Names,
-    config: &CellConfig,
-    what: impl FnOnce(&NameResolver<'_>) -> T,
-) -> T {
-    what(&NameResolver {
-        disagreement: &|_| None,
-        config,
-        net: &|_| names.net.clone(),
-        names: &|_| names.clone(),
-        reason: &|_, _| String::new(),
-    })
-}
-
-pub(super) fn failure(
-    error: &SimulateError,
-    net: &Names,
-    config: &CellConfig,
-    csv: Option<&Path>,
-) -> Failure {
-    match error {
-        SimulateError::Refused(refusal) => {
-            let refused = with_names(net, config, |names| names.refusal(1, *refusal));
-            Failure::from_server(refused.body())
-        }
-        SimulateError::Write(error) => not_written(csv.unwrap_or(Path::new("the table")), error),
-        SimulateError::Silent => Failure::new(
-            codes::PROCESS_FAILED,
-            error.to_string(),
-            "report it as a bug",
-        ),
-    }
 }
 
 fn report(net: &Names, simulated: &SimulationResult, config: &CellConfig) -> SimulateReport {

@@ -12,12 +12,12 @@ use rcc_language::library::{FileLibraries, LibrarySource, NoLibraries};
 use rcc_language::structure::NetStructure;
 use rcc_language::{Compiled, Compiler};
 
-use super::check::load_config;
 use crate::client::LoaderClient;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
 use crate::output::print_diagnostics;
+use crate::scenario::load_config;
 use crate::supervisor::paths;
 
 /// A compiled net.

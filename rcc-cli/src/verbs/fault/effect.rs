@@ -68,7 +68,7 @@ pub enum FaultEffect {
     /// Silence the device for some time
     Freeze {
         /// Duration: 200ms, 2s
-        #[arg(value_parser = crate::verbs::duration)]
+        #[arg(value_parser = crate::duration::duration)]
         time: Duration,
     },
     /// Press the emergency stop
@@ -89,7 +89,7 @@ pub enum FaultEffect {
     /// Delay the answers of an I/O station
     Delay {
         /// Delay: 30ms
-        #[arg(value_parser = crate::verbs::duration)]
+        #[arg(value_parser = crate::duration::duration)]
         time: Duration,
     },
     /// Ignore some requests to an I/O station

@@ -1,0 +1,189 @@
+//! A net and the configuration of a cell without a running one: read, compiled and named for `check`, `simulate` and
+//! `plot`. Run by the main thread.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rcc_api::codes::{self, RequestedEnd, exit};
+use rcc_api::compile::compile;
+use rcc_api::messages::NameResolver;
+use rcc_config::{CellConfig, auto_ports};
+use rcc_core::message::EndReason;
+use rcc_language::names::Names;
+use rcc_protocol::control::PlanData;
+
+use crate::context::Context;
+use crate::duration::duration;
+use crate::failure::{Failure, draw};
+use crate::follow::read_net;
+use crate::output::{print_diagnostics, print_note};
+use crate::result_file::not_written;
+use crate::simulate::script::ScriptStep;
+use crate::simulate::settings::first_invalid_setting;
+use crate::simulate::{SimulateError, SimulationOptions};
+use crate::supervisor::paths;
+
+/// Default limit of logical time.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// Net, devices and events of a simulation.
+#[derive(clap::Args, Debug)]
+pub struct SimulationScenario {
+    /// Net (YAML or JSON); - reads standard input
+    pub file: String,
+    /// Cell configuration whose devices are simulated [default: the demo cell's]
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// End after this logical time; without it, a net that still runs after 60s is an error
+    #[arg(long = "for", value_name = "TIME", value_parser = duration)]
+    pub limit: Option<Duration>,
+    /// Cancel after this time; a net without Cancel is aborted
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub cancel_at: Option<Duration>,
+    /// Set a device input: io.door_closed=true@2s, io.temperature=300K; without a time, from the start
+    #[arg(long, value_name = "DEVICE.CHANNEL=VALUE[@TIME]")]
+    pub input: Vec<String>,
+}
+
+/// A scenario whose files have been read.
+pub struct PreparedScenario {
+    /// Configuration of the cell.
+    pub config: CellConfig,
+    /// Plan of the net.
+    pub plan: PlanData,
+    /// Names of its ports.
+    pub names: Names,
+    /// Events and limits.
+    pub options: SimulationOptions,
+}
+
+impl SimulationScenario {
+    /// Judges the result by what was requested, with the exit codes of `run`.
+    ///
+    /// # Errors
+    /// Fails if the net ended otherwise than `finished` without a requested CANCEL, or did not end and no time was
+    /// given.
+    pub fn judge(&self, reason: EndReason) -> Result<(), Failure> {
+        let asked = match self.cancel_at {
+            Some(_) => RequestedEnd::Cancel,
+            None => RequestedEnd::Finish,
+        };
+        let code = match (reason, self.limit) {
+            (EndReason::None, Some(_)) => exit::OK,
+            (EndReason::None, None) => {
+                print_note(&format!(
+                    "still running after {LIMIT:?}: set the simulated time with --for TIME"
+                ));
+                exit::TIMEOUT
+            }
+            _ => codes::outcome(asked, Some(reason.name())),
+        };
+        match code {
+            exit::OK => Ok(()),
+            code => Err(Failure::reported(code)),
+        }
+    }
+
+    /// Reads the cell and the net and compiles it; prints warnings.
+    ///
+    /// # Errors
+    /// Fails if a file cannot be read or is invalid, or if an input cannot be parsed.
+    pub fn prepare(&self) -> Result<PreparedScenario, Failure> {
+        let path = match &self.config {
+            Some(path) => path.clone(),
+            None => paths::config("cells/demo.yaml")?,
+        };
+        let config = load_config(&path)?;
+        require_valid_settings(&config)?;
+        let options = self.options(&config)?;
+        let source = read_net(&self.file)?;
+        let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
+            let what = format!("{} is invalid", source.0);
+            Failure::invalid(&what, diagnostics, source.clone())
+        })?;
+        print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::colour()));
+        Ok(PreparedScenario {
+            config,
+            plan: compiled.plan,
+            names: compiled.names,
+            options,
+        })
+    }
+
+    fn options(&self, config: &CellConfig) -> Result<SimulationOptions, Failure> {
+        let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
+        let steps = self
+            .input
+            .iter()
+            .map(|text| ScriptStep::parse(text, config));
+        let steps = steps.collect::<Result<_, _>>().map_err(|error| {
+            let help = "see `rcc-cli simulate --help`";
+            Failure::new(codes::BAD_REQUEST, error.to_string(), help)
+        })?;
+        Ok(SimulationOptions {
+            limit_ns: ns(self.limit.unwrap_or(LIMIT)),
+            cancel_at_ns: self.cancel_at.map(ns),
+            steps,
+            despite_refusal: false,
+        })
+    }
+}
+
+/// Loads a configuration for compiling nets; automatic ports get a dummy number.
+pub fn load_config(path: &Path) -> Result<CellConfig, Failure> {
+    let invalid = |faults| Failure::from_faults("invalid configuration", &faults);
+    let ports = auto_ports(path).map_err(invalid)?;
+    let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();
+    CellConfig::load(path, &ports).map_err(invalid)
+}
+
+/// Fails if the configuration has settings that a simulation would have to ignore.
+pub fn require_valid_settings(config: &CellConfig) -> Result<(), Failure> {
+    let Some(wrong) = first_invalid_setting(config) else {
+        return Ok(());
+    };
+    let mut failure = Failure::new(
+        codes::BAD_REQUEST,
+        format!("{}: {wrong}", config.source.display()),
+        "correct it in the cell's configuration; `rcc-cli up` rejects it as well",
+    );
+    failure.exit = exit::INVALID;
+    Err(failure)
+}
+
+/// Calls `what` with the names of this net, as command 1 of the cell.
+pub fn with_names<T>(
+    names: &Names,
+    config: &CellConfig,
+    what: impl FnOnce(&NameResolver<'_>) -> T,
+) -> T {
+    what(&NameResolver {
+        disagreement: &|_| None,
+        config,
+        net: &|_| names.net.clone(),
+        names: &|_| names.clone(),
+        reason: &|_, _| String::new(),
+    })
+}
+
+/// Returns the failure of a simulation; `csv` is the table that it writes.
+#[must_use]
+pub fn failure(
+    error: &SimulateError,
+    net: &Names,
+    config: &CellConfig,
+    csv: Option<&Path>,
+) -> Failure {
+    match error {
+        SimulateError::Refused(refusal) => {
+            let refused = with_names(net, config, |names| names.refusal(1, *refusal));
+            Failure::from_server(refused.body())
+        }
+        SimulateError::Write(error) => not_written(csv.unwrap_or(Path::new("the table")), error),
+        SimulateError::Silent => Failure::new(
+            codes::PROCESS_FAILED,
+            error.to_string(),
+            "report it as a bug",
+        ),
+    }
+}
