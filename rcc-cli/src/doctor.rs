@@ -13,7 +13,6 @@ pub mod grade;
 pub mod histogram;
 pub mod link;
 pub mod measure;
-pub mod processes;
 pub mod record;
 pub mod report;
 pub mod requirements;

@@ -1,55 +1,41 @@
-//! The checks: each is one file and two lines; pure functions of the facts, tested on good and bad facts. Run by the
-//! main thread in the order of the table.
+//! The checks: each is a function in the file of its topic, and a row of the table; pure functions of the facts, tested
+//! on good and bad facts. Run by the main thread in the order of the table.
 
 use super::HealthFinding;
 use super::facts::MachineFacts;
 
 mod cells;
-mod clock;
-mod core;
-mod fifo;
-mod interrupts;
-mod isolation;
+mod cpu;
 mod kernel;
-mod leftovers;
-mod memory_lock;
-mod open_files;
-mod power;
-mod run_time;
-mod runtime_folder;
-mod session;
-mod shared_memory;
-mod stale_after;
-mod swap;
-mod throttling;
-mod virtual_machine;
-mod wake_up;
+mod latency;
+mod memory;
+mod real_time;
 
 /// A check: a pure function of the facts.
 type CheckFunction = fn(&MachineFacts) -> Vec<HealthFinding>;
 
 /// Name and function of every check.
 pub const CHECKS: &[(&str, CheckFunction)] = &[
-    ("fifo", fifo::check),
-    ("rttime", run_time::check),
-    ("memory-lock", memory_lock::check),
-    ("throttling", throttling::check),
-    ("core", core::check),
-    ("isolation", isolation::check),
-    ("interrupts", interrupts::check),
-    ("power", power::check),
-    ("kernel", kernel::check),
-    ("clock", clock::check),
-    ("virtual-machine", virtual_machine::check),
-    ("wake-up", wake_up::check),
-    ("stale-after", stale_after::check),
-    ("shared-memory", shared_memory::check),
-    ("runtime-folder", runtime_folder::check),
-    ("open-files", open_files::check),
-    ("session", session::check),
-    ("swap", swap::check),
-    ("cells", cells::check),
-    ("leftovers", leftovers::check),
+    ("fifo", real_time::fifo),
+    ("rttime", real_time::run_time),
+    ("memory-lock", memory::memory_lock),
+    ("throttling", real_time::throttling),
+    ("core", cpu::core),
+    ("isolation", cpu::isolation),
+    ("interrupts", cpu::interrupts),
+    ("power", cpu::power),
+    ("kernel", kernel::kernel),
+    ("clock", kernel::clock),
+    ("virtual-machine", kernel::virtual_machine),
+    ("wake-up", latency::wake_up),
+    ("stale-after", latency::stale_after),
+    ("shared-memory", memory::shared_memory),
+    ("runtime-folder", cells::runtime_folder),
+    ("open-files", cells::open_files),
+    ("session", memory::session),
+    ("swap", memory::swap),
+    ("cells", cells::cells),
+    ("leftovers", cells::leftovers),
 ];
 
 /// Runs all checks, in the order of the table.

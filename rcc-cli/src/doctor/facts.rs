@@ -12,8 +12,7 @@ pub mod cpu;
 pub mod kernel;
 pub mod limits;
 pub mod login;
-pub mod runtime_folder;
-pub mod shared_memory;
+pub mod memory;
 pub mod system;
 
 /// All facts that the checks use.
@@ -34,13 +33,13 @@ pub struct MachineFacts {
     /// The configured core, or all cores.
     pub cpu: cpu::CpuFacts,
     /// Memory and swap.
-    pub memory: kernel::MemoryFacts,
+    pub memory: memory::MemoryFacts,
     /// `/dev/shm`.
-    pub shared: shared_memory::SharedMemoryMount,
+    pub shared: memory::SharedMemoryMount,
     /// logind's RemoveIPC setting; `None` without systemd.
     pub remove_ipc: Option<bool>,
     /// Folder of the cells.
-    pub runtime_folder: runtime_folder::FolderFacts,
+    pub runtime_folder: cells::FolderFacts,
     /// Cells in that folder.
     pub cells: Vec<cells::CellFacts>,
     /// Shared memory of cells in other folders.
@@ -62,10 +61,10 @@ pub fn read(root: &system::SystemRoot, requirements: MachineRequirements) -> Mac
         limits: limits::read(root),
         kernel: kernel::read(root, &user.cgroup),
         cpu: cpu::read(root, requirements.core),
-        memory: kernel::memory(root),
-        shared: shared_memory::read(root),
+        memory: memory::read(root),
+        shared: memory::shared(root),
         remove_ipc: login::remove_ipc(root),
-        runtime_folder: runtime_folder::read(&rcc_ipc::cell::base_dir()),
+        runtime_folder: cells::folder(&rcc_ipc::cell::base_dir()),
         cells: cells::read(&rcc_ipc::cell::base_dir()),
         strays: cells::strays(&PathBuf::from("/dev/shm"), &rcc_ipc::cell::base_dir()),
         requirements,

@@ -1,4 +1,4 @@
-//! The cells of this user: living processes, health, and leftovers. Run by the main thread; asks loaders with a short
+//! The cells of this user and their folder: living processes, health, and leftovers. Run by the main thread; asks loaders with a short
 //! time-out, and changes nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,12 +7,12 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use procfs::process::{FDTarget, all_processes};
 use rcc_api::bodies::{ExecutorView, StatusView};
 use rcc_ipc::Cell;
 use rcc_os::wall;
 
 use crate::client::LoaderClient;
-use crate::doctor::processes;
 
 /// Longest time to wait for a loader's answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
@@ -55,6 +55,35 @@ pub struct StrayMemory {
     pub owner: u32,
     /// True if a process has one of them open or mapped, or if they are too young to exclude that.
     pub used: bool,
+}
+
+/// A folder that may not exist.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FolderFacts {
+    /// Path.
+    pub path: PathBuf,
+    /// Owner's user id, if it exists.
+    pub owner: Option<u32>,
+    /// Permission bits; 0 if it does not exist.
+    pub mode: u32,
+    /// True if this user can create files in it, or create it.
+    pub usable: bool,
+}
+
+/// Inspects a folder; creates nothing.
+#[must_use]
+pub fn folder(path: &Path) -> FolderFacts {
+    let found = fs::metadata(path).ok().filter(fs::Metadata::is_dir);
+    let nearest = path.ancestors().find(|above| above.exists());
+    let access = nix::unistd::AccessFlags::W_OK | nix::unistd::AccessFlags::X_OK;
+    let allowed = nearest
+        .is_some_and(|nearest| nearest.is_dir() && nix::unistd::access(nearest, access).is_ok());
+    FolderFacts {
+        path: path.to_owned(),
+        owner: found.as_ref().map(MetadataExt::uid),
+        mode: found.as_ref().map_or(0, |found| found.mode() & 0o7777),
+        usable: allowed,
+    }
 }
 
 /// Returns the cells below `base`.
@@ -182,11 +211,15 @@ fn is_young(found: &fs::Metadata) -> bool {
 /// Returns the prefixes that occur in the maps and open files of all processes that may be inspected.
 fn prefixes_in_use() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    for process in processes::all() {
-        let maps = fs::read_to_string(process.join("maps")).unwrap_or_default();
+    for process in all_processes().into_iter().flatten().flatten() {
+        // As text: a line that a parser does not know must not hide the others.
+        let maps = fs::read_to_string(format!("/proc/{}/maps", process.pid)).unwrap_or_default();
         found.extend(maps.lines().filter_map(prefix_in));
-        let files = processes::open_files(&process);
-        found.extend(files.filter_map(|file| prefix_in(file.to_str()?)));
+        for file in process.fd().into_iter().flatten().flatten() {
+            if let FDTarget::Path(path) = file.target {
+                found.extend(path.to_str().and_then(prefix_in));
+            }
+        }
     }
     found
 }
@@ -254,5 +287,14 @@ mod tests {
         );
         assert!(!later[0].used && later[0].bytes >= 8192, "{later:?}");
         Ok(())
+    }
+
+    #[test]
+    fn a_missing_folder_is_judged_by_its_nearest_ancestor() {
+        let path = std::env::temp_dir().join(format!("rcc-none-{}/a/b", std::process::id()));
+        let missing = folder(&path);
+        assert!(missing.usable && missing.owner.is_none());
+        let below_a_file = folder(Path::new("/proc/version/x"));
+        assert!(!below_a_file.usable);
     }
 }

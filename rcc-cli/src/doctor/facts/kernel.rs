@@ -1,4 +1,4 @@
-//! The kernel: preemption, real-time throttling and groups, clock source; memory and swap. Run by the main thread.
+//! The kernel: preemption, real-time throttling and groups, clock source. Run by the main thread.
 
 use super::system::{SystemRoot, value_in};
 
@@ -25,19 +25,6 @@ pub struct KernelFacts {
     pub virtual_machine: Option<String>,
 }
 
-/// Memory and swap.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct MemoryFacts {
-    /// Memory available to programs, bytes.
-    pub available: Option<u64>,
-    /// Total swap, bytes.
-    pub swap: u64,
-    /// Swap in use, bytes.
-    pub swap_used: u64,
-    /// vm.overcommit_memory: 0 heuristic, 1 always, 2 never.
-    pub overcommit: Option<i64>,
-}
-
 /// Reads the facts about the kernel; `cgroup` is the path of our control group.
 #[must_use]
 pub fn read(system: &SystemRoot, cgroup: &str) -> KernelFacts {
@@ -57,23 +44,6 @@ pub fn read(system: &SystemRoot, cgroup: &str) -> KernelFacts {
             .text("sys/devices/system/clocksource/clocksource0/current_clocksource"),
         virtual_machine: virtual_machine(system),
         release,
-    }
-}
-
-/// Reads `/proc/meminfo`.
-#[must_use]
-pub fn memory(system: &SystemRoot) -> MemoryFacts {
-    let text = system.text("proc/meminfo").unwrap_or_default();
-    let bytes = |key| {
-        let words = value_in(&text, key)?.split_whitespace().next()?;
-        words.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
-    };
-    let swap = bytes("SwapTotal").unwrap_or(0);
-    MemoryFacts {
-        available: bytes("MemAvailable"),
-        swap,
-        swap_used: swap.saturating_sub(bytes("SwapFree").unwrap_or(swap)),
-        overcommit: system.number("proc/sys/vm/overcommit_memory"),
     }
 }
 
@@ -146,27 +116,18 @@ mod tests {
     }
 
     #[test]
-    fn a_virtual_machine_is_named_and_swap_is_counted() {
+    fn a_virtual_machine_is_named() {
         let files = [
             (
                 "proc/cpuinfo",
                 "processor\t: 0\nflags\t\t: fpu hypervisor\n",
             ),
             ("sys/class/dmi/id/sys_vendor", "QEMU\n"),
-            (
-                "proc/meminfo",
-                "MemAvailable:  2048 kB\nSwapTotal: 100 kB\nSwapFree: 60 kB\n",
-            ),
         ];
         let recorded = FixtureRoot::new(&files);
         assert_eq!(
             read(&recorded.system(), "/").virtual_machine.as_deref(),
             Some("QEMU")
-        );
-        let memory = memory(&recorded.system());
-        assert_eq!(
-            (memory.available, memory.swap, memory.swap_used),
-            (Some(2 << 20), 102_400, 40_960)
         );
     }
 }

@@ -1,12 +1,11 @@
 //! Network interfaces of this machine, and which process holds a port. Run by the main thread.
 
-use std::fs;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
-
-use crate::doctor::processes;
+use procfs::net::UdpNetEntry;
+use procfs::process::{FDTarget, all_processes};
 
 /// An IPv4 address of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,38 +63,35 @@ pub fn interfaces() -> Vec<NetworkInterface> {
 /// Returns name and id of the process that holds this UDP address, as far as `/proc` is readable.
 #[must_use]
 pub fn holder(address: SocketAddr) -> Option<String> {
-    let table = fs::read_to_string("/proc/net/udp").ok()?;
-    let inode = inode_of(&table, address)?;
-    let socket = format!("socket:[{inode}]");
-    for process in processes::all() {
-        if processes::open_files(&process).any(|file| file.as_os_str() == socket.as_str()) {
-            let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
-            let pid = process.file_name().unwrap_or_default();
-            return Some(format!("{} (pid {})", name.trim(), pid.display()));
+    let inode = inode_of(&procfs::net::udp().ok()?, address)?;
+    for process in all_processes().into_iter().flatten().flatten() {
+        let mut files = process.fd().into_iter().flatten().flatten();
+        if files.any(|file| file.target == FDTarget::Socket(inode)) {
+            let name = process
+                .stat()
+                .map_or_else(|_| String::new(), |stat| stat.comm);
+            return Some(format!("{name} (pid {})", process.pid));
         }
     }
     Some("a process of another user".to_owned())
 }
 
-/// Finds the inode in `/proc/net/udp`: `sl local_address rem_address st tx rx tr tm retrnsmt uid timeout inode …`, with
-/// addresses in native byte order.
-fn inode_of(table: &str, address: SocketAddr) -> Option<&str> {
-    let IpAddr::V4(ip) = address.ip() else {
-        return None;
+/// Finds the inode of the socket that holds an IPv4 address.
+fn inode_of(table: &[UdpNetEntry], address: SocketAddr) -> Option<u64> {
+    let meets = |found: IpAddr| {
+        found == address.ip() || found.is_unspecified() || address.ip().is_unspecified()
     };
-    table.lines().skip(1).find_map(|line| {
-        let mut words = line.split_whitespace().skip(1);
-        let (place, port) = words.next()?.split_once(':')?;
-        let bits = u32::from_str_radix(place, 16).ok()?;
-        let found = Ipv4Addr::from(bits.to_ne_bytes());
-        let same = u16::from_str_radix(port, 16) == Ok(address.port());
-        let meets = found == ip || found.is_unspecified() || ip.is_unspecified();
-        (same && meets).then(|| words.nth(7)).flatten()
-    })
+    let mut rows = table.iter().filter(|_| address.is_ipv4());
+    let row = rows
+        .find(|row| row.local_address.port() == address.port() && meets(row.local_address.ip()));
+    row.map(|row| row.inode)
 }
 
 #[cfg(test)]
 mod tests {
+    use procfs::FromBufReadSI;
+    use procfs::net::UdpNetEntries;
+
     use super::*;
 
     #[test]
@@ -123,12 +119,14 @@ mod tests {
     fn a_free_port_has_no_holder() {
         let table = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n\
                      10: 0100007F:C312 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 4711 2 0 0\n";
+        let table = UdpNetEntries::from_buf_read(table.as_bytes(), procfs::current_system_info());
+        let table = table.expect("a table").0;
         let at = |text: &str| {
             text.parse()
                 .ok()
-                .and_then(|address| inode_of(table, address))
+                .and_then(|address| inode_of(&table, address))
         };
-        assert_eq!(at("127.0.0.1:49938"), Some("4711"));
+        assert_eq!(at("127.0.0.1:49938"), Some(4711));
         assert_eq!(at("127.0.0.1:49939"), None);
         assert_eq!(at("10.0.0.1:49938"), None);
     }

@@ -1,6 +1,19 @@
-//! `/dev/shm`: file system type, size, mount options. Run by the main thread.
+//! Memory and swap; `/dev/shm`: file system type, size, mount options. Run by the main thread.
 
-use super::system::SystemRoot;
+use super::system::{SystemRoot, value_in};
+
+/// Memory and swap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryFacts {
+    /// Memory available to programs, bytes.
+    pub available: Option<u64>,
+    /// Total swap, bytes.
+    pub swap: u64,
+    /// Swap in use, bytes.
+    pub swap_used: u64,
+    /// vm.overcommit_memory: 0 heuristic, 1 always, 2 never.
+    pub overcommit: Option<i64>,
+}
 
 /// The file system of the cells' shared memory.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -17,9 +30,26 @@ pub struct SharedMemoryMount {
     pub writable: bool,
 }
 
+/// Reads `/proc/meminfo`.
+#[must_use]
+pub fn read(system: &SystemRoot) -> MemoryFacts {
+    let text = system.text("proc/meminfo").unwrap_or_default();
+    let bytes = |key| {
+        let words = value_in(&text, key)?.split_whitespace().next()?;
+        words.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
+    };
+    let swap = bytes("SwapTotal").unwrap_or(0);
+    MemoryFacts {
+        available: bytes("MemAvailable"),
+        swap,
+        swap_used: swap.saturating_sub(bytes("SwapFree").unwrap_or(swap)),
+        overcommit: system.number("proc/sys/vm/overcommit_memory"),
+    }
+}
+
 /// Reads the mount table and queries the file system.
 #[must_use]
-pub fn read(system: &SystemRoot) -> SharedMemoryMount {
+pub fn shared(system: &SystemRoot) -> SharedMemoryMount {
     let path = system.path("dev/shm");
     let mounts = system.text("proc/self/mountinfo").unwrap_or_default();
     let (kind, options) = mount(&mounts, "/dev/shm").unzip();
@@ -37,12 +67,12 @@ pub fn read(system: &SystemRoot) -> SharedMemoryMount {
     }
 }
 
-/// Returns type and options of the last mount at `place`. proc_pid_mountinfo(5): the fifth field is the mount point,
+/// Returns type and options of the last mount at `path`. proc_pid_mountinfo(5): the fifth field is the mount point,
 /// the sixth the options; the type follows a dash.
-fn mount(text: &str, place: &str) -> Option<(String, Vec<String>)> {
+fn mount(text: &str, path: &str) -> Option<(String, Vec<String>)> {
     text.lines().rev().find_map(|line| {
         let mut fields = line.split_whitespace().skip(4);
-        if fields.next() != Some(place) {
+        if fields.next() != Some(path) {
             return None;
         }
         let options = fields.next()?.split(',').map(str::to_owned).collect();
@@ -53,7 +83,19 @@ fn mount(text: &str, place: &str) -> Option<(String, Vec<String>)> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::system::tests::FixtureRoot;
     use super::*;
+
+    #[test]
+    fn swap_is_counted() {
+        let text = "MemAvailable:  2048 kB\nSwapTotal: 100 kB\nSwapFree: 60 kB\n";
+        let recorded = FixtureRoot::new(&[("proc/meminfo", text)]);
+        let memory = read(&recorded.system());
+        assert_eq!(
+            (memory.available, memory.swap, memory.swap_used),
+            (Some(2 << 20), 102_400, 40_960)
+        );
+    }
 
     #[test]
     fn the_last_mount_at_the_place_counts() {

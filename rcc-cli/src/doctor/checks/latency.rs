@@ -1,12 +1,15 @@
-//! The grade: measured wake-up latency and what it allows. Pure.
+//! The measured wake-up latency, and what it allows. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 use crate::doctor::grade::Grade;
+use crate::doctor::grade::{Grade, STALE_DEFAULT_NS};
 use crate::doctor::measure::WakeUpMeasurement;
+use crate::table::time;
 use crate::table::{grouped, time};
 
-pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
+/// The grade: measured wake-up latency and what it allows.
+pub(super) fn wake_up(facts: &MachineFacts) -> Vec<HealthFinding> {
     let measured = match (&facts.measured, &facts.not_measured) {
         (Some(measured), _) => measured,
         (None, Some(why)) => {
@@ -26,7 +29,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let grade = Grade::of(measured);
     let what = format!(
         "{} → grade {grade} for {}",
-        words(measured),
+        summary(measured),
         time(measured.period_ns)
     );
     vec![match grade {
@@ -36,7 +39,7 @@ pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
 }
 
 /// Describes a measurement in one line.
-fn words(measured: &WakeUpMeasurement) -> String {
+fn summary(measured: &WakeUpMeasurement) -> String {
     let how = match measured.priority {
         Some(priority) => format!("SCHED_FIFO {priority}"),
         None => "without SCHED_FIFO".to_owned(),
@@ -84,6 +87,51 @@ fn remedy(facts: &MachineFacts, measured: &WakeUpMeasurement) -> String {
     ways.join("; ")
 }
 
+/// The cell's `stale_after` compared with the measured latency: if it is too short, mere lateness counts as a lost
+/// device.
+pub(super) fn stale_after(facts: &MachineFacts) -> Vec<HealthFinding> {
+    let (Some(stale_ns), Some(measured)) = (facts.requirements.stale_after_ns, &facts.measured)
+    else {
+        return Vec::new();
+    };
+    let grade = Grade::of(measured);
+    let least_ns = grade.stale_after_ns(measured.max_ns, measured.period_ns);
+    let source = &facts.requirements.source;
+    if stale_ns < least_ns {
+        let what = format!(
+            "stale_after is {}, too short for grade {grade}",
+            time(stale_ns)
+        );
+        let fix = format!(
+            "stale_after: {} ms or more in {source}",
+            least_ns.div_ceil(1_000_000)
+        );
+        return vec![
+            HealthFinding::warn(what, fix).cause(
+                "devices count as lost, and their nets end, when this machine is merely late",
+            ),
+        ];
+    }
+    if grade <= Grade::B && stale_ns >= STALE_DEFAULT_NS {
+        return vec![
+            HealthFinding::note(format!(
+                "stale_after is {}; this machine allows {}",
+                time(stale_ns),
+                time(least_ns)
+            ))
+            .fix(format!(
+                "stale_after: {} ms in {source}: a dead driver is noticed sooner",
+                least_ns / 1_000_000
+            )),
+        ];
+    }
+    vec![HealthFinding::ok(format!(
+        "stale_after is {}; at least {} is required",
+        time(stale_ns),
+        time(least_ns)
+    ))]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,7 +144,7 @@ mod tests {
             measured: Some(measured(21, 38)),
             ..MachineFacts::default()
         };
-        let found = check(&facts);
+        let found = wake_up(&facts);
         assert_eq!(found[0].level, FindingLevel::Ok);
         assert!(
             found[0].what.contains("max 38.0 µs → grade A for 1.0 ms"),
@@ -113,7 +161,7 @@ mod tests {
             core: None,
             ..measured(700, 17_800)
         });
-        let found = check(&facts);
+        let found = wake_up(&facts);
         assert_eq!(found[0].level, FindingLevel::Warn);
         assert!(
             found[0].what.contains("without SCHED_FIFO") && found[0].what.contains("grade D"),
@@ -133,8 +181,33 @@ mod tests {
     #[test]
     fn an_impossible_measurement_is_a_failure() {
         let mut facts = MachineFacts::default();
-        assert_eq!(check(&facts)[0].level, FindingLevel::Note);
+        assert_eq!(wake_up(&facts)[0].level, FindingLevel::Note);
         facts.not_measured = Some("Invalid argument".to_owned());
-        assert_eq!(check(&facts)[0].level, FindingLevel::Fail);
+        assert_eq!(wake_up(&facts)[0].level, FindingLevel::Fail);
+    }
+
+    #[test]
+    fn too_short_warns_and_needlessly_long_is_a_note() {
+        let mut facts = MachineFacts {
+            measured: Some(measured(700, 9_100)),
+            ..MachineFacts::default()
+        };
+        assert_eq!(stale_after(&facts), []);
+        facts.requirements.stale_after_ns = Some(3_000_000);
+        let found = stale_after(&facts);
+        assert_eq!(found[0].level, FindingLevel::Warn);
+        assert!(
+            found[0]
+                .fix
+                .as_deref()
+                .is_some_and(|fix| fix.starts_with("stale_after: 19 ms")),
+            "{found:?}"
+        );
+        facts.requirements.stale_after_ns = Some(50_000_000);
+        assert_eq!(stale_after(&facts)[0].level, FindingLevel::Ok);
+        facts.measured = Some(measured(20, 30));
+        assert_eq!(stale_after(&facts)[0].level, FindingLevel::Note);
+        facts.requirements.stale_after_ns = Some(3_000_000);
+        assert_eq!(stale_after(&facts)[0].level, FindingLevel::Ok);
     }
 }

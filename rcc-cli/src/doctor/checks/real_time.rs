@@ -1,12 +1,12 @@
-//! SCHED_FIFO at the configured priority: whether it was granted to a thread, and otherwise the reason. Pure.
-
-use nix::errno::Errno;
+//! Real-time scheduling: SCHED_FIFO, the rttime limit, throttling. Pure.
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 use crate::doctor::facts::limits::LimitGrant;
+use nix::errno::Errno;
 
-pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
+/// SCHED_FIFO at the configured priority: whether it was granted to a thread, and otherwise the reason.
+pub(super) fn fifo(facts: &MachineFacts) -> Vec<HealthFinding> {
     let priority = facts.requirements.priority;
     match facts.trial.fifo {
         Ok(()) => vec![HealthFinding::ok(format!(
@@ -92,7 +92,7 @@ fn from_pam_limits(facts: &MachineFacts, priority: u64) -> (String, String) {
         return (
             format!(
                 "{} grants {} to {}, but this session has {}: it started before the change, or does not read that file",
-                line.location, words(line.value), line.subject, limit(facts)
+                line.location, limit_text(line.value), line.subject, limit(facts)
             ),
             "log out of all sessions and in again (a graphical session: restart the computer); over ssh: UsePAM yes"
                 .to_owned(),
@@ -103,7 +103,7 @@ fn from_pam_limits(facts: &MachineFacts, priority: u64) -> (String, String) {
             format!(
                 "{} grants only {} to {}",
                 line.location,
-                words(line.value),
+                limit_text(line.value),
                 line.subject
             ),
             format!(
@@ -173,11 +173,66 @@ fn despite_the_right(facts: &MachineFacts, errno: Errno) -> (String, String) {
 }
 
 fn limit(facts: &MachineFacts) -> String {
-    words(facts.limits.rtprio.soft)
+    limit_text(facts.limits.rtprio.soft)
 }
 
-fn words(value: Option<u64>) -> String {
+fn limit_text(value: Option<u64>) -> String {
     value.map_or_else(|| "unlimited".to_owned(), |value| value.to_string())
+}
+
+/// One second; a healthy cell needs less, even when loading a plan under a debugger.
+const SUFFICIENT_US: u64 = 1_000_000;
+
+/// RLIMIT_RTTIME: the kernel kills a process whose real-time thread computes longer than this without sleeping.
+pub(super) fn run_time(facts: &MachineFacts) -> Vec<HealthFinding> {
+    match facts.limits.rttime.soft {
+        None => Vec::new(),
+        Some(limit) if limit >= SUFFICIENT_US => vec![HealthFinding::note(format!(
+            "the rttime limit is {limit} µs: enough for the cycle"
+        ))],
+        Some(limit) => {
+            let fix = match facts.user.service() {
+                Some(service) => format!("LimitRTTIME=infinity in {service}"),
+                None => "ulimit -S -R unlimited, or raise `rttime` where it is set (desktop sessions: rtkit)".to_owned(),
+            };
+            let what = format!("the rttime limit is {limit} µs");
+            vec![
+                HealthFinding::warn(what, fix)
+                    .cause("the kernel kills the executor when one cycle takes longer"),
+            ]
+        }
+    }
+}
+
+/// Linux's default share for real-time threads, percent.
+const DEFAULT_PERCENT: i64 = 95;
+
+/// Real-time throttling: the kernel's protection against real-time threads that never sleep.
+pub(super) fn throttling(facts: &MachineFacts) -> Vec<HealthFinding> {
+    let (Some(run), Some(period)) = (facts.kernel.rt_runtime_us, facts.kernel.rt_period_us) else {
+        return Vec::new();
+    };
+    if run < 0 {
+        return vec![
+            HealthFinding::note(
+                "real-time throttling is off: a thread that never sleeps would freeze the machine",
+            )
+            .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000, unless it is off on purpose"),
+        ];
+    }
+    let percent = run.saturating_mul(100) / period.max(1);
+    if percent < DEFAULT_PERCENT {
+        let what = format!(
+            "real-time threads may run only {percent} % of the time ({run} of {period} µs)"
+        );
+        return vec![
+            HealthFinding::warn(what, "sudo sysctl -w kernel.sched_rt_runtime_us=950000")
+                .cause("the kernel stops the executor for the rest of each period"),
+        ];
+    }
+    vec![HealthFinding::ok(format!(
+        "real-time throttling is on at {percent} %: it protects the machine, and the cycle needs less"
+    ))]
 }
 
 #[cfg(test)]
@@ -209,7 +264,7 @@ mod tests {
     }
 
     fn only(facts: &MachineFacts) -> (String, String) {
-        let [finding] = &check(facts)[..] else {
+        let [finding] = &fifo(facts)[..] else {
             panic!("one finding")
         };
         assert_eq!(finding.level, FindingLevel::Warn);
@@ -224,13 +279,13 @@ mod tests {
         let mut facts = MachineFacts::default();
         facts.user.has_cap_sys_nice = true;
         assert_eq!(
-            check(&facts),
+            fifo(&facts),
             [HealthFinding::ok("SCHED_FIFO 80 obtained (CAP_SYS_NICE)")]
         );
         facts.user.has_cap_sys_nice = false;
         facts.limits.rtprio.soft = Some(90);
         assert_eq!(
-            check(&facts),
+            fifo(&facts),
             [HealthFinding::ok(
                 "SCHED_FIFO 80 obtained (the rtprio limit is 90)"
             )]
@@ -272,7 +327,7 @@ mod tests {
     fn a_refused_requirement_is_a_failure() {
         let mut facts = refused();
         facts.requirements.required = true;
-        assert_eq!(check(&facts)[0].level, FindingLevel::Fail);
+        assert_eq!(fifo(&facts)[0].level, FindingLevel::Fail);
     }
 
     #[test]
@@ -314,5 +369,31 @@ mod tests {
         );
         facts.kernel.rt_runtime_us = Some(0);
         assert!(only(&facts).1.contains("sched_rt_runtime_us=950000"));
+    }
+
+    #[test]
+    fn unlimited_says_nothing_and_a_short_time_warns() {
+        let mut facts = MachineFacts::default();
+        assert_eq!(run_time(&facts), []);
+        facts.limits.rttime.soft = Some(200_000);
+        assert_eq!(run_time(&facts)[0].level, FindingLevel::Warn);
+        facts.limits.rttime.soft = Some(2_000_000);
+        assert_eq!(run_time(&facts)[0].level, FindingLevel::Note);
+    }
+
+    #[test]
+    fn the_usual_share_is_fine_none_is_a_note_and_less_warns() {
+        let mut facts = MachineFacts::default();
+        assert_eq!(throttling(&facts), []);
+        facts.kernel.rt_period_us = Some(1_000_000);
+        for (run, level) in [
+            (950_000, FindingLevel::Ok),
+            (-1, FindingLevel::Note),
+            (500_000, FindingLevel::Warn),
+            (0, FindingLevel::Warn),
+        ] {
+            facts.kernel.rt_runtime_us = Some(run);
+            assert_eq!(throttling(&facts)[0].level, level, "{run}");
+        }
     }
 }
