@@ -261,19 +261,19 @@ fn measure(
 
 /// Moves the arm to the start position of a figure.
 fn approach_start(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Failure> {
-    let mut words = String::new();
+    let mut last_state = String::new();
     for _ in 0..APPROACH_ATTEMPTS_MAX {
         let run = runner.run("approach", &approach_net(start), |_, _| false)?;
         let command = &run.command.command;
         if command.reason.as_deref() == Some("finished") {
             return Ok(());
         }
-        words = follow::state_text(command);
+        last_state = follow::state_text(command);
     }
     Err(Failure::new(
         codes::PROCESS_FAILED,
         format!(
-            "the approach to a figure's start pose ended {words}, {APPROACH_ATTEMPTS_MAX} times"
+            "the approach to a figure's start pose ended {last_state}, {APPROACH_ATTEMPTS_MAX} times"
         ),
         "the demo needs an otherwise idle machine",
     ))

@@ -147,7 +147,7 @@ pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: boo
     }
     let local = source.filter(|(name, _)| {
         let mut placed = findings.iter().filter_map(|finding| finding.place.as_ref());
-        placed.all(|place| place.file == *name)
+        placed.all(|location| location.file == *name)
     });
     match local {
         Some((name, text)) => {
@@ -166,7 +166,7 @@ pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: boo
 }
 
 fn row(finding: &Finding) -> DiagnosticRow {
-    let place = finding.place.clone().unwrap_or_default();
+    let location = finding.place.clone().unwrap_or_default();
     DiagnosticRow {
         code: finding.code.clone(),
         severity: if finding.severity == "warning" {
@@ -175,18 +175,18 @@ fn row(finding: &Finding) -> DiagnosticRow {
             Severity::Error
         },
         message: finding.message.clone(),
-        file: place.file,
-        line: place.line,
-        column: place.column,
-        length: place.length,
-        label: place.label,
+        file: location.file,
+        line: location.line,
+        column: location.column,
+        length: location.length,
+        label: location.label,
         help: finding.help.clone(),
-        used_at: finding.used_at.clone().map(|place| DiagnosticPosition {
-            file: place.file,
-            line: place.line,
-            column: place.column,
-            length: place.length,
-            label: place.label,
+        used_at: finding.used_at.clone().map(|location| DiagnosticPosition {
+            file: location.file,
+            line: location.line,
+            column: location.column,
+            length: location.length,
+            label: location.label,
         }),
     }
 }

@@ -128,10 +128,10 @@ impl IncidentNet {
                 return format!("{name} (input)");
             }
         }
-        let place = format!("{:?} slot {}", difference.store, difference.slot);
+        let slot = format!("{:?} slot {}", difference.store, difference.slot);
         match difference.writer {
-            Some(writer) => format!("{net}: state of {writer} ({place})"),
-            None => format!("{net}: {place}"),
+            Some(writer) => format!("{net}: state of {writer} ({slot})"),
+            None => format!("{net}: {slot}"),
         }
     }
 }

@@ -167,10 +167,10 @@ fn print_all(texts: &Receiver<PrintJob>, write: &mut dyn FnMut(Stream, &str) -> 
                     && !reported
                 {
                     reported = true;
-                    let words =
+                    let note =
                         format!("cannot write to standard output: {error}: going on without it\n");
                     // If stderr fails as well, the error cannot be reported anywhere.
-                    let _ = write(Stream::Err, &words);
+                    let _ = write(Stream::Err, &note);
                 }
             }
             // The waiting thread may have given up.

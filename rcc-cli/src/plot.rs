@@ -362,7 +362,7 @@ mod tests {
             segments: vec![wave.collect()],
             colour: 0,
         };
-        let place = PlotPanel {
+        let panel = PlotPanel {
             is_spatial: true,
             across: "x [m]".to_owned(),
             frame: Some([-1.0, 2.0, -2.0, f64::INFINITY]),
@@ -376,7 +376,7 @@ mod tests {
         };
         Plot {
             title: "a net".to_owned(),
-            panels: vec![place.clone(), place, time, empty],
+            panels: vec![panel.clone(), panel, time, empty],
         }
     }
 

@@ -130,9 +130,9 @@ impl VirtualCell {
         self.engine.account(0, 0, 0);
         while let Ok(outcome) = self.ends.replies.pop() {
             if let EngineReply::Answer { ticket, answer } = outcome
-                && let Some(place) = self.answers.get_mut(ticket as usize)
+                && let Some(slot) = self.answers.get_mut(ticket as usize)
             {
-                *place = Some(answer);
+                *slot = Some(answer);
             }
         }
         while self.ends.events.pop().is_ok() {}

@@ -188,13 +188,13 @@ impl Supervisor {
 
     /// Reports each change of the configuration files that is not in force; the loader writes it to the event log.
     fn poll_files(&mut self) {
-        let words = match self.files.poll() {
+        let message = match self.files.poll() {
             None => return,
             Some(ConfigChange::None) => changed("", None),
-            Some(ConfigChange::Differs(words)) => changed(&words.join("; "), None),
+            Some(ConfigChange::Differs(differences)) => changed(&differences.join("; "), None),
             Some(ConfigChange::Invalid(fault)) => changed("", Some(fault)),
         };
-        self.report("configuration", &words);
+        self.report("configuration", &message);
     }
 
     /// Returns true once a process has failed permanently.
@@ -250,11 +250,11 @@ impl Supervisor {
         };
         let name = child.spec.name.clone();
         if let Some(status) = child.ended() {
-            let words = match child.hung {
+            let how = match child.hung {
                 Some(_) => format!("killed because it hung ({})", child::describe(status)),
                 None => child::describe(status),
             };
-            self.handle_death(index, now, &words, child::remedy(status));
+            self.handle_death(index, now, &how, child::remedy(status));
             return;
         }
         if let Some(silence) = child.check_watchdog(START_TIMEOUT, patience) {
@@ -263,10 +263,10 @@ impl Supervisor {
                 .notifications
                 .as_ref()
                 .map_or("", notify::NotifySocket::status);
-            let words =
+            let status_text =
                 format!("hangs: no progress for {silence:.1} s, killing it; last status: {status}");
             let pid = child.pid().unwrap_or(0);
-            self.report(&name, &words);
+            self.report(&name, &status_text);
             self.record(EventKind::WatchdogKill {
                 process: name,
                 pid,
@@ -302,7 +302,7 @@ impl Supervisor {
     }
 
     /// Handles the death of a process: logs its last lines, runs the janitor, and restarts it or gives up.
-    fn handle_death(&mut self, index: usize, now: Duration, words: &str, remedy: Option<&str>) {
+    fn handle_death(&mut self, index: usize, now: Duration, how: &str, remedy: Option<&str>) {
         let Some(child) = self.children.get_mut(index) else {
             return;
         };
@@ -318,14 +318,14 @@ impl Supervisor {
             RestartDecision::Restart { at, .. } => ProcessState::Down(at),
             RestartDecision::Failed => ProcessState::Failed,
         };
-        self.report(&name, &format!("died: {words}"));
+        self.report(&name, &format!("died: {how}"));
         // Earlier activity is in the log; only an error or panic explains the death.
         let usual = |line: &&String| line.contains(" INFO ") || line.contains(" WARN ");
         let said = last_words.iter().rfind(|line| !usual(line));
         self.record(EventKind::ProcessDied {
             process: name.clone(),
             pid,
-            how: words.to_owned(),
+            how: how.to_owned(),
             last_words: event_text(said.map_or("", String::as_str)),
         });
         for line in last_words {
@@ -343,12 +343,12 @@ impl Supervisor {
                     within_s: window,
                 });
             }
-            RestartDecision::Failed => self.fail(name, is_executor, words, remedy),
+            RestartDecision::Failed => self.fail(name, is_executor, how, remedy),
         }
     }
 
     /// Reports that a process has failed permanently, the effect on the cell, and the remedy.
-    fn fail(&mut self, name: String, is_executor: bool, words: &str, remedy: Option<&str>) {
+    fn fail(&mut self, name: String, is_executor: bool, why: &str, remedy: Option<&str>) {
         self.failed = true;
         self.executor_failed |= is_executor;
         let (most, window) = self.restart_limits();
@@ -360,11 +360,11 @@ impl Supervisor {
             || format!("it died more than {most} times in {window} s: fix the cause given above, then restart the cell"),
             str::to_owned,
         );
-        self.report(&name, &format!("failed: not restarted ({words})"));
+        self.report(&name, &format!("failed: not restarted ({why})"));
         self.report(&name, &format!("  > {rest}; {remedy}"));
         self.record(EventKind::ProcessFailed {
             process: name,
-            why: words.to_owned(),
+            why: why.to_owned(),
         });
     }
 

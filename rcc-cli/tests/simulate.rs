@@ -193,7 +193,7 @@ primitives:
 ";
     fs::write(folder.file("elsewhere.yaml"), elsewhere).expect("written");
     fs::write(folder.file("bad.yaml"), "net: bad\nprimitives: {}\n").expect("written");
-    for (exit, arguments, words) in [
+    for (exit, arguments, expected) in [
         (5, vec![folder.file("elsewhere.yaml")], "RCC3011"),
         (3, vec![folder.file("bad.yaml")], "RCC1"),
         (
@@ -217,7 +217,7 @@ primitives:
         let output = simulate(&arguments);
         let errors = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(exit), "{arguments:?}: {errors}");
-        assert!(errors.contains(words), "{errors}");
+        assert!(errors.contains(expected), "{errors}");
     }
 }
 
@@ -230,10 +230,10 @@ fn plot(exit: i32, arguments: &[&str]) -> String {
         .env("NO_COLOR", "1")
         .output()
         .expect("rcc-cli runs");
-    let words = [output.stdout, output.stderr].concat();
-    let words = String::from_utf8_lossy(&words).into_owned();
-    assert_eq!(output.status.code(), Some(exit), "{arguments:?}: {words}");
-    words
+    let text = [output.stdout, output.stderr].concat();
+    let text = String::from_utf8_lossy(&text).into_owned();
+    assert_eq!(output.status.code(), Some(exit), "{arguments:?}: {text}");
+    text
 }
 
 #[test]
@@ -261,10 +261,10 @@ fn a_plot_shows_path_and_joints_relative_to_limits_reproducibly() {
     plot(0, &[&net("line.yaml"), "-o", &png, "--cancel-at", "500ms"]);
     let bytes = fs::read(png).expect("it was written");
     assert!(bytes.starts_with(b"\x89PNG"));
-    let words = plot(2, &[&net("line.yaml"), "-o", &folder.file("line.jpeg")]);
-    assert!(words.contains(".svg or .png"), "{words}");
-    let words = plot(2, &[&net("blink.yaml"), "-o", &folder.file("blink.svg")]);
-    assert!(words.contains("commands no arm"), "{words}");
+    let text = plot(2, &[&net("line.yaml"), "-o", &folder.file("line.jpeg")]);
+    assert!(text.contains(".svg or .png"), "{text}");
+    let text = plot(2, &[&net("blink.yaml"), "-o", &folder.file("blink.svg")]);
+    assert!(text.contains("commands no arm"), "{text}");
 }
 
 #[test]
@@ -278,18 +278,18 @@ fn a_net_that_would_break_a_limit_is_plotted_but_not_simulated() {
 ";
     fs::write(folder.file("hasty.yaml"), hasty).expect("written");
     let (file, svg) = (folder.file("hasty.yaml"), folder.file("hasty.svg"));
-    let words = plot(1, &[&file, "-o", &svg]);
+    let text = plot(1, &[&file, "-o", &svg]);
     assert!(
-        words.contains("would violate a limit") && words.contains("in move"),
-        "{words}"
+        text.contains("would violate a limit") && text.contains("in move"),
+        "{text}"
     );
     assert!(folder.read("hasty.svg").contains("jerk"));
     let output = simulate(&[&file]);
-    let words = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(5), "{words}");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(5), "{text}");
     assert!(
-        words.contains("RCC3023") && words.contains("slower"),
-        "{words}"
+        text.contains("RCC3023") && text.contains("slower"),
+        "{text}"
     );
 }
 
@@ -313,11 +313,11 @@ fn check_rehearses_from_where_the_simulators_begin() {
             .expect("rcc-cli runs")
     };
     let output = check(&net("line.yaml"));
-    let words = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(output.status.code(), Some(0), "{words}");
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{printed}");
     assert!(
-        words.contains("checked: ") && words.contains("s of motion"),
-        "{words}"
+        printed.contains("checked: ") && printed.contains("s of motion"),
+        "{printed}"
     );
     let folder = Folder::new();
     let text = fs::read_to_string(net("sequence.yaml")).expect("a net");
@@ -325,27 +325,27 @@ fn check_rehearses_from_where_the_simulators_begin() {
     let wide = text.replace("blend: 20 mm", "blend: 300 mm");
     fs::write(folder.file("wide.yaml"), wide).expect("written");
     let output = check(&folder.file("wide.yaml"));
-    let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(output.status.code(), Some(0), "{told}");
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{printed}");
     assert!(
-        told.contains("instead of 300.0 mm: at most half of a leg"),
-        "{told}"
+        printed.contains("instead of 300.0 mm: at most half of a leg"),
+        "{printed}"
     );
     let text = fs::read_to_string(net("line.yaml")).expect("a net");
     let beyond = text.replace("0.538, 0.15, 0.384", "0.538, 0.15, 1.384");
     fs::write(folder.file("beyond.yaml"), beyond).expect("written");
     let output = check(&folder.file("beyond.yaml"));
-    let words = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(3), "{words}");
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{errors}");
     assert!(
-        words.contains("RCC3014") && words.contains("leg 1") && words.contains("% of its path"),
-        "{words}"
+        errors.contains("RCC3014") && errors.contains("leg 1") && errors.contains("% of its path"),
+        "{errors}"
     );
     let fast = text.replace("0.15 m/s\n", "3 m/s\n");
     fs::write(folder.file("fast.yaml"), fast).expect("written");
     let output = check(&folder.file("fast.yaml"));
-    let words = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(3), "{words}");
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{errors}");
     for part in [
         "RCC3014",
         "move, leg 1: at the given speed J1 would reach",
@@ -353,7 +353,7 @@ fn check_rehearses_from_where_the_simulators_begin() {
         "its limit is",
         "of this speed is possible",
     ] {
-        assert!(words.contains(part), "{part}: {words}");
+        assert!(errors.contains(part), "{part}: {errors}");
     }
 }
 
@@ -387,8 +387,8 @@ fn a_soft_arm_presses_with_stiffness_times_depth_plus_added_force() {
     let joint = folder.file("joint.yaml");
     fs::write(&joint, text).expect("written");
     let springs = |stiffness: &str| {
-        let words = fs::read_to_string(&net).expect("a net");
-        let (head, rest) = words
+        let text = fs::read_to_string(&net).expect("a net");
+        let (head, rest) = text
             .split_once("    type: CartesianImpedanceCommand")
             .expect("it");
         let (_, rest) = rest.split_once("  over:").expect("its end");
@@ -410,8 +410,8 @@ fn a_soft_arm_presses_with_stiffness_times_depth_plus_added_force() {
         "{soft} {stiff}"
     );
     let output = simulate(&[&net, "--config", &joint]);
-    let words = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(words.contains("joint impedance control"), "{words}");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(text.contains("joint impedance control"), "{text}");
 }
 
 #[test]

@@ -269,10 +269,10 @@ impl IncidentWriter {
         let trigger = &recording.trigger;
         let (reason, net, fault) = match trigger.reason {
             TriggerReason::Fault { id, fault } => {
-                let words = FaultCode::from_number(fault.code).name();
+                let name = FaultCode::from_number(fault.code).name();
                 let device = self.context.devices.get(fault.device as usize);
                 let of = device.map_or_else(String::new, |device| format!(": {device}"));
-                ("fault", Some(id), Some(format!("{words}{of}")))
+                ("fault", Some(id), Some(format!("{name}{of}")))
             }
             TriggerReason::Late => ("late", None, None),
             TriggerReason::Request => ("request", None, None),

@@ -463,14 +463,14 @@ fn run_until_stopped(
     };
     let mut ended = helpers.conclude();
     if rt.ended.load(Ordering::Acquire) {
-        let words = "the real-time thread panicked: the drivers bring their devices to rest, and this process ends so that its \
+        let message = "the real-time thread panicked: the drivers bring their devices to rest, and this process ends so that its \
                      supervisor restarts it";
-        ended = Err(failed(words.to_owned()));
+        ended = Err(failed(message.to_owned()));
     }
     match &ended {
-        Err(ExitError { message: words, .. }) => {
-            error!("{words}");
-            let why = event_text(words);
+        Err(ExitError { message, .. }) => {
+            error!("{message}");
+            let why = event_text(message);
             recorder.tell(EventKind::HelperEnded { why });
         }
         Ok(()) => {

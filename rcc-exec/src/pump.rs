@@ -125,11 +125,11 @@ impl Pump {
             return;
         };
         let event = Event::now(recorder.source().clone(), cycle, what);
-        let words = event.sentence(&|_, id| format!("command {id}"));
+        let sentence = event.sentence(&|_, id| format!("command {id}"));
         let cycle = cycle.map_or_else(String::new, |cycle| format!(" (cycle {cycle})"));
         match event.severity {
-            EventSeverity::Info => info!("{words}{cycle}"),
-            _ => warn!("{words}{cycle}"),
+            EventSeverity::Info => info!("{sentence}{cycle}"),
+            _ => warn!("{sentence}{cycle}"),
         }
         recorder.record(event);
     }

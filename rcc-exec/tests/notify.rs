@@ -75,7 +75,7 @@ impl SupervisedExecutor {
     }
 
     /// Returns the next message, or `None` if none arrives within the socket's time limit.
-    fn words(&self) -> Option<String> {
+    fn message(&self) -> Option<String> {
         let mut buffer = [0; 4096];
         match self.socket.recv(&mut buffer) {
             Ok(size) => Some(String::from_utf8(buffer[..size].to_vec()).unwrap()),
@@ -85,12 +85,12 @@ impl SupervisedExecutor {
     }
 
     /// Returns the next message that has a line starting with `wanted`.
-    fn await_words(&self, wanted: &str) -> String {
+    fn await_message(&self, wanted: &str) -> String {
         loop {
-            let words = self.words();
-            let words = words.unwrap_or_else(|| panic!("{wanted} did not come"));
-            if words.lines().any(|line| line.starts_with(wanted)) {
-                return words;
+            let text = self.message();
+            let text = text.unwrap_or_else(|| panic!("{wanted} did not come"));
+            if text.lines().any(|line| line.starts_with(wanted)) {
+                return text;
             }
         }
     }
@@ -121,10 +121,10 @@ impl SupervisedExecutor {
     /// Waits for the executor to end; returns its status and its stderr.
     fn end(&mut self) -> (ExitStatus, String) {
         let status = self.executor.wait().unwrap();
-        let mut words = String::new();
+        let mut text = String::new();
         let mut stderr = self.executor.stderr.take().unwrap();
-        std::io::Read::read_to_string(&mut stderr, &mut words).unwrap();
-        (status, words)
+        std::io::Read::read_to_string(&mut stderr, &mut text).unwrap();
+        (status, text)
     }
 
     fn events(&self) -> String {
@@ -134,14 +134,14 @@ impl SupervisedExecutor {
     /// Asserts that no heartbeat arrives for the watchdog's time.
     fn assert_no_heartbeat(&self) {
         self.socket.set_nonblocking(true).unwrap();
-        while self.words().is_some() {}
+        while self.message().is_some() {}
         self.socket.set_nonblocking(false).unwrap();
         // One heartbeat may have been under way when the thread stopped.
         self.socket.set_read_timeout(Some(WATCHDOG)).unwrap();
         let mut beats = 0;
-        while let Some(words) = self.words() {
-            beats += u32::from(words.contains("WATCHDOG=1"));
-            assert!(beats <= 1, "a heartbeat without a cycle: {words}");
+        while let Some(text) = self.message() {
+            beats += u32::from(text.contains("WATCHDOG=1"));
+            assert!(beats <= 1, "a heartbeat without a cycle: {text}");
         }
         self.socket.set_read_timeout(Some(LIMIT)).unwrap();
     }
@@ -165,9 +165,9 @@ impl Drop for SupervisedExecutor {
 #[test]
 fn ready_comes_when_the_executor_is_announced_and_stopping_before_it_ends() {
     let mut supervised = SupervisedExecutor::start("ready", |text| text);
-    let words = supervised.words().expect("READY comes");
-    assert!(words.lines().any(|line| line == "READY=1"), "{words}");
-    let status = words.lines().find(|line| line.starts_with("STATUS="));
+    let text = supervised.message().expect("READY comes");
+    assert!(text.lines().any(|line| line == "READY=1"), "{text}");
+    let status = text.lines().find(|line| line.starts_with("STATUS="));
     let status = status.expect("a status comes with it");
     assert!(status.contains("1000 Hz, 0 nets"), "{status}");
     assert!(
@@ -176,16 +176,16 @@ fn ready_comes_when_the_executor_is_announced_and_stopping_before_it_ends() {
     );
     let announced = supervised.folder.join("demo/processes/executor-exec.json");
     assert!(announced.is_file(), "READY came before the announcement");
-    supervised.await_words("WATCHDOG=1");
+    supervised.await_message("WATCHDOG=1");
     let status = supervised.stop();
     assert!(status.success(), "{status}");
-    supervised.await_words("STOPPING=1");
+    supervised.await_message("STOPPING=1");
 }
 
 #[test]
 fn no_cycle_no_heartbeat() {
     let mut supervised = SupervisedExecutor::start("heart", |text| text);
-    supervised.await_words("READY=1");
+    supervised.await_message("READY=1");
     let thread = supervised.rt_thread();
     if let Err(error) = ptrace::seize(thread, ptrace::Options::empty()) {
         eprintln!("skipped: the system does not allow ptrace ({error})");
@@ -195,7 +195,7 @@ fn no_cycle_no_heartbeat() {
     wait::waitpid(thread, Some(wait::WaitPidFlag::__WALL)).unwrap();
     supervised.assert_no_heartbeat();
     ptrace::detach(thread, None).unwrap();
-    supervised.await_words("WATCHDOG=1");
+    supervised.await_message("WATCHDOG=1");
     assert!(supervised.stop().success());
 }
 
@@ -206,19 +206,19 @@ fn missing_required_real_time_ends_the_executor_with_exit_code_77() {
     });
     let status = supervised.executor.wait().unwrap();
     assert_eq!(status.code(), Some(77));
-    let mut words = String::new();
+    let mut text = String::new();
     let mut stderr = supervised.executor.stderr.take().unwrap();
-    std::io::Read::read_to_string(&mut stderr, &mut words).unwrap();
-    assert!(words.contains("core 4095 was refused"), "{words}");
-    assert!(words.contains("rt: required"), "{words}");
+    std::io::Read::read_to_string(&mut stderr, &mut text).unwrap();
+    assert!(text.contains("core 4095 was refused"), "{text}");
+    assert!(text.contains("rt: required"), "{text}");
     supervised.socket.set_nonblocking(true).unwrap();
-    assert_eq!(supervised.words(), None, "READY must not come");
+    assert_eq!(supervised.message(), None, "READY must not come");
 }
 
 /// Stops one thread of a running executor until the heartbeat stops, then lets it continue.
 fn hang(helper: &str) {
     let mut supervised = SupervisedExecutor::start(&format!("hang-{helper}"), |text| text);
-    supervised.await_words("READY=1");
+    supervised.await_message("READY=1");
     let thread = supervised.thread(helper);
     if let Err(error) = ptrace::seize(thread, ptrace::Options::empty()) {
         eprintln!("skipped: the system does not allow ptrace ({error})");
@@ -227,17 +227,17 @@ fn hang(helper: &str) {
     ptrace::interrupt(thread).unwrap();
     wait::waitpid(thread, Some(wait::WaitPidFlag::__WALL)).unwrap();
     let status =
-        supervised.await_words(&format!("STATUS=HANGS: the helper thread `{helper}` hangs"));
+        supervised.await_message(&format!("STATUS=HANGS: the helper thread `{helper}` hangs"));
     assert!(status.contains("1000 Hz"), "the cycle goes on: {status}");
     supervised.assert_no_heartbeat();
     ptrace::detach(thread, None).unwrap();
-    supervised.await_words("WATCHDOG=1");
+    supervised.await_message("WATCHDOG=1");
     assert!(supervised.stop().success());
-    let told = supervised.events();
-    let told = told
+    let reported = supervised.events();
+    let reported = reported
         .lines()
         .any(|line| line.contains("helper-hangs") && line.contains(helper));
-    assert!(told, "{}", supervised.events());
+    assert!(reported, "{}", supervised.events());
 }
 
 #[test]
@@ -257,7 +257,14 @@ fn an_event_thread_that_hangs_stops_the_heartbeat() {
 
 #[test]
 fn a_helper_that_panics_ends_the_executor_with_its_name() {
-    for helper in ["intake", "net-builder", "pump", "incidents", "events", "notify"] {
+    for helper in [
+        "intake",
+        "net-builder",
+        "pump",
+        "incidents",
+        "events",
+        "notify",
+    ] {
         let mut trigger = PathBuf::new();
         let mut supervised = SupervisedExecutor::start_with(
             &format!("panic-{helper}"),
@@ -268,15 +275,15 @@ fn a_helper_that_panics_ends_the_executor_with_its_name() {
                 command.env("RCC_TEST_PANIC", wanted);
             },
         );
-        supervised.await_words("READY=1");
+        supervised.await_message("READY=1");
         fs::write(&trigger, "").unwrap();
-        let (status, words) = supervised.end();
-        assert_eq!(status.code(), Some(1), "{helper}: {status}: {words}");
+        let (status, text) = supervised.end();
+        assert_eq!(status.code(), Some(1), "{helper}: {status}: {text}");
         let named = format!("the helper thread `{helper}` panicked");
-        assert!(words.contains(&named), "{words}");
+        assert!(text.contains(&named), "{text}");
         // Without the thread that writes events there are no events.
-        let told = supervised.events().contains(&named);
-        assert!(told || helper == "events", "{}", supervised.events());
+        let reported = supervised.events().contains(&named);
+        assert!(reported || helper == "events", "{}", supervised.events());
     }
 }
 
@@ -310,7 +317,7 @@ fn incomplete_incidents_of_dead_executors_are_removed_at_the_start() {
             }
         },
     );
-    supervised.await_words("READY=1");
+    supervised.await_message("READY=1");
     let begun = std::time::Instant::now();
     while gone.iter().any(|name| incidents.join(name).exists()) && begun.elapsed() < LIMIT {
         std::thread::yield_now();

@@ -125,8 +125,8 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         tokio::spawn(self::count_turns(Arc::clone(&turns)));
         tokio::spawn(probe_workers(helpers.helper("workers", WORK_MAX)));
         let socket = cell.socket();
-        let told = recorder.clone();
-        let mut hangs = helpers.watch(move |hang| report_hang(&told, hang));
+        let reporter = recorder.clone();
+        let mut hangs = helpers.watch(move |hang| report_hang(&reporter, hang));
         let supervisor = Notifier::start(&helpers, move || {
             hangs.check(HealthReport {
                 progress: turns.load(Ordering::Relaxed),

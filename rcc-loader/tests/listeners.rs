@@ -116,10 +116,10 @@ fn tcp(cell: &Cell) -> AccessConfig {
 }
 
 /// Waits for a line in the log.
-fn wait_for_log(served: &TestServer, words: &str) {
+fn wait_for_log(served: &TestServer, text: &str) {
     let limit = Instant::now() + LIMIT;
-    while !served.log().contains(words) {
-        assert!(Instant::now() < limit, "no `{words}` in:\n{}", served.log());
+    while !served.log().contains(text) {
+        assert!(Instant::now() < limit, "no `{text}` in:\n{}", served.log());
         std::thread::yield_now();
     }
 }

@@ -149,7 +149,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
     let first = send(&test.cell, "POST /commands/lamp/start", "", b"");
     executor.wait_for_calls(1, is_start);
     // This request waits for the first one, and announces how long it waits.
-    let told = send(
+    let pending = send(
         &test.cell,
         "POST /commands/weld/start",
         "rcc-timeout-ms: 50\r\n",
@@ -163,7 +163,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
     assert_eq!(ask(&test.cell, "GET /commands/weld?brief=true", b"").0, 200);
     executor.hold(false);
     assert_eq!(answer(first).0, 200);
-    let (status, body) = answer(told);
+    let (status, body) = answer(pending);
     assert_eq!((status, &body["code"]), (504, &"RCC4022".into()), "{body}");
     assert_eq!(ask(&test.cell, "POST /commands/3/start", b"").0, 200);
     let starts =

@@ -63,8 +63,8 @@ pub enum TailEnd {
 }
 
 /// Prints a line to stderr; a failure is ignored.
-pub fn print_note(words: &str) {
-    let _ = writeln!(io::stderr(), "{}", Printable(words));
+pub fn print_note(text: &str) {
+    let _ = writeln!(io::stderr(), "{}", Printable(text));
 }
 
 /// Prints until the count or the time is reached, a signal arrives, or the reader is gone.

@@ -139,7 +139,14 @@ pub const WAYS: [(Way, &str); 4] = [
 ];
 
 /// Helper threads of the executor, by name. The real-time thread and the main thread, which only waits, are no helpers.
-pub const HELPERS: [&str; 6] = ["intake", "net-builder", "pump", "incidents", "events", "notify"];
+pub const HELPERS: [&str; 6] = [
+    "intake",
+    "net-builder",
+    "pump",
+    "incidents",
+    "events",
+    "notify",
+];
 
 /// One case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

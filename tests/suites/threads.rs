@@ -117,7 +117,10 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
         .arg("--config")
         .arg(cell.config())
         .arg("--parent-death");
-    command.env("RCC_TEST_PANIC", format!("net-builder@{}", trigger.display()));
+    command.env(
+        "RCC_TEST_PANIC",
+        format!("net-builder@{}", trigger.display()),
+    );
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut executor = TracedProgram(ends_with_test(&mut command).spawn().expect("it starts"));
     cell.await_devices();

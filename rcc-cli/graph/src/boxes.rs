@@ -203,7 +203,7 @@ fn primitive_box(
         parameters: parameters(net, part),
         inputs: inputs.collect(),
         outputs: outputs.collect(),
-        notes: watched.iter().map(|(_, words)| words.clone()).collect(),
+        notes: watched.iter().map(|(_, text)| text.clone()).collect(),
         width: 0.0,
         height: 0.0,
     };
@@ -258,8 +258,8 @@ fn kind(pin: &PortInfo) -> String {
 }
 
 /// Replaces powers in units by superscripts.
-fn with_superscripts(words: &str) -> String {
-    words.replace("^2", "²").replace("^3", "³")
+fn with_superscripts(text: &str) -> String {
+    text.replace("^2", "²").replace("^3", "³")
 }
 
 fn parameters(net: &NetStructure, part: &PrimitiveInfo) -> Vec<String> {

@@ -107,22 +107,22 @@ fn node(
         rows.push_str("<TR>");
         match part.inputs.get(row) {
             Some(pin) => {
-                let words = input(net, pin, value(pin));
+                let label = input(net, pin, value(pin));
                 let _ = write!(
                     rows,
                     "<TD PORT=\"i{row}\" ALIGN=\"LEFT\">{}</TD>",
-                    html(&words)
+                    html(&label)
                 );
             }
             None => rows.push_str("<TD></TD>"),
         }
         match part.outputs.get(row) {
             Some(pin) => {
-                let words = format!("{} {}", pin.name, value(pin).unwrap_or_else(|| kind(pin)));
+                let label = format!("{} {}", pin.name, value(pin).unwrap_or_else(|| kind(pin)));
                 let _ = write!(
                     rows,
                     "<TD PORT=\"o{row}\" ALIGN=\"RIGHT\">{}</TD>",
-                    html(&words)
+                    html(&label)
                 );
             }
             None => rows.push_str("<TD></TD>"),
@@ -160,11 +160,11 @@ fn input(net: &NetStructure, pin: &PortInfo, value: Option<String>) -> String {
 }
 
 /// Quotes a string for DOT, where only quote and backslash are special.
-fn quoted(words: &str) -> String {
-    format!("\"{}\"", words.replace('\\', "\\\\").replace('"', "\\\""))
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
 /// Escapes text for an HTML-like label.
-fn html(words: &str) -> String {
-    super::svg::escaped(words)
+fn html(text: &str) -> String {
+    super::svg::escaped(text)
 }

@@ -24,14 +24,14 @@ pub fn mermaid(net: &NetStructure, values: Option<&PortValues>) -> String {
         let part = link.part.as_deref().unwrap_or_default();
         let element = element.map_or_else(String::new, |element| format!("[{element}]"));
         let value = value.map_or_else(String::new, |value| format!(": {value}"));
-        let words = format!("{output}{part} → {}{element}{value}", pin.name);
+        let label = format!("{output}{part} → {}{element}{value}", pin.name);
         let arrow = if link.delayed { "-.->" } else { "-->" };
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
             "  n{} {arrow}|\"{}\"| n{reader_id}",
             link.primitive,
-            escaped(&words)
+            escaped(&label)
         );
     }
     for (class, colours) in [
@@ -104,7 +104,7 @@ fn node(out: &mut String, net: &NetStructure, number: usize) {
         .device
         .as_ref()
         .map_or_else(String::new, |device| format!(" · {device}"));
-    let mut words = format!(
+    let mut label = format!(
         "<b>{}</b><br/>{}{}",
         escaped(id),
         part.type_name,
@@ -118,20 +118,20 @@ fn node(out: &mut String, net: &NetStructure, number: usize) {
         let constants: Vec<String> = constants.collect();
         if constants.len() == pin.sources.len() {
             let _ = write!(
-                words,
+                label,
                 "<br/>{}",
                 escaped(&format!("{} = {}", pin.name, constants.join(", ")))
             );
         }
     }
     let class = name(part.role).map_or_else(String::new, |class| format!(":::{class}"));
-    let _ = writeln!(out, "  n{number}[\"{words}\"]{class}");
+    let _ = writeln!(out, "  n{number}[\"{label}\"]{class}");
 }
 
 /// Escapes a quoted text: entities for characters special to Mermaid or HTML.
-fn escaped(words: &str) -> String {
+fn escaped(text: &str) -> String {
     let mut out = String::new();
-    for letter in words.chars() {
+    for letter in text.chars() {
         match letter {
             '"' | '<' | '>' | '&' | '#' | '`' | '|' | '[' | ']' | '{' | '}' | '(' | ')' | '\\'
             | ';' => {

@@ -76,9 +76,9 @@ pub fn scene(net: &NetStructure, values: Option<&PortValues>) -> Result<NetScene
         return Err(TooManyBoxes { boxes: boxes.len() });
     }
     let mut root = FrameGroup::default();
-    for (place, it) in boxes.iter().enumerate() {
+    for (number, it) in boxes.iter().enumerate() {
         let path: Vec<&str> = net.primitives[it.part].frames().collect();
-        root.insert(&path, place);
+        root.insert(&path, number);
     }
     let builder = SceneBuilder {
         net,
@@ -86,12 +86,12 @@ pub fn scene(net: &NetStructure, values: Option<&PortValues>) -> Result<NetScene
         links: drawn_links(net),
     };
     let arranged = builder.arrange(&root, None);
-    let at = |place: usize, at: PlanePoint| (boxes[place].clone(), at);
+    let at = |number: usize, at: PlanePoint| (boxes[number].clone(), at);
     Ok(NetScene {
         boxes: arranged
             .boxes
             .into_iter()
-            .map(|(place, point)| at(place, point))
+            .map(|(number, point)| at(number, point))
             .collect(),
         frames: arranged.frames,
         links: arranged.links,
@@ -125,9 +125,9 @@ struct FrameGroup {
 
 impl FrameGroup {
     /// Adds a box; `path` names all groups from the outermost to the one that contains the box.
-    fn insert(&mut self, path: &[&str], place: usize) {
+    fn insert(&mut self, path: &[&str], number: usize) {
         let Some((first, rest)) = path.split_first() else {
-            self.boxes.push(place);
+            self.boxes.push(number);
             return;
         };
         let found = self.groups.iter().position(|group| group.path == *first);
@@ -138,7 +138,7 @@ impl FrameGroup {
             });
             self.groups.len() - 1
         });
-        self.groups[found].insert(rest, place);
+        self.groups[found].insert(rest, number);
     }
 }
 
@@ -172,7 +172,8 @@ impl GroupLayout {
             y: at.y + by.y,
         };
         let boxes = inner.boxes.into_iter();
-        self.boxes.extend(boxes.map(|(place, at)| (place, add(at))));
+        self.boxes
+            .extend(boxes.map(|(number, at)| (number, add(at))));
         let frames = inner.frames.into_iter();
         self.frames.extend(frames.map(|frame| FragmentFrame {
             at: add(frame.at),
@@ -273,15 +274,15 @@ impl SceneBuilder<'_> {
                 &shapes,
             ));
         }
-        let place = |shape: usize| PlanePoint {
+        let point = |shape: usize| PlanePoint {
             x: laid.positions[shape].x + by.x,
             y: laid.positions[shape].y + by.y,
         };
         for (shape, it) in group.boxes.iter().enumerate() {
-            out.boxes.push((*it, place(shape)));
+            out.boxes.push((*it, point(shape)));
         }
         for (number, inner) in inner.into_iter().enumerate() {
-            out.absorb(inner, place(group.boxes.len() + number));
+            out.absorb(inner, point(group.boxes.len() + number));
         }
         out
     }

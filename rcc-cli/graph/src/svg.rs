@@ -25,43 +25,43 @@ const ROLES: [(PrimitiveRole, &str, &str, [&str; 4]); 7] = [
     (
         PrimitiveRole::Plain,
         "plain",
-        "computes",
+        "computation",
         ["#eef1f5", "#aab4c1", "#2a313b", "#566173"],
     ),
     (
         PrimitiveRole::Measures,
         "measures",
-        "measures",
+        "measurement",
         ["#dcecfb", "#5a9bd8", "#173a5c", "#4a8ccb"],
     ),
     (
         PrimitiveRole::Input,
         "input",
-        "set from outside",
+        "external input",
         ["#dff3e4", "#57b174", "#17402a", "#46a164"],
     ),
     (
         PrimitiveRole::Moves,
         "moves",
-        "moves along a path",
+        "motion",
         ["#ece4fa", "#9a7bd6", "#352a57", "#8b6bcb"],
     ),
     (
         PrimitiveRole::Commands,
         "commands",
-        "commands a device",
+        "device command",
         ["#fde6d8", "#e08a52", "#552f18", "#d27b43"],
     ),
     (
         PrimitiveRole::Ends,
         "ends",
-        "cancel and end",
+        "cancel, termination",
         ["#f9dfe3", "#d96b7c", "#52222b", "#c95a6c"],
     ),
     (
         PrimitiveRole::Shows,
         "shows",
-        "is shown",
+        "monitored value",
         ["#d9f2f1", "#45aaa6", "#16403f", "#3c9c98"],
     ),
 ];
@@ -87,8 +87,8 @@ text{fill:#e4e9ef}.paper{fill:#151a21}.words{fill:#9aa5b3}
 #[must_use]
 pub fn svg(net: &NetStructure, scene: &NetScene) -> String {
     let wide = (scene.width + 2.0 * MARGIN).max(LEAST_WIDTH).ceil();
-    let words = lines(&net.description, 12.0, wide - 2.0 * MARGIN, 4);
-    let top = MARGIN + TITLE + 18.0 * words.len() as f64 + 14.0;
+    let description = lines(&net.description, 12.0, wide - 2.0 * MARGIN, 4);
+    let top = MARGIN + TITLE + 18.0 * description.len() as f64 + 14.0;
     let legend = Legend::of(scene);
     let rows = legend.rows(wide - 2.0 * MARGIN);
     let high = (top + scene.height + LEGEND + 20.0 * (rows.len() as f64 - 1.0)).ceil();
@@ -108,7 +108,7 @@ pub fn svg(net: &NetStructure, scene: &NetScene) -> String {
         &fit(&net.net, 17.0, wide - 2.0 * MARGIN),
         "",
     );
-    for (row, line) in words.iter().enumerate() {
+    for (row, line) in description.iter().enumerate() {
         text(
             &mut out,
             "words",
@@ -385,13 +385,13 @@ fn reason(why: Option<&str>) -> String {
     })
 }
 
-fn text(out: &mut String, class: &str, x: f64, y: f64, words: &str, more: &str) {
+fn text(out: &mut String, class: &str, x: f64, y: f64, content: &str, more: &str) {
     let _ = writeln!(
         out,
         "<text class=\"{class}\" x=\"{}\" y=\"{}\"{more}>{}</text>",
         short(x),
         short(y),
-        escaped(words)
+        escaped(content)
     );
 }
 
@@ -404,9 +404,9 @@ fn short(value: f64) -> String {
 
 /// Escapes text for an element or an attribute.
 #[must_use]
-pub fn escaped(words: &str) -> String {
-    let mut out = String::with_capacity(words.len());
-    for letter in words.chars() {
+pub fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
         match letter {
             '&' => out.push_str("&amp;"),
             '<' => out.push_str("&lt;"),

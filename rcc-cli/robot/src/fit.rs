@@ -176,14 +176,14 @@ impl ChainFit<'_> {
         const Y: &str = "along the base's y axis (upright, all joints 0)";
         let mut signs = [0.0; 7];
         let wanted = [Vector::z(), Vector::y()];
-        for (((place, line), number), along_y) in signs
+        for (((slot, line), number), along_y) in signs
             .iter_mut()
             .zip(&lines)
             .zip(1..)
             .zip([false, true].into_iter().cycle())
         {
             let [z, y] = &wanted;
-            *place = match along_y {
+            *slot = match along_y {
                 false => self.sign(number, line, z, Z)?,
                 true => self.sign(number, line, y, Y)?,
             };

@@ -248,7 +248,7 @@ fn end_reason_check(command: &CommandView, event: MotionEvent) -> MotionCheck {
     } else {
         "finished"
     };
-    let words = command
+    let cause = command
         .fault
         .as_ref()
         .map(|fault| format!(": {}", fault.words));
@@ -259,7 +259,7 @@ fn end_reason_check(command: &CommandView, event: MotionEvent) -> MotionCheck {
         format!(
             "{}{}",
             follow::state_text(command),
-            words.unwrap_or_default()
+            cause.unwrap_or_default()
         ),
     )
 }

@@ -53,8 +53,8 @@ impl Bar {
     }
 
     /// Prints the final line, with how the motion ended.
-    pub fn end(&mut self, view: &MotionProgress, words: &str) {
-        let text = format!("{}  {words}", line(&self.name, view));
+    pub fn end(&mut self, view: &MotionProgress, state: &str) {
+        let text = format!("{}  {state}", line(&self.name, view));
         if self.live {
             self.printer.overwrite(&text, true);
         } else {

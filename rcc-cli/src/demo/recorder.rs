@@ -41,7 +41,7 @@ impl MonitorRecorder {
     /// # Errors
     /// Fails if there is no executor or if its stream cannot be read.
     pub fn start(cell: &Cell) -> Result<MonitorRecorder, Failure> {
-        let failed = |words: String| Failure::new(codes::NO_EXECUTOR, words, "");
+        let failed = |message: String| Failure::new(codes::NO_EXECUTOR, message, "");
         let announced = cell
             .announced(Role::Executor, EXECUTOR_LABEL)
             .map_err(|error| failed(error.to_string()))?;

@@ -147,10 +147,10 @@ fn read_trace(text: &str) -> io::Result<Vec<DatagramExchange>> {
             flange: [real(x)?, real(x + 1)?, real(x + 2)?],
             force: [real(fx)?, real(fx + 1)?, real(fx + 2)?],
         };
-        for (joint, place) in exchange.commanded.iter_mut().enumerate() {
+        for (joint, slot) in exchange.commanded.iter_mut().enumerate() {
             // Printed as the shortest text of a binary32: parsed as such, then widened.
             let value: f32 = field(c1 + joint).parse().map_err(|_| malformed(line))?;
-            *place = f64::from(value);
+            *slot = f64::from(value);
         }
         exchanges.push(exchange);
     }

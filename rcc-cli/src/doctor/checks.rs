@@ -63,8 +63,8 @@ fn bytes(amount: u64) -> String {
 
 /// Formats core numbers.
 fn cores(all: &[usize]) -> String {
-    let words: Vec<String> = all.iter().map(usize::to_string).collect();
-    words.join(", ")
+    let numbers: Vec<String> = all.iter().map(usize::to_string).collect();
+    numbers.join(", ")
 }
 
 #[cfg(test)]

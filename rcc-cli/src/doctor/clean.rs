@@ -30,7 +30,7 @@ pub fn clean(base: &Path, shm: Option<&Path>) -> Cleaned {
         match remove(&cell) {
             Ok(Some(line)) => cleaned.removed.push(line),
             Ok(None) => {}
-            Err(words) => cleaned.refused.push(words),
+            Err(reason) => cleaned.refused.push(reason),
         }
     }
     let Some(shm) = shm else { return cleaned };
@@ -50,11 +50,11 @@ pub fn clean(base: &Path, shm: Option<&Path>) -> Cleaned {
 }
 
 fn remove(facts: &CellFacts) -> Result<Option<String>, String> {
-    let words = |error: &dyn std::fmt::Display| format!("cell {}: {error}", facts.name);
-    let Some(cell) = Cell::find(&facts.name).map_err(|error| words(&error))? else {
+    let message = |error: &dyn std::fmt::Display| format!("cell {}: {error}", facts.name);
+    let Some(cell) = Cell::find(&facts.name).map_err(|error| message(&error))? else {
         return Ok(None);
     };
-    let report = remove_cell(&cell).map_err(|error| words(&error))?;
+    let report = remove_cell(&cell).map_err(|error| message(&error))?;
     if report.shared_memory + report.announcements == 0 {
         return Ok(None);
     }

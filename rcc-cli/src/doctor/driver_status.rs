@@ -153,8 +153,8 @@ pub fn sparkline(seconds: &[SecondStats]) -> String {
         if second.exchanges == 0 {
             return NO_EXCHANGE;
         }
-        let place = second.quality_mean as usize * (BARS.len() - 1) / 1000;
-        BARS[place.min(BARS.len() - 1)]
+        let index = second.quality_mean as usize * (BARS.len() - 1) / 1000;
+        BARS[index.min(BARS.len() - 1)]
     };
     seconds.iter().map(sign).collect()
 }

@@ -107,7 +107,7 @@ impl GradeRecord {
             Some(priority) => format!("SCHED_FIFO {priority}"),
             None => "without SCHED_FIFO".to_owned(),
         };
-        let place = self
+        let core = self
             .core
             .map_or_else(|| "any core".to_owned(), |core| format!("core {core}"));
         let doubt = if self.kernel != kernel {
@@ -118,7 +118,7 @@ impl GradeRecord {
             String::new()
         };
         format!(
-            "grade {} for {}, measured {} ago: max {} in {} cycles, {how}, {place}{doubt}",
+            "grade {} for {}, measured {} ago: max {} in {} cycles, {how}, {core}{doubt}",
             self.grade,
             time(self.period_ns),
             age(now.saturating_sub(self.at)),

@@ -149,16 +149,16 @@ fn arguments_of(announced: &Announcement) -> Option<(PathBuf, BTreeMap<String, u
 }
 
 fn configuration_in(command_line: &[u8]) -> Option<(PathBuf, BTreeMap<String, u16>)> {
-    let words: Vec<&str> = command_line
+    let arguments: Vec<&str> = command_line
         .split(|byte| *byte == 0)
         .filter_map(|word| std::str::from_utf8(word).ok())
         .collect();
     let mut path = None;
     let mut ports = BTreeMap::new();
-    for (index, word) in words.iter().enumerate() {
+    for (index, word) in arguments.iter().enumerate() {
         let (key, value) = match word.split_once('=') {
             Some((key, value)) if key.starts_with("--") => (key, Some(value)),
-            _ => (*word, words.get(index + 1).copied()),
+            _ => (*word, arguments.get(index + 1).copied()),
         };
         match (key, value) {
             ("--config", Some(value)) => path = Some(PathBuf::from(value)),

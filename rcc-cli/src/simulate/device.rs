@@ -70,8 +70,8 @@ impl SimulatedDevice {
         measurement.analog.fill(f64::NAN);
         measurement.analog_out.fill(f64::NAN);
         for channel in config.channels_of(ChannelKind::AnalogInput) {
-            if let Some(place) = measurement.analog.get_mut(channel.index as usize) {
-                *place = channel.offset;
+            if let Some(slot) = measurement.analog.get_mut(channel.index as usize) {
+                *slot = channel.offset;
             }
         }
         let release = |kind| {
@@ -115,8 +115,8 @@ impl SimulatedDevice {
         m.stamp_ns = now_ns;
         m.digital_out = self.digital;
         m.digital_out_known = low_bits(self.digital_release.len());
-        for (place, value) in m.analog_out.iter_mut().zip(&self.analog) {
-            *place = *value;
+        for (slot, value) in m.analog_out.iter_mut().zip(&self.analog) {
+            *slot = *value;
         }
         m.state = DeviceState::Ready as u32;
         if let Some(arm) = &self.arm {
@@ -181,8 +181,8 @@ impl SimulatedDevice {
 
     /// Sets an analog input, SI units; NaN makes it unknown.
     pub fn set_analog(&mut self, index: usize, value: f64) {
-        if let Some(place) = self.measurement.analog.get_mut(index) {
-            *place = value;
+        if let Some(slot) = self.measurement.analog.get_mut(index) {
+            *slot = value;
         }
     }
 
@@ -198,10 +198,10 @@ impl SimulatedDevice {
             set_bit(&mut self.digital, index, value);
         }
         let rows = self.analog.iter_mut().zip(&self.analog_release);
-        for ((place, release), commanded) in rows.zip(outputs.analog) {
+        for ((slot, release), commanded) in rows.zip(outputs.analog) {
             match (commanded.is_nan(), release) {
-                (false, _) => *place = commanded,
-                (true, Some(safe)) => *place = *safe,
+                (false, _) => *slot = commanded,
+                (true, Some(safe)) => *slot = *safe,
                 (true, None) => {}
             }
         }
@@ -299,9 +299,9 @@ fn start(config: &DeviceConfig, robot: &RobotConfig, arguments: &[&str]) -> Join
         .filter_map(|number| number.trim().parse().ok())
         .collect();
     let mut position: Joints = [0.0; 8];
-    for ((index, place), joint) in position.iter_mut().enumerate().zip(&robot.joints) {
+    for ((index, slot), joint) in position.iter_mut().enumerate().zip(&robot.joints) {
         let middle = 0.5 * (joint.lower_rad + joint.upper_rad);
-        *place = given.get(index).copied().unwrap_or(middle);
+        *slot = given.get(index).copied().unwrap_or(middle);
     }
     position
 }
@@ -312,8 +312,8 @@ fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Foll
     let limits = robot.limits();
     let position = start(config, robot, arguments);
     let mut jerk_max = [f64::INFINITY; 8];
-    for (place, joint) in jerk_max.iter_mut().zip(&robot.joints) {
-        *place = joint.jerk_rad_s3;
+    for (slot, joint) in jerk_max.iter_mut().zip(&robot.joints) {
+        *slot = joint.jerk_rad_s3;
     }
     let rest = StopLimits {
         velocity_max: limits.velocity_max,

@@ -71,13 +71,13 @@ fn invalid_simulator_argument(arguments: &[&str], robot: &RobotConfig) -> Option
         ));
     }
     let strategy = value_of(arguments, "--strategy=")?;
-    let words = STRATEGIES.map(|(word, _)| word);
-    if words.contains(&strategy) {
+    let names = STRATEGIES.map(|(word, _)| word);
+    if names.contains(&strategy) {
         return None;
     }
     Some(format!(
         "`--strategy={strategy}` must be one of {}",
-        words.join(", ")
+        names.join(", ")
     ))
 }
 

@@ -198,14 +198,14 @@ pub fn panels(columns: &[MonitorColumn]) -> Vec<PlotPanel> {
             &column.unit
         };
         let title = format!("[{unit}]");
-        let place = match panels.iter().position(|panel| panel.title == title) {
-            Some(place) => place,
+        let index = match panels.iter().position(|panel| panel.title == title) {
+            Some(index) => index,
             None => {
                 panels.push(PlotPanel::over_time(title, Vec::new()));
                 panels.len() - 1
             }
         };
-        let curves = &mut panels[place].curves;
+        let curves = &mut panels[index].curves;
         curves.push(PlotCurve {
             name: column.name.clone(),
             segments: segments(column.series.buckets()),

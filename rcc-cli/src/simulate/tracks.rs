@@ -106,27 +106,29 @@ impl ArmTracks {
 
 impl ArmTrack {
     fn panels(&self, dt_s: f64) -> Vec<PlotPanel> {
-        let mut panels = self.places(dt_s);
+        let mut panels = self.flange_panels(dt_s);
         panels.push(self.positions());
         panels.extend(DERIVATIVES.map(|(name, order)| self.rates(name, order, dt_s)));
         panels
     }
 
     /// Returns panels of the flange's path and speed.
-    fn places(&self, dt_s: f64) -> Vec<PlotPanel> {
+    fn flange_panels(&self, dt_s: f64) -> Vec<PlotPanel> {
         let Some(arm) = self.model.arm else {
             return Vec::new();
         };
         let at = |joints: &Joints| arm.forward(joints).position;
-        let place = |stretch: &Vec<(f64, Joints)>| {
-            let places = stretch.iter().map(|(time_s, joints)| (*time_s, at(joints)));
-            places.collect::<Vec<_>>()
+        let positions = |stretch: &Vec<(f64, Joints)>| {
+            let positions = stretch.iter().map(|(time_s, joints)| (*time_s, at(joints)));
+            positions.collect::<Vec<_>>()
         };
-        let path: Vec<Vec<(f64, [f64; 3])>> = self.segments.iter().map(place).collect();
+        let path: Vec<Vec<(f64, [f64; 3])>> = self.segments.iter().map(positions).collect();
         let axes = ["x", "y", "z"];
         let projection = |across: usize, up: usize| {
-            let stretch = |places: &Vec<(f64, [f64; 3])>| {
-                let points = places.iter().map(|(_, place)| (place[across], place[up]));
+            let stretch = |positions: &Vec<(f64, [f64; 3])>| {
+                let points = positions
+                    .iter()
+                    .map(|(_, position)| (position[across], position[up]));
                 points.collect()
             };
             let curve = PlotCurve {
@@ -147,8 +149,8 @@ impl ArmTrack {
                 ..PlotPanel::over_time(format!("{} [m], flange", axes[up]), vec![curve])
             }
         };
-        let speed = |places: &Vec<(f64, [f64; 3])>| {
-            let pairs = places.windows(2).map(|pair| {
+        let speed = |positions: &Vec<(f64, [f64; 3])>| {
+            let pairs = positions.windows(2).map(|pair| {
                 let [(_, a), (time_s, b)] = [pair[0], pair[1]];
                 let square: f64 = a.iter().zip(b).map(|(a, b)| (b - a) * (b - a)).sum();
                 (time_s, square.sqrt() / dt_s)

@@ -52,8 +52,8 @@ impl NotifySocket {
             let Ok(size) = self.socket.recv(&mut buffer) else {
                 return;
             };
-            let words = String::from_utf8_lossy(buffer.get(..size).unwrap_or_default());
-            for word in words.lines() {
+            let message = String::from_utf8_lossy(buffer.get(..size).unwrap_or_default());
+            for word in message.lines() {
                 self.handle_word(word);
             }
         }

@@ -64,8 +64,8 @@ pub fn read(cell: &Cell) -> Result<CellConfig, Failure> {
         )
     })?;
     let running: RunningCell = serde_json::from_slice(&text).map_err(|error| {
-        let words = format!("{}: {error}", path.display());
-        Failure::new(codes::BAD_REQUEST, words, "restart the cell")
+        let message = format!("{}: {error}", path.display());
+        Failure::new(codes::BAD_REQUEST, message, "restart the cell")
     })?;
     CellConfig::load(&running.config, &running.ports)
         .map_err(|faults| Failure::from_faults("invalid configuration", &faults))

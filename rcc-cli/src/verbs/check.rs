@@ -256,7 +256,7 @@ impl CheckSummary {
             count => format!("{} {many}", grouped(count)),
         };
         let all = counted(self.valid + self.invalid, "net", "nets");
-        let mut words = match self.invalid {
+        let mut summary = match self.invalid {
             0 => format!("{all}: all valid"),
             invalid => format!(
                 "{all}: {} valid, {} not",
@@ -270,16 +270,16 @@ impl CheckSummary {
         ];
         for (count, text) in found {
             if count > 0 {
-                words.push_str(&format!(", {text}"));
+                summary.push_str(&format!(", {text}"));
             }
         }
         if self.others > 0 {
-            words.push_str(&format!(
+            summary.push_str(&format!(
                 "; {} skipped (not a net)",
                 counted(self.others, "file", "files")
             ));
         }
-        format!("{words}; {seconds:.2} s")
+        format!("{summary}; {seconds:.2} s")
     }
 }
 

@@ -194,9 +194,9 @@ impl EventView {
         if !self.matches(event) {
             return;
         }
-        let words = event.sentence(&|executor, id| self.net(executor, id));
+        let sentence = event.sentence(&|executor, id| self.net(executor, id));
         match self.format {
-            OutputFormat::Json => print_line(&json(event, &words, self)),
+            OutputFormat::Json => print_line(&json(event, &sentence, self)),
             OutputFormat::Human => {
                 if !self.header_printed {
                     print_line(&row("TIME (UTC)", "CYCLE", "WHO", " ", "WHAT"));
@@ -216,7 +216,7 @@ impl EventView {
                     &cycle,
                     &clean(&event.who()),
                     mark,
-                    &clean(&words),
+                    &clean(&sentence),
                 ));
             }
         }
@@ -228,10 +228,10 @@ fn row(time: &str, cycle: &str, who: &str, mark: &str, what: &str) -> String {
 }
 
 /// Returns the line of the log as JSON, with its sentence and the net's name added.
-fn json(event: &Event, words: &str, view: &EventView) -> String {
+fn json(event: &Event, sentence: &str, view: &EventView) -> String {
     let mut value = serde_json::to_value(event).unwrap_or_default();
     if let Some(object) = value.as_object_mut() {
-        object.insert("words".to_owned(), words.into());
+        object.insert("words".to_owned(), sentence.into());
         if let Some(id) = event.what.command() {
             object.insert("net".to_owned(), view.net(event.executor(), id).into());
         }
@@ -248,9 +248,9 @@ fn since(text: Option<&str>) -> Result<Since, Failure> {
     }
     match super::duration(text) {
         Ok(ago) => Ok(Since::Time(wall_time_before(ago))),
-        Err(words) => Err(Failure::new(
+        Err(message) => Err(Failure::new(
             codes::BAD_REQUEST,
-            words,
+            message,
             "--since takes a duration (10s, 10min) or a cycle number",
         )),
     }
@@ -305,10 +305,10 @@ mod tests {
     #[test]
     fn a_command_has_the_name_under_which_it_was_loaded() {
         let view = view(&Arguments::default());
-        let words = lost().sentence(&|executor, id| view.net(executor, id));
+        let sentence = lost().sentence(&|executor, id| view.net(executor, id));
         assert!(
-            words.starts_with("line#3 terminated by a fault, device lost: lwr"),
-            "{words}"
+            sentence.starts_with("line#3 terminated by a fault, device lost: lwr"),
+            "{sentence}"
         );
         assert_eq!(view.net("another life", 3), "#3");
     }

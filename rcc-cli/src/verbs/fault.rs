@@ -49,14 +49,14 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
     let cell = cell.ok_or_else(|| no_loader(name, ": no such cell"))?;
     let config = running::read(&cell)?;
-    let (action, words) = action(&effect);
+    let (action, description) = action(&effect);
     match action {
-        FaultAction::Signal(signal) => send(&cell, &config, &target, signal, &words)?,
+        FaultAction::Signal(signal) => send(&cell, &config, &target, signal, &description)?,
         FaultAction::Command(command) => {
-            command_simulator(&cell, &config, &target, &command, &words)?
+            command_simulator(&cell, &config, &target, &command, &description)?
         }
     }
-    let done = json!({"target": target, "what": words});
+    let done = json!({"target": target, "what": description});
     context.print(&done, |_| match effect {
         FaultEffect::Clear { .. } | FaultEffect::Ack => format!("{target}: faults cleared"),
         _ => format!("{target}: done; see `rcc-cli events` for the effects"),
@@ -102,10 +102,10 @@ fn not_simulated(what: &str) -> Failure {
     )
 }
 
-fn log_fault(cell: &Cell, target: &str, words: &str) {
+fn log_fault(cell: &Cell, target: &str, description: &str) {
     let what = EventKind::FaultInjected {
         target: target.to_owned(),
-        what: words.to_owned(),
+        what: description.to_owned(),
     };
     events::tell(cell, EventOrigin::Cli, "fault", what);
 }
@@ -115,7 +115,7 @@ fn command_simulator(
     config: &CellConfig,
     device: &str,
     command: &Value,
-    words: &str,
+    description: &str,
 ) -> Result<(), Failure> {
     if config.device(device).is_none() {
         return Err(unknown(config, device));
@@ -129,7 +129,7 @@ fn command_simulator(
         )
     };
     let mut simulator = SimulatorClient::connect(&path).map_err(failed)?;
-    log_fault(cell, device, words);
+    log_fault(cell, device, description);
     let started = Instant::now();
     loop {
         match simulator.ask(command) {
@@ -163,7 +163,7 @@ fn send(
     config: &CellConfig,
     target: &str,
     signal: Signal,
-    words: &str,
+    description: &str,
 ) -> Result<(), Failure> {
     let (role, label) = match target.split_once('/') {
         Some(("driver", device)) if config.device(device).is_some() => (Role::Driver, device),
@@ -196,7 +196,7 @@ fn send(
             )
         })?;
     let pid = i32::try_from(announced.pid).map_err(|_| unknown(config, target))?;
-    log_fault(cell, target, words);
+    log_fault(cell, target, description);
     kill(Pid::from_raw(pid), signal).map_err(|error| {
         Failure::new(
             codes::NOT_PERMITTED,

@@ -87,15 +87,17 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 fn values(context: &Context, net: &str) -> Result<PortValues, Failure> {
     let answer = context.client()?.values(net, &[])?;
     let rows = answer.values.iter();
-    Ok(rows.map(|row| (row.port.clone(), words(row))).collect())
+    Ok(rows
+        .map(|row| (row.port.clone(), value_text(row)))
+        .collect())
 }
 
 /// Elements shown of an array.
 const ELEMENTS_MAX: usize = 3;
 
 /// Formats a value: "0.25 m/s", "[0.1, 0.2, 0.3, …] rad", "null".
-fn words(row: &ValueView) -> String {
-    let words = match &row.value {
+fn value_text(row: &ValueView) -> String {
+    let text = match &row.value {
         Value::Array(values) => {
             let shown = values.iter().take(ELEMENTS_MAX).map(format_scalar);
             let more = (values.len() > ELEMENTS_MAX).then(|| "…".to_owned());
@@ -105,8 +107,8 @@ fn words(row: &ValueView) -> String {
         value => format_scalar(value),
     };
     match &row.unit {
-        Some(unit) if !row.value.is_null() => format!("{words} {unit}"),
-        _ => words,
+        Some(unit) if !row.value.is_null() => format!("{text} {unit}"),
+        _ => text,
     }
 }
 
@@ -131,7 +133,7 @@ mod tests {
 
     #[test]
     fn values_are_short_and_null_is_null() {
-        for (value, unit, words) in [
+        for (value, unit, expected) in [
             (json!(0.123_456), Some("m/s"), "0.1235 m/s"),
             (json!(null), Some("m"), "null"),
             (json!(true), None, "true"),
@@ -145,7 +147,7 @@ mod tests {
                 value,
                 ..ValueView::default()
             };
-            assert_eq!(super::words(&row), words);
+            assert_eq!(super::value_text(&row), expected);
         }
     }
 }

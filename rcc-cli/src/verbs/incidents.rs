@@ -149,13 +149,13 @@ fn list(rows: &[IncidentRow]) -> String {
 
 /// Describes why a recording was frozen.
 pub(super) fn reason(head: &IncidentHead) -> String {
-    let mut words = head.reason.clone();
+    let mut reason = head.reason.clone();
     if let Some(fault) = &head.fault {
-        words = format!("{words}: {fault}");
+        reason = format!("{reason}: {fault}");
     }
     match head.others {
-        0 => words,
-        others => format!("{words} (and {others} more)"),
+        0 => reason,
+        others => format!("{reason} (and {others} more)"),
     }
 }
 

@@ -71,11 +71,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => names.net.clone(),
     };
     write_plot(&out, &Plot { title, panels })?;
-    let words = |refusal: Refusal| with_names(&names, &config, |namer| namer.refusal(1, refusal));
+    let error = |refusal: Refusal| with_names(&names, &config, |namer| namer.refusal(1, refusal));
     let fault = with_names(&names, &config, |namer| {
         namer.fault(&simulated.command.fault)
     });
-    let breaks = simulated.foreseen.map(|refusal| words(refusal).message);
+    let breaks = simulated.foreseen.map(|refusal| error(refusal).message);
     let report = PlotReport {
         net: names.net.clone(),
         file: out.display().to_string(),

@@ -184,7 +184,7 @@ fn result_of(result: &NetReplayResult, named: &IncidentNet) -> ReplayResult {
         0 => format!("#{}", result.id),
         _ => named.title(),
     };
-    let words = match (&result.mismatch, result.compared) {
+    let verdict = match (&result.mismatch, result.compared) {
         (Some(mismatch), _) => describe_mismatch(mismatch, result, named),
         (None, 0) if !result.has_plan => {
             "not compared: its plan is not in the file because it was unloaded too early".to_owned()
@@ -205,7 +205,7 @@ fn result_of(result: &NetReplayResult, named: &IncidentNet) -> ReplayResult {
         first_cycle: result.span[0],
         last_cycle: result.span[1],
         identical: result.compared > 0 && result.different == 0,
-        words,
+        words: verdict,
         mismatch: result
             .mismatch
             .as_ref()
@@ -227,7 +227,7 @@ fn describe_mismatch(mismatch: &Mismatch, result: &NetReplayResult, named: &Inci
             format!(", its cycle {recorded} is cycle {replayed} of the replay: records are missing")
         }
     };
-    let mut words = format!(
+    let mut description = format!(
         "DIFFERS in {} cycles, first in cycle {} (net cycle {}){what}",
         grouped(result.different),
         grouped(mismatch.cycle),
@@ -235,7 +235,7 @@ fn describe_mismatch(mismatch: &Mismatch, result: &NetReplayResult, named: &Inci
     );
     if let Some(slot) = &mismatch.slot {
         let value = |bits| text(&value_of(slot.store, bits), "null");
-        words.push_str(&format!(
+        description.push_str(&format!(
             "; in the snapshot of cycle {}, {} was {} and is {} in the replay",
             grouped(slot.cycle),
             named.slot(slot),
@@ -243,7 +243,7 @@ fn describe_mismatch(mismatch: &Mismatch, result: &NetReplayResult, named: &Inci
             value(slot.replayed)
         ));
     }
-    words
+    description
 }
 
 fn describe_evaluation(evaluation: Evaluation) -> String {
@@ -350,8 +350,8 @@ impl ValuePrinter {
                 self.row = Some((step.cycle, seconds, vec![String::new(); self.columns]));
             }
             if let Some((_, _, row)) = &mut self.row {
-                for (place, value) in row.iter_mut().skip(first).zip(values) {
-                    *place = value;
+                for (slot, value) in row.iter_mut().skip(first).zip(values) {
+                    *slot = value;
                 }
             }
             return Ok(());

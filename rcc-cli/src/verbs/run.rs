@@ -85,12 +85,12 @@ fn start_and_follow(
             state => state?,
         };
         answered = Instant::now();
-        let words = follow::state_text(&command);
+        let state = follow::state_text(&command);
         // The snapshot may be a few cycles older than the START that was just answered.
         let old = command.state == "ready";
-        if words != shown && !old {
-            show(&format!("{}  {words}", follow::title(&command)));
-            shown = words;
+        if state != shown && !old {
+            show(&format!("{}  {state}", follow::title(&command)));
+            shown = state;
         }
         if follow::is_over(&command) {
             return Ok(command);

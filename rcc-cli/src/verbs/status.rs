@@ -108,10 +108,10 @@ fn helpers(helpers: &[HelperView]) -> String {
 }
 
 /// Lists problems of the configuration, one per line.
-fn configuration(words: &[String]) -> String {
-    let lines = words.iter();
+fn configuration(sentences: &[String]) -> String {
+    let lines = sentences.iter();
     lines
-        .map(|words| format!("CONFIGURATION  {words}\n"))
+        .map(|sentence| format!("CONFIGURATION  {sentence}\n"))
         .collect()
 }
 
@@ -190,7 +190,7 @@ fn clock(clock: &ClockView) -> String {
     let Some(device) = &clock.device else {
         return String::new();
     };
-    let words = match clock.state.as_str() {
+    let state = match clock.state.as_str() {
         "locked" => format!(
             "locked, period {:.6} ms ({:+.0} ppm), packet jitter ± {:.0} µs, cycle error {:+.1} µs",
             clock.device_period_ns * 1e-6,
@@ -201,7 +201,7 @@ fn clock(clock: &ClockView) -> String {
         "unfit" => "not followed: its period is not a multiple of the cell's".to_owned(),
         _ => "searching: the executor runs on its own clock".to_owned(),
     };
-    format!("clock     {device}: {words}; lost {} times\n", clock.losses)
+    format!("clock     {device}: {state}; lost {} times\n", clock.losses)
 }
 
 #[cfg(test)]
@@ -220,8 +220,8 @@ mod tests {
             rate_ppm: 12.0,
             losses: 1,
         };
-        let words = "clock     lwr: locked, period 1.000012 ms (+12 ppm), packet jitter ± 31 µs, cycle error -0.4 µs; \
+        let expected = "clock     lwr: locked, period 1.000012 ms (+12 ppm), packet jitter ± 31 µs, cycle error -0.4 µs; \
                      lost 1 times\n";
-        assert_eq!(clock(&locked), words);
+        assert_eq!(clock(&locked), expected);
     }
 }

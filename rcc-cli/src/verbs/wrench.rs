@@ -106,7 +106,7 @@ fn human(report: &WrenchReport) -> String {
     let [mass, centre] = found.deviation;
     let mut text = String::from("compensated:\n  type: WrenchCompensation\n  parameters:\n");
     // Writing to a String cannot fail.
-    let mut line = |words: String| _ = writeln!(text, "{words}");
+    let mut line = |row: String| _ = writeln!(text, "{row}");
     line(format!("    mass: {} kg", rounded(found.mass)));
     line(format!("    centre: {}  # m", list(&found.centre)));
     line(format!(

@@ -124,12 +124,12 @@ fn finding(row: DiagnosticRow) -> Finding {
             length: row.length,
             label: row.label,
         }),
-        used_at: row.used_at.map(|place| TextLocation {
-            file: place.file,
-            line: place.line,
-            column: place.column,
-            length: place.length,
-            label: place.label,
+        used_at: row.used_at.map(|location| TextLocation {
+            file: location.file,
+            line: location.line,
+            column: location.column,
+            length: location.length,
+            label: location.label,
         }),
         help: row.help,
         rendered: String::new(),

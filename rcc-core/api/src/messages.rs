@@ -328,11 +328,11 @@ impl NameResolver<'_> {
                 why.remedy(),
             );
         }
-        let words = (self.reason)(&name, reason);
-        let because = if words.is_empty() {
+        let explanation = (self.reason)(&name, reason);
+        let because = if explanation.is_empty() {
             String::new()
         } else {
-            format!(" ({words})")
+            format!(" ({explanation})")
         };
         let help = match state {
             DeviceState::Offline => format!(

@@ -100,17 +100,17 @@ pub fn document() -> Result<String, serde_json::Error> {
 /// # Errors
 /// Returns an error if the system cannot create a thread.
 pub fn router(service: Arc<Service>, helpers: &Helpers) -> io::Result<Router> {
-    let places = |count| Arc::new(Semaphore::new(count));
+    let permits = |count| Arc::new(Semaphore::new(count));
     let state = ServerState {
         service,
         stops: StopWorkers::start(helpers)?,
-        requests: places(REQUESTS_MAX),
-        loading: places(LOADING_MAX),
-        compiling: places(1),
-        compiling_long: places(1),
-        reading: places(READING_MAX),
-        texts: places(TEXTS_MAX),
-        answers: places(ANSWERS_MAX),
+        requests: permits(REQUESTS_MAX),
+        loading: permits(LOADING_MAX),
+        compiling: permits(1),
+        compiling_long: permits(1),
+        reading: permits(READING_MAX),
+        texts: permits(TEXTS_MAX),
+        answers: permits(ANSWERS_MAX),
     };
     Ok(routes(state))
 }
@@ -161,7 +161,7 @@ async fn load(
     Extension(memory): Extension<TextMemory>,
     body: Bytes,
 ) -> Result<Response, ErrorResponse> {
-    let place = Arc::clone(&state.loading)
+    let permit = Arc::clone(&state.loading)
         .try_acquire_owned()
         .map_err(|_| too_many(LOADING_MAX))?;
     let turns = Arc::clone(match body.len() > LONG_TEXT {
@@ -182,7 +182,7 @@ async fn load(
         if let Err(error) = compiled.await {
             tracing::error!(id, %error, "a load panicked");
         }
-        drop((place, memory));
+        drop((permit, memory));
     });
     let state = "loading".to_owned();
     Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())

@@ -46,17 +46,17 @@ pub fn discard_excess(file: &mut CommandFile) {
 /// Keeps as many findings as fit into [`FINDINGS_MAX`], errors first, and adds one that tells how many there were.
 fn limit_findings(findings: &mut Vec<Finding>) {
     let size = |row: &Finding| {
-        let place = |place: &Option<TextLocation>| {
-            place
+        let location = |location: &Option<TextLocation>| {
+            location
                 .as_ref()
-                .map_or(0, |place| place.file.len() + place.label.len())
+                .map_or(0, |location| location.file.len() + location.label.len())
         };
         let help = row.help.as_ref().map_or(0, String::len);
         row.message.len()
             + row.rendered.len()
             + help
-            + place(&row.place)
-            + place(&row.used_at)
+            + location(&row.place)
+            + location(&row.used_at)
             + 200
     };
     let count = findings.len();
@@ -69,9 +69,9 @@ fn limit_findings(findings: &mut Vec<Finding>) {
         truncate_text(&mut row.message);
         truncate_text(&mut row.rendered);
         row.help.iter_mut().for_each(truncate_text);
-        for place in row.place.iter_mut().chain(&mut row.used_at) {
-            truncate_text(&mut place.file);
-            truncate_text(&mut place.label);
+        for location in row.place.iter_mut().chain(&mut row.used_at) {
+            truncate_text(&mut location.file);
+            truncate_text(&mut location.label);
         }
     }
     let mut sum = 0;
@@ -95,11 +95,11 @@ fn limit_findings(findings: &mut Vec<Finding>) {
 }
 
 /// Truncates a text of a finding, which may quote a text of any length.
-fn truncate_text(words: &mut String) {
+fn truncate_text(text: &mut String) {
     const TEXT_MAX: usize = 8 << 10;
-    if words.len() > TEXT_MAX {
-        words.truncate(words.floor_char_boundary(TEXT_MAX));
-        words.push('…');
+    if text.len() > TEXT_MAX {
+        text.truncate(text.floor_char_boundary(TEXT_MAX));
+        text.push('…');
     }
 }
 

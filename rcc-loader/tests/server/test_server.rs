@@ -57,9 +57,11 @@ impl TestServer {
         let address = listeners.address();
         let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
         let log = Log::default();
-        let told = log.clone();
+        let writer = log.clone();
         let thread = std::thread::spawn(move || {
-            let subscriber = tracing_subscriber::fmt().with_ansi(false).with_writer(told);
+            let subscriber = tracing_subscriber::fmt()
+                .with_ansi(false)
+                .with_writer(writer);
             let _guard = tracing::subscriber::set_default(subscriber.finish());
             let runtime = tokio::runtime::Builder::new_current_thread()
                 .enable_all()

@@ -113,8 +113,8 @@ fn place_layer(
     let mut shift = 0.0;
     let mut shifts = Vec::new();
     let mut pools: Vec<Pool> = Vec::new();
-    for (place, vertex) in vertices.iter().enumerate() {
-        if let Some(upper) = place.checked_sub(1) {
+    for (index, vertex) in vertices.iter().enumerate() {
+        if let Some(upper) = index.checked_sub(1) {
             shift += distance(layered, shapes, vertices[upper], *vertex);
         }
         shifts.push(shift);
@@ -151,14 +151,14 @@ fn desired(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64,
     desired_tops.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = desired_tops.iter().map(|(_, weight)| weight).sum();
     let mut below = 0.0;
-    for (place, (desired, weight)) in desired_tops.iter().enumerate() {
+    for (index, (desired, weight)) in desired_tops.iter().enumerate() {
         below += weight;
         if below * 2.0 > total {
             return (*desired, total);
         }
         if below * 2.0 == total {
             let next = desired_tops
-                .get(place + 1)
+                .get(index + 1)
                 .map_or(*desired, |(next, _)| *next);
             return ((desired + next) / 2.0, total);
         }

@@ -83,8 +83,8 @@ impl Ranks {
             let height = layered.vertices[other]
                 .shape
                 .map_or(1.0, |shape| shapes[shape].height);
-            let place = self.0[other] as f64 + y / height.max(1.0) * 0.9;
-            sums[vertex] = (sums[vertex].0 + place, sums[vertex].1 + 1);
+            let position = self.0[other] as f64 + y / height.max(1.0) * 0.9;
+            sums[vertex] = (sums[vertex].0 + position, sums[vertex].1 + 1);
         }
         let mean = |vertex: usize, rank: usize| match sums[vertex] {
             (_, 0) => rank as f64,
@@ -128,15 +128,15 @@ fn crossings(layered: &LayeredGraph, segments: &[EdgeSegment], rank: &Ranks, nex
     let mut tree = vec![0_usize; targets.len() + 1];
     let (mut seen, mut sum) = (0, 0);
     for (_, to) in ends {
-        let place = targets.partition_point(|known| by(known, &to).is_lt()) + 1;
+        let index = targets.partition_point(|known| by(known, &to).is_lt()) + 1;
         // Earlier segments that end above or at the same position do not cross.
-        let (mut at, mut before) = (place, 0);
+        let (mut at, mut before) = (index, 0);
         while at > 0 {
             before += tree[at];
             at &= at - 1;
         }
         sum += seen - before;
-        let mut at = place;
+        let mut at = index;
         while at < tree.len() {
             tree[at] += 1;
             at += at & at.wrapping_neg();
@@ -186,7 +186,7 @@ fn exchange(
 
 fn swap(layered: &mut LayeredGraph, rank: &mut Ranks, layer: usize, upper: usize) {
     layered.layers[layer].swap(upper - 1, upper);
-    for place in [upper - 1, upper] {
-        rank.0[layered.layers[layer][place]] = place;
+    for index in [upper - 1, upper] {
+        rank.0[layered.layers[layer][index]] = index;
     }
 }

@@ -78,9 +78,9 @@ proptest! {
             prop_assert_eq!(points.first(), Some(&start));
             prop_assert_eq!(points.last(), Some(&end));
             for pair in points.windows(2) {
-                for (shape, place) in shapes.iter().zip(&laid.positions) {
+                for (shape, position) in shapes.iter().zip(&laid.positions) {
                     // Curves stay within the gap between two layers, where no box is.
-                    prop_assert!(!is_in((shape, *place), pair[0], pair[1]), "{:?}", route);
+                    prop_assert!(!is_in((shape, *position), pair[0], pair[1]), "{:?}", route);
                 }
             }
         }

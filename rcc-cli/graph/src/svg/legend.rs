@@ -17,9 +17,9 @@ impl Legend {
     pub fn of(scene: &NetScene) -> Legend {
         let has = |role: PrimitiveRole| scene.boxes.iter().any(|(it, _)| it.role == role);
         let roles = ROLES.iter().filter(|(role, ..)| has(*role));
-        let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();
+        let mut rows: Vec<_> = roles.map(|(_, name, label, _)| (*name, *label)).collect();
         if scene.links.iter().any(|segment| segment.signal.2) {
-            rows.push(("delayed", "value of the cycle before"));
+            rows.push(("delayed", "delayed link: value of the previous cycle"));
         }
         let mut ports = scene
             .boxes
@@ -33,13 +33,13 @@ impl Legend {
             .iter()
             .any(|(it, _)| it.notes.iter().any(|note| note.starts_with('◉')))
         {
-            rows.push(("eye", "a monitor shows it"));
+            rows.push(("eye", "read by a monitor"));
         }
         Legend(rows)
     }
 
-    fn entry_width(words: &str) -> f64 {
-        22.0 + width(words, PORT_SIZE) + 18.0
+    fn entry_width(label: &str) -> f64 {
+        22.0 + width(label, PORT_SIZE) + 18.0
     }
 
     /// Arranges the entries in rows of at most this width.
@@ -65,7 +65,7 @@ impl Legend {
         for (number, row) in rows.iter().rev().enumerate() {
             let y = high - 18.0 - 20.0 * number as f64;
             let mut x = MARGIN;
-            for (name, words) in row {
+            for (name, label) in row {
                 let (left, middle) = (short(x), short(y - 4.0));
                 let _ = match *name {
                     "delayed" => writeln!(
@@ -88,8 +88,8 @@ impl Legend {
                         short(y - 9.5)
                     ),
                 };
-                text(out, "kind", x + 22.0, y, words, "");
-                x += Legend::entry_width(words);
+                text(out, "kind", x + 22.0, y, label, "");
+                x += Legend::entry_width(label);
             }
         }
     }

@@ -87,10 +87,10 @@ pub(super) fn cells(facts: &MachineFacts) -> Vec<HealthFinding> {
 
 fn cell_findings(cell: &CellFacts) -> Vec<HealthFinding> {
     let name = &cell.name;
-    if let Some(words) = &cell.refused {
+    if let Some(reason) = &cell.refused {
         let fix = format!("ask its owner, or inspect {}", cell.folder.display());
         return vec![HealthFinding::warn(
-            format!("cannot inspect cell {name}: {words}"),
+            format!("cannot inspect cell {name}: {reason}"),
             fix,
         )];
     }

@@ -166,7 +166,7 @@ mod tests {
             (Some(3), FindingLevel::Fail),
         ] {
             facts.requirements.core = core;
-            assert_eq!(core(&facts)[0].level, level, "{core:?}");
+            assert_eq!(super::core(&facts)[0].level, level, "{core:?}");
         }
     }
 

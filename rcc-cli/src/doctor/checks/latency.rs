@@ -2,10 +2,8 @@
 
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
-use crate::doctor::grade::Grade;
 use crate::doctor::grade::{Grade, STALE_DEFAULT_NS};
 use crate::doctor::measure::WakeUpMeasurement;
-use crate::table::time;
 use crate::table::{grouped, time};
 
 /// The grade: measured wake-up latency and what it allows.
@@ -44,7 +42,7 @@ fn summary(measured: &WakeUpMeasurement) -> String {
         Some(priority) => format!("SCHED_FIFO {priority}"),
         None => "without SCHED_FIFO".to_owned(),
     };
-    let place = match measured.core {
+    let core_text = match measured.core {
         Some(core) => format!("core {core}"),
         None => "any core".to_owned(),
     };
@@ -53,7 +51,7 @@ fn summary(measured: &WakeUpMeasurement) -> String {
         missed => format!(", {missed} after the next deadline"),
     };
     format!(
-        "wake-up latency on {place}, {how}, {} cycles: p50 {} p99 {} p99.9 {} max {}{missed}",
+        "wake-up latency on {core_text}, {how}, {} cycles: p50 {} p99 {} p99.9 {} max {}{missed}",
         grouped(measured.cycles),
         time(measured.p50_ns),
         time(measured.p99_ns),

@@ -120,7 +120,7 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
     // Processes that may be alive do not count as dead, because the dead ones' files are offered for removal.
     let (dead, living): (Vec<_>, Vec<_>) =
         announced.iter().partition(|one| one.liveness().is_dead());
-    let words = |all: Vec<&rcc_protocol::Announcement>| -> Vec<String> {
+    let labels = |all: Vec<&rcc_protocol::Announcement>| -> Vec<String> {
         all.iter()
             .map(|one| format!("{}/{} (pid {})", one.role, one.label, one.pid))
             .collect()
@@ -132,8 +132,8 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
         .and_then(|client| client.get::<StatusView>("/status").ok())
         .map(|status| status.executor);
     Some(CellFacts {
-        living: words(living),
-        dead: words(dead),
+        living: labels(living),
+        dead: labels(dead),
         files: left.len(),
         bytes: left.iter().map(|path| size(path)).sum(),
         refused: None,

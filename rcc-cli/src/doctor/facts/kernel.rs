@@ -30,11 +30,11 @@ pub struct KernelFacts {
 pub fn read(system: &SystemRoot, cgroup: &str) -> KernelFacts {
     let version = system.text("proc/version").unwrap_or_default();
     let release = system.text("proc/sys/kernel/osrelease").unwrap_or_default();
-    let words = version.split([' ', '_']).any(|word| word == "RT");
+    let in_version = version.split([' ', '_']).any(|word| word == "RT");
     let flagged = system.number("sys/kernel/realtime") == Some(1);
     let preemption = version.split(' ').find(|word| word.starts_with("PREEMPT"));
     KernelFacts {
-        preempt_rt: flagged || words,
+        preempt_rt: flagged || in_version,
         preemption: preemption.unwrap_or_default().to_owned(),
         rt_runtime_us: system.number("proc/sys/kernel/sched_rt_runtime_us"),
         rt_period_us: system.number("proc/sys/kernel/sched_rt_period_us"),

@@ -35,8 +35,8 @@ pub struct SharedMemoryMount {
 pub fn read(system: &SystemRoot) -> MemoryFacts {
     let text = system.text("proc/meminfo").unwrap_or_default();
     let bytes = |key| {
-        let words = value_in(&text, key)?.split_whitespace().next()?;
-        words.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
+        let number = value_in(&text, key)?.split_whitespace().next()?;
+        number.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
     };
     let swap = bytes("SwapTotal").unwrap_or(0);
     MemoryFacts {

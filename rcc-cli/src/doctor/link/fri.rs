@@ -132,7 +132,7 @@ fn port(facts: &LinkFacts) -> Option<HealthFinding> {
     let Some(probe) = &facts.probe else {
         return plain::settings(facts);
     };
-    let Some(words) = probe["error"].as_str() else {
+    let Some(error) = probe["error"].as_str() else {
         return Some(HealthFinding::note(format!(
             "no driver runs; listened on UDP {listen} in its place, without answering"
         )));
@@ -157,7 +157,7 @@ fn port(facts: &LinkFacts) -> Option<HealthFinding> {
             ))
         }
         _ => Some(HealthFinding::fail(
-            words,
+            error,
             "correct the device's entry in the cell's file",
         )),
     }

@@ -98,7 +98,7 @@ fn next_status(
 fn listen(chosen: &SelectedCell, device: &DeviceConfig, facts: &mut LinkFacts) {
     match probe(chosen, device) {
         Ok(probe) => facts.probe = Some(probe),
-        Err(words) => facts.no_probe = Some(words),
+        Err(reason) => facts.no_probe = Some(reason),
     }
 }
 

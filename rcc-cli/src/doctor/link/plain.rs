@@ -16,18 +16,18 @@ pub const STAGES: &[LinkStage] = &[
 
 /// Stage: without a driver, its configuration is accepted.
 pub(super) fn settings(facts: &LinkFacts) -> Option<HealthFinding> {
-    if let Some(words) = &facts.no_probe {
+    if let Some(reason) = &facts.no_probe {
         let fix = "correct the device's entry in the cell's file";
         return Some(HealthFinding::fail(
-            format!("no driver runs, and none can start: {words}"),
+            format!("no driver runs, and none can start: {reason}"),
             fix,
         ));
     }
     let probe = facts.probe.as_ref()?;
     match probe["error"].as_str() {
         // The driver's message names the setting and the remedy.
-        Some(words) => Some(HealthFinding::fail(
-            words,
+        Some(error) => Some(HealthFinding::fail(
+            error,
             "correct the device's entry in the cell's file",
         )),
         None => Some(HealthFinding::note(
@@ -42,14 +42,14 @@ fn server(facts: &LinkFacts) -> Option<HealthFinding> {
         Ok(()) => Some(HealthFinding::ok(format!(
             "the server {server} accepts connections"
         ))),
-        Err(words) => {
+        Err(error) => {
             let fix = format!(
                 "check that it is on and in this subnet (ping {}), that its Modbus server is enabled on this port, \
                  that it accepts another client, and that no firewall blocks it",
                 server.rsplit_once(':').map_or(server, |(host, _)| host)
             );
             Some(HealthFinding::fail(
-                format!("cannot reach the server {server}: {words}"),
+                format!("cannot reach the server {server}: {error}"),
                 fix,
             ))
         }
@@ -58,7 +58,7 @@ fn server(facts: &LinkFacts) -> Option<HealthFinding> {
 
 /// Stage: data is exchanged, and the device can be commanded.
 fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
-    let (reason, words, exchanges) = match (&facts.driver_status, &facts.probe) {
+    let (reason, description, exchanges) = match (&facts.driver_status, &facts.probe) {
         (Some(status), _) => {
             let before = facts
                 .previous_status
@@ -75,10 +75,10 @@ fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
             let reason = last["reason"]
                 .as_u64()
                 .and_then(|number| u32::try_from(number).ok());
-            let words = last["reason_words"].as_str().unwrap_or_default().to_owned();
+            let description = last["reason_words"].as_str().unwrap_or_default().to_owned();
             (
                 reason.unwrap_or(0),
-                words,
+                description,
                 probe["exchanges"].as_u64().unwrap_or(0),
             )
         }
@@ -87,14 +87,14 @@ fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
     if exchanges == 0 {
         let fix = "follow the message; the driver's log gives the address and cause";
         return Some(HealthFinding::fail(
-            format!("no data is exchanged: {words}"),
+            format!("no data is exchanged: {description}"),
             fix,
         ));
     }
     match reason {
         0 => Some(HealthFinding::ok("the device answers and can be commanded")),
         _ => Some(HealthFinding::fail(
-            format!("the device answers, but: {words}"),
+            format!("the device answers, but: {description}"),
             "follow the message",
         )),
     }
@@ -154,10 +154,10 @@ mod tests {
 
     #[test]
     fn exceptions_are_reported_in_the_drivers_words() {
-        let words = "the Modbus server refuses an address or a value".to_owned();
+        let text = "the Modbus server refuses an address or a value".to_owned();
         let facts = running(DriverStatus {
             reason: 102,
-            reason_words: words,
+            reason_words: text,
             ..DriverStatus::default()
         });
         let report = LinkReport::of(&facts);

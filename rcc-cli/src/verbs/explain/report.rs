@@ -248,7 +248,7 @@ fn regions(structure: &NetStructure, order: &[EvaluationStep]) -> Vec<Conditiona
         let part = structure.primitives.get(*part);
         for activity in part.into_iter().flat_map(|part| &part.active) {
             let known = regions.iter().position(|region| region.id == activity.id);
-            let place = known.unwrap_or_else(|| {
+            let index = known.unwrap_or_else(|| {
                 regions.push(ConditionalRegion {
                     id: activity.id.clone(),
                     condition: activity.condition.clone(),
@@ -257,8 +257,8 @@ fn regions(structure: &NetStructure, order: &[EvaluationStep]) -> Vec<Conditiona
                 });
                 regions.len() - 1
             });
-            regions[place].primitives += 1;
-            regions[place].ns += step.ns;
+            regions[index].primitives += 1;
+            regions[index].ns += step.ns;
         }
     }
     regions
@@ -300,13 +300,13 @@ fn memory(found: &ResolvedNet) -> NetMemory {
         !pin.sources.is_empty() && pin.sources.iter().all(constant)
     };
     let inputs = structure.primitives.iter().flat_map(|part| &part.inputs);
-    let mut places: Vec<_> = inputs
+    let mut slots: Vec<_> = inputs
         .filter(is_constant)
         .map(|pin| (bytes(pin.store), pin.store as u8, pin.slot))
         .collect();
-    let constant_inputs = places.len();
-    places.sort_unstable();
-    places.dedup();
+    let constant_inputs = slots.len();
+    slots.sort_unstable();
+    slots.dedup();
     NetMemory {
         reals: plan.reals.len(),
         bools: plan.bools.len(),
@@ -317,7 +317,7 @@ fn memory(found: &ResolvedNet) -> NetMemory {
         other_bytes: arena_bytes.saturating_sub(output_bytes + delayed_bytes),
         operands: plan.operands.len(),
         constant_inputs,
-        constants: places.len(),
+        constants: slots.len(),
     }
 }
 

@@ -153,8 +153,8 @@ pub fn action(effect: &FaultEffect) -> (FaultAction, String) {
         FaultEffect::Continue => signal(Signal::SIGCONT),
         FaultEffect::Exit => signal(Signal::SIGTERM),
         device => {
-            let (command, words) = command(device);
-            (FaultAction::Command(command), words)
+            let (command, description) = command(device);
+            (FaultAction::Command(command), description)
         }
     }
 }

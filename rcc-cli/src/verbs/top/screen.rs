@@ -27,7 +27,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, message: &str)
     let lines = head
         .into_iter()
         .enumerate()
-        .map(|(place, line)| match place {
+        .map(|(index, line)| match index {
             0 => Line::from(line).bold(),
             2.. if late => Line::from(line).fg(Color::Yellow),
             _ => Line::from(line),
@@ -165,9 +165,9 @@ mod tests {
         ] {
             assert!(picture.contains(part), "{part}\n{picture}");
         }
-        let place = |what| picture.find(what);
+        let position = |what| picture.find(what);
         assert!(
-            place("dear#2   running") < place("cheap#1  running"),
+            position("dear#2   running") < position("cheap#1  running"),
             "the dearest first\n{picture}"
         );
         assert!(!picture.contains("over#9"));

@@ -8,7 +8,7 @@ use super::violation::angle;
 
 /// Describes why a leg of a motion is impossible, and the remedy; `joint_name` names joints, counted from 1.
 pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, String) {
-    let place = |fraction: f64| format!("at {:.0} % of its path", fraction * 100.0);
+    let position = |fraction: f64| format!("at {:.0} % of its path", fraction * 100.0);
     let joint = |joint: u8| joint_name(u32::from(joint) + 1);
     match fault {
         MotionFault::AmbiguousRotation => (
@@ -66,7 +66,7 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             "give the `branch` instead: `ArmAngle` computes it from joint positions".to_owned(),
         ),
         MotionFault::Unreachable { fraction } => (
-            format!("the arm cannot reach it {}", place(fraction)),
+            format!("the arm cannot reach it {}", position(fraction)),
             "move the points closer to the arm, or use a `ptp` in another branch".to_owned(),
         ),
         MotionFault::JointRange {
@@ -79,7 +79,7 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
                 "{} would be at {} {}, its limit is {}",
                 joint(which),
                 angle(value, ""),
-                place(fraction),
+                position(fraction),
                 angle(limit, "")
             ),
             format!(
@@ -99,7 +99,7 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
         } => (
             format!(
                 "it passes through a singularity {}: {} would jump",
-                place(fraction),
+                position(fraction),
                 joint(which)
             ),
             "go around it, or use a `ptp`".to_owned(),
@@ -118,7 +118,7 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
                 Quantity::Joint(which) => joint(which),
             };
             let per = ["/s", "/s²", "/s³"][usize::from(order.clamp(1, 3)) - 1];
-            let told = |value: f64| match quantity {
+            let quantity_text = |value: f64| match quantity {
                 Quantity::Line => format!("{value:.3} m{per}"),
                 Quantity::Turn | Quantity::Joint(_) => angle(value, per),
             };
@@ -129,9 +129,9 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             (
                 format!(
                     "at the given speed {what} would reach {} {}; its limit is {}{rest}",
-                    told(value),
-                    place(fraction),
-                    told(limit)
+                    quantity_text(value),
+                    position(fraction),
+                    quantity_text(limit)
                 ),
                 format!(
                     "at most {:.0} % of this speed is possible; without `velocity` the motion is as fast as the joints allow",

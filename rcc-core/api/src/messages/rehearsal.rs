@@ -42,7 +42,7 @@ impl NameResolver<'_> {
             time_s: rehearsed.time_s,
             end: end.to_owned(),
             singularity: Some(rehearsed.singularity).filter(|distance| distance.is_finite()),
-            words: words(rehearsed, &peaks),
+            words: summary(rehearsed, &peaks),
             peaks,
             took_ns: rehearsed.took_ns,
         }
@@ -56,9 +56,9 @@ impl NameResolver<'_> {
     ) -> (ErrorCode, String, String) {
         let net = (self.net)(id);
         let what = self.broken(foreseen);
-        let place = self.place(id, foreseen.place);
+        let location = self.location(id, foreseen.place);
         let message = format!(
-            "{net} would violate a limit {:.3} s after START{place}: {what}",
+            "{net} would violate a limit {:.3} s after START{location}: {what}",
             foreseen.time_s
         );
         (codes::FORESEEN, message, help(foreseen))
@@ -122,20 +122,20 @@ impl NameResolver<'_> {
         }
     }
 
-    fn place(&self, id: u64, place: Option<LegPosition>) -> String {
-        let Some(place) = place else {
+    fn location(&self, id: u64, location: Option<LegPosition>) -> String {
+        let Some(location) = location else {
             return String::new();
         };
-        let leg = match place.leg {
+        let leg = match location.leg {
             0 => String::new(),
             leg => format!(", leg {}", leg + 1),
         };
-        let metres = match place.distance_m {
+        let metres = match location.distance_m {
             metres if metres.is_finite() => format!(" ({metres:.4} m)"),
             _ => String::new(),
         };
-        let motion = self.motion(id, place.motion);
-        let part = match 100.0 * place.fraction {
+        let motion = self.motion(id, location.motion);
+        let part = match 100.0 * location.fraction {
             part if part.is_finite() => format!(" at {part:.1} % of the path"),
             _ => String::new(),
         };
@@ -143,7 +143,7 @@ impl NameResolver<'_> {
     }
 }
 
-fn words(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
+fn summary(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
     if rehearsed.end == RehearsalEnd::Elsewhere {
         return format!(
             "not checked yet: it does not start where the arm rests now; START checks it{}",
@@ -154,10 +154,10 @@ fn words(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
     let highest = match peaks {
         [] => "nothing moves".to_owned(),
         peaks => {
-            let words = peaks
+            let shares = peaks
                 .iter()
                 .map(|peak| format!("{} {:.0} % of {}", peak.of, 100.0 * peak.share, peak.joint));
-            format!("highest joint {}", words.collect::<Vec<_>>().join(", "))
+            format!("highest joint {}", shares.collect::<Vec<_>>().join(", "))
         }
     };
     let rest = match rehearsed.end {

@@ -107,7 +107,7 @@ impl NameResolver<'_> {
             Some(axis) => format!("axis {axis}"),
             None => self.joint_name(fault.device, fault.joint),
         });
-        let words = match (code, &device) {
+        let sentence = match (code, &device) {
             (FaultCode::DeviceLost, Some(device)) => {
                 format!("device {device} was lost in cycle {}", fault.cycle)
             }
@@ -135,7 +135,7 @@ impl NameResolver<'_> {
             value: fault.value,
             limit: fault.limit,
             cycle: fault.cycle,
-            words,
+            words: sentence,
         })
     }
 }

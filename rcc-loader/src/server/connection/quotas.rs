@@ -347,12 +347,12 @@ mod tests {
     fn unauthenticated_requests_take_nothing_from_token_holders_at_the_same_address() {
         let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let peer = ClientPeer::Address(IpAddr::from([127, 0, 0, 1]));
-        let told = (0..1000).filter(|_| {
+        let reported = (0..1000).filter(|_| {
             listener
                 .admit(peer, RequestClass::Unauthenticated, now)
                 .is_ok()
         });
-        assert_eq!(told.count(), UNAUTHENTICATED.1 as usize);
+        assert_eq!(reported.count(), UNAUTHENTICATED.1 as usize);
         assert!(usual(&listener, peer, now).is_ok());
     }
 

@@ -150,12 +150,12 @@ pub(super) async fn reading<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
 ) -> Result<Response, ErrorResponse> {
-    let places = Arc::clone(&state.reading);
+    let permits = Arc::clone(&state.reading);
     // The semaphores are never closed.
-    let place = places.acquire_owned().await.ok();
+    let permit = permits.acquire_owned().await.ok();
     answering(state, move |service| {
         // Released when the files are read and the answer is serialized, even if nobody waits for it any more.
-        let _place = place;
+        let _permit = permit;
         what(service)
     })
     .await

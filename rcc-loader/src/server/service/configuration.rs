@@ -131,15 +131,15 @@ impl Service {
     }
 
     /// Returns the problems of the configuration, one sentence each.
-    pub(super) fn configuration_words(
+    pub(super) fn configuration_problems(
         &self,
         attached: &ExecutorConnection,
         processes: &[Announcement],
     ) -> Vec<String> {
-        let mut words = self.files_words(processes);
+        let mut problems = self.file_problems(processes);
         let executor = &attached.announcement;
         if let Some(why) = ProcessMismatch::about_cell(&self.own, executor) {
-            words.push(disagreement_sentence(
+            problems.push(disagreement_sentence(
                 "the loader refuses LOAD and START: it",
                 &why,
             ));
@@ -150,23 +150,23 @@ impl Service {
         {
             if let Some(why) = ProcessMismatch::about_device(driver, executor, &driver.label) {
                 let who = format!("the driver of {} is not attached: it", driver.label);
-                words.push(disagreement_sentence(&who, &why));
+                problems.push(disagreement_sentence(&who, &why));
             }
         }
-        words
+        problems
     }
 
     /// Returns sentences about changed files, and about processes that were started with another configuration than the
     /// files now contain.
-    fn files_words(&self, processes: &[Announcement]) -> Vec<String> {
+    fn file_problems(&self, processes: &[Announcement]) -> Vec<String> {
         let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(watch) = files.watch.as_ref() else {
             return Vec::new();
         };
-        let mut words = Vec::new();
+        let mut problems = Vec::new();
         if *watch.change() != ConfigChange::None {
             let (differs, fault) = described(watch.change());
-            words.push(changed(&differs, fault.as_deref()));
+            problems.push(changed(&differs, fault.as_deref()));
         }
         if let Some(disk) = watch.disk() {
             let disk = Configuration::new(disk.identity());
@@ -174,13 +174,13 @@ impl Service {
             let others = others.filter(|one| is_older(one, &disk));
             let names: Vec<String> = others.map(Announcement::who).collect();
             if !names.is_empty() {
-                words.push(format!(
+                problems.push(format!(
                     "not started with the current content of the files: {}",
                     names.join(", ")
                 ));
             }
         }
-        words
+        problems
     }
 }
 
@@ -208,7 +208,7 @@ pub(super) fn disagreement_sentence(who: &str, why: &ProcessMismatch) -> String 
 fn described(change: &ConfigChange) -> (String, Option<String>) {
     match change {
         ConfigChange::None => (String::new(), None),
-        ConfigChange::Differs(words) => (event_text(&words.join("; ")), None),
+        ConfigChange::Differs(differences) => (event_text(&differences.join("; ")), None),
         ConfigChange::Invalid(fault) => (String::new(), Some(event_text(fault))),
     }
 }

@@ -92,7 +92,7 @@ impl Service {
             cell: cell.name().to_owned(),
             config: self.config.source.display().to_string(),
             executor: self.executor_view(&attached, &store),
-            configuration: self.configuration_words(&attached, &processes),
+            configuration: self.configuration_problems(&attached, &processes),
             processes: processes.iter().map(process).collect(),
             helpers: self.helper_views(&attached),
         })
@@ -161,11 +161,11 @@ impl Service {
         }
         let announced = self.executor.cell().announced(Role::Driver, device);
         let note = announced.ok().flatten().map(|driver| driver.note);
-        let words = note
+        let text = note
             .as_deref()
             .and_then(|note| reason_in(note, reason))
             .map(str::to_owned);
-        words.unwrap_or_else(|| format!("reason {reason}"))
+        text.unwrap_or_else(|| format!("reason {reason}"))
     }
 
     fn announced(&self, role: Role) -> Result<Vec<Announcement>, ApiError> {
@@ -191,8 +191,8 @@ fn unread(error: &AnnounceError) -> ApiError {
 /// Drivers explain their reason numbers in the note of their announcement, one `NUMBER TEXT` per line.
 fn reason_in(note: &str, reason: u32) -> Option<&str> {
     note.lines().find_map(|line| {
-        let (number, words) = line.split_once(' ')?;
-        (number.trim().parse() == Ok(reason)).then(|| words.trim())
+        let (number, text) = line.split_once(' ')?;
+        (number.trim().parse() == Ok(reason)).then(|| text.trim())
     })
 }
 
@@ -206,7 +206,7 @@ fn grade(grants: u32, note: &str) -> String {
     let got: Vec<&str> = GRANTS
         .iter()
         .filter(|(bit, _)| has(*bit))
-        .map(|(_, words)| *words)
+        .map(|(_, name)| *name)
         .collect();
     if has(1) && has(2) {
         return format!("RT: granted ({})", got.join(", "));
@@ -216,9 +216,9 @@ fn grade(grants: u32, note: &str) -> String {
             (1, "SCHED_FIFO was refused"),
             (2, "memory could not be locked"),
         ];
-        let words = missing.iter().filter(|(bit, _)| !has(*bit));
-        words
-            .map(|(_, words)| *words)
+        let names = missing.iter().filter(|(bit, _)| !has(*bit));
+        names
+            .map(|(_, name)| *name)
             .collect::<Vec<_>>()
             .join(" and ")
     } else {

@@ -36,8 +36,8 @@ pub(super) fn drives(facts: &LinkFacts) -> Option<HealthFinding> {
 /// Formats the set bits as `joint 1, joint 3`.
 fn joints(bits: u64) -> String {
     let set = (0..16).filter(|bit| bits >> bit & 1 == 1);
-    let words: Vec<String> = set.map(|bit| format!("joint {}", bit + 1)).collect();
-    words.join(", ")
+    let names: Vec<String> = set.map(|bit| format!("joint {}", bit + 1)).collect();
+    names.join(", ")
 }
 
 pub(super) fn control(facts: &LinkFacts) -> Option<HealthFinding> {

@@ -20,12 +20,12 @@ fn link(change: Value) -> Value {
         }
     });
     for (key, value) in change.as_object().into_iter().flatten() {
-        let place = if link["wire"].get(key).is_some() {
+        let object = if link["wire"].get(key).is_some() {
             &mut link["wire"]
         } else {
             &mut link
         };
-        place[key] = value.clone();
+        object[key] = value.clone();
     }
     link
 }
