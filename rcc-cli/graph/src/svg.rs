@@ -61,7 +61,7 @@ const ROLES: [(PrimitiveRole, &str, &str, [&str; 4]); 7] = [
     (
         PrimitiveRole::Shows,
         "shows",
-        "monitored value",
+        "published or monitored",
         ["#d9f2f1", "#45aaa6", "#16403f", "#3c9c98"],
     ),
 ];

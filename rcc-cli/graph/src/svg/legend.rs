@@ -19,7 +19,7 @@ impl Legend {
         let roles = ROLES.iter().filter(|(role, ..)| has(*role));
         let mut rows: Vec<_> = roles.map(|(_, name, label, _)| (*name, *label)).collect();
         if scene.links.iter().any(|segment| segment.signal.2) {
-            rows.push(("delayed", "delayed link: value of the previous cycle"));
+            rows.push(("delayed", "delayed by one cycle"));
         }
         let mut ports = scene
             .boxes
