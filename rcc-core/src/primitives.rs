@@ -61,6 +61,8 @@ impl Subject {
 /// All primitives, sorted by name.
 pub const CATALOGUE: &[&CatalogueEntry] = &sorted();
 
+// Evaluated at compile time, as what follows: an index out of bounds does not compile.
+#[allow(clippy::indexing_slicing)]
 const COUNT: usize = {
     let (mut count, mut subject) = (0, 0);
     while subject < SUBJECTS.len() {
@@ -70,7 +72,6 @@ const COUNT: usize = {
     count
 };
 
-// Evaluated at compile time: an index out of bounds does not compile.
 #[allow(clippy::indexing_slicing)]
 const fn sorted() -> [&'static CatalogueEntry; COUNT] {
     let mut all = [SUBJECTS[0].entries[0]; COUNT];
