@@ -208,6 +208,8 @@ fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
 /// monitors with the next record that it publishes.
 fn settled(field: &Field<'_>, first: Option<&Census>) -> Census {
     let begun = Instant::now();
+    // One that was killed with the executor would be missing in the first count of the next executor.
+    restart::all(field);
     loop {
         clients::publish(field);
         field.unload_rejected();
