@@ -12,6 +12,10 @@ use nix::unistd::Pid;
 
 /// Sends a signal; false if the process does not exist.
 pub fn signal(pid: u32, signal: Signal) -> bool {
+    assert!(
+        pid > 0,
+        "0 stands for the whole process group, this process included"
+    );
     kill(Pid::from_raw(pid.cast_signed()), signal).is_ok()
 }
 
