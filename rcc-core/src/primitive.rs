@@ -30,9 +30,9 @@ pub use slot::{
     Real, Rotation, Slot, Spatial, Step, Value, Vector3,
 };
 pub use step::{
-    Operation, Unary, by_element, choose, compare, each, each_bool, each_element, each_finite,
-    each_int, each_pair, each_step, finite, higher, int_unless, lower, map_real, map_whole,
-    real_unless, whole, within,
+    Operation, by_element, choose, compare, each, each_bool, each_element, each_finite, each_int,
+    each_pair, each_step, finite, higher, int_unless, lower, map_real, map_whole, real_unless,
+    whole, within,
 };
 pub use wide::{copy, fill_null, is_null};
 pub use window::{Fold, WINDOW, each_window};

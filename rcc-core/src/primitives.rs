@@ -297,7 +297,7 @@ mod tests {
     fn is_field(field: &str, name: &str) -> bool {
         match name {
             "in" => field == "input",
-            _ => field == name || field.ends_with(&std::format!("_{name}")) || field == "flange",
+            _ => field == name || field.ends_with(&std::format!("_{name}")),
         }
     }
 

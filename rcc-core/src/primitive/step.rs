@@ -105,8 +105,7 @@ pub fn int_unless(a: i64, b: i64, (result, out_of_range): (i64, bool)) -> i64 {
 }
 
 operands! {
-    /// A value from another.
-    pub struct Unary<E> { input: Slot<E>, out: Slot<E> }
+    struct Unary<E> { input: Slot<E>, out: Slot<E> }
 }
 
 operands! {

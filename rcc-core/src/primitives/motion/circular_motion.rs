@@ -5,10 +5,10 @@
 
 use super::path_motion::{self, motion_operands};
 use crate::frame::{Preparation, PrepareFault};
-use crate::path::{Leg, PathRequest, PathSegment, leg_row};
+use crate::path::{PathSegment, leg_row};
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, CatalogueEntry, DefaultValue, Int, Kernel, NullRule, Parameter, ParameterKind, PortType,
+    CatalogueEntry, DefaultValue, Int, Kernel, NullRule, Parameter, ParameterKind, PortType,
     Prepare, Real, Role, Slot, Spec, UnitRule, Vector3,
 };
 use crate::types::Type;
@@ -67,12 +67,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 .prepared_by::<CircularMotion>();
 
 motion_operands! {
-    CircularMotion {
-via: Slot<Vector3>, to: Slot<Pose>, angle: Slot<Real>, orientation: Slot<Int>,
-velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
-    angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
-    scale: Slot<Real>, time_optimal: Slot<Bool>, arm_angle: Slot<Real>, elbow: Slot<Int>,
-    }
+    CircularMotion { via: Slot<Vector3>, to: Slot<Pose>, angle: Slot<Real>, orientation: Slot<Int> } and flange limits
 }
 
 impl Prepare for CircularMotion {
@@ -85,26 +80,6 @@ impl Prepare for CircularMotion {
             orientation: leg_row::arc_orientation(preparation.get(self.orientation) as f64),
             angle: (!angle.is_nan()).then_some(angle),
         };
-        let leg = Leg {
-            line: path_motion::limits(preparation, [self.velocity, self.acceleration, self.jerk]),
-            turn: path_motion::limits(
-                preparation,
-                [
-                    self.angular_velocity,
-                    self.angular_acceleration,
-                    self.angular_jerk,
-                ],
-            ),
-            elbow: path_motion::elbow(preparation, self.arm_angle, self.elbow),
-            scale: preparation.get(self.scale),
-            ..Leg::new(segment)
-        };
-        let request = PathRequest {
-            device: self.device.0,
-            from: None,
-            legs: &[leg],
-            pace: path_motion::pace(preparation, self.time_optimal),
-        };
-        preparation.motions.path(self.motion.0, &request)
+        self.build(preparation, None, segment)
     }
 }

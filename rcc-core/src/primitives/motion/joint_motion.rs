@@ -76,8 +76,8 @@ fn bits(value: i64) -> Option<u8> {
 
 motion_operands! {
     JointMotion {
-to: Slot<Real>, pose: Slot<Pose>, branch: Slot<Int>, status: Slot<Int>, turn: Slot<Int>,
-    scale: Slot<Real>,
+        to: Slot<Real>, pose: Slot<Pose>, branch: Slot<Int>, status: Slot<Int>, turn: Slot<Int>,
+        scale: Slot<Real>,
     }
 }
 

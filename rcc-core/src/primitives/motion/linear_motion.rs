@@ -5,11 +5,11 @@
 
 use super::path_motion::{self, motion_operands};
 use crate::frame::{Preparation, PrepareFault};
-use crate::path::{Leg, PathRequest, PathSegment};
+use crate::path::PathSegment;
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, CatalogueEntry, DefaultValue, Int, Kernel, NullRule, Parameter, ParameterKind, PortType,
-    Prepare, Real, Role, Slot, Spec, UnitRule,
+    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, PortType, Prepare,
+    Role, Slot, Spec, UnitRule,
 };
 use crate::types::Type;
 
@@ -69,38 +69,15 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 .prepared_by::<LinearMotion>();
 
 motion_operands! {
-    LinearMotion {
-to: Slot<Pose>, from: Slot<Pose>, velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
-    angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
-    scale: Slot<Real>, time_optimal: Slot<Bool>, arm_angle: Slot<Real>, elbow: Slot<Int>,
-    }
+    LinearMotion { to: Slot<Pose>, from: Slot<Pose> } and flange limits
 }
 
 impl Prepare for LinearMotion {
     fn prepare(self, preparation: &mut Preparation<'_>) -> Result<(), PrepareFault> {
         let from = preparation.get(self.from);
         let to = preparation.get(self.to);
-        let leg = Leg {
-            line: path_motion::limits(preparation, [self.velocity, self.acceleration, self.jerk]),
-            turn: path_motion::limits(
-                preparation,
-                [
-                    self.angular_velocity,
-                    self.angular_acceleration,
-                    self.angular_jerk,
-                ],
-            ),
-            elbow: path_motion::elbow(preparation, self.arm_angle, self.elbow),
-            scale: preparation.get(self.scale),
-            ..Leg::new(PathSegment::Line { to })
-        };
-        let request = PathRequest {
-            device: self.device.0,
-            from: from.is_finite().then_some(from),
-            legs: &[leg],
-            pace: path_motion::pace(preparation, self.time_optimal),
-        };
-        preparation.motions.path(self.motion.0, &request)
+        let from = Some(from).filter(Pose::is_finite);
+        self.build(preparation, from, PathSegment::Line { to })
     }
 }
 

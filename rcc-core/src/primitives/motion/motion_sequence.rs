@@ -52,9 +52,7 @@ pub(super) fn too_many(motion: Clock, count: u32) -> PrepareFault {
 }
 
 motion_operands! {
-    MotionSequence {
-path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool>,
-    } count
+    MotionSequence { path: Slot<LegRow>, scale: Slot<Real>, time_optimal: Slot<Bool> }, count
 }
 
 impl Prepare for MotionSequence {

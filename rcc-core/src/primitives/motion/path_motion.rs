@@ -1,10 +1,13 @@
 //! Shared part of all motions along a path: inputs, outputs and the step of a cycle. Run by the real-time thread.
 
-use crate::frame::{Frame, Preparation};
-use crate::path::{ElbowMotion, MotionLimits, SpeedOverride, SpeedProfile, leg_row};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::path::{
+    Leg, MotionLimits, PathRequest, PathSegment, SpeedOverride, SpeedProfile, leg_row,
+};
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, Clock, DefaultValue, Int, Parameter, ParameterKind, Port, PortType, Real, Slot, UnitRule,
+    Bool, Clock, DefaultValue, Device, Int, Parameter, ParameterKind, Port, PortType, Real, Slot,
+    UnitRule,
 };
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use crate::unit::Unit;
@@ -80,16 +83,53 @@ pub(super) const OUTPUTS: &[Port] = &[
     .diagnostic(),
 ];
 
-/// Defines the struct of operands of a motion: the shared ports, its own parameters, the motion and the sizes.
+/// Defines the struct of operands of a motion: the shared ports, its own parameters, the motion and the sizes. With
+/// `and flange limits`, the parameters of one segment follow its own, and `build` makes the path of that segment.
 macro_rules! motion_operands {
-    ($name:ident { $($field:ident: $kind:ty),+ $(,)? } $($size:ident)?) => {
+    ($name:ident { $($field:ident: $kind:ty),+ $(,)? } and flange limits $(, $size:ident)?) => {
+        $crate::primitives::motion::path_motion::motion_operands! {
+            $name {
+                $($field: $kind,)+
+                velocity: $crate::primitive::Slot<$crate::primitive::Real>,
+                acceleration: $crate::primitive::Slot<$crate::primitive::Real>,
+                jerk: $crate::primitive::Slot<$crate::primitive::Real>,
+                angular_velocity: $crate::primitive::Slot<$crate::primitive::Real>,
+                angular_acceleration: $crate::primitive::Slot<$crate::primitive::Real>,
+                angular_jerk: $crate::primitive::Slot<$crate::primitive::Real>,
+                scale: $crate::primitive::Slot<$crate::primitive::Real>,
+                time_optimal: $crate::primitive::Slot<$crate::primitive::Bool>,
+                arm_angle: $crate::primitive::Slot<$crate::primitive::Real>,
+                elbow: $crate::primitive::Slot<$crate::primitive::Int>,
+            } $(, $size)?
+        }
+
+        impl $name {
+            fn build(
+                self,
+                preparation: &mut $crate::frame::Preparation<'_>,
+                from: Option<$crate::pose::Pose>,
+                segment: $crate::path::PathSegment<'_>,
+            ) -> Result<(), $crate::frame::PrepareFault> {
+                let limits = $crate::primitives::motion::path_motion::FlangeLimits {
+                    line: [self.velocity, self.acceleration, self.jerk],
+                    turn: [self.angular_velocity, self.angular_acceleration, self.angular_jerk],
+                    scale: self.scale,
+                    time_optimal: self.time_optimal,
+                    arm_angle: self.arm_angle,
+                    elbow: self.elbow,
+                };
+                limits.build(preparation, (self.device, self.motion), from, segment)
+            }
+        }
+    };
+    ($name:ident { $($field:ident: $kind:ty),+ $(,)? } $(, $size:ident)?) => {
         $crate::primitive::operands! {
             struct $name {
                 stop: $crate::primitive::Slot<$crate::primitive::Bool>,
                 pause: $crate::primitive::Slot<$crate::primitive::Bool>,
                 speed: $crate::primitive::Slot<$crate::primitive::Real>,
                 joints: $crate::primitive::Slot<$crate::primitive::Real>,
-                flange: $crate::primitive::Slot<$crate::pose::Pose>,
+                flange_pose: $crate::primitive::Slot<$crate::pose::Pose>,
                 done: $crate::primitive::Slot<$crate::primitive::Bool>,
                 progress: $crate::primitive::Slot<$crate::primitive::Real>,
                 distance: $crate::primitive::Slot<$crate::primitive::Real>,
@@ -112,7 +152,7 @@ macro_rules! motion_operands {
                     speed: self.speed,
                     joints: self.joints,
                     width: self.width,
-                    pose: self.flange,
+                    pose: self.flange_pose,
                     done: self.done,
                     progress: self.progress,
                     distance: self.distance,
@@ -176,15 +216,6 @@ pub(super) const ELBOW: Parameter = Parameter::new(
 )
 .default(DefaultValue::Word("stays"));
 
-/// Combines both parameters.
-pub(super) fn elbow(
-    preparation: &Preparation<'_>,
-    arm_angle: Slot<Real>,
-    elbow: Slot<Int>,
-) -> ElbowMotion {
-    leg_row::elbow(preparation.get(arm_angle), preparation.get(elbow) as f64)
-}
-
 /// Returns the speed profile that `time_optimal` selects.
 pub(super) fn pace(preparation: &Preparation<'_>, time_optimal: Slot<Bool>) -> SpeedProfile {
     match preparation.get(time_optimal) {
@@ -193,9 +224,45 @@ pub(super) fn pace(preparation: &Preparation<'_>, time_optimal: Slot<Bool>) -> S
     }
 }
 
-/// Reads velocity, acceleration and jerk.
-pub(super) fn limits(preparation: &Preparation<'_>, slots: [Slot<Real>; 3]) -> MotionLimits {
-    MotionLimits::of(slots.map(|slot| preparation.get(slot)))
+/// The parameters of a motion of one segment.
+pub(super) struct FlangeLimits {
+    /// Velocity, acceleration, jerk.
+    pub line: [Slot<Real>; 3],
+    /// Angular velocity, acceleration, jerk.
+    pub turn: [Slot<Real>; 3],
+    pub scale: Slot<Real>,
+    pub time_optimal: Slot<Bool>,
+    pub arm_angle: Slot<Real>,
+    pub elbow: Slot<Int>,
+}
+
+impl FlangeLimits {
+    /// Builds the path of one segment.
+    pub(super) fn build(
+        self,
+        preparation: &mut Preparation<'_>,
+        (device, motion): (Device, Clock),
+        from: Option<Pose>,
+        segment: PathSegment<'_>,
+    ) -> Result<(), PrepareFault> {
+        let limits =
+            |slots: [Slot<Real>; 3]| MotionLimits::of(slots.map(|slot| preparation.get(slot)));
+        let elbow = preparation.get(self.elbow) as f64;
+        let leg = Leg {
+            line: limits(self.line),
+            turn: limits(self.turn),
+            elbow: leg_row::elbow(preparation.get(self.arm_angle), elbow),
+            scale: preparation.get(self.scale),
+            ..Leg::new(segment)
+        };
+        let request = PathRequest {
+            device: device.0,
+            from,
+            legs: &[leg],
+            pace: pace(preparation, self.time_optimal),
+        };
+        preparation.motions.path(motion.0, &request)
+    }
 }
 
 /// `velocity`, `acceleration`, `jerk` and the same for the orientation: limits of the flange. Null: limited only by the

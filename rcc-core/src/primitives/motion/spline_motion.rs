@@ -5,11 +5,10 @@
 
 use super::path_motion::{self, motion_operands};
 use crate::frame::{Preparation, PrepareFault};
-use crate::path::{LEGS_MAX, Leg, PathRequest, PathSegment};
+use crate::path::{LEGS_MAX, PathSegment};
 use crate::pose::Pose;
 use crate::primitive::{
-    Bool, CatalogueEntry, Dim, Int, Kernel, NullRule, Parameter, ParameterKind, Prepare, Real,
-    Role, Slot, Spec,
+    CatalogueEntry, Dim, Kernel, NullRule, Parameter, ParameterKind, Prepare, Role, Slot, Spec,
 };
 
 /// The row of the catalogue.
@@ -48,11 +47,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
 .prepared_by::<SplineMotion>();
 
 motion_operands! {
-    SplineMotion {
-through: Slot<Pose>, velocity: Slot<Real>, acceleration: Slot<Real>, jerk: Slot<Real>,
-    angular_velocity: Slot<Real>, angular_acceleration: Slot<Real>, angular_jerk: Slot<Real>,
-    scale: Slot<Real>, time_optimal: Slot<Bool>, arm_angle: Slot<Real>, elbow: Slot<Int>,
-    } count
+    SplineMotion { through: Slot<Pose> } and flange limits, count
 }
 
 impl Prepare for SplineMotion {
@@ -64,26 +59,6 @@ impl Prepare for SplineMotion {
         let Some(through) = poses.get(..self.count as usize) else {
             return Err(super::motion_sequence::too_many(self.motion, self.count));
         };
-        let leg = Leg {
-            line: path_motion::limits(preparation, [self.velocity, self.acceleration, self.jerk]),
-            turn: path_motion::limits(
-                preparation,
-                [
-                    self.angular_velocity,
-                    self.angular_acceleration,
-                    self.angular_jerk,
-                ],
-            ),
-            elbow: path_motion::elbow(preparation, self.arm_angle, self.elbow),
-            scale: preparation.get(self.scale),
-            ..Leg::new(PathSegment::Spline { through })
-        };
-        let request = PathRequest {
-            device: self.device.0,
-            from: None,
-            legs: &[leg],
-            pace: path_motion::pace(preparation, self.time_optimal),
-        };
-        preparation.motions.path(self.motion.0, &request)
+        self.build(preparation, None, PathSegment::Spline { through })
     }
 }
