@@ -1,4 +1,4 @@
-//! Durations as options of programs write them: `500ms`, `2s`, `1min`. Quantities of nets and configurations are parsed
+//! Parser of durations in command-line options: `500ms`, `2s`, `1min`. Quantities of nets and configurations are parsed
 //! by `rcc_config::quantity`. Used off the real-time thread.
 
 /// Reason why a text is not a duration.

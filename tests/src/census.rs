@@ -31,8 +31,8 @@ pub struct Census {
 }
 
 /// Growth of resident memory that is no leak: pages of the stacks and of the allocator that are touched for the first
-/// time, and what the allocator keeps of two nets (1 MB each) where the next one was built before the last one was freed.
-const RSS_SLACK_KB: u64 = 4096;
+/// time, and what the allocator keeps of one net (1 MB).
+const RSS_SLACK_KB: u64 = 2048;
 /// Growth of shared memory that is no leak: a process id of one digit more, in the files that name it.
 const BYTES_SLACK: u64 = 1024;
 

@@ -204,7 +204,7 @@ pub enum Outcome {
     Broken(String),
 }
 
-/// A cell is ended after so many cases: it lives five minutes at most.
+/// A cell is ended after so many cases, so that its end is part of what is checked.
 const CASES_OF_A_CELL: usize = 30;
 
 /// Runs cases one after the other; `tell` hears of each. A broken one gets a new cell for those after it.

@@ -1,5 +1,5 @@
-//! What the loader and its clients share: the bodies and codes of the REST interface, its limits, its messages for
-//! people, and a compiled net with everything that the loader stores beside it. Nothing here is real-time.
+//! The REST interface as loader and clients share it: bodies, error codes, limits, messages for people, and the compiled
+//! net that the loader stores. Nothing here is real-time.
 
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 

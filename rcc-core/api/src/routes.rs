@@ -1,4 +1,4 @@
-//! What clients must know about the routes besides their bodies. Pure.
+//! Limits, headers and path patterns of the REST routes, shared by server and clients. Pure functions.
 
 /// Maximum size of a net's text, bytes.
 pub const TEXT_MAX: usize = 4 << 20;

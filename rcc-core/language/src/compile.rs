@@ -28,7 +28,7 @@ use crate::resolve::resolve;
 use crate::source_map::SourceMap;
 use crate::structure::{NetStructure, structure};
 
-/// What a net is compiled for, and what its text may use.
+/// Compiles nets for the devices of a cell.
 #[derive(Clone, Copy)]
 pub struct Compiler<'a> {
     /// Devices of the cell.

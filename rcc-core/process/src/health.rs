@@ -1,4 +1,4 @@
-//! What a program reports about itself to the supervisor. Plain data.
+//! The health report of a program to its supervisor. Plain data.
 
 /// State of a program at one moment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

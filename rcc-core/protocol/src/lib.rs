@@ -1,5 +1,5 @@
-//! What the programs of one cell exchange: requests and answers, announcements, events, and the names and layouts of
-//! their services. Plain data, whatever carries it; used by threads that are not real-time.
+//! The messages between the programs of one cell: requests and answers, announcements, events, and the names and layouts
+//! of their services. Plain data, independent of the transport; used by threads that are not real-time.
 
 pub mod announcement;
 pub mod build;

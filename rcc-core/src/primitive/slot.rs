@@ -227,14 +227,14 @@ pub struct Clock(pub u32);
 
 /// A field of a struct of operands; `u32` is a size.
 pub trait Field: Copy {
-    /// What the field accepts.
+    /// Kind of operand that the field takes.
     const KIND: FieldKind;
 
     /// Creates the field from a number of the operand list.
     fn of(operand: u32) -> Self;
 }
 
-/// What a field of a struct of operands accepts.
+/// Kind of operand that a field of a struct of operands takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FieldKind {
     /// A slot with the number of elements of its type.

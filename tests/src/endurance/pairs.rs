@@ -9,7 +9,6 @@ use nix::sys::signal::Signal;
 use rcc_protocol::Role;
 
 use super::field::{Field, count, held};
-use super::restart;
 use crate::journal::Random;
 use crate::process::Process;
 use crate::processes::signal;
@@ -128,7 +127,6 @@ pub fn strike_executor(field: &Field<'_>, executor: &mut Process, random: &mut R
     field
         .journal
         .note(format!("kill the executor and {victim:?}"));
-    restart::all(field);
     let mut arm = field.place.simulator("lwr-sim");
     arm.await_rest();
     arm.reset_statistics();

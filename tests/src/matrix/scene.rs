@@ -5,7 +5,7 @@ use std::process::Child;
 
 use rcc_protocol::Role;
 
-use super::{Target, Way};
+use super::{Target, Victim, Way};
 use crate::await_some;
 
 /// A target process of the fault.
@@ -31,6 +31,18 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Adds the guests among the targets to the processes that the fault hits.
+    pub fn remember_guests(&mut self, victim: Victim) {
+        for target in victim.targets() {
+            let guest = self.guest(target).map(|guest| guest.id());
+            self.struck.extend(guest.map(|pid| StruckProcess {
+                target,
+                pid,
+                incarnation: 0,
+            }));
+        }
+    }
+
     /// Returns the guest that is this target; the newest if there are several.
     pub fn guest(&mut self, target: Target) -> Option<&mut Child> {
         let mut guests = self.guests.iter_mut().rev();

@@ -162,6 +162,12 @@ impl Stage {
         if phase != Phase::Starting {
             self.remember(victim, &mut scene);
         }
+        scene.remember_guests(victim);
+        assert_eq!(
+            scene.struck.len(),
+            victim.targets().len(),
+            "{victim:?}: every target runs"
+        );
         scene
     }
 
@@ -202,27 +208,24 @@ impl Stage {
         }
     }
 
+    /// Notes which processes of the cell are the targets.
     fn remember(&self, victim: Victim, scene: &mut Scene) {
         for target in victim.targets() {
-            let struck = match target.announced_as() {
-                Some((role, label)) => {
+            let (pid, incarnation) = match (target, target.announced_as()) {
+                (_, Some((role, label))) => {
                     let announced = self.cell.announced(role, label);
-                    StruckProcess {
-                        target,
-                        pid: announced.pid,
-                        incarnation: announced.incarnation,
-                    }
+                    (announced.pid, announced.incarnation)
                 }
-                None => StruckProcess {
-                    target,
-                    pid: match target {
-                        Target::Supervisor => self.cell.supervisor(),
-                        _ => scene.guest(target).map_or(0, |guest| guest.id()),
-                    },
-                    incarnation: 0,
-                },
+                (Target::Supervisor, None) => (self.cell.supervisor(), 0),
+                // Not of the cell: noted when it has been started.
+                (Target::Monitor | Target::Client | Target::Janitor, None) => continue,
+                (target, None) => unreachable!("{target:?} announces itself"),
             };
-            scene.struck.push(struck);
+            scene.struck.push(StruckProcess {
+                target,
+                pid,
+                incarnation,
+            });
         }
     }
 
@@ -232,7 +235,6 @@ impl Stage {
         for index in 0..scene.struck.len() {
             let StruckProcess { target, pid, .. } = scene.struck[index];
             match target {
-                Target::Monitor | Target::Client | Target::Janitor => {}
                 Target::Supervisor => {
                     signal(self.cell.supervisor(), Signal::SIGINT);
                     self.cell.await_end_of_up();
