@@ -16,6 +16,7 @@ use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{Cell, Session};
 use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::listeners::Listeners;
+use rcc_loader::server::priority::{SERVING_NICE, WorkerPriority};
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
 use rcc_os::memory::MemoryTrimmer;
@@ -106,8 +107,22 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
             memory.trim_if_grown();
         }
     })?;
+    let workers = WorkerPriority::raise_calling_thread()
+        .inspect_err(|error| {
+            tracing::info!(
+                "CANCEL and ABORT compete with all other programs for the processor: nice {SERVING_NICE} was refused \
+                 ({error}): raise the limit `nice` (LimitNICE={SERVING_NICE})"
+            );
+        })
+        .ok();
+    // Its threads inherit the nice value.
     let router = routes::router(service, &helpers)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
+        .on_thread_start(move || {
+            if let Some(workers) = workers {
+                workers.apply();
+            }
+        })
         // One thread for each request and each compilation, so that none waits for a thread.
         .max_blocking_threads(routes::REQUESTS_MAX + routes::LOADING_MAX)
         .enable_all()

@@ -1,7 +1,8 @@
-//! Unix sockets that no other user can connect to at any moment. Created by main threads at start.
+//! Listening sockets: Unix sockets that no other user can connect to at any moment, and TCP. Created by main threads at start.
 
 use std::fs;
 use std::io;
+use std::net::{SocketAddr, TcpListener};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, chown};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -33,6 +34,18 @@ pub fn listen(path: &Path, group: Option<u32>) -> io::Result<UnixListener> {
         None => 0o600,
     };
     fs::set_permissions(path, fs::Permissions::from_mode(mode))?;
+    Ok(listener)
+}
+
+/// Listens at a TCP address, with the longest queue of connections that the system allows: the kernel drops the
+/// connection request of a client that finds the queue full, and the client repeats it only after 1 s.
+///
+/// # Errors
+/// Returns an error if the address cannot be used.
+pub fn listen_tcp(address: SocketAddr) -> io::Result<TcpListener> {
+    let listener = TcpListener::bind(address)?;
+    // The standard library asks for a queue of 128; listening again replaces its length.
+    nix::sys::socket::listen(&listener, Backlog::MAXALLOWABLE)?;
     Ok(listener)
 }
 

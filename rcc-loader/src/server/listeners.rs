@@ -147,7 +147,7 @@ fn group_of(name: &str) -> Result<u32, ListenError> {
 
 fn listen(address: SocketAddr) -> Result<TcpListener, ListenError> {
     let failed = |source| ListenError::Address { address, source };
-    let listener = TcpListener::bind(address).map_err(failed)?;
+    let listener = rcc_os::socket::listen_tcp(address).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
     Ok(listener)
 }
