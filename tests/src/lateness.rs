@@ -60,7 +60,7 @@ pub struct LateCycles {
     pub cycle: u64,
     /// Number of late cycles.
     pub count: u64,
-    /// Wake-up of a cycle before them, CLOCK_MONOTONIC.
+    /// Earliest time at which the last of them was due, CLOCK_MONOTONIC.
     pub from_ns: u64,
     /// Wake-up of the newest cycle when they were seen, CLOCK_MONOTONIC.
     pub to_ns: u64,
@@ -228,7 +228,8 @@ fn watch(
                 let told = LateCycles {
                     cycle: now.last_late.cycle,
                     count: now.late - newest.late,
-                    from_ns: before.stamp_ns,
+                    // The stall of a late cycle lies before its wake-up.
+                    from_ns: before.stamp_ns.saturating_sub(now.last_late.wake_ns),
                     to_ns: now.stamp_ns,
                     wake_ns: now.last_late.wake_ns,
                     exec_ns: now.last_late.exec_ns,

@@ -26,6 +26,8 @@ use crate::{TestCell, await_some, nets, repository};
 
 /// Value of `$FRI_TO_INT[2]` if the controller stopped because answers were lost.
 const LOST: i64 = 1;
+/// Exit code of a program that was ended before it had done its work.
+const INTERRUPTED: i32 = 130;
 /// Priority of the executor, below that of the endurance run, which may run at the same time. Of two executors with one
 /// priority on a core, one would wait for the other without delaying the reference thread above them.
 const PRIORITY: u8 = endurance::PRIORITY - 4;
@@ -316,8 +318,10 @@ impl Stage {
         self.cell.assert_nothing_left();
         let of_the_cell = |target: &Target| target.announced_as().is_some();
         let harmless = !victim.targets().iter().any(of_the_cell);
+        // A cell that was ended before it was ready was interrupted.
+        let interrupted = phase == Phase::Starting && status.code() == Some(INTERRUPTED);
         assert!(
-            status.success() || !harmless,
+            status.success() || interrupted || !harmless,
             "up: {status}\n{}",
             self.cell.logs()
         );
