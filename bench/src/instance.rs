@@ -165,6 +165,7 @@ impl GraphInstance {
             cycle: self.cycles,
             cancel_requested: false,
             terminated: false,
+            outcome: 0,
             motion_failed: false,
         };
         cycle(&self.net.plan.plan(), &mut frame);

@@ -48,10 +48,10 @@ const EXIT_CODES: &str = "Exit codes:
   5    conflict: a resource is busy, or the state does not allow it
   6    no answer in time
   7    not permitted
-  8    the net was canceled before it finished, and not by this command
+  8    the net was canceled
   130  interrupted by Ctrl-C
   141  the output pipe was closed
-A verb that waits for a net ends with 0 only if the net finished; `cancel --wait` also if it was canceled.";
+A verb that waits for a net (run, wait, watch, cancel --wait) ends with 0 only if the net finished.";
 
 #[cfg(test)]
 mod tests {

@@ -9,6 +9,7 @@ use rcc_api::codes::{self, RequestedEnd, exit};
 use rcc_api::compile::findings;
 use rcc_language::bundle::bundle;
 use rcc_language::library::FileLibraries;
+use rcc_protocol::ending::{ending, why_at_once};
 
 use rcc_os::file;
 
@@ -98,7 +99,7 @@ pub fn load(
                 let what = format!("{name} is rejected");
                 if rejected == OnRejection::Unload {
                     // If this fails, the command stays in the table, where `unload` can remove it.
-                    let _ = unload(client, id);
+                    let _ = unload(client, &id.to_string());
                 }
                 return Err(Failure::invalid(&what, command.diagnostics, source));
             }
@@ -111,8 +112,8 @@ pub fn load(
 ///
 /// # Errors
 /// Fails if the loader cannot be reached or refuses.
-pub fn unload(client: &LoaderClient, id: u64) -> Result<Done, Failure> {
-    client.delete(&format!("/commands/{id}"))
+pub fn unload(client: &LoaderClient, name: &str) -> Result<Done, Failure> {
+    client.delete(&format!("/commands/{}", segment(name)))
 }
 
 /// Returns one command without its text and names; cheap enough for polling.
@@ -161,18 +162,62 @@ pub fn switch(
     client.post("/switch", body)
 }
 
+/// Longest time to wait for a loader that died while a command is followed.
+const LOADER_RESTART_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Follows one command; tolerates a loader that dies and is restarted, because the net runs on meanwhile.
+#[derive(Debug)]
+pub struct CommandPoll {
+    id: String,
+    answered: Instant,
+}
+
+impl CommandPoll {
+    /// Follows the command with this id, whatever is loaded under its name later.
+    #[must_use]
+    pub fn new(id: u64) -> CommandPoll {
+        CommandPoll {
+            id: id.to_string(),
+            answered: Instant::now(),
+        }
+    }
+
+    /// Returns the state of the command; `None` while the loader is being restarted.
+    ///
+    /// # Errors
+    /// Fails if the loader stays away, or if the command does not exist any more.
+    pub fn state(&mut self, client: &LoaderClient) -> Result<Option<CommandView>, Failure> {
+        match brief(client, &self.id) {
+            Err(failure)
+                if failure.exit == exit::UNREACHABLE
+                    && self.answered.elapsed() < LOADER_RESTART_TIMEOUT =>
+            {
+                Ok(None)
+            }
+            state => {
+                self.answered = Instant::now();
+                state.map(Some)
+            }
+        }
+    }
+}
+
 /// Formats a command as `net#id`.
 #[must_use]
 pub fn title(command: &CommandView) -> String {
     format!("{}#{}", command.net, command.id)
 }
 
-/// Formats the state with its reason or fault: `terminated (fault: device lost)`.
+/// Formats the state with its fault, or its reason and outcome: `terminated (fault: device lost)`, `terminated
+/// (finished: arrived)`.
 #[must_use]
 pub fn state_text(command: &CommandView) -> String {
     match (&command.fault, &command.reason) {
         (Some(fault), _) => format!("{} (fault: {})", command.state, fault.fault),
-        (None, Some(reason)) => format!("{} ({reason})", command.state),
+        (None, Some(reason)) => {
+            let ending = ending(reason, command.outcome.as_deref(), command.cycles);
+            format!("{} ({ending})", command.state)
+        }
         (None, None) => command.state.clone(),
     }
 }
@@ -188,16 +233,21 @@ pub fn is_over(command: &CommandView) -> bool {
 /// # Errors
 /// Fails with the exit code of every outcome that was not requested.
 pub fn exit_result(command: &CommandView, asked: RequestedEnd) -> Result<(), Failure> {
-    let code = codes::outcome(asked, command.reason.as_deref());
+    let reason = command.reason.as_deref();
+    let code = codes::outcome(asked, reason);
+    let title = title(command);
     if code == exit::OK {
+        let outcome = command.outcome.as_deref();
+        if let Some(why) = why_at_once(reason.unwrap_or_default(), outcome, command.cycles) {
+            print_note(&format!("{title} finished in its first cycle: {why}"));
+        }
         return Ok(());
     }
-    let title = title(command);
     if let Some(fault) = &command.fault {
         print_note(&format!("{title}: {}", fault.words));
     } else if code == exit::CANCELED {
         print_note(&format!(
-            "{title} was canceled before it finished, and not by this command (see `rcc-cli events`); exit code {code}"
+            "{title} was canceled before it finished (see `rcc-cli events`); exit code {code}"
         ));
     }
     Err(Failure::reported(code))

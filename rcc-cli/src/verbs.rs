@@ -42,6 +42,7 @@ pub mod top;
 pub mod topics;
 pub mod unload;
 pub mod up;
+pub mod wait;
 pub mod watch;
 pub mod wrench;
 
@@ -104,7 +105,9 @@ verbs! {
     Cancel = cancel;
     /// End a net at once; the drivers bring its devices to rest (ABORT)
     Abort = abort;
-    /// Unload a net that is not active (UNLOAD)
+    /// Wait until nets have ended, and report how
+    Wait = wait;
+    /// Unload nets that are not active (UNLOAD)
     Unload = unload;
     /// Show the state of one net, or of all nets (STATE)
     State = state;

@@ -121,6 +121,9 @@ pub struct Frame<'a> {
     pub cancel_requested: bool,
     /// Set by `Termination`.
     pub terminated: bool,
+    /// Number of conditions of `Termination` that were not true, up to the first true one: the index of the outcome if
+    /// the net terminated.
+    pub outcome: u32,
     /// Set by a motion whose computation failed.
     pub motion_failed: bool,
 }

@@ -23,7 +23,7 @@ pub const COMMANDS_MAX: usize = 64;
 /// Maximum number of elements of a monitored value.
 pub const MONITOR_WIDTH_MAX: usize = 16;
 /// Identifies this record layout; change it with the layout.
-pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v004");
+pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v005");
 
 /// A joint vector; elements past the device's joints are 0.
 pub type Joints = [f64; JOINTS_MAX];
@@ -442,7 +442,9 @@ pub struct CommandEntry {
     /// Expected duration of one evaluation on this machine, ns; 0 = not known.
     pub expected_ns: u64,
     /// 1 = it has a `Cancel` primitive.
-    pub can_cancel: u64,
+    pub can_cancel: u32,
+    /// The condition of its `Termination` that ended it, counted from 1 in the order of the text; 0 = none.
+    pub outcome: u32,
 }
 
 /// One row of the device table.

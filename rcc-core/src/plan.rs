@@ -31,6 +31,8 @@ pub const INPUTS_MAX: usize = 256;
 pub const INPUT_ELEMENTS_MAX: u32 = 4096;
 /// Maximum number of topics that a net publishes, and that it subscribes to.
 pub const TOPICS_MAX: usize = 32;
+/// Maximum number of named outcomes of a net.
+pub const OUTCOMES_MAX: u32 = 32;
 /// Maximum number of cycles from one evaluation of a net to the next: one second at the shortest period.
 pub const EVERY_MAX: u32 = 10_000;
 
@@ -354,9 +356,9 @@ pub enum PlanError {
         /// The resource.
         resource: Resource,
     },
-    /// The plan does not have exactly one `Termination`.
+    /// The plan has no condition of `Termination`, or more than [`OUTCOMES_MAX`].
     Terminations {
-        /// Their number.
+        /// Number of conditions.
         count: u32,
     },
     /// The blocks do not cover the runs exactly, or refer to regions out of order.
@@ -556,7 +558,7 @@ impl<'a> Plan<'a> {
                 self.check_group(entry, kernel, group, first, models, &mut tally)?;
             }
         }
-        if tally.terminations != 1 {
+        if !(1..=OUTCOMES_MAX).contains(&tally.terminations) {
             return Err(PlanError::Terminations {
                 count: tally.terminations,
             });

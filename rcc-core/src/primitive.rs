@@ -72,7 +72,8 @@ pub enum Role {
     Input,
     /// Its `value` is published: other nets can read it after the cycle.
     Publish,
-    /// Every net has exactly one.
+    /// Every net has exactly one. Its input takes named conditions as well, the outcomes of the net; each is a group of
+    /// operands.
     Termination,
     /// Makes its net cancelable.
     Cancel,

@@ -128,6 +128,7 @@ pub struct PrimitiveHarness {
     pub cycle: u64,
     pub cancel_requested: bool,
     pub terminated: bool,
+    pub outcome: u32,
 }
 
 impl PrimitiveHarness {
@@ -208,6 +209,7 @@ impl PrimitiveHarness {
             cycle: 0,
             cancel_requested: false,
             terminated: false,
+            outcome: 0,
         }
     }
 
@@ -317,10 +319,11 @@ impl PrimitiveHarness {
             cycle: self.cycle,
             cancel_requested: self.cancel_requested,
             terminated: false,
+            outcome: 0,
             motion_failed: false,
         };
         (self.kernel.run)(&mut frame, &self.operands);
-        self.terminated = frame.terminated;
+        (self.terminated, self.outcome) = (frame.terminated, frame.outcome);
         self.output = outputs[0];
         self.cycle += 1;
         self

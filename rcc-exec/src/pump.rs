@@ -147,15 +147,20 @@ impl Pump {
                 id,
                 state,
                 reason,
+                outcome,
+                cycles,
                 ref fault,
                 ..
             } => {
                 let reason = EndReason::from_number(reason);
+                let ended = reason != EndReason::None;
                 let faulty = reason == EndReason::Fault;
                 EventKind::Command {
                     command: id,
                     state: CommandState::from_number(state).name().to_owned(),
-                    reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
+                    reason: ended.then(|| reason.name().to_owned()),
+                    outcome: (outcome > 0).then_some(outcome),
+                    cycles: ended.then_some(cycles),
                     fault: faulty.then(|| self.fault(fault)),
                 }
             }

@@ -250,7 +250,7 @@ fn a_cancelled_line_comes_to_rest_on_its_path_and_the_next_net_continues_from_th
     let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.2, 0.1));
     arm.await_motion();
-    cell.cli_exits(0, &["cancel", "line", "--wait"]);
+    cell.cli_exits(8, &["cancel", "line", "--wait"]);
     let row = cell.state(line);
     assert_eq!(row["reason"], "canceled", "{row}");
     let rest = arm.await_rest();

@@ -86,13 +86,19 @@ fn the_exit_code_of_every_verb_reports_the_outcome() {
     let watched = |reason: &str, exit: i32, what: &str| {
         let id = cell.run(&nets::clock("clock"));
         let watch = begin(&cell, &["watch", "clock"]);
+        let wait = begin(&cell, &["wait", "clock"]);
         match what {
-            "wait" => drop(cell.cli_exits(0, &["cancel", "clock", "--wait"])),
+            "wait" => drop(cell.cli_exits(exit, &["cancel", "clock", "--wait"])),
             what => cell.done(id, what),
         }
         cell.assert_ends(id, reason);
-        let (code, words) = end(watch);
-        assert_eq!(code, Some(exit), "watch, {reason}: {words}");
+        for verb in [watch, wait] {
+            let (code, words) = end(verb);
+            assert_eq!(code, Some(exit), "{reason}: {words}");
+            assert!(words.contains(reason), "{words}");
+        }
+        // A net that has ended is not waited for.
+        cell.cli_exits(exit, &["wait", &id.to_string()]);
     };
     watched("canceled", 8, "wait");
     watched("canceled", 8, "cancel");
@@ -134,6 +140,10 @@ primitives:
         (0, vec!["unload", "deaf"]),
         (0, vec!["unload", "deaf"]),
         (1, vec!["unload", "deaf"]),
+        (1, vec!["wait", "nothing"]),
+        (2, vec!["wait"]),
+        (2, vec!["unload"]),
+        (2, vec!["unload", "--all", "deaf"]),
         (2, vec!["fault", "nothing", "kill"]),
         (2, vec!["check", empty.to_str().expect("plain")]),
     ] {
@@ -200,7 +210,143 @@ fn a_net_is_addressed_by_number_by_name_or_by_both_which_must_agree() {
         assert_eq!(cell.state(id)["state"], "running");
         let by_name: Value = cell.rest("GET", &format!("/commands/{name}"), "").body;
         assert_eq!(by_name["id"], id);
-        cell.cli_exits(0, &["cancel", name, "--wait"]);
+        cell.cli_exits(8, &["cancel", name, "--wait"]);
     }
+    cell.stop();
+}
+
+/// A net that begins where it ends, or ends when its input `touched` is set; `start` is the condition `arrived`.
+fn named(net: &str, arrived: &str) -> String {
+    format!(
+        "net: {net}
+primitives:
+  touched: {{type: Input, parameters: {{initial: false}}}}
+  cancel: {{type: Cancel}}
+  end: {{type: Termination, inputs: {{done: {{arrived: {arrived}, touched: touched.value, stopped: cancel.requested}}}}}}
+"
+    )
+}
+
+#[test]
+fn a_named_outcome_is_shown_wherever_a_net_ends() {
+    let cell = TestCell::demo();
+    // It ends with an outcome other than the first one.
+    let id = cell.run(&named("part", "false"));
+    let wait = begin(&cell, &["wait", "part"]);
+    let json = begin(&cell, &["--output", "json", "wait", "part"]);
+    cell.cli_exits(0, &["set", "part", "touched=true"]);
+    cell.assert_ends(id, "finished");
+    let (code, words) = end(wait);
+    assert_eq!(code, Some(0), "{words}");
+    assert!(words.contains("terminated (finished: touched)"), "{words}");
+    let (code, words) = end(json);
+    assert_eq!(code, Some(0), "{words}");
+    let row: Value = serde_json::from_str(&words).expect("one object");
+    assert_eq!(
+        (row["reason"].as_str(), row["outcome"].as_str()),
+        (Some("finished"), Some("touched"))
+    );
+    let body = cell.state(id);
+    assert_eq!(
+        (body["outcome"].as_str(), body["words"].as_str()),
+        (Some("touched"), Some("finished: touched"))
+    );
+    for arguments in [vec!["ls"], vec!["state", "part"]] {
+        let (words, _) = cell.cli_exits(0, &arguments);
+        assert!(
+            words.contains("finished: touched"),
+            "{arguments:?}: {words}"
+        );
+    }
+    await_some("the event", || {
+        let (words, _) = cell.cli_exits(0, &["events", "--net", "part"]);
+        words
+            .contains("terminated: finished: touched")
+            .then_some(())
+    });
+    // It ends in its first cycle, and says so.
+    let at_once = cell.file(&named("at-once", "true"));
+    let at_once = at_once.to_str().expect("plain");
+    let (out, note) = cell.cli_exits(0, &["run", at_once]);
+    assert!(
+        out.contains("terminated (finished in its first cycle: arrived)"),
+        "{out}"
+    );
+    assert!(
+        note.contains("the outcome `arrived` was true from the start"),
+        "{note}"
+    );
+    let (out, _) = cell.cli_exits(0, &["simulate", at_once]);
+    assert!(
+        out.contains("finished in its first cycle: arrived"),
+        "{out}"
+    );
+    // A canceled net names the condition that ended it as well.
+    let id = cell.run(&named("stopped", "false"));
+    cell.cli_exits(8, &["cancel", "stopped", "--wait"]);
+    let body = cell.state(id);
+    assert_eq!(
+        (body["reason"].as_str(), body["outcome"].as_str()),
+        (Some("canceled"), Some("stopped"))
+    );
+    cell.stop();
+}
+
+#[test]
+fn a_name_that_no_net_has_is_answered_with_the_one_that_is_most_like_it() {
+    let cell = TestCell::demo();
+    let id = cell.load(&nets::clock("welding-line"));
+    for verb in [
+        "start", "cancel", "state", "watch", "wait", "unload", "explain", "set",
+    ] {
+        let (_, words) = cell.cli_exits(1, &[verb, "weldingline"]);
+        assert!(
+            words.contains("did you mean `welding-line`?"),
+            "{verb}: {words}"
+        );
+    }
+    let answer = cell.rest("GET", "/commands/weldingline", "");
+    assert_eq!((answer.status, answer.code()), (404, "RCC3001"));
+    assert_eq!(cell.state(id)["state"], "ready");
+    cell.stop();
+}
+
+#[test]
+fn unload_all_leaves_what_runs() {
+    let cell = TestCell::demo();
+    cell.cli_exits(0, &["unload", "--all"]);
+    let running = cell.run(&nets::clock("running"));
+    cell.load(&nets::clock("ready"));
+    let done = cell.run(&nets::clock("done"));
+    cell.done(done, "abort");
+    cell.assert_ends(done, "aborted");
+    let (out, note) = cell.cli_exits(0, &["unload", "--all"]);
+    assert!(out.contains("ready#") && out.contains("done#"), "{out}");
+    assert!(note.contains("running#"), "{note}");
+    let rows = cell.rest("GET", "/commands", "").body;
+    let left: Vec<&Value> = rows
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|row| &row["id"])
+        .collect();
+    assert_eq!(left, [&Value::from(running)]);
+    cell.stop();
+}
+
+#[test]
+fn wait_ends_with_the_time_and_with_ctrl_c_and_changes_nothing() {
+    let cell = TestCell::demo();
+    let id = cell.run(&nets::clock("clock"));
+    let (_, words) = cell.cli_exits(6, &["wait", "clock", "--for", "50ms"]);
+    assert!(words.contains("still running"), "{words}");
+    let wait = begin(&cell, &["wait", "clock", "clock"]);
+    // It listens for signals before it asks for the net.
+    await_some("the wait", || {
+        signal(wait.id(), Signal::SIGINT).then_some(())
+    });
+    let (code, words) = end(wait);
+    assert!(matches!(code, Some(130) | None), "{code:?} {words}");
+    assert_eq!(cell.state(id)["state"], "running");
     cell.stop();
 }

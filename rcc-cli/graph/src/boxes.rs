@@ -138,7 +138,7 @@ fn watch(net: &NetStructure, part: &PrimitiveInfo) -> String {
             .get(link.output)?;
         Some(match &link.part {
             Some(part) => format!("{}{part}", port.name),
-            None => port.name.to_owned(),
+            None => port.name.to_string(),
         })
     });
     let rate = part
@@ -169,7 +169,7 @@ fn primitive_box(
 ) -> PrimitiveBox {
     let value = |port: &str| values?.get(&format!("{}.{port}", part.id)).cloned();
     let inputs = part.inputs.iter().enumerate();
-    let inputs = inputs.map(|(port, pin)| input(net, port, pin, value(pin.name)));
+    let inputs = inputs.map(|(port, pin)| input(net, port, pin, value(&pin.name)));
     let outputs = part
         .outputs
         .iter()
@@ -177,8 +177,8 @@ fn primitive_box(
         .filter(|(port, _)| read[*port]);
     let outputs = outputs.map(|(port, pin)| PortLabel {
         port,
-        name: pin.name.to_owned(),
-        small: value(pin.name).unwrap_or_else(|| kind(pin)),
+        name: pin.name.to_string(),
+        small: value(&pin.name).unwrap_or_else(|| kind(pin)),
         null: part.null.is_some(),
         linked: true,
         y: 0.0,
@@ -187,9 +187,9 @@ fn primitive_box(
     let unread = part.outputs.iter().enumerate();
     let unread = unread.filter(|(port, _)| !read[*port] && !is_watched(*port));
     let unread: Vec<String> = unread
-        .map(|(_, pin)| match value(pin.name) {
+        .map(|(_, pin)| match value(&pin.name) {
             Some(value) => format!("{} {value}", pin.name),
-            None => pin.name.to_owned(),
+            None => pin.name.to_string(),
         })
         .collect();
     let mut it = PrimitiveBox {
@@ -237,7 +237,7 @@ fn input(net: &NetStructure, port: usize, pin: &PortInfo, value: Option<String>)
         name: match (linked, constants.as_slice()) {
             (false, [constant]) => format!("{} = {constant}", pin.name),
             (false, constants) => format!("{} = [{}]", pin.name, constants.join(", ")),
-            (true, _) => pin.name.to_owned(),
+            (true, _) => pin.name.to_string(),
         },
         small: match (value, first) {
             (Some(value), _) if linked => value,

@@ -185,7 +185,7 @@ fn draw_link(out: &mut String, net: &NetStructure, segment: &LinkSegment) {
     let port = part.and_then(|part| part.outputs.get(output));
     let (id, port) = (
         part.map_or("", |part| part.id.as_str()),
-        port.map_or("", |port| port.name),
+        port.map_or("", |port| &port.name),
     );
     let class = if delayed { "link delayed" } else { "link" };
     let to = segment.to.and_then(|(reader, input)| {

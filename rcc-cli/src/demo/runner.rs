@@ -95,7 +95,7 @@ impl DemoRunner<'_> {
         let exchanges = self.simulator.end_trace(trace).map_err(simulator_failed)?;
         self.wait_for_records(&command)?;
         let (records, _) = self.recorder.take(id);
-        follow::unload(self.client, id)?;
+        follow::unload(self.client, &id.to_string())?;
         Ok(NetRun {
             command,
             records,
@@ -115,7 +115,7 @@ impl DemoRunner<'_> {
                 Ok(_) => return follow::state(self.client, &id.to_string()),
                 Err(failure) => failure,
             };
-            follow::unload(self.client, id)?;
+            follow::unload(self.client, &id.to_string())?;
             let passing = [codes::DEVICE_NOT_READY.code, codes::FIRST_SET_POINT.code];
             if !passing.contains(&refused.body.code.as_str()) || Instant::now() >= limit {
                 return Err(refused);

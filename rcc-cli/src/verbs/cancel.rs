@@ -1,4 +1,4 @@
-//! `cancel NAME [--wait]`: asks a net to end in its own way, and reports how it ended.
+//! `cancel NAME [--wait]`: asks a net to end in its own way, and reports how it ended, as text and as the exit code.
 
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ use crate::follow;
 pub struct Arguments {
     #[command(flatten)]
     named: NetName,
-    /// Wait until the net has ended, or for the given time
+    /// Wait until the net has ended, or for the given time; ends with 8 if it was canceled, 0 if it finished first
     #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "30s", value_parser = super::duration)]
     wait: Option<std::time::Duration>,
 }
@@ -23,8 +23,8 @@ pub struct Arguments {
 /// Runs the verb.
 ///
 /// # Errors
-/// Fails if the loader cannot be reached or refuses, if the net does not end in time, or if a fault or an abort ended
-/// it.
+/// Fails if the loader cannot be reached or refuses; with `--wait` also if the net does not end in time, and with the
+/// exit code of every end but `finished`.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let started = Instant::now();
@@ -45,7 +45,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 };
                 format!("{title}  {state}  after {passed:.2} s{first}")
             });
-            return follow::exit_result(&command, RequestedEnd::Cancel);
+            return follow::exit_result(&command, RequestedEnd::Finish);
         }
         if started.elapsed() > patience {
             let title = follow::title(&command);

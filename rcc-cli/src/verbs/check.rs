@@ -200,7 +200,7 @@ fn rehearsed(
 ) -> Result<Option<RehearsalView>, Box<Finding>> {
     let rehearsal = rehearse_at_start(config, plan);
     with_names(names, config, |namer| match rehearsal {
-        Ok(rehearsed) => Ok(rehearsed.map(|rehearsed| namer.rehearsal(&rehearsed))),
+        Ok(rehearsed) => Ok(rehearsed.map(|rehearsed| namer.rehearsal(&rehearsed, names))),
         Err(refusal) => Err(Box::new(namer.refusal(1, refusal).finding())),
     })
 }

@@ -7,7 +7,9 @@ use std::time::Duration;
 use rcc_api::codes;
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventReader;
-use rcc_protocol::events::{Event, EventKind, EventOrigin, EventSeverity, wall_time_before};
+use rcc_protocol::events::{
+    CommandNames, Event, EventKind, EventOrigin, EventSeverity, wall_time_before,
+};
 
 use crate::context::{Context, OutputFormat, cell_failure};
 use crate::failure::Failure;
@@ -99,6 +101,8 @@ struct EventView {
     device: Option<String>,
     /// Names of commands, by the executor's incarnation and id.
     names: HashMap<(String, u64), String>,
+    /// Names of the outcomes of commands, by the executor's incarnation and id.
+    outcomes: HashMap<(String, u64), Vec<String>>,
     header_printed: bool,
 }
 
@@ -110,6 +114,7 @@ impl EventView {
             net: arguments.net.clone(),
             device: arguments.device.clone(),
             names: HashMap::new(),
+            outcomes: HashMap::new(),
             header_printed: false,
         })
     }
@@ -153,6 +158,17 @@ impl EventView {
         {
             self.names.insert((executor.clone(), *command), net.clone());
         }
+        if let EventKind::Loaded {
+            command,
+            executor,
+            outcomes,
+            ..
+        } = &event.what
+            && !outcomes.is_empty()
+        {
+            let key = (executor.clone(), *command);
+            self.outcomes.insert(key, outcomes.clone());
+        }
     }
 
     fn net(&self, executor: &str, id: u64) -> String {
@@ -194,7 +210,7 @@ impl EventView {
         if !self.matches(event) {
             return;
         }
-        let sentence = event.sentence(&|executor, id| self.net(executor, id));
+        let sentence = event.sentence_with(self);
         match self.format {
             OutputFormat::Json => print_line(&json(event, &sentence, self)),
             OutputFormat::Human => {
@@ -223,6 +239,17 @@ impl EventView {
     }
 }
 
+impl CommandNames for EventView {
+    fn net(&self, executor: &str, id: u64) -> String {
+        EventView::net(self, executor, id)
+    }
+
+    fn outcome(&self, executor: &str, id: u64, number: u32) -> Option<String> {
+        let outcomes = self.outcomes.get(&(executor.to_owned(), id))?;
+        outcomes.get(number.checked_sub(1)? as usize).cloned()
+    }
+}
+
 fn row(time: &str, cycle: &str, who: &str, mark: &str, what: &str) -> String {
     format!("{time:<12}  {cycle:>10}  {who:<12} {mark} {what}")
 }
@@ -234,6 +261,15 @@ fn json(event: &Event, sentence: &str, view: &EventView) -> String {
         object.insert("words".to_owned(), sentence.into());
         if let Some(id) = event.what.command() {
             object.insert("net".to_owned(), view.net(event.executor(), id).into());
+        }
+        if let EventKind::Command {
+            command,
+            outcome: Some(number),
+            ..
+        } = event.what
+            && let Some(outcome) = view.outcome(event.executor(), command, number)
+        {
+            object.insert("outcome".to_owned(), outcome.into());
         }
     }
     value.to_string()
@@ -273,6 +309,7 @@ mod tests {
             net: "line".into(),
             primitives: 9,
             uses: vec!["lwr".into()],
+            outcomes: vec!["arrived".into(), "touched".into()],
         };
         event(EventOrigin::Loader, "loader", None, what)
     }
@@ -291,6 +328,8 @@ mod tests {
             command: 3,
             state: "terminated".into(),
             reason: Some("fault".into()),
+            outcome: None,
+            cycles: Some(7),
             fault: Some(fault),
         };
         event(EventOrigin::Executor, "exec", Some(70), what)
@@ -311,6 +350,28 @@ mod tests {
             "{sentence}"
         );
         assert_eq!(view.net("another life", 3), "#3");
+    }
+
+    #[test]
+    fn an_outcome_has_the_name_of_the_text() {
+        let view = view(&Arguments::default());
+        for (cycles, words) in [
+            (2104, "line#3 terminated: finished: touched"),
+            (1, "line#3 terminated: finished in its first cycle: touched"),
+        ] {
+            let what = EventKind::Command {
+                command: 3,
+                state: "terminated".into(),
+                reason: Some("finished".into()),
+                outcome: Some(2),
+                cycles: Some(cycles),
+                fault: None,
+            };
+            let ended = event(EventOrigin::Executor, "exec", Some(70), what);
+            assert_eq!(ended.sentence_with(&view), words);
+            let line = json(&ended, words, &view);
+            assert!(line.contains("\"outcome\":\"touched\""), "{line}");
+        }
     }
 
     #[test]

@@ -1,20 +1,15 @@
 //! `run FILE`: loads, starts, follows and unloads a net. The first Ctrl-C cancels it (or aborts a net that cannot be
 //! cancelled), the second one aborts it. A failure to print never ends the supervision of the net.
 
-use std::time::{Duration, Instant};
-
 use rcc_api::bodies::CommandView;
 use rcc_api::codes::{RequestedEnd, exit};
 
 use crate::client::LoaderClient;
 use crate::context::{Context, OutputFormat};
 use crate::failure::{Failure, draw};
-use crate::follow::{self, OnRejection};
+use crate::follow::{self, CommandPoll, OnRejection};
 use crate::interrupt::Interrupts;
 use crate::output::{BackgroundPrinter, print_diagnostics};
-
-/// Longest time to wait for a loader that died.
-const LOADER_RESTART_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Arguments of `run`.
 #[derive(clap::Args, Debug)]
@@ -45,7 +40,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let outcome = start_and_follow(&show, &client, &interrupts, &loaded);
     if !arguments.keep {
         // The result of the run counts more than a command that could not be unloaded.
-        let _ = follow::unload(&client, loaded.id);
+        let _ = follow::unload(&client, &loaded.id.to_string());
     }
     printer.finish();
     let command = outcome?;
@@ -71,20 +66,12 @@ fn start_and_follow(
     }
     follow::operate(client, &id, "start")?;
     let (mut shown, mut obeyed) = (String::new(), 0);
-    let mut answered = Instant::now();
+    let mut poll = CommandPoll::new(loaded.id);
     loop {
-        let command = match follow::brief(client, &id) {
-            // A loader that died is restarted; the net runs on meanwhile.
-            Err(failure)
-                if failure.exit == exit::UNREACHABLE
-                    && answered.elapsed() < LOADER_RESTART_TIMEOUT =>
-            {
-                std::thread::sleep(follow::POLL_INTERVAL);
-                continue;
-            }
-            state => state?,
+        let Some(command) = poll.state(client)? else {
+            std::thread::sleep(follow::POLL_INTERVAL);
+            continue;
         };
-        answered = Instant::now();
         let state = follow::state_text(&command);
         // The snapshot may be a few cycles older than the START that was just answered.
         let old = command.state == "ready";

@@ -9,6 +9,7 @@ use rcc_api::bodies::{FaultView, RehearsalView};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
 use rcc_language::names::Names;
+use rcc_protocol::ending::ending;
 use serde::Serialize;
 
 use crate::context::{Context, OutputFormat};
@@ -39,6 +40,7 @@ struct SimulateReport {
     net: String,
     state: String,
     reason: Option<String>,
+    outcome: Option<String>,
     fault: Option<FaultView>,
     cycles: u64,
     time_s: f64,
@@ -100,12 +102,13 @@ fn report(net: &Names, simulated: &SimulationResult, config: &CellConfig) -> Sim
         net: net.net.clone(),
         state: CommandState::from_number(command.state).name().to_owned(),
         reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
+        outcome: net.outcome(command.outcome).map(str::to_owned),
         fault: with_names(net, config, |names| names.fault(&command.fault)),
         cycles: command.cycles,
         rehearsal: simulated.rehearsed.map(|rehearsed| RehearsalView {
             // Cleared because it differs in each run.
             took_ns: 0,
-            ..with_names(net, config, |names| names.rehearsal(&rehearsed))
+            ..with_names(net, config, |names| names.rehearsal(&rehearsed, net))
         }),
         time_s: simulated.cycles as f64 * simulated.period_ns as f64 / 1e9,
         monitors: monitors.collect(),
@@ -115,7 +118,10 @@ fn report(net: &Names, simulated: &SimulationResult, config: &CellConfig) -> Sim
 fn human(report: &SimulateReport) -> String {
     let state = match (&report.fault, &report.reason) {
         (Some(fault), _) => format!("{} (fault: {})\n{}", report.state, fault.fault, fault.words),
-        (None, Some(reason)) => format!("{} ({reason})", report.state),
+        (None, Some(reason)) => {
+            let ending = ending(reason, report.outcome.as_deref(), report.cycles);
+            format!("{} ({ending})", report.state)
+        }
         (None, None) => report.state.clone(),
     };
     let cycles = table::grouped(report.cycles);

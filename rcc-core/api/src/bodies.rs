@@ -200,6 +200,12 @@ pub struct CommandView {
     /// Reason of a terminated command: `finished canceled aborted fault`.
     #[serde(default)]
     pub reason: Option<String>,
+    /// Name of the outcome of its `Termination` that ended a finished or canceled command; `null` if it has no name.
+    #[serde(default)]
+    pub outcome: Option<String>,
+    /// How a terminated command ended, in words: `finished: arrived`, or the fault.
+    #[serde(default)]
+    pub words: Option<String>,
     /// Details of a fault.
     #[serde(default)]
     pub fault: Option<FaultView>,
@@ -246,6 +252,9 @@ pub struct RehearsalView {
     /// `finished`: checked to the net's end; `waits`: checked until nothing moved any more; `too long`: the net
     /// continues after the checked time; `elsewhere`: nothing was checked, START does it.
     pub end: String,
+    /// Name of the outcome with which the net finished; `null` if it did not, or if its outcomes have no names.
+    #[serde(default)]
+    pub outcome: Option<String>,
     /// Smallest distance to a singularity; `null` if not known.
     #[serde(default)]
     pub singularity: Option<f64>,

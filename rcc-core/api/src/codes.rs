@@ -21,7 +21,7 @@ pub mod exit {
     pub const TIMEOUT: u8 = 6;
     /// Not permitted.
     pub const PERMISSION: u8 = 7;
-    /// The net was canceled, but not by the caller that asked for it to run.
+    /// The net was canceled.
     pub const CANCELED: u8 = 8;
     /// Ended by Ctrl-C, SIGTERM or SIGHUP.
     pub const INTERRUPTED: u8 = 130;
@@ -42,7 +42,8 @@ pub const OUTCOMES: [(EndReason, u8); 4] = [
 pub enum RequestedEnd {
     /// Regular end: only `finished` is a success.
     Finish,
-    /// End by CANCEL: `canceled` is a success, and so is `finished` if the net finished first.
+    /// End by a CANCEL that is part of a simulated scenario: `canceled` is a success, and so is `finished` if the net
+    /// finished first.
     Cancel,
 }
 

@@ -1,6 +1,7 @@
 //! Messages for people: why the executor refused a call, and what ended a net, with names instead of numbers. Pure;
 //! used by the server's threads.
 
+use rcc_config::diagnostic::closest;
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
 use rcc_core::guard::ViolationKind;
@@ -426,6 +427,19 @@ pub fn unknown(name: &str) -> ApiError {
         format!("command `{name}` not found"),
         "`rcc-cli ls` lists all commands; `rcc-cli load FILE` loads one",
     )
+}
+
+/// Returns the error for a name that none of the loaded nets has; suggests the one that is most like it.
+#[must_use]
+pub fn unknown_among<'n>(name: &str, nets: impl Iterator<Item = &'n str>) -> ApiError {
+    match closest(name, nets.filter(|net| !net.is_empty())) {
+        Some(near) => ApiError::new(
+            codes::UNKNOWN_COMMAND,
+            format!("command `{name}` not found"),
+            format!("did you mean `{near}`? `rcc-cli ls` lists all commands"),
+        ),
+        None => unknown(name),
+    }
 }
 
 fn over_budget(net: &str, times_ns: [u64; 3]) -> (ErrorCode, String, String) {

@@ -326,6 +326,10 @@ impl TextWriter<'_, '_> {
                 }
                 text
             }
+            Source::Outcomes(outcomes) => {
+                self.refuse(outcomes.span, "outcomes by name".to_string());
+                String::new()
+            }
             Source::Literal(literal) => {
                 self.refuse(literal.span, "a constant array".to_string());
                 String::new()

@@ -42,6 +42,8 @@ pub struct Net {
     pub cycles: u64,
     /// Executor cycle of the last evaluation; undefined before the first one.
     pub evaluated_cycle: u64,
+    /// Index of the condition of `Termination` that ended it, in the order of the text; undefined while it runs.
+    pub outcome: u32,
     /// CANCEL was requested.
     pub cancel_requested: bool,
     #[cfg(test)]

@@ -118,12 +118,15 @@ pub enum EngineReply<B: DeviceBoards = VirtualBoards> {
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EngineEvent {
-    /// A command changed its state (numbers of `CommandState` and `EndReason`).
+    /// A command changed its state (numbers of `CommandState` and `EndReason`); `outcome` and `cycles` are those of its
+    /// `CommandEntry`.
     Command {
         cycle: u64,
         id: u64,
         state: u32,
         reason: u32,
+        outcome: u32,
+        cycles: u64,
         fault: FaultRecord,
     },
     /// A device changed its state from `was` to `state` (numbers of `DeviceState`). `age_ns` is the age of its last

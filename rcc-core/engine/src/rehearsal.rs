@@ -100,6 +100,8 @@ fn elsewhere_report() -> RehearsalReport {
     RehearsalReport {
         time_s: 0.0,
         end: RehearsalEnd::Elsewhere,
+        evaluations: 0,
+        outcome: 0,
         peaks: arm_monitor::NO_PEAKS,
         singularity: f64::NAN,
         shortened: 0,
@@ -201,6 +203,11 @@ impl VirtualDevices {
                 // Exclude the time spent waiting at the end: it was not checked.
                 time_s: (step - still.min(step)) as f64 * scene.dt_s,
                 end,
+                evaluations: step,
+                outcome: match end {
+                    RehearsalEnd::Finished => net.outcome + 1,
+                    _ => 0,
+                },
                 peaks,
                 singularity: arm_monitor::near(&self.monitors)
                     .map_or(f64::NAN, |near| near.distance),

@@ -110,7 +110,7 @@ descriptions! {
     NO_TERMINATION = "RCC1501", "The net has no Termination.",
         "add `end: {type: Termination, inputs: {done: …}}`";
     MANY_TERMINATIONS = "RCC1502", "The net has more than one Termination.",
-        "keep one, and combine the conditions with Or";
+        "keep one, and give it both conditions by name: `done: {arrived: move.done, touched: touch.out}`";
     CLAIMED_TWICE = "RCC1503", "Two primitives command the same resource.",
         "keep one, and choose what it commands with Select";
     TOO_WIDE = "RCC1504", "A value has more elements than a monitor can show.",

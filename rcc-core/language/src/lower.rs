@@ -23,7 +23,7 @@ use crate::check::Checked;
 use crate::codes;
 use crate::devices::DeviceTable;
 use crate::infer::Typed;
-use crate::resolve::{InputSource, OutputId, ResolvedLink, ResolvedPrimitive, every};
+use crate::resolve::{InputSource, ListElement, OutputId, ResolvedLink, ResolvedPrimitive, every};
 use crate::syntax::literal::{Literal, LiteralShape, StoredValue};
 use crate::syntax::part::ListPosition;
 use arena::{ArenaBuilder, ValueBits};
@@ -56,7 +56,7 @@ pub struct Lowered {
 /// Slots of the ports of an item.
 #[derive(Clone, Debug, Default)]
 pub struct ItemSlots {
-    /// By input of the spec.
+    /// By input of the spec; of a `Termination` with named outcomes, by outcome.
     pub inputs: Vec<SlotRange>,
     /// By output of the spec.
     pub outputs: Vec<SlotRange>,
@@ -327,6 +327,17 @@ impl<'a> Lowering<'a> {
                 },
                 InputSource::Link(link) => self.link_slot(link, ty),
                 InputSource::Literal(literal) => self.constant(Some(literal), ty),
+                InputSource::Outcomes(outcomes) => {
+                    // Each condition is a group of operands of its own.
+                    for condition in &outcomes.conditions {
+                        let slot = match condition {
+                            ListElement::Link(link) => self.link_slot(link, ty),
+                            ListElement::Literal(literal, _) => self.constant(Some(literal), ty),
+                        };
+                        self.slots[number].inputs.push(slot);
+                    }
+                    continue;
+                }
                 InputSource::Default(value) => self.default(*value, ty),
                 // The checks refuse both.
                 InputSource::Missing | InputSource::Refused => self.constant(None, ty),

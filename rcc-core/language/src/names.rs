@@ -8,7 +8,7 @@ use rcc_protocol::control::PlanData;
 use serde::{Deserialize, Serialize};
 
 use crate::infer::Typed;
-use crate::lower::{Lowered, SlotRange};
+use crate::lower::{ItemSlots, Lowered, SlotRange};
 use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive, every};
 
 /// Names of one command.
@@ -29,6 +29,9 @@ pub struct Names {
     /// Ids of the motions, in the order of the plan.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub motions: Vec<String>,
+    /// Names of the outcomes of its `Termination`, in the order of the text; empty if they have no names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outcomes: Vec<String>,
 }
 
 impl Names {
@@ -37,6 +40,13 @@ impl Names {
     pub fn settable(&self) -> impl Iterator<Item = (u32, &InputNames)> + Clone {
         let inputs = (0..).zip(&self.inputs);
         inputs.filter(|(_, input)| input.topic.is_none())
+    }
+
+    /// Returns the name of an outcome, counted from 1; `None` if it has none.
+    #[must_use]
+    pub fn outcome(&self, number: u32) -> Option<&str> {
+        let index = number.checked_sub(1)?;
+        self.outcomes.get(index as usize).map(String::as_str)
     }
 }
 
@@ -146,21 +156,11 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
         .clone()
         .zip(&lowered.slots)
         .map(|((number, item), slots)| {
-            let inputs = item
-                .inputs
-                .iter()
-                .zip(item.spec().inputs)
-                .zip(&slots.inputs);
             let outputs = item.spec().outputs.iter().zip(&slots.outputs);
             PrimitiveNames {
                 id: item.id().to_string(),
                 type_name: item.spec().name.to_string(),
-                inputs: inputs
-                    .map(|((input_source, port), slot)| PortNames {
-                        source: source(net, input_source),
-                        ..port_names(net, number, port, *slot)
-                    })
-                    .collect(),
+                inputs: input_names(net, number, item, slots),
                 outputs: outputs
                     .map(|(port, slot)| port_names(net, number, port, *slot))
                     .collect(),
@@ -180,7 +180,43 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
         inputs: inputs(net, lowered),
         publishes: publishes(net, lowered),
         motions: motions(net, lowered),
+        outcomes: net
+            .graph
+            .items
+            .iter()
+            .flat_map(|item| item.conditions())
+            .map(|(_, name, _)| name.to_string())
+            .collect(),
     }
+}
+
+/// Returns the names of the inputs of an item; each named outcome is an input of its own.
+fn input_names(
+    net: Typed<'_>,
+    number: usize,
+    item: &ResolvedPrimitive<'_>,
+    slots: &ItemSlots,
+) -> Vec<PortNames> {
+    let ports = item.spec().inputs;
+    let outcomes = item.conditions().zip(&slots.inputs);
+    let outcomes = outcomes.filter_map(|((port, name, condition), slot)| {
+        Some(PortNames {
+            name: name.to_string(),
+            source: condition.link().map(|link| link_name(net, link)),
+            ..port_names(net, number, ports.get(port)?, *slot)
+        })
+    });
+    let outcomes: Vec<PortNames> = outcomes.collect();
+    if !outcomes.is_empty() {
+        return outcomes;
+    }
+    let inputs = item.inputs.iter().zip(ports).zip(&slots.inputs);
+    inputs
+        .map(|((input_source, port), slot)| PortNames {
+            source: source(net, input_source),
+            ..port_names(net, number, port, *slot)
+        })
+        .collect()
 }
 
 /// Returns the ids of the motions. Motions are numbered in the order in which primitives are lowered.
@@ -272,17 +308,18 @@ fn monitor_names(
     }
 }
 
+fn link_name(net: Typed<'_>, link: &ResolvedLink<'_>) -> String {
+    let output = net.graph.output_name(link.from);
+    link.part
+        .map_or(output.clone(), |part| format!("{output}{part}"))
+}
+
 fn source(net: Typed<'_>, input_source: &InputSource<'_>) -> Option<String> {
-    let link_name = |link: &ResolvedLink<'_>| {
-        let output = net.graph.output_name(link.from);
-        link.part
-            .map_or(output.clone(), |part| format!("{output}{part}"))
-    };
     match input_source {
-        InputSource::Link(link) => Some(link_name(link)),
+        InputSource::Link(link) => Some(link_name(net, link)),
         InputSource::List(list) => {
             let elements = list.elements.iter().map(|element| match element {
-                ListElement::Link(link) => link_name(link),
+                ListElement::Link(link) => link_name(net, link),
                 ListElement::Literal(literal, _) => literal.to_string(),
             });
             Some(format!("[{}]", elements.collect::<Vec<_>>().join(", ")))

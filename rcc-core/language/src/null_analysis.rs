@@ -143,13 +143,20 @@ impl NullAnalysis {
             }
             InputSource::Default(Default::Null) => Some(NullInputCause::Constant),
             InputSource::Link(link) => self.link(link),
-            InputSource::List(list) => list.elements.iter().find_map(|element| match element {
-                ListElement::Link(link) => self.link(link),
-                ListElement::Literal(literal, _) => {
-                    (literal.shape == LiteralShape::Null).then_some(NullInputCause::Constant)
-                }
-            }),
+            InputSource::List(list) => list.elements.iter().find_map(|it| self.element(it)),
+            InputSource::Outcomes(outcomes) => {
+                outcomes.conditions.iter().find_map(|it| self.element(it))
+            }
             _ => None,
+        }
+    }
+
+    fn element(&self, element: &ListElement<'_>) -> Option<NullInputCause> {
+        match element {
+            ListElement::Link(link) => self.link(link),
+            ListElement::Literal(literal, _) => {
+                (literal.shape == LiteralShape::Null).then_some(NullInputCause::Constant)
+            }
         }
     }
 
@@ -213,7 +220,17 @@ impl NullAnalysis {
     /// Returns why an input can be null, as a phrase; `None` if it never is.
     #[must_use]
     pub fn why_input(&self, graph: &NetGraph<'_>, number: usize, input: usize) -> Option<String> {
-        match self.input(graph.items.get(number)?, input)? {
+        self.describe(graph, self.input(graph.items.get(number)?, input)?)
+    }
+
+    /// Returns why an element of a list, or a named condition, can be null, as a phrase; `None` if it never is.
+    #[must_use]
+    pub fn why_element(&self, graph: &NetGraph<'_>, element: &ListElement<'_>) -> Option<String> {
+        self.describe(graph, self.element(element)?)
+    }
+
+    fn describe(&self, graph: &NetGraph<'_>, cause: NullInputCause) -> Option<String> {
+        match cause {
             NullInputCause::Constant => Some("it is the constant null".to_owned()),
             NullInputCause::FirstCycle => Some("null in the first cycle".to_owned()),
             NullInputCause::Output(from) => {

@@ -26,7 +26,7 @@ use suggest::Suggestions;
 pub(crate) use evaluations::{RATE_TOLERANCE, every, window, window_s};
 pub use graph::{
     DeclaredInput, InputSource, ListElement, NetGraph, OutputId, ResolvedLink, ResolvedList,
-    ResolvedPrimitive, ResolvedRegion,
+    ResolvedOutcomes, ResolvedPrimitive, ResolvedRegion,
 };
 
 /// Resolves all names of a net.

@@ -2,8 +2,9 @@
 //! editors. It accepts every net that the language accepts, and refuses errors that are visible without following
 //! links. Never real-time.
 
+use rcc_core::plan::OUTCOMES_MAX;
 use rcc_core::primitive::{
-    ChannelKind, DefaultValue, Parameter, ParameterKind, Port, PortType, Spec,
+    ChannelKind, DefaultValue, Parameter, ParameterKind, Port, PortType, Role, Spec,
 };
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
@@ -160,7 +161,7 @@ fn parts() -> [(&'static str, Value); 4] {
     ]
 }
 
-fn values() -> [(&'static str, Value); 10] {
+fn values() -> [(&'static str, Value); 11] {
     let text = |what: &str, pattern: &str| json!({"description": what, "type": "string", "pattern": pattern});
     let link = object(
         "A link.",
@@ -202,6 +203,7 @@ fn values() -> [(&'static str, Value); 10] {
             "boolSource",
             source(vec![json!({"type": "boolean"}), reference()]),
         ),
+        ("outcomes", outcomes()),
         (
             "intSource",
             source(vec![json!({"type": "integer"}), reference()]),
@@ -237,6 +239,21 @@ fn source(mut kinds: Vec<Value>) -> Value {
     kinds.push(json!({"type": "null"}));
     kinds.push(json!({"$ref": "#/$defs/link"}));
     json!({"anyOf": kinds})
+}
+
+/// Returns the schema of the condition of a `Termination`, or of its conditions by name.
+fn outcomes() -> Value {
+    json!({"anyOf": [
+        {"$ref": "#/$defs/boolSource"},
+        {
+            "description": "Outcomes by their names; the first one that is true ends the net.",
+            "type": "object",
+            "propertyNames": {"pattern": ID, "not": {"enum": ["from", "delayed", "initial", "xyz", "rpy", "quat"]}},
+            "additionalProperties": {"$ref": "#/$defs/boolSource"},
+            "minProperties": 1,
+            "maxProperties": OUTCOMES_MAX,
+        },
+    ]})
 }
 
 fn active() -> Value {
@@ -280,7 +297,7 @@ fn primitive(spec: &Spec, cell: Option<&DeviceTable>) -> Value {
         .collect();
     let inputs = spec.inputs.iter();
     let inputs: Map<String, Value> = inputs
-        .map(|port| (port.name.to_string(), input(port)))
+        .map(|port| (port.name.to_string(), input(port, spec.role)))
         .collect();
     let needs: Vec<&str> = spec
         .parameters
@@ -318,8 +335,9 @@ fn primitive(spec: &Spec, cell: Option<&DeviceTable>) -> Value {
     )
 }
 
-fn input(port: &Port) -> Value {
+fn input(port: &Port, role: Role) -> Value {
     let kind = match port.ty {
+        _ if role == Role::Termination => "outcomes",
         PortType::Is(Type::Bool) => "boolSource",
         PortType::Is(Type::Int) => "intSource",
         PortType::Is(Type::Real) | PortType::Number => "realSource",

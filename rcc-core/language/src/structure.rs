@@ -4,6 +4,8 @@
 
 mod literal_label;
 
+use std::borrow::Cow;
+
 use rcc_core::primitive::{ParameterKind, Port, Role};
 use rcc_core::types::Store;
 use serde::Serialize;
@@ -92,8 +94,8 @@ pub struct ActiveCondition {
 /// A port.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PortInfo {
-    /// Name.
-    pub name: &'static str,
+    /// Name; that of an outcome for a named condition of a `Termination`.
+    pub name: Cow<'static, str>,
     /// Type, such as `Real[7]`.
     #[serde(rename = "type")]
     pub type_name: String,
@@ -184,12 +186,6 @@ fn part(
     let spec = item.spec();
     let no_slots = ItemSlots::default();
     let slots = lowered.slots.get(number).unwrap_or(&no_slots);
-    let inputs = spec.inputs.iter().zip(&item.inputs).enumerate();
-    let inputs = inputs.map(|(place, (port, input_source))| PortInfo {
-        sources: sources(input_source),
-        null: nulls.why_input(net.graph, number, place),
-        ..pin(net, number, port, slots.inputs.get(place))
-    });
     let outputs = spec.outputs.iter().enumerate();
     let outputs = outputs.map(|(place, port)| pin(net, number, port, slots.outputs.get(place)));
     let device = item
@@ -201,7 +197,7 @@ fn part(
         role: role(item),
         device: device.map(|device| device.name.clone()),
         parameters: parameters(item),
-        inputs: inputs.collect(),
+        inputs: inputs(net, slots, nulls, number, item),
         outputs: outputs.collect(),
         active: activity(net, item),
         null: nulls
@@ -209,6 +205,38 @@ fn part(
             .filter(|_| !spec.outputs.is_empty()),
         null_words: spec.null,
     }
+}
+
+/// Returns the inputs of a primitive; each named outcome is an input of its own.
+fn inputs(
+    net: Typed<'_>,
+    slots: &ItemSlots,
+    nulls: &NullAnalysis,
+    number: usize,
+    item: &ResolvedPrimitive<'_>,
+) -> Vec<PortInfo> {
+    let ports = item.spec().inputs;
+    let outcomes = item.conditions().enumerate();
+    let outcomes = outcomes.filter_map(|(place, (port, name, condition))| {
+        Some(PortInfo {
+            name: Cow::Owned(name.to_owned()),
+            sources: vec![element(condition)],
+            null: nulls.why_element(net.graph, condition),
+            ..pin(net, number, ports.get(port)?, slots.inputs.get(place))
+        })
+    });
+    let outcomes: Vec<PortInfo> = outcomes.collect();
+    if !outcomes.is_empty() {
+        return outcomes;
+    }
+    let inputs = ports.iter().zip(&item.inputs).enumerate();
+    inputs
+        .map(|(place, (port, input_source))| PortInfo {
+            sources: sources(input_source),
+            null: nulls.why_input(net.graph, number, place),
+            ..pin(net, number, port, slots.inputs.get(place))
+        })
+        .collect()
 }
 
 /// Returns the regions of a primitive, outermost first.
@@ -284,7 +312,7 @@ fn pin(net: Typed<'_>, number: usize, port: &Port, slot: Option<&SlotRange>) -> 
         }),
     );
     PortInfo {
-        name: port.name,
+        name: Cow::Borrowed(port.name),
         type_name: names.type_name,
         unit: names.unit.filter(|unit| unit != "1"),
         store: names.store,
@@ -305,16 +333,18 @@ fn link_info(link: &ResolvedLink<'_>) -> SourceInfo {
     })
 }
 
+fn element(element: &ListElement<'_>) -> SourceInfo {
+    match element {
+        ListElement::Link(link) => link_info(link),
+        ListElement::Literal(literal, _) => SourceInfo::Constant(literal_label(literal)),
+    }
+}
+
 fn sources(input_source: &InputSource<'_>) -> Vec<SourceInfo> {
     match input_source {
         InputSource::Link(link) => vec![link_info(link)],
-        InputSource::List(list) => {
-            let elements = list.elements.iter().map(|element| match element {
-                ListElement::Link(link) => link_info(link),
-                ListElement::Literal(literal, _) => SourceInfo::Constant(literal_label(literal)),
-            });
-            elements.collect()
-        }
+        InputSource::List(list) => list.elements.iter().map(element).collect(),
+        InputSource::Outcomes(outcomes) => outcomes.conditions.iter().map(element).collect(),
         InputSource::Literal(literal) => vec![SourceInfo::Constant(literal_label(literal))],
         InputSource::Default(value) => {
             vec![SourceInfo::Default(literal_label(&literal(*value)))]

@@ -86,6 +86,8 @@ pub enum Source {
     Literal(Literal),
     /// A list with at least one link in it.
     List(List),
+    /// Conditions by their names, in the order of the text: `{arrived: move.done, touched: touch.out}`.
+    Outcomes(Outcomes),
     /// Refused; the error is reported.
     Refused,
 }
@@ -97,6 +99,7 @@ impl Source {
         match self {
             Source::Link(link) => vec![link],
             Source::List(list) => list.elements.iter().flat_map(Source::links).collect(),
+            Source::Outcomes(outcomes) => outcomes.sources().flat_map(Source::links).collect(),
             Source::Literal(_) | Source::Refused => Vec::new(),
         }
     }
@@ -108,6 +111,7 @@ impl Source {
             Source::Link(link) => link.initial.iter().collect(),
             Source::Literal(literal) => vec![literal],
             Source::List(list) => list.elements.iter().flat_map(Source::constants).collect(),
+            Source::Outcomes(outcomes) => outcomes.sources().flat_map(Source::constants).collect(),
             Source::Refused => Vec::new(),
         }
     }
@@ -120,6 +124,22 @@ pub struct List {
     pub elements: Vec<Source>,
     /// Span of the list.
     pub span: Span,
+}
+
+/// The outcomes of a net: the first condition that is true ends it.
+#[derive(Clone, Debug)]
+pub struct Outcomes {
+    /// Names with their conditions, each a link or a constant.
+    pub rows: Vec<(Key, Source)>,
+    /// Span of the mapping.
+    pub span: Span,
+}
+
+impl Outcomes {
+    /// Returns the conditions, in the order of the text.
+    pub fn sources(&self) -> impl Iterator<Item = &Source> {
+        self.rows.iter().map(|(_, source)| source)
+    }
 }
 
 /// A link from an output.

@@ -240,6 +240,10 @@ fn source_tree(source: &Source) -> Tree {
         Source::Link(link) => link_tree(link),
         Source::Literal(literal) => literal_tree(literal),
         Source::List(list) => Tree::list(list.elements.iter().map(source_tree)),
+        Source::Outcomes(outcomes) => {
+            let rows = outcomes.rows.iter();
+            Tree::map(rows.map(|(name, source)| (name.name.clone(), source_tree(source))))
+        }
         Source::Refused => plain("null"),
     }
 }

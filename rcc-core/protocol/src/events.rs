@@ -12,6 +12,7 @@ mod sentences;
 mod wall_time;
 
 pub use kinds::{CommandFault, EVENT_KINDS, EventKind, EventKindRow, LastEvent, Predecessor};
+pub use sentences::CommandNames;
 pub use wall_time::{wall_time, wall_time_before};
 
 /// Maximum length of a line including the line feed, bytes; longer texts are truncated.

@@ -5,6 +5,7 @@ pub mod announcement;
 pub mod build;
 pub mod configuration;
 pub mod control;
+pub mod ending;
 pub mod events;
 pub mod pattern;
 pub mod rehearsal;

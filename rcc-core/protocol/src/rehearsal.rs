@@ -9,6 +9,10 @@ pub struct RehearsalReport {
     pub time_s: f64,
     /// How the rehearsal ended.
     pub end: RehearsalEnd,
+    /// Number of cycles in which the net was evaluated.
+    pub evaluations: u64,
+    /// The condition of its `Termination` that ended the net, counted from 1 in the order of the text; 0: none did.
+    pub outcome: u32,
     /// Highest use of the limits of velocity, acceleration and jerk by a joint.
     pub peaks: [LimitPeak; 3],
     /// Smallest distance to a singularity of a commanded arm, as defined by its kinematics; NaN if unknown.

@@ -22,7 +22,7 @@ pub struct CommandSummary {
     pub rehearsal: Option<RehearsalView>,
     /// Time of loading, seconds since the Unix epoch.
     pub loaded_at: u64,
-    /// Names of its motions, inputs and topics; without primitives and monitors.
+    /// Names of its motions, inputs, topics and outcomes; without primitives and monitors.
     pub names: Names,
     /// True if its file has the full names.
     pub is_named: bool,
@@ -55,5 +55,6 @@ fn short(names: &Names) -> Names {
         inputs: names.inputs.clone(),
         publishes: names.publishes.clone(),
         motions: names.motions.clone(),
+        outcomes: names.outcomes.clone(),
     }
 }

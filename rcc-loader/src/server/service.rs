@@ -17,6 +17,7 @@ use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_process::Helpers;
 use rcc_protocol::control::{Answer, Call};
+use rcc_protocol::ending::{ending, why_at_once};
 use rcc_protocol::events::{EventKind, hex_digits};
 use rcc_protocol::{Announcement, Configuration};
 use serde::Serialize;
@@ -318,11 +319,10 @@ impl Service {
             let row = rows.iter().find(|row| row.id == id)?;
             Some((id, CommandState::from_number(row.state)))
         };
-        let loading = self.loading();
-        let loading = loading
+        let loading: Vec<_> = self
+            .loading()
             .iter()
-            .filter(|(_, loading)| loading.entry.net == name);
-        let loading: Vec<_> = loading
+            .filter(|(_, loading)| loading.entry.net == name)
             .map(|(id, _)| (*id, CommandState::Loading))
             .collect();
         let named = store.named(name).into_iter().filter_map(state);
@@ -330,7 +330,15 @@ impl Service {
         let newest = |of: &mut dyn Iterator<Item = &(u64, CommandState)>| of.map(|row| row.0).max();
         newest(&mut named.iter().filter(|(_, state)| suits(*state)))
             .or_else(|| newest(&mut named.iter()))
-            .ok_or_else(|| messages::unknown(name))
+            .ok_or_else(|| self.unknown(store, name))
+    }
+
+    /// Returns the error for a name that no command has, with the name that is most like it.
+    fn unknown(&self, store: &CommandStore, name: &str) -> ApiError {
+        let loading = self.loading();
+        let loading = loading.values().map(|loading| loading.entry.net.clone());
+        let nets: Vec<String> = store.nets().into_iter().chain(loading).collect();
+        messages::unknown_among(name, nets.iter().map(String::as_str))
     }
 
     fn summary(&self, store: &CommandStore, id: u64) -> Option<Arc<CommandSummary>> {
@@ -366,13 +374,23 @@ impl Service {
             state => state,
         };
         let reason = EndReason::from_number(row.reason);
+        let outcome = known.names.outcome(row.outcome);
+        let fault = self.with_names(Some(store), |names| names.fault(&row.fault));
+        let ended = || {
+            (reason != EndReason::None).then(|| words_of_end(reason.name(), outcome, row.cycles))
+        };
         CommandView {
             id: row.id,
             net: known.net.clone(),
             description: known.description.clone(),
             state: state.name().to_owned(),
             reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
-            fault: self.with_names(Some(store), |names| names.fault(&row.fault)),
+            outcome: outcome.map(str::to_owned),
+            words: fault
+                .as_ref()
+                .map(|fault| fault.words.clone())
+                .or_else(ended),
+            fault,
             can_cancel: row.can_cancel == 1,
             cycles: row.cycles,
             started_cycle: row.started_cycle,
@@ -425,6 +443,15 @@ impl Service {
 /// Returns all errors and warnings of the text if it has an error.
 pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Vec<Finding>> {
     compile::compile(text, file, config)
+}
+
+/// Describes the end of a command, with the cause if it ended at once.
+fn words_of_end(reason: &str, outcome: Option<&str>, cycles: u64) -> String {
+    let words = ending(reason, outcome, cycles);
+    match why_at_once(reason, outcome, cycles) {
+        Some(why) => format!("{words}; {why}"),
+        None => words,
+    }
 }
 
 fn unexpected() -> ApiError {

@@ -172,6 +172,7 @@ struct SummaryNames {
     inputs: Vec<InputNames>,
     publishes: Vec<TopicNames>,
     motions: Vec<String>,
+    outcomes: Vec<String>,
 }
 
 impl From<CommandFileSummary> for CommandSummary {
@@ -191,6 +192,7 @@ impl From<CommandFileSummary> for CommandSummary {
                 inputs: names.inputs,
                 publishes: names.publishes,
                 motions: names.motions,
+                outcomes: names.outcomes,
                 ..Names::default()
             },
             is_named,
@@ -366,6 +368,17 @@ impl CommandStore {
         let index = self.index();
         let rows = index.rows.iter().filter(|(_, row)| row.summary.net == net);
         rows.map(|(id, _)| *id).collect()
+    }
+
+    /// Returns the names of the nets of all commands.
+    #[must_use]
+    pub fn nets(&self) -> Vec<String> {
+        let index = self.index();
+        index
+            .rows
+            .values()
+            .map(|row| row.summary.net.clone())
+            .collect()
     }
 
     /// Maximum size of all command files together, bytes; they are in memory (tmpfs).

@@ -1,5 +1,7 @@
 //! Explanation of a net as a value; its fields are the keys of `--output json`. Pure.
 
+use std::borrow::Cow;
+
 use rcc_core::primitives;
 use rcc_engine::costs::Costs;
 use rcc_language::structure::{NetStructure, PortInfo, PrimitiveRole, SourceInfo};
@@ -118,7 +120,7 @@ pub struct EvaluationStep {
 #[derive(Clone, Debug, Serialize)]
 pub struct StepOutput {
     /// Name.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Type.
     #[serde(rename = "type")]
     pub ty: String,
@@ -143,7 +145,7 @@ pub struct NullSource {
     /// Id of the primitive.
     pub id: String,
     /// Names of all its outputs.
-    pub outputs: Vec<&'static str>,
+    pub outputs: Vec<Cow<'static, str>>,
     /// Why they can be null, and by which path.
     pub why: String,
 }
@@ -266,7 +268,7 @@ fn regions(structure: &NetStructure, order: &[EvaluationStep]) -> Vec<Conditiona
 
 fn output(pin: &PortInfo) -> StepOutput {
     StepOutput {
-        name: pin.name,
+        name: pin.name.clone(),
         ty: pin.type_name.clone(),
         unit: pin.unit.clone(),
         slot: pin.slot,
@@ -360,7 +362,7 @@ fn nulls(structure: &NetStructure) -> Vec<NullSource> {
         .filter_map(|part| {
             Some(NullSource {
                 id: part.id.clone(),
-                outputs: part.outputs.iter().map(|pin| pin.name).collect(),
+                outputs: part.outputs.iter().map(|pin| pin.name.clone()).collect(),
                 why: part.null.clone()?,
             })
         })

@@ -240,7 +240,7 @@ mod tests {
             kernel: Some("Real".into()),
             ns: 1.5,
             outputs: vec![StepOutput {
-                name: "out",
+                name: "out".into(),
                 ty: "Real".into(),
                 unit: Some("m".into()),
                 slot: 0,
@@ -269,7 +269,7 @@ mod tests {
             },
             nulls: vec![NullSource {
                 id: "p1".into(),
-                outputs: vec!["out"],
+                outputs: vec!["out".into()],
                 why: "`lwr` is lost: ft".into(),
             }],
             consequences: vec![Consequence {

@@ -3,6 +3,8 @@
 
 use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::FaultCode;
+use rcc_language::names::Names;
+use rcc_protocol::ending::why_at_once;
 use rcc_protocol::rehearsal::{
     LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
 };
@@ -19,9 +21,9 @@ const SINGULAR: f64 = 0.2;
 const QUANTITIES: [&str; 3] = ["speed", "acceleration", "jerk"];
 
 impl NameResolver<'_> {
-    /// Returns the result of a rehearsal, with names.
+    /// Returns the result of the rehearsal of the net with these names.
     #[must_use]
-    pub fn rehearsal(&self, rehearsed: &RehearsalReport) -> RehearsalView {
+    pub fn rehearsal(&self, rehearsed: &RehearsalReport, net: &Names) -> RehearsalView {
         let peaks = QUANTITIES.into_iter().zip(rehearsed.peaks);
         let moved = peaks.filter(|(_, peak)| peak.joint != 0);
         let peaks: Vec<PeakView> = moved
@@ -42,7 +44,8 @@ impl NameResolver<'_> {
             time_s: rehearsed.time_s,
             end: end.to_owned(),
             singularity: Some(rehearsed.singularity).filter(|distance| distance.is_finite()),
-            words: summary(rehearsed, &peaks),
+            outcome: net.outcome(rehearsed.outcome).map(str::to_owned),
+            words: summary(rehearsed, &peaks, net.outcome(rehearsed.outcome)),
             peaks,
             took_ns: rehearsed.took_ns,
         }
@@ -143,12 +146,17 @@ impl NameResolver<'_> {
     }
 }
 
-fn summary(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
+fn summary(rehearsed: &RehearsalReport, peaks: &[PeakView], outcome: Option<&str>) -> String {
     if rehearsed.end == RehearsalEnd::Elsewhere {
         return format!(
             "not checked yet: it does not start where the arm rests now; START checks it{}",
             roundings(rehearsed)
         );
+    }
+    let is_finished = rehearsed.end == RehearsalEnd::Finished;
+    let at_once = why_at_once("finished", outcome, rehearsed.evaluations);
+    if let Some(why) = at_once.filter(|_| is_finished) {
+        return format!("checked: the net finishes in its first cycle; {why}");
     }
     let time = format!("{:.1} s of motion", rehearsed.time_s);
     let highest = match peaks {
@@ -161,9 +169,11 @@ fn summary(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
         }
     };
     let rest = match rehearsed.end {
-        RehearsalEnd::TooLong => "; the time after that was not checked",
-        RehearsalEnd::Waits => "; then it waits",
-        RehearsalEnd::Finished | RehearsalEnd::Elsewhere => "",
+        RehearsalEnd::TooLong => "; the time after that was not checked".to_owned(),
+        RehearsalEnd::Waits => "; then it waits".to_owned(),
+        RehearsalEnd::Finished | RehearsalEnd::Elsewhere => outcome
+            .map(|outcome| format!("; its outcome is `{outcome}`"))
+            .unwrap_or_default(),
     };
     let near = match rehearsed.singularity {
         // This close, small changes of the path cause large joint motions.

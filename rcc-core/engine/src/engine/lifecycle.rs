@@ -230,10 +230,12 @@ impl<B: DeviceBoards> Engine<B> {
 
     pub(super) fn finish(&mut self, row: RowIndex) {
         let net = self.commands[row].net.as_ref();
+        let outcome = net.map_or(0, |net| net.outcome + 1);
         let reason = match net.is_some_and(|net| net.cancel_requested) {
             true => EndReason::Canceled,
             false => EndReason::Finished,
         };
+        self.commands[row].entry.outcome = outcome;
         self.end(row, reason, FaultRecord::NONE);
     }
 
@@ -266,6 +268,8 @@ impl<B: DeviceBoards> Engine<B> {
             id: entry.id,
             state: entry.state,
             reason: entry.reason,
+            outcome: entry.outcome,
+            cycles: entry.cycles,
             fault: entry.fault,
         };
         self.tables_changed = true;

@@ -112,7 +112,7 @@ impl<B: DeviceBoards> Engine<B> {
                 let CommandRow {
                     entry, net: place, ..
                 } = &mut self.commands[row];
-                entry.can_cancel = u64::from(net.can_cancel());
+                entry.can_cancel = u32::from(net.can_cancel());
                 entry.expected_ns = net.expected_ns;
                 *place = Some(net);
                 self.set_state(row, CommandState::Ready);

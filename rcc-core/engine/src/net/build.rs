@@ -112,6 +112,7 @@ impl Net {
             data,
             cycles: 0,
             evaluated_cycle: 0,
+            outcome: 0,
             cancel_requested: false,
             #[cfg(test)]
             panics: false,

@@ -71,11 +71,12 @@ impl Net {
             let Frame {
                 cycle,
                 terminated,
+                outcome,
                 motion_failed,
                 ..
             } = inner;
-            (frame.cycle, frame.terminated, frame.motion_failed) =
-                (cycle, terminated, motion_failed);
+            (frame.cycle, frame.motion_failed) = (cycle, motion_failed);
+            (frame.terminated, frame.outcome) = (terminated, outcome);
         })
     }
 
@@ -131,6 +132,7 @@ impl Net {
             cycle: self.cycles,
             cancel_requested: self.cancel_requested,
             terminated: false,
+            outcome: 0,
             motion_failed: false,
         };
         let plan = self.data.plan();
@@ -146,7 +148,7 @@ impl Net {
         if completed.is_err() {
             return Evaluation::Fault(FaultCode::Panic);
         }
-        self.cycles = frame.cycle;
+        (self.cycles, self.outcome) = (frame.cycle, frame.outcome);
         match (frame.motion_failed, frame.terminated) {
             (true, _) => Evaluation::Fault(FaultCode::Motion),
             (false, true) => Evaluation::Terminated,

@@ -5,13 +5,13 @@ mod common;
 
 mod faults;
 
-use common::{EngineFixture, HOLD, endless_net, line_net, model, motion_net, output_net};
+use common::{EngineFixture, HOLD, TestPlan, endless_net, line_net, model, motion_net, output_net};
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::{ViolationKind, axis};
 use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode};
 use rcc_core::plan::Resource;
 use rcc_core::workspace::Workspace;
-use rcc_engine::queue::EngineRequest;
+use rcc_engine::queue::{EngineEvent, EngineRequest};
 use rcc_protocol::control::{Answer, Refusal};
 
 fn refused(answer: Answer) -> Refusal {
@@ -52,6 +52,49 @@ fn a_command_goes_through_its_states_and_start_takes_effect_in_the_next_cycle() 
         Answer::Done { .. }
     ));
     assert_eq!(refused(fixture.start(id)), Refusal::UnknownCommand);
+}
+
+#[test]
+fn the_table_and_the_events_name_the_outcome_that_ended_a_net() {
+    // Two conditions of one `Termination`; the first true one in the order of the plan is the outcome.
+    for (first, second, wanted) in [(1, 0, 1), (0, 1, 2), (1, 1, 1), (2, 1, 2)] {
+        let mut plan = TestPlan::new();
+        let (first, second) = (plan.bool(first), plan.bool(second));
+        plan.add("Termination", &[first, second]);
+        let mut fixture = EngineFixture::new();
+        let id = fixture.load(plan.data);
+        assert_eq!(fixture.entry(id).outcome, 0);
+        fixture.start(id);
+        assert_eq!(fixture.until_terminated(id, 2), EndReason::Finished);
+        let entry = fixture.entry(id);
+        assert_eq!((entry.outcome, entry.cycles), (wanted, 1));
+        let events = std::iter::from_fn(|| fixture.ends.events.pop().ok());
+        let told = events.filter_map(|event| match event {
+            EngineEvent::Command { state, outcome, .. } => Some((state, outcome)),
+            _ => None,
+        });
+        let terminated = CommandState::Terminated as u32;
+        assert_eq!(told.last(), Some((terminated, wanted)));
+    }
+    // A net that is aborted or ends by a fault has no outcome.
+    let mut fixture = EngineFixture::new();
+    let id = fixture.load(output_net(1));
+    fixture.start(id);
+    fixture.ask(|ticket| EngineRequest::Abort { ticket, id });
+    assert_eq!(fixture.until_terminated(id, 2), EndReason::Aborted);
+    assert_eq!(fixture.entry(id).outcome, 0);
+}
+
+#[test]
+fn a_plan_has_one_to_32_conditions_of_its_termination() {
+    let fixture = EngineFixture::new();
+    for (count, good) in [(1, true), (32, true), (33, false)] {
+        let mut plan = TestPlan::new();
+        let no = plan.bool(0);
+        plan.add("Termination", &vec![no; count]);
+        let built = fixture.build(plan.data);
+        assert_eq!(built.is_ok(), good, "{count}");
+    }
 }
 
 #[test]

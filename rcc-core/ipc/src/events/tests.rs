@@ -56,6 +56,8 @@ fn fault() -> EventKind {
         command: 3,
         state: "terminated".into(),
         reason: Some("fault".into()),
+        outcome: None,
+        cycles: None,
         fault: Some(CommandFault {
             code: "limit".into(),
             device: Some("lwr".into()),

@@ -41,6 +41,13 @@ pub fn literals_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
                 check_literal(literal, parameter.name, ty, unit);
             }
         }
+        for (port, name, condition) in item.conditions() {
+            if let (ListElement::Literal(literal, _), Some(port)) =
+                (condition, item.spec().inputs.get(port))
+            {
+                check_literal(literal, name, port.ty, port.unit);
+            }
+        }
         for (port, list) in item.lists() {
             for element in &list.elements {
                 if let (ListElement::Literal(literal, position), Some(port)) =

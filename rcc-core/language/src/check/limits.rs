@@ -34,7 +34,9 @@ pub fn there_is_one_termination(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic
         );
         let diagnostic =
             Diagnostic::error(codes::MANY_TERMINATIONS, item.primitive.id.span, message);
-        diagnostics.push(diagnostic.help("combine their conditions with Or"));
+        diagnostics.push(diagnostic.help(format!(
+            "give `{first}` both conditions by name: `done: {{arrived: move.done, touched: touch.out}}`"
+        )));
     }
 }
 

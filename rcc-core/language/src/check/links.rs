@@ -56,7 +56,12 @@ pub fn links_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
             let (Some(have), Some(want)) = (have, want) else {
                 continue;
             };
-            let input = format!("{}.{}{}", item.id(), port.name, link.position);
+            let is_it = |condition: &ListElement<'_>| {
+                condition.link().is_some_and(|it| std::ptr::eq(it, link))
+            };
+            let outcome = item.conditions().find(|(_, _, condition)| is_it(condition));
+            let name = outcome.map_or(port.name, |(_, name, _)| name);
+            let input = format!("{}.{name}{}", item.id(), link.position);
             if have != want {
                 diagnostics.push(other_type(net, link, &input, have, want));
                 continue;

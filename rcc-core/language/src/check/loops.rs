@@ -184,12 +184,14 @@ fn becomes_known(
         // A value from another loop counts as known: that loop is reported itself.
         !components.same(number, source) || known.get(source) == Some(&true)
     };
+    let element = |element: &ListElement<'_>| match element {
+        ListElement::Link(link) => link_known(link),
+        ListElement::Literal(literal, _) => literal.shape != LiteralShape::Null,
+    };
     let input = |input_source: &InputSource<'_>| match input_source {
         InputSource::Link(link) => link_known(link),
-        InputSource::List(list) => list.elements.iter().all(|element| match element {
-            ListElement::Link(link) => link_known(link),
-            ListElement::Literal(literal, _) => literal.shape != LiteralShape::Null,
-        }),
+        InputSource::List(list) => list.elements.iter().all(element),
+        InputSource::Outcomes(outcomes) => outcomes.conditions.iter().all(element),
         InputSource::Literal(literal) => literal.shape != LiteralShape::Null,
         InputSource::Default(value) => *value != Default::Null,
         InputSource::Missing | InputSource::Refused => true,

@@ -12,7 +12,7 @@ use crate::syntax::fragment::FragmentInput;
 use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::ValuePart;
 use crate::syntax::reference::Reference;
-use crate::syntax::{Link, List, Primitive, PrimitiveKind, Source};
+use crate::syntax::{Link, List, Outcomes, Primitive, PrimitiveKind, Source};
 
 /// A source, and the declarations of the fragment inputs that it passes through.
 pub type FedSource<'a> = (Source, Vec<(&'a FragmentInput, SpanShift)>);
@@ -44,6 +44,17 @@ impl<'a> Expander<'a, '_> {
                     span: scope.shift.span(list.span),
                 };
                 return (Source::List(list), Vec::new());
+            }
+            Source::Outcomes(outcomes) => {
+                let rows = outcomes.rows.iter().map(|(name, condition)| {
+                    let (condition, _) = self.source(condition, body, scope);
+                    (scope.shift.key(name), condition)
+                });
+                let outcomes = Outcomes {
+                    rows: rows.collect(),
+                    span: scope.shift.span(outcomes.span),
+                };
+                return (Source::Outcomes(outcomes), Vec::new());
             }
             Source::Link(link) => Link {
                 initial: link.initial.as_ref().map(|literal| {
@@ -100,6 +111,18 @@ impl<'a> Expander<'a, '_> {
                     let what = format!("a list of {}", list.elements.len());
                     self.no_element(&inside, &what)
                 }
+            },
+            Source::Outcomes(outcomes) => match inside.from.part {
+                None if inside.delayed => {
+                    let message = format!("`{}` are outcomes and cannot be delayed", inside.from);
+                    let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, inside.span, message);
+                    self.diagnostics.push(
+                        diagnostic.help("delay the conditions that the instance is connected to"),
+                    );
+                    Source::Refused
+                }
+                None => Source::Outcomes(outcomes.clone()),
+                Some(_) => self.no_element(&inside, "named outcomes"),
             },
             Source::Literal(literal) => match (inside.from.part, &literal.shape) {
                 (None, _) => Source::Literal(literal.clone()),

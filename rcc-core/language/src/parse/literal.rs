@@ -14,6 +14,8 @@ use crate::syntax::literal::{Literal, LiteralShape, Notation, is_parameter};
 use crate::write;
 use pose::read_pose;
 
+pub use pose::POSE_KEYS;
+
 /// Reads a constant; text that is not a quantity is a name.
 pub fn read(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
     let shape = match &node.value {

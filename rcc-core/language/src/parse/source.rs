@@ -1,15 +1,16 @@
-//! Sources of inputs: links, constants, and lists of both. Runs on the loader's threads.
+//! Sources of inputs: links, constants, lists of both, and named outcomes. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_config::quantity::looks_like;
-use rcc_config::yaml::{Node, Value};
+use rcc_config::yaml::{Entry, Node, Value};
 use rcc_core::types::ELEMENTS_MAX;
 
-use super::shape::{report_unknown_keys, shape};
+use super::literal::POSE_KEYS;
+use super::shape::{report_bad_id, report_unknown_keys, shape};
 use super::{literal, reference};
 use crate::codes;
 use crate::syntax::literal::is_parameter;
-use crate::syntax::{Link, List, Source};
+use crate::syntax::{Link, List, Outcomes, Source};
 
 const LINK_KEYS: &[&str] = &["from", "delayed", "initial"];
 
@@ -34,6 +35,10 @@ pub fn read_source(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Source {
     let is_link = LINK_KEYS.iter().any(|key| node.get(key).is_some());
     if is_link {
         return read_link(node, diagnostics);
+    }
+    let is_pose = POSE_KEYS.iter().any(|key| node.get(key).is_some());
+    if let Some(entries) = node.map().filter(|entries| !is_pose && !entries.is_empty()) {
+        return read_outcomes(node, entries, diagnostics);
     }
     let literal = literal::read(node, diagnostics);
     if literal.is_refused() {
@@ -75,6 +80,27 @@ fn read_list(node: &Node, nodes: &[Node], depth: u32, diagnostics: &mut Vec<Diag
     };
     Source::List(List {
         elements: nodes.iter().map(read).collect(),
+        span: node.span,
+    })
+}
+
+/// Reads conditions by their names. Whether the input takes them is decided when it is resolved.
+fn read_outcomes(node: &Node, entries: &[Entry], diagnostics: &mut Vec<Diagnostic>) -> Source {
+    let rows = entries.iter().map(|entry| {
+        report_bad_id(&entry.key, "the name of an outcome", diagnostics);
+        let source = match read_source(&entry.value, diagnostics) {
+            Source::List(_) | Source::Outcomes(_) => {
+                let what = format!("the outcome `{}`", entry.key.name);
+                let wanted = "a condition such as `move.done`";
+                diagnostics.push(shape(&entry.value, &what, wanted));
+                Source::Refused
+            }
+            source => source,
+        };
+        (entry.key.clone(), source)
+    });
+    Source::Outcomes(Outcomes {
+        rows: rows.collect(),
         span: node.span,
     })
 }

@@ -91,6 +91,17 @@ pub enum InputSource<'a> {
     Default(Default),
     /// A list of links and constants.
     List(ResolvedList<'a>),
+    /// The outcomes of the net: conditions with their names.
+    Outcomes(ResolvedOutcomes<'a>),
+}
+
+/// The outcomes of a net, in the order of the text.
+#[derive(Clone, Debug)]
+pub struct ResolvedOutcomes<'a> {
+    /// Names, by condition.
+    pub names: Vec<&'a str>,
+    /// Conditions: single values, each in no list.
+    pub conditions: Vec<ListElement<'a>>,
 }
 
 /// A list of links and constants, flattened: each element has its position.
@@ -113,6 +124,16 @@ pub enum ListElement<'a> {
     Literal(&'a Literal, ListPosition),
 }
 
+impl<'a> ListElement<'a> {
+    /// Returns the link, if the element is one.
+    pub fn link(&self) -> Option<&ResolvedLink<'a>> {
+        match self {
+            ListElement::Link(link) => Some(link),
+            ListElement::Literal(..) => None,
+        }
+    }
+}
+
 impl<'a> InputSource<'a> {
     /// Returns the links of the source.
     pub fn links(&self) -> impl Iterator<Item = &ResolvedLink<'a>> {
@@ -122,12 +143,10 @@ impl<'a> InputSource<'a> {
         };
         let elements = match self {
             InputSource::List(list) => list.elements.as_slice(),
+            InputSource::Outcomes(outcomes) => outcomes.conditions.as_slice(),
             _ => &[],
         };
-        let elements = elements.iter().filter_map(|element| match element {
-            ListElement::Link(link) => Some(link),
-            ListElement::Literal(..) => None,
-        });
+        let elements = elements.iter().filter_map(ListElement::link);
         whole.into_iter().chain(elements)
     }
 }
@@ -218,6 +237,22 @@ impl<'a> ResolvedPrimitive<'a> {
         inputs.filter_map(|(port, input_source)| match input_source {
             InputSource::List(list) => Some((port, list)),
             _ => None,
+        })
+    }
+
+    /// Returns the named conditions at the inputs, each with the index of its input in the spec.
+    pub fn conditions(&self) -> impl Iterator<Item = (usize, &str, &ListElement<'a>)> {
+        let inputs = self.inputs.iter().enumerate();
+        inputs.flat_map(|(port, input_source)| {
+            let outcomes = match input_source {
+                InputSource::Outcomes(outcomes) => Some(outcomes),
+                _ => None,
+            };
+            let rows = outcomes.into_iter().flat_map(|outcomes| {
+                let names = outcomes.names.iter().copied();
+                names.zip(&outcomes.conditions)
+            });
+            rows.map(move |(name, condition)| (port, name, condition))
         })
     }
 

@@ -3,16 +3,18 @@
 
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::Key;
-use rcc_core::primitive::{Port, Spec};
+use rcc_core::plan::OUTCOMES_MAX;
+use rcc_core::primitive::{Port, Role, Spec};
 
 use super::{
-    IdTarget, InputSource, ListElement, OutputId, ResolvedLink, ResolvedList, Resolver, suggest,
+    IdTarget, InputSource, ListElement, OutputId, ResolvedLink, ResolvedList, ResolvedOutcomes,
+    Resolver, suggest,
 };
 use crate::codes;
 use crate::syntax::literal::LiteralShape;
 use crate::syntax::part::ListPosition;
 use crate::syntax::reference::Reference;
-use crate::syntax::{Link, List, Primitive, Source};
+use crate::syntax::{Link, List, Outcomes, Primitive, Source};
 
 /// Returns `a/b/` of `a/b/id`: the instance that contains the primitive. Empty for the net itself.
 fn scope_of(id: &str) -> &str {
@@ -45,6 +47,9 @@ impl<'a> Resolver<'a, '_> {
                 .iter()
                 .find(|(key, _)| key.name == port.name);
             input_sources.push(match given {
+                Some((_, Source::Outcomes(outcomes))) => {
+                    self.resolve_outcomes(outcomes, port, spec.role)
+                }
                 Some((_, source)) => self.resolve_source(source, port),
                 None => port
                     .default
@@ -74,14 +79,76 @@ impl<'a> Resolver<'a, '_> {
                     self.counted_as_read.extend(output);
                 }
                 Source::List(list) => self.count_elements_as_read(&list.elements),
+                Source::Outcomes(outcomes) => self.count_outcomes_as_read(outcomes),
                 Source::Literal(_) | Source::Refused => {}
             }
         }
     }
 
+    fn count_outcomes_as_read(&mut self, outcomes: &'a Outcomes) {
+        for condition in outcomes.sources() {
+            self.count_elements_as_read(std::slice::from_ref(condition));
+        }
+    }
+
+    /// Resolves named conditions, which only a `Termination` takes.
+    fn resolve_outcomes(
+        &mut self,
+        outcomes: &'a Outcomes,
+        port: &Port,
+        role: Role,
+    ) -> InputSource<'a> {
+        let count = outcomes.rows.len();
+        if role != Role::Termination {
+            self.count_outcomes_as_read(outcomes);
+            let message = format!("`{}` cannot be connected to a mapping", port.name);
+            let help = "connect an output, or a constant; a pose is `{xyz: …, rpy: …}`, a delayed link `{from: …, delayed: true}`; only `done` of a Termination takes conditions by name";
+            self.error(
+                codes::WRONG_SHAPE,
+                outcomes.span,
+                message,
+                Some(help.to_owned()),
+            );
+            return InputSource::Refused;
+        }
+        if count > OUTCOMES_MAX as usize {
+            self.count_outcomes_as_read(outcomes);
+            let message =
+                format!("the net has {count} outcomes, at most {OUTCOMES_MAX} are allowed");
+            let help = "combine some of them with Or".to_owned();
+            self.error(codes::NET_TOO_LARGE, outcomes.span, message, Some(help));
+            return InputSource::Refused;
+        }
+        let mut conditions = Vec::with_capacity(count);
+        for condition in outcomes.sources() {
+            match self.resolve_source(condition, port) {
+                InputSource::Link(link) => conditions.push(ListElement::Link(link)),
+                InputSource::Literal(literal) => {
+                    conditions.push(ListElement::Literal(literal, ListPosition::default()));
+                }
+                _ => {}
+            }
+        }
+        if conditions.len() < count {
+            // One is refused; the outputs that the others read count as read.
+            let links = conditions.iter().filter_map(ListElement::link);
+            self.counted_as_read.extend(links.map(|link| link.from));
+            return InputSource::Refused;
+        }
+        InputSource::Outcomes(ResolvedOutcomes {
+            names: outcomes
+                .rows
+                .iter()
+                .map(|(name, _)| name.name.as_str())
+                .collect(),
+            conditions,
+        })
+    }
+
     pub(super) fn resolve_source(&mut self, source: &'a Source, port: &Port) -> InputSource<'a> {
         match source {
             Source::Refused => InputSource::Refused,
+            Source::Outcomes(outcomes) => self.resolve_outcomes(outcomes, port, Role::Plain),
             Source::Literal(literal) => match &literal.shape {
                 LiteralShape::Text(text) => {
                     let message =
@@ -105,11 +172,8 @@ impl<'a> Resolver<'a, '_> {
                     })
                 } else {
                     // The resolved links of a refused list count as read.
-                    let links = elements.iter().filter_map(|element| match element {
-                        ListElement::Link(link) => Some(link.from),
-                        ListElement::Literal(..) => None,
-                    });
-                    self.counted_as_read.extend(links);
+                    let links = elements.iter().filter_map(ListElement::link);
+                    self.counted_as_read.extend(links.map(|link| link.from));
                     InputSource::Refused
                 }
             }
@@ -154,6 +218,12 @@ impl<'a> Resolver<'a, '_> {
                 },
                 Source::Literal(literal) => elements.push(ListElement::Literal(literal, position)),
                 Source::List(list) => good &= self.flatten_list(list, position, elements),
+                Source::Outcomes(outcomes) => {
+                    self.count_outcomes_as_read(outcomes);
+                    let message = "an element of a list cannot be a mapping of names".to_owned();
+                    self.error(codes::WRONG_SHAPE, outcomes.span, message, None);
+                    good = false;
+                }
                 Source::Refused => good = false,
             }
         }

@@ -48,6 +48,7 @@ pub struct NetHarness {
     pub cycle: u64,
     pub cancel: bool,
     pub terminated: bool,
+    pub outcome: u32,
 }
 
 impl NetHarness {
@@ -108,6 +109,7 @@ impl NetHarness {
             cycle: 0,
             cancel: false,
             terminated: false,
+            outcome: 0,
         }
     }
 
@@ -126,11 +128,12 @@ impl NetHarness {
             cycle: self.cycle,
             cancel_requested: self.cancel,
             terminated: false,
+            outcome: 0,
             motion_failed: false,
         };
         cycle(&self.net.plan.plan(), &mut frame);
         assert!(!frame.motion_failed);
-        self.terminated = frame.terminated;
+        (self.terminated, self.outcome) = (frame.terminated, frame.outcome);
         self.cycle += 1;
         for (input, output) in self.inputs.iter_mut().zip(&self.outputs) {
             if output.has_position {

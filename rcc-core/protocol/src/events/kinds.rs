@@ -26,14 +26,14 @@ macro_rules! kinds {
     ($(
         #[doc = $doc:literal]
         $name:ident = $text:literal, $writer:literal, $severity:ident {
-            $($(#[doc = $about:literal])* $field:ident: $type:ty,)*
+            $($(#[$about:meta])* $field:ident: $type:ty,)*
         }
     )*) => {
         /// An event with its fields.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind", content = "fields")]
         pub enum EventKind {
-            $(#[doc = $doc] #[serde(rename = $text)] $name { $($(#[doc = $about])* $field: $type,)* },)*
+            $(#[doc = $doc] #[serde(rename = $text)] $name { $($(#[$about])* $field: $type,)* },)*
         }
 
         /// All kinds of events.
@@ -110,6 +110,12 @@ kinds! {
         state: String,
         /// finished, canceled, aborted or fault.
         reason: Option<String>,
+        /// The condition of its Termination that ended it, counted from 1 in the order of the text; absent if none did.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        outcome: Option<u32>,
+        /// Number of cycles in which it was evaluated, of a terminated command.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        cycles: Option<u64>,
         /// Details of a fault.
         fault: Option<CommandFault>,
     }
@@ -245,6 +251,9 @@ kinds! {
         primitives: u32,
         /// Devices and topics that the net uses.
         uses: Vec<String>,
+        /// Names of the outcomes of its Termination, in the order of the text.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        outcomes: Vec<String>,
     }
     /// A text was refused; gives the first fault.
     Rejected = "rejected", "loader", Warning {

@@ -1,6 +1,29 @@
 //! Formats events as sentences: what was lost, what ended and why, and the remedy. Pure functions.
 
 use super::{CommandFault, Event, EventKind, EventOrigin, Predecessor};
+use crate::ending::ending;
+
+/// Names of commands, which the executor does not know.
+pub trait CommandNames {
+    /// Returns `net#id` for a command of an incarnation of the executor.
+    fn net(&self, executor: &str, id: u64) -> String;
+
+    /// Returns the name of an outcome of its net, counted from 1; `None` if it is not known or has none.
+    fn outcome(&self, executor: &str, id: u64, number: u32) -> Option<String>;
+}
+
+/// Names of nets only.
+struct NetNames<'a>(&'a dyn Fn(&str, u64) -> String);
+
+impl CommandNames for NetNames<'_> {
+    fn net(&self, executor: &str, id: u64) -> String {
+        (self.0)(executor, id)
+    }
+
+    fn outcome(&self, _executor: &str, _id: u64, _number: u32) -> Option<String> {
+        None
+    }
+}
 
 impl Event {
     /// Returns the writer of the event for people: `executor`, `driver lwr`.
@@ -27,14 +50,36 @@ impl Event {
     /// Formats the event as a sentence; `net` names a command of an incarnation of the executor.
     #[must_use]
     pub fn sentence(&self, net: &dyn Fn(&str, u64) -> String) -> String {
-        let named = |id: u64| net(self.executor(), id);
+        self.sentence_with(&NetNames(net))
+    }
+
+    /// Formats the event as a sentence, with the names of nets and of their outcomes.
+    #[must_use]
+    pub fn sentence_with(&self, names: &dyn CommandNames) -> String {
+        let named = |id: u64| names.net(self.executor(), id);
         match &self.what {
             EventKind::Command {
                 command,
                 state,
                 reason,
+                outcome,
+                cycles,
                 fault,
-            } => command_words(&named(*command), state, reason.as_deref(), fault.as_ref()),
+            } => {
+                let (net, cycles) = (named(*command), cycles.unwrap_or(0));
+                let number = outcome.unwrap_or(0);
+                let outcome = names.outcome(self.executor(), *command, number);
+                match (fault, reason) {
+                    (Some(fault), _) => format!("{net} {state} by a fault, {}", fault.words()),
+                    (None, Some(reason)) => {
+                        format!(
+                            "{net} {state}: {}",
+                            ending(reason, outcome.as_deref(), cycles)
+                        )
+                    }
+                    (None, None) => format!("{net} {state}"),
+                }
+            }
             EventKind::Loaded {
                 command,
                 primitives,
@@ -335,19 +380,6 @@ fn because(reason: &str) -> String {
     match reason {
         "" => String::new(),
         reason => format!(" ({reason})"),
-    }
-}
-
-fn command_words(
-    net: &str,
-    state: &str,
-    reason: Option<&str>,
-    fault: Option<&CommandFault>,
-) -> String {
-    match (fault, reason) {
-        (Some(fault), _) => format!("{net} {state} by a fault, {}", fault.words()),
-        (None, Some(reason)) => format!("{net} {state}: {reason}"),
-        (None, None) => format!("{net} {state}"),
     }
 }
 

@@ -9,6 +9,8 @@ fn fault() -> EventKind {
         command: 3,
         state: "terminated".into(),
         reason: Some("fault".into()),
+        outcome: None,
+        cycles: Some(8),
         fault: Some(CommandFault {
             code: "limit".into(),
             device: Some("lwr".into()),

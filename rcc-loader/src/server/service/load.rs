@@ -155,6 +155,7 @@ impl Service {
             uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
                 .collect()
         });
+        let outcomes = names.outcomes.clone();
         (file.net, file.description, file.names) = (net, description, Some(names));
         (file.diagnostics, file.primitives) = (warnings, primitives);
         self.record(EventKind::Loaded {
@@ -168,6 +169,7 @@ impl Service {
                 .map(|use_| event_text(use_))
                 .take(16)
                 .collect(),
+            outcomes,
         });
         let handed_over =
             stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
@@ -175,7 +177,9 @@ impl Service {
             Ok(Answer::RefusedFor { .. } | Answer::Values(_) | Answer::Recorded(_)) => unexpected(),
             Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
             Ok(Answer::Rehearsed { rehearsed, .. }) => {
-                file.rehearsal = Some(self.with_names(None, |names| names.rehearsal(&rehearsed)));
+                let net = file.names.clone().unwrap_or_default();
+                let view = self.with_names(None, |names| names.rehearsal(&rehearsed, &net));
+                file.rehearsal = Some(view);
                 return stored(&file);
             }
             Ok(Answer::Refused(refusal)) => {

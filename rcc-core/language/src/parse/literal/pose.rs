@@ -15,7 +15,8 @@ const LENGTH_TOLERANCE: f64 = 1e-3;
 /// A quaternion whose length deviates from 1 by no more is kept to the bit; normalising it would not improve it.
 const LENGTH_NOISE: f64 = 4.0 * f64::EPSILON;
 
-const POSE_KEYS: &[&str] = &["xyz", "rpy", "quat"];
+/// Keys of poses and rotations.
+pub const POSE_KEYS: &[&str] = &["xyz", "rpy", "quat"];
 
 pub fn read_pose(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<LiteralShape> {
     let before = diagnostics.len();
