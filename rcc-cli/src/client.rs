@@ -3,6 +3,7 @@
 
 use std::fmt;
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -14,6 +15,7 @@ use rcc_api::bodies::{ErrorBody, ValuesView};
 use rcc_api::codes;
 use rcc_api::routes::{TIMEOUT_HEADER, is_stop};
 use rcc_api::token::Token;
+use rcc_ipc::cell::person;
 use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpStream, UnixStream};
@@ -244,12 +246,16 @@ impl LoaderClient {
         let cell = &self.cell;
         match &self.endpoint {
             Endpoint::Socket(socket) if cause.kind() == io::ErrorKind::PermissionDenied => {
+                let owner = socket.parent().and_then(|folder| folder.metadata().ok());
+                let owner =
+                    owner.map_or_else(|| "another user".to_owned(), |folder| person(folder.uid()));
                 Failure::new(
                     codes::NOT_PERMITTED,
-                    format!("permission denied: {}", socket.display()),
                     format!(
-                        "cell `{cell}` belongs to another user: work as that user, or join the group named by its `access` setting"
+                        "cell `{cell}` belongs to {owner}: permission denied: {}",
+                        socket.display()
                     ),
+                    "work as that user, or join the group named by its `access` setting",
                 )
             }
             Endpoint::Socket(_) => no_loader(cell, &format!(" ({cause})")),

@@ -9,7 +9,8 @@ use rcc_ipc::cell::base_dir;
 use rcc_ipc::{Cell, CellError};
 use serde::Serialize;
 
-use crate::client::{LoaderClient, RemoteLoader, no_loader};
+use crate::cells;
+use crate::client::{LoaderClient, RemoteLoader};
 use crate::failure::Failure;
 use crate::output::{print_diagnostics, print_line};
 
@@ -56,7 +57,7 @@ impl Context {
         let name = self.cell_name();
         let socket = match Cell::find(name) {
             Ok(Some(cell)) => cell.socket(),
-            Ok(None) => return Err(no_loader(name, ": no such cell")),
+            Ok(None) => return Err(cells::not_found(name)),
             // The cell belongs to another user: connecting to its socket shows whether its `access` setting admits us.
             Err(CellError::NotOurs { .. }) => base_dir().join(name).join("loader.sock"),
             Err(error) => return Err(cell_failure(&error)),

@@ -4,6 +4,7 @@
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod arguments;
+pub mod cells;
 pub mod client;
 pub mod context;
 pub mod demo;

@@ -76,7 +76,8 @@ pub struct Supervisor {
     /// Time at which the janitor must run again, since the supervisor's start.
     clean_due: Option<Duration>,
     polled_at: Instant,
-    failed: bool,
+    /// Processes that have failed permanently, with their causes and remedies.
+    failures: Vec<(String, String)>,
     executor_failed: bool,
     logs: PathBuf,
     // Held until the end, so that a second supervisor of this cell is refused.
@@ -122,7 +123,7 @@ impl Supervisor {
             files_polled_at: Instant::now(),
             clean_due: None,
             polled_at: Instant::now(),
-            failed: false,
+            failures: Vec::new(),
             executor_failed: false,
             logs,
             presence,
@@ -151,11 +152,18 @@ impl Supervisor {
             if interrupts.asked() {
                 return Err(Failure::interrupted());
             }
-            if self.failed || Instant::now() >= limit {
+            if let Some((cause, remedy)) = self.failures.first() {
+                let message = format!("cell `{}` did not start: {cause}", self.cell.name());
+                return Err(Failure::new(codes::PROCESS_FAILED, message, remedy.clone()));
+            }
+            if Instant::now() >= limit {
                 let names = waiting.join(", ");
                 return Err(Failure::new(
                     codes::PROCESS_FAILED,
-                    format!("cell `{}` did not start: {names}", self.cell.name()),
+                    format!(
+                        "cell `{}` did not start within {START_TIMEOUT:?}: waiting for {names}",
+                        self.cell.name()
+                    ),
                     "see the lines above for the reason",
                 ));
             }
@@ -200,7 +208,7 @@ impl Supervisor {
     /// Returns true once a process has failed permanently.
     #[must_use]
     pub fn has_failed(&self) -> bool {
-        self.failed
+        !self.failures.is_empty()
     }
 
     /// Returns true once the executor has failed permanently: the cell cannot continue without it. Failures of other
@@ -321,12 +329,12 @@ impl Supervisor {
         self.report(&name, &format!("died: {how}"));
         // Earlier activity is in the log; only an error or panic explains the death.
         let usual = |line: &&String| line.contains(" INFO ") || line.contains(" WARN ");
-        let said = last_words.iter().rfind(|line| !usual(line));
+        let said = last_words.iter().rfind(|line| !usual(line)).cloned();
         self.record(EventKind::ProcessDied {
             process: name.clone(),
             pid,
             how: how.to_owned(),
-            last_words: event_text(said.map_or("", String::as_str)),
+            last_words: event_text(said.as_deref().unwrap_or_default()),
         });
         for line in last_words {
             self.report(&name, &format!("  | {line}"));
@@ -343,13 +351,21 @@ impl Supervisor {
                     within_s: window,
                 });
             }
-            RestartDecision::Failed => self.fail(name, is_executor, how, remedy),
+            RestartDecision::Failed => {
+                let cause = said.unwrap_or_else(|| how.to_owned());
+                self.fail(name, is_executor, (how, &cause), remedy);
+            }
         }
     }
 
     /// Reports that a process has failed permanently, the effect on the cell, and the remedy.
-    fn fail(&mut self, name: String, is_executor: bool, why: &str, remedy: Option<&str>) {
-        self.failed = true;
+    fn fail(
+        &mut self,
+        name: String,
+        is_executor: bool,
+        (why, cause): (&str, &str),
+        remedy: Option<&str>,
+    ) {
         self.executor_failed |= is_executor;
         let (most, window) = self.restart_limits();
         let rest = match is_executor {
@@ -360,6 +376,8 @@ impl Supervisor {
             || format!("it died more than {most} times in {window} s: fix the cause given above, then restart the cell"),
             str::to_owned,
         );
+        self.failures
+            .push((format!("{name} failed: {cause}"), remedy.clone()));
         self.report(&name, &format!("failed: not restarted ({why})"));
         self.report(&name, &format!("  > {rest}; {remedy}"));
         self.record(EventKind::ProcessFailed {
@@ -478,7 +496,7 @@ fn claim(cell: &Cell, config: &CellConfig) -> Result<Announced, Failure> {
                 codes::CELL_LIVES,
                 format!("cell `{name}` is already running: `rcc-cli up` (process {pid}) supervises it"),
                 format!(
-                    "inspect it with `rcc-cli --cell {name} status`, end it with Ctrl-C there or `kill {pid}`; \
+                    "inspect it with `rcc-cli --cell {name} status`, end it with `rcc-cli --cell {name} down`; \
                      --cell NAME starts another cell beside it"
                 ),
             ),
@@ -486,8 +504,9 @@ fn claim(cell: &Cell, config: &CellConfig) -> Result<Announced, Failure> {
                 codes::CELL_LIVES,
                 format!("cell `{name}` is in use: its {role} `{label}` (process {pid}) runs without `rcc-cli up`"),
                 format!(
-                    "end it (`systemctl stop rcc-*@{name}`, or `kill {pid}`); for a moment after `rcc-cli up` was \
-                     killed, its processes still bring the devices to rest; --cell NAME starts another cell beside it"
+                    "`rcc-cli --cell {name} down` ends it, or names the systemd unit that does; for a moment after \
+                     `rcc-cli up` was killed, its processes still bring the devices to rest; --cell NAME starts \
+                     another cell beside it"
                 ),
             ),
             WipeError::InUse { .. } => Failure::new(codes::CELL_LIVES, error.to_string(), ""),

@@ -14,6 +14,7 @@ pub mod costs;
 pub mod demo;
 pub mod devices;
 pub mod doctor;
+pub mod down;
 pub mod events;
 pub mod explain;
 pub mod fault;
@@ -73,6 +74,8 @@ verbs! {
     Demo = demo;
     /// Start and supervise a cell
     Up = up;
+    /// End a cell: its nets are canceled, its arms come to rest
+    Down = down;
     /// Check nets offline
     Check = check;
     /// Format nets, keeping comments

@@ -65,6 +65,10 @@ fn a_second_cell_of_the_same_name_is_refused_and_changes_nothing() {
     );
     let named = before.iter().any(|pid| errors.contains(&pid.to_string()));
     assert!(named, "the message names a living process: {errors}");
+    assert!(
+        errors.contains("`rcc-cli --cell test down`"),
+        "the message names the verb that ends the cell: {errors}"
+    );
     cell.assert_ends(line, "finished");
     assert_eq!(with_runtime_dir(cell.folder()), before);
     // A second process with the same role is refused, too.
@@ -224,4 +228,65 @@ fn too_little_shared_memory_is_refused_before_anything_is_created() {
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     assert!(errors.contains("/dev/shm"), "{errors}");
+}
+
+#[test]
+fn down_ends_a_cell_as_ctrl_c_does() {
+    let mut cell = TestCell::demo();
+    let mut arm = cell.simulator("lwr-sim");
+    cell.run(&nets::line("line", 0.2, 0.1));
+    arm.await_motion();
+    let (out, _) = cell.cli_exits(0, &["down"]);
+    assert!(out.contains("cell test  ended"), "{out}");
+    assert!(cell.await_end_of_up().success());
+    // A cell that does not run cannot be ended.
+    let (_, words) = cell.cli_exits(4, &["down"]);
+    assert!(words.contains("RCC4004"), "{words}");
+    let (_, words) = cell.cli_exits(2, &["--url", "http://127.0.0.1:1", "down"]);
+    assert!(words.contains("--url"), "{words}");
+    cell.stop();
+}
+
+#[test]
+fn a_cell_that_is_not_here_is_answered_with_the_cells_that_are() {
+    let cell = TestCell::demo();
+    let (_, words) = cell.cli_exits(4, &["--cell", "nobody", "ls"]);
+    assert!(words.contains("cell `nobody` not found"), "{words}");
+    assert!(
+        words.contains("running cells: ") && words.contains(" (yours, "),
+        "{words}"
+    );
+    // The same cell, looked for in another folder.
+    let elsewhere = cell.folder().join("elsewhere");
+    let mut look = cell.program("rcc-cli");
+    look.arg("ls").env("RCC_RUNTIME_DIR", &elsewhere);
+    let output = look.output().expect("rcc-cli runs");
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(4), "{words}");
+    assert!(
+        words.contains("it runs elsewhere: test (yours, "),
+        "{words}"
+    );
+    assert!(words.contains("set RCC_RUNTIME_DIR="), "{words}");
+    assert!(!elsewhere.exists(), "looking creates nothing");
+    cell.stop();
+}
+
+#[test]
+fn an_unknown_driver_is_named_as_the_cause() {
+    let demo = repository().join("configs/cells/demo.yaml");
+    let place = CellFixture::new(&demo, |text| text.replace("driver: modbus", "driver: pins"));
+    let mut up = place.program("rcc-cli");
+    let output = ends_with_test(up.arg("up").arg(place.config())).output();
+    let output = output.expect("rcc-cli runs");
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{words}");
+    let cause = words.lines().find(|line| line.contains("did not start"));
+    let cause = cause.expect("the cell did not start");
+    assert!(
+        cause.contains("driver/io failed") && cause.contains("unknown driver `pins`"),
+        "{words}"
+    );
+    assert!(!cause.contains("executor, loader"), "{words}");
+    place.assert_nothing_left();
 }

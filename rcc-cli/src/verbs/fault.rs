@@ -15,7 +15,7 @@ use rcc_protocol::announcement::EXECUTOR_LABEL;
 use rcc_protocol::events::{EventKind, EventOrigin};
 use serde_json::{Value, json};
 
-use crate::client::no_loader;
+use crate::cells;
 use crate::context::{Context, cell_failure};
 use crate::demo::simulator::SimulatorClient;
 use crate::failure::Failure;
@@ -47,7 +47,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let (target, effect) = in_order(arguments)?;
     let name = context.cell_name();
     let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
-    let cell = cell.ok_or_else(|| no_loader(name, ": no such cell"))?;
+    let cell = cell.ok_or_else(|| cells::not_found(name))?;
     let config = running::read(&cell)?;
     let (action, description) = action(&effect);
     match action {

@@ -15,7 +15,7 @@ use rcc_os::clock::monotonic_ns;
 use crate::driver::{
     Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,
 };
-use crate::fri_lwr::wire::{MSR_SIZE, Quality};
+use crate::fri_lwr::wire::{MSR_SIZE, MeasurementDatagram, Quality};
 use crate::host::reason::Reason;
 
 pub mod counters;
@@ -39,6 +39,8 @@ pub const ENTERING: u32 = 104;
 pub const SOCKET: u32 = 105;
 /// The controller's commanded Cartesian pose is not a valid pose.
 pub const POSE: u32 = 106;
+/// Datagrams arrive, but none of FRI 1.0.
+pub const OTHER_VERSION: u32 = 107;
 
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
@@ -65,10 +67,16 @@ pub const REASONS: &[Reason] = &[
         POSE,
         "the controller's commanded Cartesian pose is not a valid pose: check $TOOL and $BASE in its KRL program",
     ),
+    (
+        OTHER_VERSION,
+        "datagrams arrive that are not of FRI 1.0: another version of FRI, or another program; `rcc-cli doctor fri DEVICE` says which",
+    ),
 ];
 
 /// After this silence, another controller, or the same one restarted, is accepted.
 const CONTROLLER_TIMEOUT: Duration = Duration::from_millis(200);
+/// For this time after a datagram that cannot be decoded, a device without a controller says so.
+const UNREADABLE_KEPT: Duration = Duration::from_secs(1);
 /// Most datagrams that are read at once after a stall of the driver; further ones are left for the next cycle.
 const BURST_MAX: usize = 64;
 
@@ -84,6 +92,8 @@ pub struct FriLwr {
     /// of the controller.
     silence: Duration,
     read_timeout: Duration,
+    /// Arrival of the newest datagram that cannot be decoded.
+    unreadable_at: Option<Instant>,
     session: FriSession,
     counters: Arc<FriCounters>,
 }
@@ -136,6 +146,7 @@ impl Driver for FriLwr {
             controller: None,
             silence: Duration::ZERO,
             read_timeout,
+            unreadable_at: None,
             session,
             counters: Arc::new(FriCounters::new(listen, peer)),
         })
@@ -218,6 +229,9 @@ impl FriLwr {
             self.counters.accepted(monotonic_ns(), source, measured);
         } else {
             self.counters.refused(bytes, source);
+            if MeasurementDatagram::decode(bytes).is_err() {
+                self.unreadable_at = Some(Instant::now());
+            }
         }
         Ok(counts)
     }
@@ -248,7 +262,14 @@ impl FriLwr {
             self.session.reset();
             self.counters.forget();
         }
-        LinkError::Silent
+        // Beside a controller that is answered, such a datagram means nothing: its silence may be only a pause.
+        let unreadable = self.unreadable_at.filter(|_| self.controller.is_none());
+        match unreadable.is_some_and(|at| at.elapsed() < UNREADABLE_KEPT) {
+            true => LinkError::Lost {
+                reason: OTHER_VERSION,
+            },
+            false => LinkError::Silent,
+        }
     }
 }
 

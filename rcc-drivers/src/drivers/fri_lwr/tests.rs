@@ -472,6 +472,27 @@ fn after_a_silence_another_controller_may_come() {
 }
 
 #[test]
+fn datagrams_of_another_version_are_the_reason_of_a_device_without_a_controller() {
+    let mut driver = FriLwr::open(&lwr()).expect("a good configuration");
+    let address = driver.address().expect("a socket");
+    let wait = Duration::from_millis(5);
+    let receive = |driver: &mut FriLwr| driver.receive(wait, &mut Inputs::NONE.clone());
+    assert!(matches!(receive(&mut driver), Err(LinkError::Silent)));
+    let controller = UdpSocket::bind("127.0.0.1:0").expect("loopback");
+    controller.send_to(&[8; 100], address).expect("loopback");
+    let other_version = |answer: &Result<Exchange, LinkError>| matches!(answer, Err(LinkError::Lost { reason }) if *reason == OTHER_VERSION);
+    // On loopback a datagram that was sent has arrived.
+    let answer = receive(&mut driver);
+    assert!(other_version(&answer), "{answer:?}");
+    // Beside a controller that is answered, it means nothing.
+    let (mut driver, controller) = commanding_over_a_socket();
+    let address = driver.address().expect("a socket");
+    controller.send_to(&[8; 100], address).expect("loopback");
+    let answer = receive(&mut driver);
+    assert!(matches!(answer, Err(LinkError::Silent)), "{answer:?}");
+}
+
+#[test]
 fn a_channel_that_is_not_a_krl_variable_is_refused_by_name() {
     for (address, words) in [
         (
