@@ -19,7 +19,7 @@ pub fn mermaid(net: &NetStructure, values: Option<&PortValues>) -> String {
         }
         let source = &net.primitives[link.primitive];
         let (reader_id, pin) = (reader, &net.primitives[reader].inputs[input]);
-        let output = source.outputs[link.output].name;
+        let output = &source.outputs[link.output].name;
         let value = values.and_then(|values| values.get(&format!("{}.{output}", source.id)));
         let part = link.part.as_deref().unwrap_or_default();
         let element = element.map_or_else(String::new, |element| format!("[{element}]"));
