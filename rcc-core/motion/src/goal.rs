@@ -6,11 +6,14 @@
 //! such that the motion takes about a second; the result is then checked against goal and limits. If no valid result is
 //! found, the axis brakes to rest and starts again from there, in closed form.
 
+use std::cmp::Ordering;
+
 use rcc_core::axis::{AxisState, Phases, limits_are_valid, rest_to_rest, stop_and_go, to_velocity};
 use rcc_core::path::MotionLimits;
 use rsruckig::block::Block;
 use rsruckig::position_third_step1::PositionThirdOrderStep1;
 use rsruckig::prelude::Profile;
+use thiserror::Error;
 
 /// Relative tolerance for missing the goal or a limit, as a fraction of the quantity's range over the motion.
 const TOLERANCE: f64 = 1e-9;
@@ -27,21 +30,52 @@ pub enum GoalPlanKind {
     AfterStop,
 }
 
+/// Why there is no motion to a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum GoalFault {
+    /// See [`rcc_core::axis::limits_are_valid`].
+    #[error("a limit of velocity, acceleration or jerk is not a finite number above 0")]
+    Limits,
+    /// The state, the goal or the distance between them.
+    #[error("the state or the goal is not a finite number, or they are too far apart")]
+    NotFinite,
+    /// With numbers of 64 bits, no computed motion ends at the goal.
+    #[error("the limits and the distance differ by too many orders of magnitude")]
+    Inexact,
+}
+
 /// Plans the motion from `from` to rest at `goal`, as fast as `limits` allow.
 ///
-/// A state beyond the limits (because they were lowered) is first brought within them. Invalid limits
-/// ([`rcc_core::axis::limits_are_valid`]), or a state or goal that is not finite, give a motion without phases.
+/// A state beyond the limits (because they were lowered) is brought within them as fast as possible. Where [`plan_to`]
+/// finds no motion, the axis is brought to rest wherever that is; without valid limits, or from a state that is not
+/// finite, the motion has no phases.
 #[must_use]
 pub fn plan(from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
-    plan_to(from, &AxisState::at_rest(goal), limits).0
+    match plan_to(from, &AxisState::at_rest(goal), limits) {
+        Ok((way, _)) => way,
+        Err(GoalFault::Limits) => Phases::default(),
+        Err(GoalFault::NotFinite) if !from.is_finite() => Phases::default(),
+        Err(GoalFault::NotFinite | GoalFault::Inexact) => {
+            Phases::of(&[&to_velocity(from, 0.0, limits)])
+        }
+    }
 }
 
 /// As [`plan`], to a goal that is reached with a given velocity and acceleration within the limits. If the axis has to
 /// stop first, it reaches the goal at rest.
-#[must_use]
-pub fn plan_to(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> (Phases, GoalPlanKind) {
-    if !(limits_are_valid(limits) && from.is_finite() && to.is_finite()) {
-        return (Phases::default(), GoalPlanKind::AfterStop);
+///
+/// # Errors
+/// Returns the reason why there is no motion that ends at the goal.
+pub fn plan_to(
+    from: &AxisState,
+    to: &AxisState,
+    limits: &MotionLimits,
+) -> Result<(Phases, GoalPlanKind), GoalFault> {
+    if !limits_are_valid(limits) {
+        return Err(GoalFault::Limits);
+    }
+    if !(from.is_finite() && to.is_finite()) {
+        return Err(GoalFault::NotFinite);
     }
     // Plan relative to the start: a large absolute position would cost precision on a short motion.
     let beginning = from.position;
@@ -51,11 +85,15 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> (Phas
     };
     let (from, to) = (&at(from), &at(to));
     if !to.is_finite() {
-        return (Phases::default(), GoalPlanKind::AfterStop);
+        return Err(GoalFault::NotFinite);
     }
     if from.rests() && to.rests() {
-        let way = rest_to_rest(to.position, limits);
-        return (Phases::of(&[&way]), GoalPlanKind::Fastest);
+        let way = Phases::of(&[&rest_to_rest(to.position, limits)]);
+        return if ends_at(&way, from, to, limits) {
+            Ok((way, GoalPlanKind::Fastest))
+        } else {
+            Err(GoalFault::Inexact)
+        };
     }
     let found = fastest(from, to, limits).filter(|way| keeps(way, from, to, limits));
     // At the velocity limit, rounding decides which profiles rsruckig considers, and its brake trajectory may reverse.
@@ -64,21 +102,75 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> (Phas
     let stop = stop_and_go(from, to.position, limits);
     let stop = to.rests().then_some(stop);
     let ways = [found, brake, stop].into_iter().flatten();
-    // Prefer motions that do not reverse, then the shortest; of those that differ only by rounding, the first.
-    let better = |b: &Phases, a: &Phases| match (turns_back(b, from), turns_back(a, from)) {
-        (false, true) => true,
-        (true, false) => false,
-        _ => b.duration_s() < a.duration_s() * (1.0 - TOLERANCE),
+    // Prefer motions that do not exceed the velocity limit for longer than necessary, then those that do not reverse,
+    // then the shortest; of those that differ only by rounding, the first.
+    let faults = |way: &Phases| (exceeds_longer(way, from, limits), turns_back(way, from));
+    let better = |b: &Phases, a: &Phases| match faults(b).cmp(&faults(a)) {
+        Ordering::Less => true,
+        Ordering::Greater => false,
+        Ordering::Equal => b.duration_s() < a.duration_s() * (1.0 - TOLERANCE),
     };
     let best = ways.reduce(|a, b| if better(&b, &a) { b } else { a });
-    match best {
-        Some(way) if Some(way) != stop => (way, GoalPlanKind::Fastest),
-        Some(way) => (way, GoalPlanKind::AfterStop),
-        None => (
-            stop_and_go(from, to.position, limits),
-            GoalPlanKind::AfterStop,
-        ),
+    let way = best.unwrap_or_else(|| stop_and_go(from, to.position, limits));
+    let kind = if best.is_none() || best == stop {
+        GoalPlanKind::AfterStop
+    } else {
+        GoalPlanKind::Fastest
+    };
+    let end = match kind {
+        GoalPlanKind::Fastest => *to,
+        GoalPlanKind::AfterStop => AxisState::at_rest(to.position),
+    };
+    if ends_at(&way, from, &end, limits) {
+        Ok((way, kind))
+    } else {
+        Err(GoalFault::Inexact)
     }
+}
+
+/// Returns true if a motion that begins beyond the velocity limit, or cannot avoid it, stays beyond it for longer than the
+/// fastest change to the limit takes.
+fn exceeds_longer(way: &Phases, from: &AxisState, limits: &MotionLimits) -> bool {
+    let limit = limits.velocity;
+    if most_velocity(from, limits) <= limit {
+        return false;
+    }
+    let inevitable = from.coasting(limits.jerk);
+    let direction = if inevitable.abs() > limit {
+        inevitable
+    } else {
+        from.velocity
+    };
+    let change = to_velocity(from, limit.copysign(direction), limits);
+    let necessary_s: f64 = change.iter().map(|(duration_s, _)| duration_s).sum();
+    within_velocity_after_s(way, from, limit * (1.0 + NEAR_LIMIT))
+        > necessary_s * (1.0 + NEAR_LIMIT)
+}
+
+/// Returns the time after which a motion stays within a velocity, s.
+fn within_velocity_after_s(way: &Phases, from: &AxisState, velocity: f64) -> f64 {
+    let (mut state, mut begin_s, mut last_s) = (*from, 0.0, 0.0);
+    for (duration_s, jerk) in way.0 {
+        let end = state.after(duration_s, jerk);
+        if end.velocity.abs() > velocity {
+            last_s = begin_s + duration_s;
+        } else {
+            for bound in [velocity, -velocity] {
+                // The times at which the velocity passes the bound: jerk t² / 2 + a t + (v - bound) = 0.
+                let [a, b, c] = [jerk / 2.0, state.acceleration, state.velocity - bound];
+                let root = (b * b - 4.0 * a * c).sqrt();
+                let sum = -(b + root.copysign(b)) / 2.0;
+                for passed_s in [sum / a, c / sum] {
+                    if passed_s > 0.0 && passed_s <= duration_s {
+                        last_s = f64::max(last_s, begin_s + passed_s);
+                    }
+                }
+            }
+        }
+        begin_s += duration_s;
+        state = end;
+    }
+    last_s
 }
 
 /// Returns true if the motion reverses relative to its initial direction. Braking to a lower limit as fast as possible
@@ -256,11 +348,16 @@ fn keeps(way: &Phases, from: &AxisState, to: &AxisState, limits: &MotionLimits) 
     let corners = way.extrema(*from).all(|corner| {
         within(corner.velocity, most_velocity) && within(corner.acceleration, most_acceleration)
     });
+    steps && corners && ends_at(way, from, to, limits)
+}
+
+/// Returns true if a motion ends at its goal. False for a motion that is not finite.
+fn ends_at(way: &Phases, from: &AxisState, to: &AxisState, limits: &MotionLimits) -> bool {
+    let most_velocity = most_velocity(from, limits);
+    let most_acceleration = limits.acceleration.max(from.acceleration.abs());
     let end = way.end(*from);
     let way_m = (to.position - from.position).abs() + most_velocity * way.duration_s();
-    steps
-        && corners
-        && (end.position - to.position).abs() <= TOLERANCE * way_m
+    (end.position - to.position).abs() <= TOLERANCE * way_m
         && (end.velocity - to.velocity).abs() <= TOLERANCE * most_velocity
         && (end.acceleration - to.acceleration).abs() <= TOLERANCE * most_acceleration
 }

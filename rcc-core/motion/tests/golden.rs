@@ -67,7 +67,7 @@ fn every_axis_matches_duration_and_samples_of_the_official_ruckig() {
         let way = if axis["interface"] == "velocity" {
             Phases::of(&[&to_velocity(&from, to.velocity, &limits)])
         } else {
-            let (way, found) = plan_to(&from, &to, &limits);
+            let (way, found) = plan_to(&from, &to, &limits).unwrap();
             assert_eq!(found, GoalPlanKind::Fastest, "{axis}");
             way
         };

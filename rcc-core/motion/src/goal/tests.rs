@@ -165,7 +165,7 @@ fn a_speed_that_changes_leads_neither_back_nor_beyond_the_goal() {
 }
 
 #[test]
-fn invalid_limits_and_states_give_a_motion_without_phases() {
+fn without_a_motion_to_the_goal_there_is_a_reason_and_a_stop() {
     let fine = MotionLimits {
         velocity: 1.0,
         acceleration: 10.0,
@@ -182,8 +182,17 @@ fn invalid_limits_and_states_give_a_motion_without_phases() {
             ..fine
         };
         assert_eq!(plan(&moving, 1.0, &limits), Phases::default(), "{bad}");
+        let limits = MotionLimits { jerk: bad, ..fine };
+        let refused = plan_to(&moving, &AxisState::at_rest(1.0), &limits);
+        assert_eq!(refused, Err(GoalFault::Limits), "{bad}");
     }
-    assert_eq!(plan(&moving, f64::NAN, &fine), Phases::default());
+    let stop = Phases::of(&[&to_velocity(&moving, 0.0, &fine)]);
+    assert_eq!(plan(&moving, f64::NAN, &fine), stop);
     let nowhere = AxisState::at_rest(f64::INFINITY);
     assert_eq!(plan(&nowhere, 1.0, &fine), Phases::default());
+    for (from, to) in [(moving, nowhere), (nowhere, moving)] {
+        assert_eq!(plan_to(&from, &to, &fine), Err(GoalFault::NotFinite));
+    }
+    let far = [-1.5e308, 1.5e308].map(AxisState::at_rest);
+    assert_eq!(plan_to(&far[0], &far[1], &fine), Err(GoalFault::NotFinite));
 }
