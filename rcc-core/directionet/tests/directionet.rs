@@ -5,6 +5,7 @@ mod harness;
 
 use harness::{NetHarness, cell, folder};
 use rcc_config::CellConfig;
+use rcc_core::filter::Biquad;
 use rcc_directionet::{NOTATION, compiler};
 use rcc_language::devices::DeviceTable;
 use rcc_language::parse::parse;
@@ -183,6 +184,52 @@ fn ptp_motions_end_at_their_goals_by_their_own_results() {
         for (joint, goal) in motion.goal.iter().enumerate() {
             assert!(
                 (last[joint] - goal).abs() < 1e-12,
+                "{}: {last:?}",
+                motion.file
+            );
+        }
+    }
+}
+
+/// Largest jerk of a trace, as a share of the arm's limits.
+fn jerk_share(trace: &[[f64; 7]], cell: &CellConfig) -> f64 {
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let limits = cell.models()[lwr].limits;
+    let shares = trace.windows(4).flat_map(|at| {
+        (0..7).map(move |joint| {
+            let change = at[3][joint] - 3.0 * at[2][joint] + 3.0 * at[1][joint] - at[0][joint];
+            (change / 1e-9 / limits.jerk_max[joint]).abs()
+        })
+    });
+    shares.fold(0.0, f64::max)
+}
+
+#[test]
+fn the_filter_of_the_manual_brings_ptp_motions_within_the_limits_of_jerk() {
+    let cell = demo();
+    for motion in PTP {
+        let mut trace = run(motion, &cell)[1..].to_vec();
+        // `OnDelay` of 1 s before the end.
+        trace.extend(vec![*trace.last().unwrap(); 1000]);
+        assert!(jerk_share(&trace, &cell) > 1.0, "{}", motion.file);
+        let mut filtered = trace.clone();
+        let filter = Biquad::low_pass(2.0, 1.0, 1e-3);
+        for joint in 0..7 {
+            let mut before = [trace[0][joint]; 4];
+            for (place, at) in filtered.iter_mut().zip(&trace) {
+                let ([x1, x2, y1, y2], x) = (before, at[joint]);
+                let y = filter.b[0] * x + filter.b[1] * x1 + filter.b[2] * x2
+                    - filter.a[0] * y1
+                    - filter.a[1] * y2;
+                (place[joint], before) = (y, [x, x1, y, y1]);
+            }
+        }
+        let share = jerk_share(&filtered, &cell);
+        assert!(share < 1.0, "{}: {share}", motion.file);
+        let last = filtered.last().unwrap();
+        for (joint, goal) in motion.goal.iter().enumerate() {
+            assert!(
+                (last[joint] - goal).abs() < 1e-4,
                 "{}: {last:?}",
                 motion.file
             );
@@ -524,4 +571,52 @@ fn values_between_nets_become_topics() {
         converted.plan.publishes[0].topic
     );
     assert_eq!(back.plan.inputs[0].topic, converted.plan.inputs[0].topic);
+}
+
+/// A KR 6, as the robot of nets for six axes.
+fn six_axes() -> CellConfig {
+    let text = "cell: six\nperiod: 1 ms\ndevices:\n  kr:\n    driver: ideal-arm\n    robot: ../robots/kr6_r900_2.yaml\n    \
+                first_tolerance: deg(0.1)\n    delay: 80 ms\n    settings: {start: [0, -90 deg, 90 deg, 0, 30 deg, 0]}\n";
+    let ports = std::collections::BTreeMap::new();
+    CellConfig::parse(text, "six.yaml", &folder("configs/cells"), &ports)
+        .unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+#[test]
+fn inverse_kinematics_of_six_axes_follow_any_hint() {
+    let cell = six_axes();
+    let hint = [0.0, -1.4, 1.5, 0.0, 0.3, 0.0];
+    let mut text = "{1=Core::DoubleNetcommOut(inValue=2.outValue,Key='_1',Value='0.0'),\
+                    2=Core::DoubleArrayGet(inArray=3.outJoints,Size='6',Index='0'),\
+                    3=ArmKinematics::InvKin(inFrame=4.outValue,inHintJoints=25.outArray,Robot='kr'),\
+                    4=World::FrameFromPosRot(X='0.6',Y='0.1',Z='0.7',A='0.0',B='1.2',C='0.0'),\
+                    5=Core::BooleanValue(Value='false'),19=Core::DoubleArray(Size='6')"
+        .to_owned();
+    for (axis, position) in hint.iter().enumerate() {
+        let (value, before, array) = (10 + axis, 19 + axis, 20 + axis);
+        text.push_str(&format!(
+            ",{value}=Core::DoubleValue(Value='{position:?}'),{array}=Core::DoubleArraySet(inArray={before}.outArray,\
+             inValue={value}.outValue,Size='6',Index='{axis}')"
+        ));
+    }
+    text.push_str(",outTerminate=5.outValue}");
+    let net = compile(&text, "hint.net", &cell).unwrap_or_else(|faults| panic!("{faults}"));
+    let mut harness = NetHarness::new(net, &cell, [0.0, -1.57, 1.57, 0.0, 0.5, 0.0, 0.0]);
+    harness.step();
+    let primitives = &harness.net.names.primitives;
+    let inverse = primitives
+        .iter()
+        .find(|primitive| primitive.type_name == "InverseKinematicsNear")
+        .expect("an inverse kinematics with a hint");
+    let joints = harness.values(&format!("{}.joints", inverse.id));
+    assert!(joints.iter().all(|joint| joint.is_finite()), "{joints:?}");
+    let mut all = [0.0; 8];
+    all[..6].copy_from_slice(&joints);
+    let (kr, _) = cell.device("kr").unwrap();
+    let flange = cell.models()[kr].arm.unwrap().forward(&all).position;
+    let wanted = [0.6, 0.1, 0.7];
+    assert!(
+        (0..3).all(|axis| (flange[axis] - wanted[axis]).abs() < 1e-9),
+        "{flange:?}"
+    );
 }

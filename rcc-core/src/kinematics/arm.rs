@@ -152,7 +152,8 @@ impl Arm {
 
     /// Returns the joints that bring the flange to `pose` (base frame) with an arm angle (rad; ignored for six joints)
     /// in a branch, each by the whole turn nearest to `hint`. Where two axes are aligned, one of their joints is taken
-    /// from `hint`. Joint limits are not checked, see [`Arm::inverse_within`].
+    /// from `hint`; near a singularity, a `hint` that reaches the pose by itself in this branch and with this arm angle is
+    /// the answer. Joint limits are not checked, see [`Arm::inverse_within`].
     ///
     /// # Errors
     /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, or an argument is null.

@@ -3,6 +3,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::pose::Pose;
+
 /// Below this sine of the angle between them two axes count as aligned, and the hint decides how they share the
 /// rotation …
 const ALIGNED_SINE: f64 = 1e-9;
@@ -13,6 +15,18 @@ const HINT_ERROR: f64 = 1e-12;
 /// A wrist beyond the stretched (or within the folded) arm by less than this, relative to the arm's length, counts as
 /// stretched (or folded): rounding.
 pub(super) const STRETCH_TOLERANCE: f64 = 1e-12;
+
+/// Below this distance from a singularity (see [`super::arm::Singularity::distance`]) rounding may decide how joints share
+/// a rotation: a hint that reaches the pose by itself is then the solution …
+pub(super) const NEAR_SINGULAR: f64 = 1e-3;
+
+/// … if its arm angle is the required one to this tolerance (rad).
+pub(super) const SAME_ARM_ANGLE: f64 = 1e-9;
+
+/// Returns true if two poses are equal to the tolerance within which a hint decides, 10⁻¹² m and rad. False for null.
+pub(super) fn is_same_pose(a: &Pose, b: &Pose) -> bool {
+    a.distance_to(b) <= HINT_ERROR && a.angle_to(b) <= HINT_ERROR
+}
 
 pub(super) fn sign(negative: bool) -> f64 {
     if negative { -1.0 } else { 1.0 }

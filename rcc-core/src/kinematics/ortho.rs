@@ -12,8 +12,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::arm::{Singularity, SingularityKind};
 use super::axes::{
-    STRETCH_TOLERANCE, beside_hint, length, matrix, rows, rz, sign, turned_y, turned_z, wrist,
-    x_of, y_of, z_of,
+    NEAR_SINGULAR, STRETCH_TOLERANCE, beside_hint, is_same_pose, length, matrix, rows, rz, sign,
+    turned_y, turned_z, wrist, x_of, y_of, z_of,
 };
 use super::branch::{Branch, Unreachable};
 use crate::pose::Pose;
@@ -172,8 +172,9 @@ impl OrthoParallelArm {
     }
 
     /// Returns the joints (rad, within two turns of 0) that bring the flange to `pose` (base frame) in the given
-    /// branch. Where θ5 is 0, joint 4 is taken from `hint` (rad), and where the wrist is on axis 1, joint 1. Joint
-    /// limits are not checked.
+    /// branch. Where θ5 is 0, joint 4 is taken from `hint` (rad), and where the wrist is on axis 1, joint 1. Near a
+    /// singularity, a `hint` that reaches the pose by itself in this branch is returned, in its turns. Joint limits are
+    /// not checked.
     ///
     /// # Errors
     /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, or an argument is null.
@@ -204,6 +205,12 @@ impl OrthoParallelArm {
             theta6,
         ];
         let joints = self.joints(&canonical);
+        if self.singularity(&joints).distance < NEAR_SINGULAR
+            && self.branch(hint) == branch
+            && is_same_pose(&self.forward(hint), pose)
+        {
+            return Ok(*hint);
+        }
         if joints.iter().all(|q| q.is_finite()) {
             Ok(joints)
         } else {

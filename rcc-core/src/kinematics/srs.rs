@@ -8,12 +8,14 @@
 //! global configuration control, joint limit and singularity avoidance", Mech. Mach. Theory 121, 2018. Unlike there, the
 //! arm angle is defined by the plane through the shoulder axis and the wrist, so that it is the same in every branch.
 
+use core::f64::consts::TAU;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::arm::{Singularity, SingularityKind};
 use super::axes::{
-    STRETCH_TOLERANCE, azimuth_polar, length, matrix, rows, rz, sign, turned_y, turned_z, wrist,
-    y_of, z_of,
+    NEAR_SINGULAR, SAME_ARM_ANGLE, STRETCH_TOLERANCE, azimuth_polar, is_same_pose, length, matrix,
+    rows, rz, sign, turned_y, turned_z, wrist, y_of, z_of,
 };
 use super::branch::{Branch, Unreachable};
 use crate::pose::Pose;
@@ -54,6 +56,8 @@ struct ElbowGeometry {
     upper_arm: Vector3<f64>,
     /// In the arm plane, perpendicular to the upper arm, on the side of the wrist; unit.
     inward: Vector3<f64>,
+    /// Sine of the angle between the first axis and the line from shoulder to wrist.
+    level: f64,
 }
 
 impl SrsArm {
@@ -127,8 +131,9 @@ impl SrsArm {
     }
 
     /// Returns the joints (rad, each in [−π, π]) that bring the flange to `pose` (base frame) with the given arm angle
-    /// (rad) in the given branch. Where q2 or q6 is 0, q1 or q5 is taken from `hint` (rad). Joint limits are not
-    /// checked.
+    /// (rad) in the given branch. Where q2 or q6 is 0, q1 or q5 is taken from `hint` (rad). Near a singularity, joints
+    /// that reach the pose by themselves, in this branch and with this arm angle, are returned if `hint` has them, in
+    /// their turns: where several axes are aligned, rounding would choose others. Joint limits are not checked.
     ///
     /// # Errors
     /// Returns `Unreachable` if the wrist is too far from the shoulder or too close to it, or an argument is null.
@@ -165,6 +170,13 @@ impl SrsArm {
         let forearm = turned_y(&upper_arm, (elbow.sin4, elbow.cos4));
         let (q5, q6, q7) = wrist(&forearm.tr_mul(&rotation), gc6, hint5);
 
+        let sine = |q: f64| libm::sin(q).abs();
+        let least = [elbow.sin4.abs(), sine(aim.polar), sine(q6)];
+        let least = least.into_iter().fold(elbow.level, f64::min);
+        if least < NEAR_SINGULAR && self.reaches(hint, pose, arm_angle, branch) {
+            return Ok(*hint);
+        }
+
         let q3 = libm::atan2(sin3, cos3);
         let joints = self.canonical(&[aim.azimuth, aim.polar, q3, elbow.q4, q5, q6, q7]);
         if joints.iter().all(|q| q.is_finite()) {
@@ -172,6 +184,16 @@ impl SrsArm {
         } else {
             Err(Unreachable::NotFinite)
         }
+    }
+
+    /// Returns true if joints bring the flange to `pose` in the given branch and with the given arm angle. False for
+    /// null.
+    #[cold]
+    fn reaches(&self, joints: &[f64; 7], pose: &Pose, arm_angle: f64, branch: Branch) -> bool {
+        let away = self.arm_angle(joints) - arm_angle;
+        self.branch(joints) == branch
+            && (away - TAU * libm::rint(away / TAU)).abs() <= SAME_ARM_ANGLE
+            && is_same_pose(&self.forward(joints), pose)
     }
 
     /// Returns the triangle of shoulder, elbow and wrist, rotated to the arm angle (Shimizu 2008).
@@ -220,6 +242,7 @@ impl SrsArm {
             cos4: (within - beyond) * (within + beyond) / sum,
             upper_arm: along * cosine + outward * sine,
             inward: along * sine - outward * cosine,
+            level: length(along.x, along.y),
         })
     }
 

@@ -364,7 +364,7 @@ impl Conversion<'_, '_> {
     }
 
     /// Converts inverse kinematics. With the robot's own position as the hint, the arm angle stays that of the start;
-    /// otherwise it is the hint's.
+    /// otherwise it is the hint's, if the arm has one.
     fn inverse_kinematics(&mut self, number: usize, entry: &'static TypeEntry) {
         let Some(robot) = self.parameter(number, entry, "Robot") else {
             return self.refuse(number, entry);
@@ -387,6 +387,18 @@ impl Conversion<'_, '_> {
             let made = self.one(number, "InverseKinematics", vec![("pose", pose, span)]);
             self.built[made].parameters = parameter();
             made
+        } else if self.has_six_joints(&device) {
+            let made = self.one(number, "InverseKinematicsNear", Vec::new());
+            self.built[made].parameters = parameter();
+            let hint = self.in_unit(hint, Unit::RADIAN);
+            // Ignored, and required: six joints have no arm angle.
+            let arm_angle = constant(LiteralShape::Real(0.0, Some(Unit::RADIAN)), at);
+            self.built[made].inputs = vec![
+                ("pose", pose, span),
+                ("arm_angle", arm_angle, at),
+                ("hint", hint, at),
+            ];
+            made
         } else {
             let angle = self.one(number, "ArmAngle", Vec::new());
             self.built[angle].parameters = parameter();
@@ -405,6 +417,13 @@ impl Conversion<'_, '_> {
         };
         let joints = self.built_output(made, "joints");
         self.put(number, "outJoints", joints);
+    }
+
+    /// Returns true for an arm whose joints follow from the pose and the branch alone.
+    fn has_six_joints(&self, device: &str) -> bool {
+        self.cell
+            .find(device)
+            .is_some_and(|(_, device)| device.model.joints == 6)
     }
 
     /// Returns true for a list of all joint positions of a robot, measured or commanded, in order.

@@ -140,6 +140,40 @@ fn poses_out_of_reach_are_refused_with_distance_and_reach() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
+    /// Bit 0 of `which`: the wrist is straight; bit 1: the arm is stretched; bit 2: the wrist is on axis 1.
+    #[test]
+    fn the_hint_is_the_answer_where_it_reaches_the_pose(
+        q in joints(),
+        tiny in prop::option::of(-17.0..-4.0f64),
+        which in 0..8usize,
+        odd in any::<bool>(),
+    ) {
+        let arm = match (odd, which >> 2) {
+            (true, 0) => ODD,
+            (_, 0) => KR6,
+            _ => OrthoParallelArm { shoulder_offset: 0.0, ..KR6 },
+        };
+        let beside = tiny.map_or(0.0, |tiny| 10f64.powf(tiny));
+        let mut canonical = arm.canonical(&q);
+        if which & 1 == 1 {
+            canonical[4] = beside;
+        }
+        if which & 2 == 2 {
+            canonical[2] = beside - arm.elbow_offset.atan2(arm.forearm);
+        }
+        if which & 4 == 4 {
+            // Turns the upper arm until the wrist is above axis 2, which is on axis 1.
+            let (forward, up) = arm.wrist_in_plane(0.0, canonical[2]);
+            canonical[1] = beside - forward.atan2(up);
+        }
+        let q = arm.joints(&canonical);
+        let found = arm.inverse(&arm.forward(&q), arm.branch(&q), &q);
+        // The folded arm ends at axis 2.
+        prop_assume!(found.is_ok() || which & 4 == 4);
+        let found = found.unwrap_or(q);
+        prop_assert!(q.iter().zip(found).all(|(a, b)| turn(*a, b) < 1e-9), "{q:?} {found:?}");
+    }
+
     #[test]
     fn the_branch_of_a_position_leads_back_to_it(q in joints(), odd in any::<bool>()) {
         let arm = if odd { ODD } else { KR6 };

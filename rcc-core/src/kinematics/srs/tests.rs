@@ -164,6 +164,31 @@ proptest! {
         prop_assert!(pose_error(&LWR.forward(&found), &pose) < 2e-12);
     }
 
+    /// Bits 0 to 2 of `which`: joint 2, 4 and 6 are at 0, or next to it. Bit 3: the wrist is above the shoulder.
+    #[test]
+    fn the_hint_is_the_answer_where_it_reaches_the_pose(
+        q in joints(),
+        tiny in prop::option::of(-17.0..-4.0f64),
+        which in 0..16usize,
+        iiwa in any::<bool>(),
+    ) {
+        let arm = if iiwa { IIWA } else { LWR };
+        let mut q = q;
+        for (bit, joint) in [1, 3, 5].into_iter().enumerate() {
+            if which >> bit & 1 == 1 {
+                q[joint] = tiny.map_or(0.0, |tiny| 10f64.powf(tiny));
+            }
+        }
+        if which >> 3 == 1 {
+            q[2] = 0.0;
+            let (sin4, cos4) = (q[3] * arm.signs[3]).sin_cos();
+            let q2 = (-arm.forearm * sin4).atan2(arm.upper_arm + arm.forearm * cos4);
+            q[1] = arm.signs[1] * q2;
+        }
+        let found = arm.inverse(&arm.forward(&q), arm.arm_angle(&q), arm.branch(&q), &q).unwrap();
+        prop_assert!(q.iter().zip(found).all(|(a, b)| turn(*a, b) < 1e-9), "{q:?} {found:?}");
+    }
+
     #[test]
     fn the_jacobian_is_the_derivative_of_the_pose(q in joints(), joint in 0..7usize) {
         let (h, mut before, mut after) = (1e-6, q, q);

@@ -183,6 +183,27 @@ mod tests {
     }
 
     #[test]
+    fn the_pose_of_the_start_gives_its_joints_where_several_axes_are_aligned() {
+        // Upright with a bent wrist, upright and straight, and the wrist above the shoulder.
+        let beyond = -(1.0_f64.sin() * 0.39).atan2(0.4 + 0.39 * 1.0_f64.cos());
+        for hold in [
+            [0.7, 0.0, 0.4, 0.0, -0.9, 1.2, 0.3, 0.0],
+            [0.7, 0.0, 0.4, 0.0, -0.9, 0.0, 0.3, 0.0],
+            [0.7, 1e-12, 0.4, -1e-11, -0.9, 1.2, 0.3, 0.0],
+            [0.7, beyond, 0.0, 1.0, -0.9, 1.2, 0.3, 0.0],
+        ] {
+            let mut bench = PrimitiveHarness::new("InverseKinematics");
+            bench.hold = Some(hold);
+            bench.prepare().unwrap();
+            let pose = bench.model.arm.unwrap().forward(&hold).to_slots();
+            let joints = bench.set_reals("pose", &pose).step().reals("joints", 7);
+            for (got, want) in joints.iter().zip(hold) {
+                assert!((got - want).abs() < 1e-9, "{joints:?} {hold:?}");
+            }
+        }
+    }
+
+    #[test]
     fn it_follows_an_arm_of_six_joints() {
         let mut bench = PrimitiveHarness::wide("InverseKinematics", None, 6);
         bench.model = kr6();

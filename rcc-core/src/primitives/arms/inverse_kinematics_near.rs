@@ -5,7 +5,7 @@
 
 use super::inverse_kinematics::{JOINT, JointSolution, REASON};
 use crate::frame::Frame;
-use crate::kinematics::{ArmConfiguration, Unreachable};
+use crate::kinematics::{Arm, ArmConfiguration, Unreachable};
 use crate::message::JOINTS_MAX;
 use crate::pose::Pose;
 use crate::primitive::{
@@ -20,7 +20,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "InverseKinematicsNear",
         summary: "Joint positions for a flange pose with a given arm angle, in the branch of given joint positions.",
-        null: "a null input, and a pose that is out of reach or beyond a joint limit, give null; `reason` tells which",
+        null: "a null input, and a pose that is out of reach or beyond a joint limit, give null; `reason` tells which; a null `arm_angle` is ignored for six joints",
         undefined: "the pose is out of reach; a joint would be beyond its limit; overflow: an infinite input",
         formula: "closed form, see InverseKinematics",
         inputs: &[
@@ -28,7 +28,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::real(
                 "arm_angle",
                 UnitRule::Is(Unit::RADIAN),
-                "rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle; ignored for six joints, but must not be null",
+                "rotation of the elbow about the line from shoulder to wrist, as given by ArmAngle; ignored for six joints, which have none",
             ),
             Port::new(
                 "hint",
@@ -69,11 +69,15 @@ impl Step for InverseKinematicsNear {
         let device = frame.arm(self.device).zip(frame.limits(self.device));
         let found = device.map(|(arm, limits)| {
             let (hint, pose) = near
-                .filter(|(hint, _)| angle.is_finite() && hint.iter().all(|joint| joint.is_finite()))
+                .filter(|(hint, _)| hint.iter().all(|joint| joint.is_finite()))
                 .ok_or(Unreachable::NotFinite)?;
             let configuration = ArmConfiguration {
                 branch: arm.branch(&hint),
-                arm_angle: angle,
+                // Six joints have none; for seven, null is refused.
+                arm_angle: match arm {
+                    Arm::Srs(_) => angle,
+                    Arm::OrthoParallel(_) => 0.0,
+                },
             };
             arm.inverse_within(&pose, configuration, &hint, limits)
         });
@@ -90,7 +94,7 @@ impl Step for InverseKinematicsNear {
 #[cfg(test)]
 mod tests {
     use crate::frame::joints_from;
-    use crate::testing::PrimitiveHarness;
+    use crate::testing::{PrimitiveHarness, kr6};
 
     const JOINTS: [f64; 8] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
@@ -125,6 +129,22 @@ mod tests {
             assert!(there.distance_to(&pose) < 1e-12 && there.angle_to(&pose) < 1e-12);
             assert!((arm.arm_angle(&joints).unwrap() - angle).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn six_joints_need_no_arm_angle() {
+        let mut bench = PrimitiveHarness::wide("InverseKinematicsNear", None, 6);
+        bench.model = kr6();
+        let there = [0.4, -1.3, 1.1, 0.7, 0.6, 0.2, 0.0, 0.0];
+        let pose = bench.model.arm.unwrap().forward(&there).to_slots();
+        bench
+            .set_reals("pose", &pose)
+            .set_real("arm_angle", f64::NAN);
+        bench.set_reals("hint", &[0.0, -1.0, 0.9, 0.0, 0.3, 0.0]);
+        for (got, want) in bench.step().reals("joints", 6).iter().zip(there) {
+            assert!((got - want).abs() < 1e-9, "{got} {want}");
+        }
+        assert_eq!(bench.int("reason"), 0);
     }
 
     #[test]
