@@ -12,6 +12,8 @@ use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
 use rcc_core::path::MotionState;
+use rcc_core::primitive::{Role, Spec};
+use rcc_core::primitives;
 use rcc_protocol::control::{InputValue, Refusal};
 use rcc_protocol::rehearsal::{
     LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, ShortenedBlend,
@@ -106,8 +108,26 @@ fn elsewhere_report() -> RehearsalReport {
         singularity: f64::NAN,
         shortened: 0,
         most_shortened: None,
+        uncommanded: 0,
         took_ns: 0,
     }
+}
+
+/// Primitives that compute joints from poses, besides the motions along a path.
+const INVERSE: [&str; 3] = [
+    "InverseKinematics",
+    "InverseKinematicsNear",
+    "InverseVelocityKinematics",
+];
+
+/// Returns true if a singular position can make the joints of a net fast.
+fn computes_joints_from_poses(net: &Net) -> bool {
+    net.plan().runs.iter().any(|run| {
+        primitives::kernel(run.kernel).is_some_and(|(entry, _)| {
+            let Spec { name, role, .. } = entry.spec;
+            INVERSE.contains(&name) || role == Role::Motion && name != "JointMotion"
+        })
+    })
 }
 
 /// The devices in virtual time, the monitors of the arms, and the positions of the motions.
@@ -195,7 +215,7 @@ impl VirtualDevices {
         match first {
             Some((foreseen, at)) => Err(PredictedViolation {
                 speed: arm_monitor::speed(&peaks),
-                near: arm_monitor::near(&self.monitors),
+                near: arm_monitor::near(&self.monitors).filter(|_| computes_joints_from_poses(net)),
                 place: at.map(|(place, s)| self.with_fraction(place, s)),
                 ..foreseen
             }),
@@ -213,6 +233,11 @@ impl VirtualDevices {
                     .map_or(f64::NAN, |near| near.distance),
                 shortened: 0,
                 most_shortened: None,
+                uncommanded: self
+                    .monitors
+                    .iter()
+                    .filter(|monitor| !monitor.has_been_commanded())
+                    .fold(0, |bits, monitor| bits | 1 << monitor.device()),
                 took_ns: 0,
             }),
         }

@@ -393,3 +393,46 @@ fn a_net_is_only_replaced_while_it_is_ready() {
     });
     fixture.step();
 }
+
+#[test]
+fn a_net_whose_set_points_are_all_null_says_so() {
+    let models = [model()];
+    let net = |joint: f64, done: u8| {
+        let mut plan = TestPlan::new();
+        let done = plan.bool(done);
+        let joints = plan.reals(&[joint, HOLD[1], HOLD[2], HOLD[3], HOLD[4], HOLD[5], HOLD[6]]);
+        plan.add("JointPositionCommand", &[joints, 0, 7]);
+        plan.add("Termination", &[done]);
+        build(plan.data, &models)
+    };
+    for (joint, done, uncommanded) in [
+        (f64::NAN, 1, 1),
+        (f64::NAN, 0, 1),
+        (HOLD[0], 1, 0),
+        (HOLD[0], 0, 0),
+    ] {
+        let told = rehearsed(&mut net(joint, done), &models).unwrap();
+        let told = told.expect("it commands an arm");
+        assert_eq!(told.uncommanded, uncommanded, "{told:?}");
+    }
+}
+
+#[test]
+fn a_singular_position_is_no_reason_for_joints_that_are_computed_without_a_pose() {
+    // A joint that steps to its velocity at once.
+    let models = [model()];
+    let mut net = build(drift_net(HOLD[0], 1.0), &models);
+    let broken = rehearsed(&mut net, &models).unwrap_err();
+    assert_eq!(broken.near, None, "{broken:?}");
+    // A line computes joints from poses.
+    let mut net = build(line(0.1, SLOW), &[faster()]);
+    let models = [DeviceModel {
+        limits: rcc_core::guard::JointLimits {
+            jerk_max: [1e-3; 8],
+            ..model().limits
+        },
+        ..model()
+    }];
+    let broken = rehearsed(&mut net, &models).unwrap_err();
+    assert!(broken.near.is_some(), "{broken:?}");
+}

@@ -21,6 +21,8 @@ pub struct RehearsalReport {
     pub shortened: u32,
     /// The blend with the largest shortfall, if any.
     pub most_shortened: Option<ShortenedBlend>,
+    /// Bit i: the net commands joints of device i, and gave it no set-point in any cycle.
+    pub uncommanded: u64,
     /// Duration of the rehearsal, ns.
     pub took_ns: u64,
 }
@@ -92,7 +94,8 @@ pub struct PredictedViolation {
     /// Fraction of its speed at which the motion would keep all limits of velocity, acceleration and jerk; 1 if speed
     /// is not the reason.
     pub speed: f64,
-    /// The singular position that an arm came closest to in the whole rehearsal; `None` if unknown.
+    /// The singular position that an arm came closest to in the whole rehearsal; `None` if unknown, or if the net
+    /// computes no joints from poses, so that a singular position cannot be the reason.
     pub near: Option<NearestSingularity>,
 }
 

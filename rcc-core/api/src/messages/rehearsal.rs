@@ -45,9 +45,32 @@ impl NameResolver<'_> {
             end: end.to_owned(),
             singularity: Some(rehearsed.singularity).filter(|distance| distance.is_finite()),
             outcome: net.outcome(rehearsed.outcome).map(str::to_owned),
-            words: summary(rehearsed, &peaks, net.outcome(rehearsed.outcome)),
+            words: format!(
+                "{}{}",
+                summary(rehearsed, &peaks, net.outcome(rehearsed.outcome)),
+                self.uncommanded(rehearsed)
+            ),
             peaks,
             took_ns: rehearsed.took_ns,
+        }
+    }
+
+    /// Names the arms that get no set-point.
+    fn uncommanded(&self, rehearsed: &RehearsalReport) -> String {
+        let arms: Vec<String> = (0..u64::BITS)
+            .filter(|device| rehearsed.uncommanded >> device & 1 == 1)
+            .map(|device| self.device_name(device))
+            .collect();
+        let until = match rehearsed.end {
+            RehearsalEnd::Finished => "until the net ended",
+            _ => "in the time that was checked",
+        };
+        match arms.as_slice() {
+            [] => String::new(),
+            arms => format!(
+                "; {} got no set-point {until}, because every one was null: `rcc-cli explain` shows where null comes from",
+                arms.join(", ")
+            ),
         }
     }
 
@@ -223,6 +246,11 @@ fn help(foreseen: &PredictedViolation) -> String {
             Some(singular) => format!(
                 "the path passes close to a singularity ({singular}), where joints are fast and the flange is slow: use \
                  another goal, branch or arm angle, or go around; {slower}"
+            ),
+            // The joints of a motion are smooth: only a net that computes them itself can ask for a step.
+            None if foreseen.rule == RehearsalRule::Jerk && foreseen.place.is_none() => format!(
+                "the set-points have a step in velocity or acceleration: use JointMotion or JointGoal, smooth them \
+                 (WindowMean, SecondOrderLowPass), or go slower: {slower}"
             ),
             None => format!("go slower: {slower}"),
         },

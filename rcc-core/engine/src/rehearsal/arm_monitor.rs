@@ -25,6 +25,8 @@ pub struct ArmMonitor {
     hold: Joints,
     /// The last three set-points, newest first, rad; `None` while the arm is not commanded.
     history: Option<[Joints; 3]>,
+    /// The net has given it a set-point.
+    has_been_commanded: bool,
     peaks: [LimitPeak; 3],
     /// The nearest singular position of all set-points; `None` if it is not known.
     near: Option<NearestSingularity>,
@@ -68,6 +70,7 @@ impl ArmMonitor {
             model,
             hold,
             history: None,
+            has_been_commanded: false,
             peaks: NO_PEAKS,
             near: None,
             guard: fresh(&model),
@@ -79,6 +82,11 @@ impl ArmMonitor {
     /// Index of its device.
     pub fn device(&self) -> usize {
         self.device
+    }
+
+    /// Returns true if it got a set-point in any cycle.
+    pub fn has_been_commanded(&self) -> bool {
+        self.has_been_commanded
     }
 
     /// Checks the output of one cycle.
@@ -118,6 +126,7 @@ impl ArmMonitor {
         if !output.has_position {
             return CheckedSetPoint::default();
         }
+        self.has_been_commanded = true;
         let tolerance = self.model.first_tolerance_rad;
         let pairs = output.position.iter().zip(&self.hold);
         let there = pairs
