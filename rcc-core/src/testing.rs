@@ -213,35 +213,40 @@ impl PrimitiveHarness {
         }
     }
 
+    /// An output may have the name of a parameter.
     fn slot(&self, name: &str) -> usize {
-        let (_, index) = self
-            .names
-            .iter()
-            .find(|(known, _)| *known == name)
-            .expect("a port or parameter");
+        self.slot_of(self.names.iter().find(|(known, _)| *known == name))
+    }
+
+    fn slot_to_set(&self, name: &str) -> usize {
+        self.slot_of(self.names.iter().rev().find(|(known, _)| *known == name))
+    }
+
+    fn slot_of(&self, found: Option<&(&'static str, usize)>) -> usize {
+        let (_, index) = found.expect("a port or parameter");
         self.operands[*index] as usize
     }
 
     pub fn set_real(&mut self, name: &str, value: f64) -> &mut PrimitiveHarness {
-        let slot = self.slot(name);
+        let slot = self.slot_to_set(name);
         self.reals[slot] = value;
         self
     }
 
     pub fn set_reals(&mut self, name: &str, values: &[f64]) -> &mut PrimitiveHarness {
-        let slot = self.slot(name);
+        let slot = self.slot_to_set(name);
         self.reals[slot..slot + values.len()].copy_from_slice(values);
         self
     }
 
     pub fn set_bool(&mut self, name: &str, value: Option<bool>) -> &mut PrimitiveHarness {
-        let slot = self.slot(name);
+        let slot = self.slot_to_set(name);
         self.bools[slot] = value.map_or(NULL_BOOL, u8::from);
         self
     }
 
     pub fn set_int(&mut self, name: &str, value: i64) -> &mut PrimitiveHarness {
-        let slot = self.slot(name);
+        let slot = self.slot_to_set(name);
         self.ints[slot] = value;
         self
     }

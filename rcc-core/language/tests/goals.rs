@@ -27,7 +27,7 @@ discard: [it.velocity]
     ),
     (
         "  goal: {type: Input, parameters: {initial: 0.4}}
-  it: {type: ScalarGoal, parameters: {max_velocity: 0.2, max_acceleration: 1, max_jerk: 10, initial: 0}, inputs: {goal: goal.value}}
+  it: {type: ScalarGoal, parameters: {velocity: 0.2, acceleration: 1, jerk: 10, initial: 0}, inputs: {goal: goal.value}}
 ",
         "it.position",
         1,

@@ -47,10 +47,15 @@ pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<OutputId> {
     read(net).into_iter().chain(discarded).collect()
 }
 
-/// Requires that an output that nothing reads is listed in `discard`, unless its spec marks it as diagnostic.
+/// Requires that one output of each primitive is read, or that all are listed in `discard`: a primitive of which nothing
+/// is read does nothing. Outputs that its spec marks as diagnostic need not be listed.
 pub fn outputs_are_read_or_discarded(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
-    let used = read_or_discarded(net);
+    let (read, used) = (read(net), read_or_discarded(net));
+    let in_use: BTreeSet<usize> = read.iter().map(|output| output.item).collect();
     for (number, item) in net.graph.items.iter().enumerate() {
+        if in_use.contains(&number) {
+            continue;
+        }
         let unread: Vec<String> = item
             .spec()
             .outputs

@@ -79,17 +79,17 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .above(0.0)
             .at_most(1.0),
             limit(
-                "max_velocity",
+                "velocity",
                 Unit::RADIAN_PER_SECOND,
                 "velocity limit of every joint, if lower than the configured one",
             ),
             limit(
-                "max_acceleration",
+                "acceleration",
                 Unit::RADIAN_PER_SECOND2,
                 "acceleration limit of every joint, if lower than the configured one",
             ),
             limit(
-                "max_jerk",
+                "jerk",
                 Unit::RADIAN_PER_SECOND3,
                 "jerk limit of every joint, if lower than the configured one",
             ),
@@ -255,8 +255,8 @@ mod tests {
     fn a_given_limit_applies_where_it_is_lower_than_the_robot_s() {
         let mut bench = bench();
         bench
-            .set_real("max_velocity", 0.1)
-            .set_real("max_acceleration", 1e6);
+            .set_real("velocity", 0.1)
+            .set_real("acceleration", 1e6);
         let fastest = (0..2000).map(|_| {
             let velocities = bench.step().reals("velocity", 7).iter();
             velocities.fold(0.0_f64, |most, v| most.max(v.abs()))

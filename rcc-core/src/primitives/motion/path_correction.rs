@@ -214,7 +214,12 @@ impl Step for PathCorrection {
         ];
         let angular = limits(frame, angular, share)?;
         let goal = Some([x, y, z, rx, ry, rz]);
-        let axes = step_six(frame, self.state, goal, [&line, &angular]);
+        let axes = step_six(
+            frame,
+            self.state,
+            goal,
+            [&line, &line, &line, &angular, &angular, &angular],
+        );
         let now = axes.map(|axes| {
             let [x, y, z, rx, ry, rz] = axes.map(|axis| axis.state().position);
             ([x, y, z], [rx, ry, rz])

@@ -22,7 +22,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         examples: &[
             Example::new(
                 "a motion limited by jerk only: four phases of a second; starts at the first goal",
-                "{max_velocity: 10, max_acceleration: 10, max_jerk: 6}",
+                "{velocity: 10, acceleration: 10, jerk: 6}",
                 "goal | position | velocity | acceleration | done
                  0 | 0 | 0 | 0 | true
                  12 | 1 | 3 | 6 | false
@@ -34,7 +34,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             .every_ms(1000),
             Example::new(
                 "braked halfway, in two phases of a second; done at rest",
-                "{max_velocity: 10, max_acceleration: 10, max_jerk: 6, initial: 0}",
+                "{velocity: 10, acceleration: 10, jerk: 6, initial: 0}",
                 "goal | stop | position | velocity | done
                  12 | false | 1 | 3 | false
                  12 | false | 6 | 6 | false
@@ -61,14 +61,14 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
             Port::bool("done", "at rest: at the goal, or where a stop ended"),
         ],
         parameters: &[
-            Parameter::real("max_velocity", UnitRule::PerSecond(0), "largest speed").above(0.0),
+            Parameter::real("velocity", UnitRule::PerSecond(0), "largest speed").above(0.0),
             Parameter::real(
-                "max_acceleration",
+                "acceleration",
                 UnitRule::PerSecond2(0),
                 "largest acceleration, also for braking",
             )
             .above(0.0),
-            Parameter::real("max_jerk", UnitRule::PerSecond3(0), "largest jerk").above(0.0),
+            Parameter::real("jerk", UnitRule::PerSecond3(0), "largest jerk").above(0.0),
             Parameter::new(
                 "initial",
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0)),
@@ -129,11 +129,7 @@ mod tests {
 
     fn bench() -> PrimitiveHarness {
         let mut bench = PrimitiveHarness::new("ScalarGoal");
-        for (name, value) in [
-            ("max_velocity", 0.5),
-            ("max_acceleration", 2.0),
-            ("max_jerk", 20.0),
-        ] {
+        for (name, value) in [("velocity", 0.5), ("acceleration", 2.0), ("jerk", 20.0)] {
             bench.set_real(name, value);
         }
         bench.set_real("speed", 1.0).set_bool("stop", Some(false));

@@ -164,6 +164,9 @@ impl<'a> Bodies<'a> {
                 .outputs
                 .iter()
                 .map(|output| output.name.name.as_str());
+            if outputs.clone().any(|output| read.contains(&(id, output))) {
+                continue;
+            }
             let unread = outputs
                 .filter(|output| !self.unresolved_outputs.contains(&(number, *output)))
                 .filter(|output| !self.unresolved_outputs.contains(&(number, *output)))

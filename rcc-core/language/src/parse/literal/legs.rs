@@ -156,7 +156,12 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, diagnostics: &mut Vec<Diagnostic>) 
 fn ptp(node: &Node, row: &mut LegRow, diagnostics: &mut Vec<Diagnostic>) {
     let Some(joints) = node.get("joints") else {
         row[0] = leg_row::PTP_POSE;
-        let keys = &["xyz", "rpy", "quat", "branch", "status", "turn"];
+        // The pose as in `JointMotion`, or its elements beside the configuration.
+        let goal = node.get("pose");
+        let keys: &[&str] = match goal {
+            Some(_) => &["pose", "branch", "status", "turn"],
+            None => &["xyz", "rpy", "quat", "branch", "status", "turn"],
+        };
         report_unknown_keys(node, keys, "a `ptp`", diagnostics);
         either(node, ["branch", "status"], diagnostics);
         for (key, column, most) in [
@@ -168,7 +173,10 @@ fn ptp(node: &Node, row: &mut LegRow, diagnostics: &mut Vec<Diagnostic>) {
                 row[column] = whole(node, key, most, diagnostics);
             }
         }
-        return pose(&only(node, &["xyz", "rpy", "quat"]), row, diagnostics);
+        return match goal {
+            Some(goal) => pose(goal, row, diagnostics),
+            None => pose(&only(node, &["xyz", "rpy", "quat"]), row, diagnostics),
+        };
     };
     row[0] = leg_row::PTP_JOINTS;
     report_unknown_keys(node, &["joints"], "a `ptp` to joints", diagnostics);

@@ -84,6 +84,23 @@ fn legs_of_every_kind_become_rows() {
 }
 
 #[test]
+fn a_ptp_takes_its_pose_as_a_joint_motion_does() {
+    let flat = rows(&format!("[{{ptp: {{{GOAL}, status: 2, turn: 5}}}}]"));
+    let named = rows(&format!(
+        "[{{ptp: {{pose: {{{GOAL}}}, status: 2, turn: 5}}}}]"
+    ));
+    let bits = |rows: &[LegRow]| {
+        rows.iter()
+            .flatten()
+            .map(|x| x.to_bits())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(bits(&flat), bits(&named));
+    let both = format!("[{{ptp: {{pose: {{{GOAL}}}, {GOAL}}}}}]");
+    assert_eq!(literal(&both).1, vec![codes::UNKNOWN_KEY; 2]);
+}
+
+#[test]
 fn a_list_of_poses_becomes_rows_and_is_written_as_it_was() {
     let text = format!("[{{{GOAL}}}, {{{GOAL}}}]");
     let (literal, diagnostics) = literal(&text);
