@@ -135,7 +135,8 @@ impl Frame<'_> {
         T::get(T::Element::arena(self), slot.index())
     }
 
-    /// Writes a value; `None` outside of the arena. A pose that is not finite is written as null.
+    /// Writes a value; `None` outside of the arena. An infinite number is written as null, and so is a pose that is not
+    /// finite.
     #[inline(always)]
     pub fn put<T: Value>(&mut self, slot: Slot<T>, value: T) -> Option<()> {
         value.put(T::Element::arena_mut(self), slot.index())
@@ -188,7 +189,7 @@ impl Frame<'_> {
         joints_from(values.get(..width as usize)?)
     }
 
-    /// Writes the `width` joints that begin at `first`; `None` writes null in every element.
+    /// Writes the `width` joints that begin at `first`, an infinite one as null; `None` writes null in every element.
     pub fn put_joints(
         &mut self,
         first: Slot<Real>,
@@ -198,7 +199,7 @@ impl Frame<'_> {
         let value = value.copied().unwrap_or([NULL_REAL; JOINTS_MAX]);
         let tail = self.reals.get_mut(first.index() as usize..)?;
         for (place, value) in tail.iter_mut().zip(value).take(width as usize) {
-            *place = value;
+            *place = value.stored();
         }
         Some(())
     }

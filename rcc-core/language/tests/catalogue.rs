@@ -1,5 +1,6 @@
-//! Properties of every primitive, derived from its spec: no input (null, NaN, infinite, subnormal or extreme) causes a
-//! panic or an allocation, and the outputs are null, finite and in range as the spec says.
+//! Properties of every primitive, derived from its spec: no input (null, subnormal or extreme) causes a
+//! panic or an allocation; the outputs are null, or finite and in range as the spec says; and whatever was put in, the
+//! outputs are known again once the inputs are moderate.
 
 mod generate;
 mod harness;
@@ -10,7 +11,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use generate::{OPEN, TestRandom, constant, many, parameters, type_of};
 use harness::{NetHarness, cell};
 use rcc_config::CellConfig;
-use rcc_core::primitive::{NullRule, PROPAGATES, PortType, Role, Spec};
+use rcc_core::primitive::{MemorySpec, NullRule, PROPAGATES, PortType, Role, Spec, StateSpec};
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::{NULL_INT, Store, Type};
 use rcc_language::{Compiled, compile};
@@ -20,6 +21,10 @@ static NO_HEAP: AllocDisabler = AllocDisabler;
 
 /// Cycles run for one variant of a primitive.
 const CYCLES: usize = 400;
+/// Cycles of moderate inputs after which extreme ones have no effect: more than the longest window of the generated nets.
+const RECOVERY: usize = 60;
+/// Times that extreme inputs are followed by moderate ones.
+const ROUNDS: usize = 10;
 /// Primitives with inputs that a table of worked values cannot express: a list of links, or three numbers as a vector.
 /// They have tests of their own.
 const NO_TABLE: [&str; 2] = ["Multiplexer", "Rotate"];
@@ -122,13 +127,11 @@ fn variants(spec: &Spec, cell: &CellConfig, random: &mut TestRandom) -> Vec<(Str
 }
 
 fn real(inputs: Inputs, random: &mut TestRandom) -> f64 {
-    const SPECIAL: [f64; 14] = [
+    const SPECIAL: [f64; 12] = [
         0.0,
         -0.0,
         1.0,
         -1.0,
-        f64::INFINITY,
-        f64::NEG_INFINITY,
         f64::MAX,
         f64::MIN,
         f64::MIN_POSITIVE,
@@ -138,12 +141,14 @@ fn real(inputs: Inputs, random: &mut TestRandom) -> f64 {
         -1e-308,
         9_223_372_036_854_775_808.0,
     ];
-    match (inputs, random.below(4)) {
+    let value = match (inputs, random.below(4)) {
         (Inputs::Anything, 0) => f64::NAN,
         (Inputs::Anything, 1) => *random.pick(&SPECIAL).expect("special numbers"),
         (Inputs::Anything, 2) => f64::from_bits(random.bits()),
         _ => random.share() * 16.0 - 8.0,
-    }
+    };
+    // What an arena holds is never infinite.
+    if value.is_infinite() { f64::NAN } else { value }
 }
 
 fn int(inputs: Inputs, random: &mut TestRandom) -> i64 {
@@ -226,6 +231,13 @@ fn check_outputs(
         let values = harness.values(&format!("it.{}", port.name));
         let nulls = values.iter().filter(|value| value.is_nan()).count();
         let said = |what: &str| Err(format!("`{}` {what}: {values:?}", port.name));
+        if values.iter().any(|value| value.is_infinite()) {
+            return said("is infinite");
+        }
+        let remembers = spec.state != StateSpec::NONE || spec.memory != MemorySpec::NONE;
+        if known && !remembers && spec.undefined.is_empty() && nulls > 0 {
+            return said("is null although every input is known");
+        }
         if spec.null == PROPAGATES && null && nulls != values.len() {
             return said("is known although an input is null");
         }
@@ -235,9 +247,6 @@ fn check_outputs(
         if inputs == Inputs::Moderate && known {
             if spec.undefined.is_empty() && nulls > 0 {
                 return said("is null although every input is known");
-            }
-            if values.iter().any(|value| value.is_infinite()) {
-                return said("is infinite although every input is moderate");
             }
         }
         let (least, greatest) = (
@@ -287,7 +296,44 @@ fn run(
     }
 }
 
-fn all(inputs: Inputs, seed: u64) {
+/// Extreme inputs, then the same moderate ones as a net that never had any others: no output is null that is known there.
+fn recover(spec: &Spec, text: &str, net: Compiled, cell: &CellConfig, random: &mut TestRandom) {
+    let mut fresh = NetHarness::new(net.clone(), cell, HOLD);
+    let mut harness = NetHarness::new(net, cell, HOLD);
+    for _ in 0..ROUNDS {
+        for _ in 0..CYCLES / ROUNDS {
+            poke(&mut harness, Inputs::Anything, random);
+            harness.step();
+        }
+        // An unstable filter overflows again and again; it is known in between.
+        let mut known = vec![Vec::new(); spec.outputs.len()];
+        for cycle in 0..RECOVERY {
+            let mut same = random.clone();
+            poke(&mut harness, Inputs::Moderate, random);
+            poke(&mut fresh, Inputs::Moderate, &mut same);
+            harness.step();
+            fresh.step();
+            for (port, known) in spec.outputs.iter().zip(&mut known) {
+                let [have, want] =
+                    [&harness, &fresh].map(|net| net.values(&format!("it.{}", port.name)));
+                known.resize(have.len(), false);
+                for ((known, have), want) in known.iter_mut().zip(have).zip(want) {
+                    *known |= cycle >= RECOVERY / 2 && (!have.is_nan() || want.is_nan());
+                }
+            }
+        }
+        for (port, known) in spec.outputs.iter().zip(known) {
+            let all = known.iter().all(|known| *known);
+            assert!(
+                all,
+                "{}: `{}` stays null after extreme inputs\n{text}",
+                spec.name, port.name
+            );
+        }
+    }
+}
+
+fn all(seed: u64, run: impl Fn(&Spec, &str, Compiled, &CellConfig, &mut TestRandom)) {
     let cell = cell("tests/nets/cell.yaml");
     let mut wrong = Vec::new();
     for entry in CATALOGUE {
@@ -298,8 +344,7 @@ fn all(inputs: Inputs, seed: u64) {
         let mut random = TestRandom(seed);
         for (text, net) in variants(&entry.spec, &cell, &mut random) {
             let spec = &entry.spec;
-            let one =
-                std::panic::AssertUnwindSafe(|| run(spec, &text, net, &cell, inputs, &mut random));
+            let one = std::panic::AssertUnwindSafe(|| run(spec, &text, net, &cell, &mut random));
             if std::panic::catch_unwind(one).is_err() {
                 wrong.push(spec.name);
                 break;
@@ -311,12 +356,25 @@ fn all(inputs: Inputs, seed: u64) {
 
 #[test]
 fn moderate_inputs_give_known_finite_outputs_in_their_range() {
-    all(Inputs::Moderate, 1);
+    all(1, |spec, text, net, cell, random| {
+        run(spec, text, net, cell, Inputs::Moderate, random);
+    });
 }
 
 #[test]
 fn any_input_gives_null_or_a_value_in_range_without_panic_or_heap() {
-    all(Inputs::Anything, 2);
+    for seed in 2..6 {
+        all(seed, |spec, text, net, cell, random| {
+            run(spec, text, net, cell, Inputs::Anything, random);
+        });
+    }
+}
+
+#[test]
+fn no_input_makes_an_output_null_for_ever() {
+    for seed in 6..10 {
+        all(seed, recover);
+    }
 }
 
 #[test]

@@ -44,7 +44,8 @@ pub fn share_of(frame: &Frame<'_>, speed: Slot<Real>, stop: Slot<Bool>) -> Optio
     Some(share)
 }
 
-/// Steps the axis at `slot` by one cycle towards `goal`, or to rest; `None` while its position is unknown.
+/// Steps the axis at `slot` by one cycle towards `goal`, or to rest; `None` while its position is unknown, and in a cycle
+/// whose motion overflows: the axis then stays where it is.
 pub fn step_axis(
     frame: &mut Frame<'_>,
     slot: AxisSlot,
@@ -59,6 +60,9 @@ pub fn step_axis(
     follower.step(goal, limits, dt_s, |from, goal, limits| {
         motions.plan_axis(from, goal, limits)
     });
+    if !follower.state().is_finite() {
+        return None;
+    }
     frame.put(slot, follower.words())?;
     Some(follower)
 }

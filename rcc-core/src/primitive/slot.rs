@@ -1,15 +1,16 @@
 //! Typed operands: a kernel names its operands in a struct, in the order of [`super::Spec::operands`], and reads and
 //! writes them through the frame by their types. Run by the real-time thread.
 
+use core::convert::identity;
 use core::marker::PhantomData;
 use core::ops::Add;
 
-use super::{Operand, Width, choose, real_unless};
+use super::{Operand, Width, choose, finite, real_unless};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::pose::Pose;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
-/// An element of the arena of reals; null is NaN.
+/// An element of the arena of reals; null is NaN, and no element is infinite: [`Value::put`] writes null instead.
 pub type Real = f64;
 /// An element of the arena of Bools: 0, 1 or 2 (null).
 pub type Bool = u8;
@@ -27,7 +28,7 @@ pub trait Value: Copy {
 
     /// Reads the value; `None` outside of the arena.
     fn get(arena: &[Self::Element], index: u32) -> Option<Self>;
-    /// Writes the value; `None` outside of the arena.
+    /// Writes the value, an infinite number as null; `None` outside of the arena.
     fn put(self, arena: &mut [Self::Element], index: u32) -> Option<()>;
 }
 
@@ -41,6 +42,9 @@ pub trait Element: Value<Element = Self> {
     /// Returns the value, or null if `null` is true, without a branch.
     #[must_use]
     fn unless(self, null: bool) -> Self;
+    /// Returns the value as an arena holds it: an infinite number, which is an overflow, is null. Without a branch.
+    #[must_use]
+    fn stored(self) -> Self;
     /// Returns the arena of a running net.
     fn arena<'f>(frame: &'f Frame<'_>) -> &'f [Self];
     /// Returns the arena of a running net.
@@ -50,7 +54,7 @@ pub trait Element: Value<Element = Self> {
 }
 
 macro_rules! element {
-    ($element:ident, $arena:ident, $null:expr, |$value:ident| $is_null:expr, $unless:expr) => {
+    ($element:ident, $arena:ident, $null:expr, |$value:ident| $is_null:expr, $unless:expr, $stored:expr) => {
         impl Value for $element {
             type Element = $element;
             const WIDTH: u32 = 1;
@@ -63,7 +67,7 @@ macro_rules! element {
 
             #[inline(always)]
             fn put(self, arena: &mut [$element], index: u32) -> Option<()> {
-                *arena.get_mut(index as usize)? = self;
+                *arena.get_mut(index as usize)? = self.stored();
                 Some(())
             }
         }
@@ -83,6 +87,11 @@ macro_rules! element {
             }
 
             #[inline(always)]
+            fn stored(self) -> $element {
+                $stored(self)
+            }
+
+            #[inline(always)]
             fn arena<'f>(frame: &'f Frame<'_>) -> &'f [$element] {
                 frame.$arena
             }
@@ -99,20 +108,29 @@ macro_rules! element {
     };
 }
 
-element!(Real, reals, NULL_REAL, |value| value.is_nan(), real_unless);
+element!(
+    Real,
+    reals,
+    NULL_REAL,
+    |value| value.is_nan(),
+    real_unless,
+    finite
+);
 element!(
     Bool,
     bools,
     NULL_BOOL,
     |value| value & NULL_BOOL != 0,
-    |null, value| choose(null, NULL_BOOL, value)
+    |null, value| choose(null, NULL_BOOL, value),
+    identity
 );
 element!(
     Int,
     ints,
     NULL_INT,
     |value| value == NULL_INT,
-    |null, value| choose(null, NULL_INT, value)
+    |null, value| choose(null, NULL_INT, value),
+    identity
 );
 
 /// Without interpretation.
@@ -128,7 +146,7 @@ impl<E: Element, const N: usize> Value for [E; N] {
 
     #[inline(always)]
     fn put(self, arena: &mut [E], index: u32) -> Option<()> {
-        *arena.get_mut(index as usize..)?.first_chunk_mut()? = self;
+        *arena.get_mut(index as usize..)?.first_chunk_mut()? = self.map(E::stored);
         Some(())
     }
 }
@@ -296,7 +314,7 @@ macro_rules! field {
 field!(Device, Device, Device);
 field!(Channel, Channel, Channel);
 field!(Clock, Clock, Clock);
-field!(u32, Size, core::convert::identity);
+field!(u32, Size, identity);
 
 /// A struct of operands; made by `operands!`.
 pub trait Operands: Copy {

@@ -165,7 +165,7 @@ pub const fn by_element<O: Operation<Real> + Operation<Int>>() -> [Kernel; 4] {
 pub fn map_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64) -> f64) {
     each(frame, operands, |frame, map: Unary<Real>| {
         let result = operation(frame.get(map.input)?);
-        frame.put(map.out, finite(result))
+        frame.put(map.out, result)
     });
 }
 
@@ -184,10 +184,7 @@ pub fn each_finite(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f
     each(frame, operands, |frame, pair: Pair<Real>| {
         let (a, b) = (frame.get(pair.a)?, frame.get(pair.b)?);
         let result = operation(a, b);
-        frame.put(
-            pair.out,
-            real_unless(a.is_nan() | b.is_nan(), finite(result)),
-        )
+        frame.put(pair.out, real_unless(a.is_nan() | b.is_nan(), result))
     });
 }
 

@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn worked_values_and_null() {
         let mut bench = PrimitiveHarness::wide("Abs", Some(Store::Real), 1);
-        for (input, out) in [(1.5, 1.5), (-1.5, 1.5), (f64::NEG_INFINITY, f64::INFINITY)] {
+        for (input, out) in [(1.5, 1.5), (-1.5, 1.5), (f64::MIN, f64::MAX)] {
             assert_eq!(bench.set_real("in", input).step().real("out"), out);
         }
         assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());

@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Add",
         summary: "The sum of two numbers, vectors, arrays or matrices of the same unit.",
         null: "a null input gives null, element by element",
-        undefined: "overflow of integers",
+        undefined: "overflow",
         examples: &[
             Example::new(
                 "numbers",
@@ -74,7 +74,9 @@ mod tests {
             &[
                 [1.0, 2.0, 3.0],
                 [0.1, 0.2, 0.30000000000000004],
-                [f64::INFINITY, f64::NEG_INFINITY, f64::NAN],
+                [1e308, 1e308, f64::NAN],
+                [-1e308, -1e308, f64::NAN],
+                [f64::MAX, f64::MIN, 0.0],
             ],
         );
         check_int(

@@ -10,7 +10,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Divide",
         summary: "The quotient of two numbers; its unit is the quotient of theirs.",
-        undefined: "b = 0",
+        undefined: "b = 0; overflow",
         examples: &[Example::new(
             "a quotient, and a division by zero",
             "",

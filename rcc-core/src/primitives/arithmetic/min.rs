@@ -56,7 +56,7 @@ mod tests {
             &[
                 [1.0, 2.0, 1.0],
                 [2.0, -1.0, -1.0],
-                [f64::NEG_INFINITY, 0.0, f64::NEG_INFINITY],
+                [f64::MIN, 0.0, f64::MIN],
             ],
         );
         check_int("Min", &[[1, 2, 1], [2, -1, -1]]);

@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn worked_values_and_null() {
         let mut bench = PrimitiveHarness::wide("Negate", Some(Store::Real), 1);
-        for (input, out) in [(1.5, -1.5), (-2.0, 2.0), (f64::INFINITY, f64::NEG_INFINITY)] {
+        for (input, out) in [(1.5, -1.5), (-2.0, 2.0), (f64::MAX, f64::MIN)] {
             assert_eq!(bench.set_real("in", input).step().real("out"), out);
         }
         assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());

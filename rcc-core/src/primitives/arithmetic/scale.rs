@@ -14,7 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Scale",
         summary: "A number, vector, array or matrix times a number; its unit is the product of theirs.",
         null: "a null element gives a null element, a null factor gives null in all elements",
-        undefined: "overflow of integers",
+        undefined: "overflow",
         inputs: &[
             Port::linear("in", UnitRule::Var(0), "value to scale"),
             Port::new("factor", PortType::Part, UnitRule::Var(1), "factor"),

@@ -57,7 +57,7 @@ mod tests {
         ] {
             assert_eq!(bench.set_real("in", input).step().real("out"), out);
         }
-        for input in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+        for input in [f64::NAN, -1.0, f64::MIN] {
             assert!(bench.set_real("in", input).step().real("out").is_nan());
         }
     }

@@ -15,7 +15,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Determinant",
         summary: "The determinant of a square matrix of dimensionless numbers, at most 8×8.",
         null: "a null element gives null",
-        undefined: "an infinite element",
+        undefined: "overflow",
         formula: "the product of the pivots; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4)",
         inputs: &[Port::new(
             "in",

@@ -16,7 +16,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Inverse",
         summary: "The inverse of a square matrix of dimensionless numbers, at most 8×8.",
         null: "a null element gives null in every element",
-        undefined: "a matrix that is singular within rounding",
+        undefined: "a matrix that is singular within rounding; overflow",
         formula: "in · out = 1; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4); singular: a pivot ≤ n·ε·max|in|",
         inputs: &[Port::new(
             "in",

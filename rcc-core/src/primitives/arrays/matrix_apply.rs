@@ -17,6 +17,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "MatrixApply",
         summary: "The product of a matrix and an array as a column vector.",
         null: "a null element gives null in every element that depends on it",
+        undefined: "overflow",
         formula: "out[i] = matrix[i,0]·in[0] + … + matrix[i,n-1]·in[n-1]",
         inputs: &[
             Port::new(

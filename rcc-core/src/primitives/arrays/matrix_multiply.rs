@@ -16,6 +16,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "MatrixMultiply",
         summary: "The product of two matrices.",
         null: "a null element gives null in every element that depends on it",
+        undefined: "overflow",
         formula: "out[i,j] = a[i,0]·b[0,j] + … + a[i,m-1]·b[m-1,j]",
         inputs: &[
             Port::new(

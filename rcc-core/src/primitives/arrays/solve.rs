@@ -17,7 +17,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Solve",
         summary: "Solves a system of linear equations with a square matrix, at most 8×8.",
         null: "a null element gives null in every element",
-        undefined: "a matrix that is singular within rounding",
+        undefined: "a matrix that is singular within rounding; overflow",
         formula: "matrix · out = in; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4); singular: a pivot ≤ n·ε·max|matrix|",
         inputs: &[
             Port::new(

@@ -8,7 +8,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Sum",
         summary: "The sum of the elements of an array.",
-        undefined: "overflow of integers",
+        undefined: "overflow",
         examples: &[Example::new(
             "an array with a null element",
             "",

@@ -7,6 +7,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitAnd",
         summary: "The bits that are set in both of two integers (bitwise AND).",
+        undefined: "overflow: negative numbers that share no bit but the sign (-2^63 stands for null)",
         examples: &[Example::new(
             "1100 and 1010; -1 has all bits set",
             "",

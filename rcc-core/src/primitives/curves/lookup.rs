@@ -14,6 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lookup",
         summary: "Looks a number up in a table of points, with linear interpolation.",
+        undefined: "overflow",
         formula: "y[i] + (in - x[i])·(y[i+1] - y[i]) / (x[i+1] - x[i]) with x[i] ≤ in ≤ x[i+1], found by bisection",
         inputs: &[Port::real("in", UnitRule::Var(0), "x value to look up")],
         outputs: &[Port::real("out", UnitRule::Var(1), "interpolated y value")],

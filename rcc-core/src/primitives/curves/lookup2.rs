@@ -19,6 +19,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lookup2",
         summary: "Looks two numbers up in a table over a grid, with bilinear interpolation; outside the grid, the values of its edge hold.",
+        undefined: "overflow",
         formula: "(1-u)·((1-v)·z[i,j] + v·z[i,j+1]) + u·((1-v)·z[i+1,j] + v·z[i+1,j+1]), u and v relative positions in the grid cell (Press et al.: Numerical Recipes, 3.6)",
         inputs: &[
             Port::real(

@@ -16,6 +16,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "LowPass",
         summary: "Smooths a number by a first-order low-pass filter.",
         null: "a null input gives null and holds the state: it then continues from the last output",
+        undefined: "overflow",
         formula: "y += (x - y) * gain; gain = 1 - exp(-dt / T) for a time constant T",
         examples: &[Example::new(
             "a gain of a quarter",
@@ -63,7 +64,7 @@ impl Step for LowPass {
     fn step(self, frame: &mut Frame<'_>) -> Option<()> {
         let (value, before) = (frame.get(self.input)?, frame.get(self.last)?);
         let moved = before + (value - before) * frame.get(self.gain)?;
-        // Without a state, at the start or after an infinite state, it starts at the input.
+        // Without a state, at the start or after an overflow, it starts at the input.
         let now = if before.is_nan() { value } else { moved };
         // A null input makes the result NaN.
         frame.put(self.out, now)?;
@@ -108,14 +109,10 @@ mod tests {
     }
 
     #[test]
-    fn an_infinite_input_has_no_lasting_effect() {
+    fn an_overflow_has_no_lasting_effect() {
         let mut bench = PrimitiveHarness::new("LowPass");
-        bench.start_real(0.0).set_real("gain", 0.5);
-        assert_eq!(
-            bench.set_real("in", f64::INFINITY).step().real("out"),
-            f64::INFINITY
-        );
-        assert!(bench.set_real("in", 2.0).step().real("out").is_nan());
-        assert_eq!(bench.step().real("out"), 2.0);
+        bench.start_real(-1e308).set_real("gain", 0.5);
+        assert!(bench.set_real("in", 1e308).step().real("out").is_nan());
+        assert_eq!(bench.set_real("in", 2.0).step().real("out"), 2.0);
     }
 }

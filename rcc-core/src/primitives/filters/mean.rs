@@ -14,6 +14,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "Mean",
         summary: "The arithmetic mean of the elements of an array.",
         null: "a null element gives null",
+        undefined: "overflow",
         formula: "(in[0] + … + in[n-1]) / n",
         inputs: &[Port::new(
             "in",

@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "WindowMax",
         summary: "The maximum over a sliding window.",
         formula: "Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015): a tree, with one node per doubling of the window in each cycle",
-        memory: MemorySpec::window(2).starting(DefaultValue::Real(f64::NEG_INFINITY)),
+        memory: MemorySpec::window(2).starting(DefaultValue::Real(f64::MIN)),
         examples: &[
             Example::new(
                 "a window of three cycles",

@@ -11,7 +11,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         name: "WindowMin",
         summary: "The minimum over a sliding window.",
         formula: "Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015): a tree, with one node per doubling of the window in each cycle",
-        memory: MemorySpec::window(2).starting(DefaultValue::Real(f64::INFINITY)),
+        memory: MemorySpec::window(2).starting(DefaultValue::Real(f64::MAX)),
         examples: &[
             Example::new(
                 "a window of three cycles",

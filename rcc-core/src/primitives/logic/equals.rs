@@ -109,11 +109,11 @@ mod tests {
     fn numbers_are_equal_within_the_tolerance() {
         let mut bench = PrimitiveHarness::wide("Equals", Some(Store::Real), 1);
         bench.set_real("tolerance", 0.1);
-        let inf = f64::INFINITY;
+        let most = f64::MAX;
         for (a, b, out) in [
             (1.0, 1.05, Some(true)),
             (1.0, 1.2, Some(false)),
-            (inf, inf, Some(true)),
+            (most, most, Some(true)),
             (f64::NAN, 1.0, None),
         ] {
             assert_eq!(

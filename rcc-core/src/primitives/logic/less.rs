@@ -52,12 +52,7 @@ mod tests {
     #[test]
     fn compares_and_propagates_null() {
         let mut bench = PrimitiveHarness::wide("Less", Some(Store::Real), 1);
-        for (a, b) in [
-            (1.0, 2.0),
-            (2.0, 1.0),
-            (1.0, 1.0),
-            (f64::NEG_INFINITY, f64::INFINITY),
-        ] {
+        for (a, b) in [(1.0, 2.0), (2.0, 1.0), (1.0, 1.0), (f64::MIN, f64::MAX)] {
             bench.set_real("a", a).set_real("b", b).step();
             assert_eq!(bench.bool("out"), Some(a < b));
         }

@@ -8,7 +8,7 @@
 use crate::frame::Frame;
 use crate::primitive::{
     Bool, CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Port, Real, Slot, Spec,
-    StateSpec, Step, UnitRule, finite, operands, within,
+    StateSpec, Step, UnitRule, operands, within,
 };
 use crate::types::{NULL_BOOL, NULL_REAL};
 
@@ -133,13 +133,14 @@ impl Step for OnlineTrajectory {
         };
         let known = (reset & NULL_BOOL == 0) & (most > 0.0) & (acceleration > 0.0);
         let known = known
-            & (goal + goal_velocity + acceleration + most).is_finite()
-            & (now + speed).is_finite();
-        let rate = finite(if begins {
+            & [goal, goal_velocity, acceleration, most, now, speed]
+                .iter()
+                .all(|value| value.is_finite());
+        let rate = if begins {
             0.0
         } else {
             (speed - velocity) / dt_s
-        });
+        };
         let results = if known {
             [now, speed, rate]
         } else {
@@ -159,14 +160,19 @@ impl Step for OnlineTrajectory {
 }
 
 /// Returns the velocity towards a goal at rest after one more period, from which braking with `acceleration` ends
-/// exactly at the goal: `left` is the distance to it and `velocity` the current velocity.
+/// exactly at the goal: `left` is the distance to it and `velocity` the current velocity. Infinite for a distance that
+/// overflows, so that the limits decide.
 #[inline(always)]
 fn braking_speed(left: f64, velocity: f64, acceleration: f64, dt_s: f64) -> f64 {
     let unit = acceleration * dt_s;
     let z = (left / dt_s - velocity / 2.0) / unit;
     let size = z.abs();
     let cycles = libm::floor((1.0 + libm::sqrt(1.0 + 8.0 * size)) / 2.0);
-    let speed = unit * (size / cycles + (cycles - 1.0) / 2.0);
+    let speed = if cycles.is_infinite() {
+        cycles
+    } else {
+        unit * (size / cycles + (cycles - 1.0) / 2.0)
+    };
     if z < 0.0 { -speed } else { speed }
 }
 
