@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Parser;
+use clap::builder::{StyledStr, Styles};
+use clap::{Command, CommandFactory, Parser};
 
 use crate::context::OutputFormat;
 use crate::duration::duration;
-use crate::verbs::Verb;
+use crate::terminal::{TerminalSize, between_words};
+use crate::verbs::{GROUPS, Verb};
 
 /// Robot Control Core: check, run and inspect nets.
 #[derive(Parser, Debug)]
@@ -53,13 +55,91 @@ const EXIT_CODES: &str = "Exit codes:
   141  the output pipe was closed
 A verb that waits for a net (run, wait, watch, cancel --wait) ends with 0 only if the net finished.";
 
+/// Columns of the help if stdout is not a terminal, and at most.
+const HELP_COLUMNS: usize = 100;
+
+/// Returns the parser of the command line, whose help lists the verbs by groups.
+#[must_use]
+pub fn command() -> Command {
+    let columns = TerminalSize::of_stdout().map_or(HELP_COLUMNS, |size| size.columns);
+    let command = Arguments::command();
+    let verbs = grouped_verbs(&command, columns.min(HELP_COLUMNS));
+    let styles = Styles::styled();
+    let head = styles.get_header();
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{verbs}{head}Options{head:#}\n{{options}}{{after-help}}"
+    );
+    command.help_template(StyledStr::from(template))
+}
+
+/// Lists all verbs with their summaries below the titles of their groups.
+fn grouped_verbs(command: &Command, columns: usize) -> String {
+    let styles = Styles::styled();
+    let (head, verb) = (styles.get_header(), styles.get_literal());
+    let longest = command.get_subcommands().map(|verb| verb.get_name().len());
+    let longest = longest.max();
+    let mut verbs = command.get_subcommands();
+    let width = longest.unwrap_or(0);
+    let indent = " ".repeat(width + 4);
+    let mut text = String::new();
+    for (title, count) in GROUPS {
+        text.push_str(&format!("{head}{title}{head:#}\n"));
+        for one in verbs.by_ref().take(*count) {
+            let about = one.get_about().map(ToString::to_string).unwrap_or_default();
+            let options = between_words(columns)
+                .initial_indent(&indent)
+                .subsequent_indent(&indent);
+            let about = textwrap::fill(&about, options);
+            let name = one.get_name();
+            let about = about.get(indent.len()..).unwrap_or("");
+            text.push_str(&format!("  {verb}{name:<width$}{verb:#}  {about}\n"));
+        }
+        text.push('\n');
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
 
-    use clap::CommandFactory;
+    use super::*;
 
-    use super::Arguments;
+    #[test]
+    fn the_help_lists_every_verb_once_in_a_group() {
+        let command = super::command();
+        let names: Vec<_> = command
+            .get_subcommands()
+            .map(|verb| verb.get_name())
+            .collect();
+        let grouped: usize = GROUPS.iter().map(|(_, count)| count).sum();
+        assert_eq!(grouped, names.len());
+        let help = super::command().render_long_help().to_string();
+        for (title, count) in GROUPS {
+            assert!(
+                *count > 0 && help.contains(&format!("{title}\n")),
+                "{title}\n{help}"
+            );
+        }
+        for name in names {
+            let row = format!("  {name} ");
+            let rows = help.lines().filter(|line| line.starts_with(&row));
+            assert_eq!(rows.count(), 1, "{name}\n{help}");
+        }
+        for part in ["Usage: ", "Options\n", "--cell", "Exit codes:"] {
+            assert!(help.contains(part), "{part}\n{help}");
+        }
+    }
+
+    #[test]
+    fn the_list_of_verbs_fits_a_narrow_terminal() {
+        for columns in [50, 80, 100] {
+            let text = grouped_verbs(&Arguments::command(), columns);
+            let text = StyledStr::from(text).to_string();
+            let fits = |line: &str| line.chars().count() <= columns;
+            assert!(text.lines().all(fits), "{columns}\n{text}");
+        }
+    }
 
     #[test]
     fn no_verb_shadows_a_global_argument() {

@@ -5,6 +5,7 @@ use std::io::{self, IsTerminal};
 use std::time::Duration;
 
 use rcc_api::codes;
+use rcc_config::diagnostic::DrawingStyle;
 use rcc_ipc::cell::base_dir;
 use rcc_ipc::{Cell, CellError};
 use serde::Serialize;
@@ -12,7 +13,8 @@ use serde::Serialize;
 use crate::cells;
 use crate::client::{LoaderClient, RemoteLoader};
 use crate::failure::Failure;
-use crate::output::{print_diagnostics, print_line};
+use crate::output::{print_diagnostics, print_line, print_record};
+use crate::terminal::TerminalSize;
 
 /// Output format of results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -65,21 +67,23 @@ impl Context {
         LoaderClient::new(name, &socket, self.timeout)
     }
 
-    /// Returns true if diagnostics may be coloured.
+    /// Returns how diagnostics are drawn on stderr.
     #[must_use]
-    pub fn colour() -> bool {
+    pub fn drawing() -> DrawingStyle {
         let off = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-        !off && io::stderr().is_terminal()
+        DrawingStyle {
+            colour: !off && io::stderr().is_terminal(),
+            columns: TerminalSize::of_stderr().map(|size| size.columns),
+        }
     }
 
     /// Prints a result: as JSON, or as the text that `human` makes of it.
     pub fn print<T: Serialize>(&self, value: &T, human: impl FnOnce(&T) -> String) {
-        let text = match self.format {
-            OutputFormat::Human => human(value),
+        match self.format {
+            OutputFormat::Human => print_line(&human(value)),
             // Our values have string keys and numbers that are finite or null, so serialisation cannot fail.
-            OutputFormat::Json => serde_json::to_string(value).unwrap_or_default(),
-        };
-        print_line(&text);
+            OutputFormat::Json => print_record(&serde_json::to_string(value).unwrap_or_default()),
+        }
     }
 
     /// Prints a failure on stderr.
@@ -88,7 +92,7 @@ impl Context {
             return;
         }
         let text = match self.format {
-            OutputFormat::Human => failure.human(Self::colour()),
+            OutputFormat::Human => failure.human(Self::drawing()),
             OutputFormat::Json => serde_json::to_string(&*failure.body).unwrap_or_default() + "\n",
         };
         print_diagnostics(&text);

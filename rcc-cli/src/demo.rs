@@ -24,7 +24,7 @@ use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
-use crate::output::{BackgroundPrinter, print_line};
+use crate::output::{BackgroundPrinter, print_line, print_record};
 use crate::supervisor::processes::PreparedCell;
 use crate::supervisor::{Supervisor, SupervisorEvent, paths, processes};
 use crate::table::grouped;
@@ -369,7 +369,7 @@ fn report(
             .collect();
         let value = json!({"checks": rows, "late_cycles": status.executor.late, "cycles": status.executor.cycle,
                            "grade": status.executor.grade, "clean_end": clean, "seconds": seconds});
-        print_line(&value.to_string());
+        print_record(&value.to_string());
         return;
     }
     print_line("\nVerified against the recorded values and the datagrams on the wire:");

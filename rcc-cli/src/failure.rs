@@ -4,9 +4,11 @@ use rcc_api::bodies::{ErrorBody, Finding};
 use rcc_api::codes::{self, ErrorCode, exit};
 use rcc_api::compile::findings;
 use rcc_config::diagnostic::{
-    DiagnosticPosition, DiagnosticRow, Faults, Severity, SourceText, render,
+    DiagnosticPosition, DiagnosticRow, DrawingStyle, Faults, Severity, SourceText, render,
 };
 use rcc_core::printable::Printable;
+
+use crate::terminal::between_words;
 
 /// A verb's failure, as reported to the person or program that called it.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,36 +114,57 @@ impl Failure {
 
     /// Formats the failure as text for people.
     #[must_use]
-    pub fn human(&self, colour: bool) -> String {
+    pub fn human(&self, style: DrawingStyle) -> String {
         let body = &self.body;
         if body.code.is_empty() && body.message.is_empty() {
             return String::new();
         }
-        let drawn = self.diagnostics(colour);
+        let drawn = draw(&body.diagnostics, self.source.as_deref(), style);
         if !drawn.is_empty() {
             return drawn;
         }
-        let (red, plain) = if colour {
+        let (red, plain) = if style.colour {
             ("\x1b[31m", "\x1b[0m")
         } else {
             ("", "")
         };
-        let (code, message) = (Printable(&body.code), Printable(&body.message));
+        let code = Printable(&body.code).to_string();
+        let message = hanging(
+            "error : ",
+            code.chars().count(),
+            &body.message,
+            style.columns,
+        );
         let mut text = format!("{red}error {code}{plain}: {message}\n");
         if let Some(help) = &body.help {
-            text.push_str(&format!("       help: {}\n", Printable(help)));
+            let help = hanging("       help: ", 0, help, style.columns);
+            text.push_str(&format!("       help: {help}\n"));
         }
         text
     }
+}
 
-    fn diagnostics(&self, colour: bool) -> String {
-        draw(&self.body.diagnostics, self.source.as_deref(), colour)
-    }
+/// Wraps a sentence that stands behind `head` and `more` columns on a terminal; further rows are indented by 7.
+fn hanging(head: &str, more: usize, sentence: &str, columns: Option<usize>) -> String {
+    let sentence = Printable(sentence).to_string();
+    let Some(columns) = columns else {
+        return sentence;
+    };
+    let first = " ".repeat(head.chars().count() + more);
+    let options = between_words(columns)
+        .initial_indent(&first)
+        .subsequent_indent("       ");
+    let filled = textwrap::fill(&sentence, options);
+    filled.get(first.len()..).unwrap_or(&sentence).to_owned()
 }
 
 /// Renders findings; includes lines of the text if all places refer to it.
 #[must_use]
-pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: bool) -> String {
+pub fn draw(
+    findings: &[Finding],
+    source: Option<&(String, String)>,
+    style: DrawingStyle,
+) -> String {
     if findings.is_empty() {
         return String::new();
     }
@@ -149,20 +172,28 @@ pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: boo
         let mut placed = findings.iter().filter_map(|finding| finding.place.as_ref());
         placed.all(|location| location.file == *name)
     });
-    match local {
-        Some((name, text)) => {
-            let rows: Vec<DiagnosticRow> = findings.iter().map(row).collect();
-            let source = SourceText {
-                name: name.clone(),
-                text: text.clone(),
-            };
-            render(&rows, &[source], colour)
-        }
-        None => findings
-            .iter()
-            .map(|finding| Printable(&finding.rendered).to_string())
-            .collect(),
+    if let Some((name, text)) = local {
+        let rows: Vec<DiagnosticRow> = findings.iter().map(row).collect();
+        let source = SourceText {
+            name: name.clone(),
+            text: text.clone(),
+        };
+        return render(&rows, &[source], style);
     }
+    // The compiler drew them with lines of texts that are not here, for 100 columns.
+    let fits = |drawn: &str| {
+        let widest = drawn.lines().map(|line| line.chars().count()).max();
+        style
+            .columns
+            .is_none_or(|columns| widest.unwrap_or(0) <= columns)
+    };
+    findings
+        .iter()
+        .map(|finding| match fits(&finding.rendered) {
+            true => Printable(&finding.rendered).to_string(),
+            false => render(&[row(finding)], &[], style),
+        })
+        .collect()
 }
 
 fn row(finding: &Finding) -> DiagnosticRow {
@@ -200,8 +231,16 @@ mod tests {
         let failure = Failure::new(codes::BUSY, "line#2 needs lwr, which hold#1 holds", "wait");
         assert_eq!(failure.exit, exit::CONFLICT);
         assert_eq!(
-            failure.human(false),
+            failure.human(DrawingStyle::default()),
             "error RCC3004: line#2 needs lwr, which hold#1 holds\n       help: wait\n"
+        );
+        let narrow = DrawingStyle {
+            colour: false,
+            columns: Some(40),
+        };
+        assert_eq!(
+            failure.human(narrow),
+            "error RCC3004: line#2 needs lwr, which\n       hold#1 holds\n       help: wait\n"
         );
     }
 

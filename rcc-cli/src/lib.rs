@@ -22,6 +22,7 @@ pub mod scenario;
 pub mod simulate;
 pub mod supervisor;
 pub mod table;
+pub mod terminal;
 pub mod units;
 pub mod value;
 pub mod verbs;

@@ -6,15 +6,16 @@
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::FromArgMatches;
 use rcc_api::codes;
-use rcc_cli::arguments::Arguments;
+use rcc_cli::arguments::{self, Arguments};
 use rcc_cli::client::RemoteLoader;
 use rcc_cli::context::Context;
 use rcc_cli::output;
 
 fn main() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    let matches = arguments::command().try_get_matches();
+    let arguments = match matches.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => return conclude(&error),
     };

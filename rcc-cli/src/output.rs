@@ -11,6 +11,8 @@ use std::{process, thread};
 use rcc_api::codes::{self, exit};
 use rcc_core::printable::{Coloured, Printable};
 
+use crate::terminal::{TerminalSize, fitted, wrapped};
+
 /// Lines that may wait to be printed; further ones are dropped.
 const QUEUE_MAX: usize = 1024;
 /// Longest time to wait for the last lines at the end.
@@ -18,26 +20,51 @@ const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Prints a line on stdout, as the result of a verb. A closed pipe ends the program silently, as it ends other filters;
 /// any other failure ends it with an error, because the result is lost.
+///
+/// On a terminal, lines that are too long are wrapped between words.
 pub fn print_line(text: &str) {
-    write_or_exit(&format!("{}\n", Printable(text.trim_end_matches('\n'))));
+    let size = TerminalSize::of_stdout();
+    write_or_exit(&format!("{}\n", for_terminal(text, size)));
 }
 
-/// Prints the text of a file like [`print_line`], but byte for byte unless stdout is a terminal.
+/// Prints a line for programs (JSON, completions) like [`print_line`], but never wraps it.
+pub fn print_record(text: &str) {
+    write_or_exit(&format!("{}\n", for_terminal(text, None)));
+}
+
+/// Makes a text printable, and wraps it if it is for a terminal.
+fn for_terminal(text: &str, size: Option<TerminalSize>) -> String {
+    let text = Printable(text.trim_end_matches('\n')).to_string();
+    match size {
+        Some(size) => wrapped(&text, size.columns),
+        None => text,
+    }
+}
+
+/// Prints the text of a file like [`print_record`], but byte for byte unless stdout is a terminal.
 pub fn print_file(text: &str) {
     if io::stdout().is_terminal() {
-        print_line(text);
+        print_record(text);
     } else {
         write_or_exit(&format!("{}\n", text.trim_end_matches('\n')));
     }
 }
 
-/// Prints a table like [`print_line`], over the previous one of `before` lines; 0 appends it.
-pub fn reprint(before: usize, text: &str) {
-    if before > 0 {
-        // Moves the cursor to the table's first line and erases to the end of the screen.
-        write_or_exit(&format!("\x1b[{before}A\x1b[J"));
-    }
-    print_line(text);
+/// Prints a table with `heads` rows of headings. On a terminal it overwrites the previous one of `before` rows (0: none)
+/// and is cut to the screen, so that its headings stay in view. Returns the rows that the next one must overwrite.
+pub fn reprint(before: usize, table: &str, heads: usize) -> usize {
+    let Some(size) = TerminalSize::of_stdout() else {
+        print_record(table);
+        return 0;
+    };
+    let shown = fitted(&Printable(table).to_string(), heads, size);
+    let back = match before.min(size.rows.saturating_sub(1)) {
+        0 => String::new(),
+        // Moves the cursor to the table's first row and erases to the end of the screen.
+        before => format!("\x1b[{before}A\x1b[J"),
+    };
+    write_or_exit(&format!("{back}{shown}\n"));
+    shown.lines().count()
 }
 
 fn write_or_exit(text: &str) {
@@ -64,7 +91,7 @@ fn exit_code_of(error: &io::Error) -> u8 {
 
 /// Prints a note on stderr. A failure to do so is ignored.
 pub fn print_note(text: &str) {
-    write_stderr(&Printable(text.trim_end_matches('\n')).to_string());
+    write_stderr(&for_terminal(text, TerminalSize::of_stderr()));
 }
 
 /// Prints rendered diagnostics on stderr like [`print_note`], and keeps their colours.
@@ -115,14 +142,19 @@ impl BackgroundPrinter {
 
     /// Prints a line on stdout.
     pub fn print_line(&self, text: &str) {
-        let line = format!("{}\n", Printable(text.trim_end_matches('\n')));
-        self.send(Stream::Out, line);
+        let text = for_terminal(text, TerminalSize::of_stdout());
+        self.send(Stream::Out, format!("{text}\n"));
+    }
+
+    /// Prints a line for programs on stdout; never wraps it.
+    pub fn print_record(&self, text: &str) {
+        self.send(Stream::Out, format!("{}\n", for_terminal(text, None)));
     }
 
     /// Prints a line on stderr.
     pub fn print_note(&self, text: &str) {
-        let line = format!("{}\n", Printable(text.trim_end_matches('\n')));
-        self.send(Stream::Err, line);
+        let text = for_terminal(text, TerminalSize::of_stderr());
+        self.send(Stream::Err, format!("{text}\n"));
     }
 
     /// Overwrites the current line on stdout; `end` appends a line break.

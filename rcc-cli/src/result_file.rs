@@ -2,12 +2,68 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rcc_api::codes;
+use serde::Serialize;
 
+use crate::context::Context;
 use crate::failure::Failure;
+use crate::output::print_file;
 use crate::plot::{Plot, PlotError};
+use crate::table::grouped;
+
+/// The option `-o` of every verb whose result is a text.
+#[derive(clap::Args, Debug)]
+pub struct ResultTarget {
+    /// Write to this file instead of standard output, and say so; - is standard output
+    #[arg(short = 'o', long = "out", aliases = ["into", "file"], value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+impl ResultTarget {
+    /// Writes the result to the file and reports it, or prints it.
+    ///
+    /// # Errors
+    /// Fails if the file cannot be written.
+    pub fn write(&self, context: &Context, text: &str) -> Result<(), Failure> {
+        match self.out.as_deref().filter(|path| *path != Path::new("-")) {
+            None => print_file(text),
+            Some(path) => {
+                std::fs::write(path, text).map_err(|error| not_written(path, &error))?;
+                context.print(&WrittenFile::of(path)?, WrittenFile::words);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A file that a verb has written.
+#[derive(Clone, Debug, Serialize)]
+pub struct WrittenFile {
+    file: String,
+    bytes: u64,
+}
+
+impl WrittenFile {
+    /// Looks at a file that has just been written.
+    ///
+    /// # Errors
+    /// Fails if it is gone.
+    pub fn of(path: &Path) -> Result<WrittenFile, Failure> {
+        let about = std::fs::metadata(path).map_err(|error| not_written(path, &error))?;
+        Ok(WrittenFile {
+            file: path.display().to_string(),
+            bytes: about.len(),
+        })
+    }
+
+    /// Formats it for people.
+    #[must_use]
+    pub fn words(&self) -> String {
+        format!("wrote {} ({} bytes)", self.file, grouped(self.bytes))
+    }
+}
 
 /// Creates a file, or empties an existing one.
 ///

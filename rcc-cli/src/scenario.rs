@@ -101,7 +101,7 @@ impl SimulationScenario {
             let what = format!("{} is invalid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
-        print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::colour()));
+        print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::drawing()));
         Ok(PreparedScenario {
             config,
             plan: compiled.plan,

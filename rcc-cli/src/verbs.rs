@@ -1,5 +1,5 @@
-//! The verbs: each is one file and two lines, its module and its row in the table. Verbs run on the main thread and end
-//! with a documented exit code.
+//! The verbs: each is one file and two lines, its module and its row in the group of the table that the help lists it in.
+//! Verbs run on the main thread and end with a documented exit code.
 
 use crate::context::Context;
 use crate::duration::duration;
@@ -48,11 +48,11 @@ pub mod watch;
 pub mod wrench;
 
 macro_rules! verbs {
-    ($($(#[doc = $doc:literal])* $name:ident = $module:ident;)*) => {
+    ($($title:literal { $($(#[doc = $doc:literal])* $name:ident = $module:ident;)* })*) => {
         /// Subcommands of `rcc-cli`.
         #[derive(clap::Subcommand, Debug)]
         pub enum Verb {
-            $($(#[doc = $doc])* $name($module::Arguments),)*
+            $($($(#[doc = $doc])* $name($module::Arguments),)*)*
         }
 
         impl Verb {
@@ -62,94 +62,109 @@ macro_rules! verbs {
             /// Fails with the exit code of everything that is not a success.
             pub fn run(self, context: &Context) -> Result<(), Failure> {
                 match self {
-                    $(Verb::$name(arguments) => $module::run(context, arguments),)*
+                    $($(Verb::$name(arguments) => $module::run(context, arguments),)*)*
                 }
             }
         }
+
+        /// Titles of the groups of verbs in the help, each with the number of its verbs; in the order of [`Verb`].
+        pub const GROUPS: &[(&str, usize)] = &[$(($title, [$(stringify!($name)),*].len())),*];
     };
 }
 
 verbs! {
-    /// Run the paper's three figures on a simulated cell and verify the measurements
-    Demo = demo;
-    /// Start and supervise a cell
-    Up = up;
-    /// End a cell: its nets are canceled, its arms come to rest
-    Down = down;
-    /// Check nets offline
-    Check = check;
-    /// Format nets, keeping comments
-    Fmt = fmt;
-    /// Explain a net: time budget, order of evaluation, and which values can be null
-    Explain = explain;
-    /// Convert nets between DirectIONet (the predecessor's format), YAML and JSON
-    Convert = convert;
-    /// Create robot files from URDF
-    Robot = robot;
-    /// Draw a net as SVG, DOT or Mermaid
-    Graph = graph;
-    /// Show the execution cost of each primitive on this machine
-    Costs = costs;
-    /// Load a net (LOAD)
-    Load = load;
-    /// Start loaded nets at the next cycle (START)
-    Start = start;
-    /// Run a net in virtual time against simple device models, without a cell
-    Simulate = simulate;
-    /// Plot the arm motions of a net: path, joints, and derivatives relative to their limits
-    Plot = plot;
-    /// Load, start and follow a net; Ctrl-C cancels it
-    Run = run;
-    /// Set or list the inputs of a net
-    Set = set;
-    /// Show values of a net's ports periodically
-    Watch = watch;
-    /// Ask a net to end in its own way (CANCEL)
-    Cancel = cancel;
-    /// End a net at once; the drivers bring its devices to rest (ABORT)
-    Abort = abort;
-    /// Wait until nets have ended, and report how
-    Wait = wait;
-    /// Unload nets that are not active (UNLOAD)
-    Unload = unload;
-    /// Show the state of one net, or of all nets (STATE)
-    State = state;
-    /// List the loaded nets
-    Ls = ls;
-    /// List the topics that connect nets
-    Topics = topics;
-    /// List the devices and their connections
-    Devices = devices;
-    /// List the primitives, or explain one
-    Primitives = primitives;
-    /// Print the JSON Schema of nets, for editors
-    Schema = schema;
-    /// Show the executor's health and the cell's processes
-    Status = status;
-    /// Show live timing: nets, histograms, primitives and late cycles
-    Top = top;
-    /// Show the event log: process deaths, lost devices, ended nets and their causes
-    Events = events;
-    /// List the incident files of the flight recorder, or record one now
-    Incidents = incidents;
-    /// Replay the nets of an incident file and compare every cycle
-    Replay = replay;
-    /// Inject a fault into a simulated cell
-    Fault = fault;
-    /// Check this machine's real-time capability, or diagnose a device connection
-    Doctor = doctor;
-    /// Identify the load of a wrist sensor from its readings
-    Wrench = wrench;
-    /// Print monitored values as they arrive
-    Tail = tail;
-    /// Print completions for a shell
-    Completions = completions;
-    /// Write the manual pages
-    Man = man;
-    /// Install or remove the systemd units of a cell
-    InstallUnits = install_units;
-    /// Apply the real-time settings that need root; the units do this at start
-    RtSetup = rt_setup;
+    "Write and check nets" {
+        /// Check nets offline
+        Check = check;
+        /// Format nets, keeping comments
+        Fmt = fmt;
+        /// Explain a net: time budget, order of evaluation, and which values can be null
+        Explain = explain;
+        /// Draw a net as SVG, DOT or Mermaid
+        Graph = graph;
+        /// Run a net in virtual time against simple device models, without a cell
+        Simulate = simulate;
+        /// Plot the arm motions of a net: path, joints, and derivatives relative to their limits
+        Plot = plot;
+        /// Convert nets between DirectIONet (the predecessor's format), YAML and JSON
+        Convert = convert;
+        /// List the primitives, or explain one
+        Primitives = primitives;
+        /// Print the JSON Schema of nets, for editors
+        Schema = schema;
+        /// Show the execution cost of each primitive on this machine
+        Costs = costs;
+    }
+    "Run nets" {
+        /// Load, start and follow a net; Ctrl-C cancels it
+        Run = run;
+        /// Load a net (LOAD)
+        Load = load;
+        /// Start loaded nets at the next cycle (START)
+        Start = start;
+        /// Set or list the inputs of a net
+        Set = set;
+        /// Ask a net to end in its own way (CANCEL)
+        Cancel = cancel;
+        /// End a net at once; the drivers bring its devices to rest (ABORT)
+        Abort = abort;
+        /// Wait until nets have ended, and report how
+        Wait = wait;
+        /// Unload nets that are not active (UNLOAD)
+        Unload = unload;
+    }
+    "Observe" {
+        /// List the loaded nets
+        Ls = ls;
+        /// Show the state of one net, or of all nets (STATE)
+        State = state;
+        /// Show values of a net's ports periodically
+        Watch = watch;
+        /// Print monitored values as they arrive
+        Tail = tail;
+        /// List the topics that connect nets
+        Topics = topics;
+        /// Show live timing: nets, histograms, primitives and late cycles
+        Top = top;
+        /// Show the executor's health and the cell's processes
+        Status = status;
+        /// Show the event log: process deaths, lost devices, ended nets and their causes
+        Events = events;
+        /// List the incident files of the flight recorder, or record one now
+        Incidents = incidents;
+        /// Replay the nets of an incident file and compare every cycle
+        Replay = replay;
+    }
+    "Devices and robots" {
+        /// List the devices and their connections
+        Devices = devices;
+        /// Inject a fault into a simulated cell
+        Fault = fault;
+        /// Create robot files from URDF
+        Robot = robot;
+        /// Identify the load of a wrist sensor from its readings
+        Wrench = wrench;
+    }
+    "Cells and machines" {
+        /// Run the paper's three figures on a simulated cell and verify the measurements
+        Demo = demo;
+        /// Start and supervise a cell
+        Up = up;
+        /// End a cell: its nets are canceled, its arms come to rest
+        Down = down;
+        /// Check this machine's real-time capability, or diagnose a device connection
+        Doctor = doctor;
+        /// Apply the real-time settings that need root; the units do this at start
+        RtSetup = rt_setup;
+        /// Install or remove the systemd units of a cell
+        InstallUnits = install_units;
+    }
+    "Shell" {
+        /// Print completions for a shell
+        Completions = completions;
+        /// Write the manual pages
+        Man = man;
+    }
 }
 
 /// Selects a net by id or name.

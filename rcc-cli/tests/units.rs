@@ -220,6 +220,16 @@ fn a_dry_run_writes_nothing_and_a_second_run_changes_nothing() {
     let said = succeeds(&root.install("lwr.yaml", &["--dry-run"]));
     assert!(said.contains("rcc-driver@lwr.lwr.service.d"), "{said}");
     assert!(root.files().is_empty());
+    let (last, lines) = said.trim_end().rsplit_once('\n').unwrap();
+    assert!(
+        lines.lines().all(|line| line.starts_with("would write ")),
+        "{said}"
+    );
+    let count = lines.lines().count();
+    assert_eq!(
+        last,
+        format!("{count} files would change; nothing was changed (--dry-run)")
+    );
     succeeds(&root.install("lwr.yaml", &[]));
     let files = root.files();
     let said = succeeds(&root.install("lwr.yaml", &[]));
@@ -243,6 +253,21 @@ fn uninstall_keeps_other_cells_and_finally_removes_everything() {
     assert_eq!(root.files(), one);
     succeeds(&root.install("lwr.yaml", &["--uninstall"]));
     assert_eq!(root.files(), BTreeMap::new());
+}
+
+#[test]
+fn a_dry_run_of_uninstall_says_so_and_removes_nothing() {
+    let root = Root::new();
+    succeeds(&root.install("lwr.yaml", &[]));
+    let files = root.files();
+    let said = succeeds(&root.install("lwr.yaml", &["--uninstall", "--dry-run"]));
+    let would = said
+        .lines()
+        .filter(|line| line.starts_with("would remove "));
+    assert_eq!(would.count(), files.len(), "{said}");
+    assert_eq!(said.matches("--dry-run").count(), 1, "{said}");
+    assert!(!said.contains("next:"), "{said}");
+    assert_eq!(root.files(), files);
 }
 
 #[test]

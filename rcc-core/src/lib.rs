@@ -22,6 +22,7 @@ extern crate self as rcc_core;
 extern crate std;
 
 pub mod axis;
+pub mod counted;
 pub mod cycle;
 pub mod duration;
 pub mod filter;

@@ -2,10 +2,13 @@
 //! place on a terminal, otherwise printed once at the end.
 
 use crate::output::BackgroundPrinter;
-use std::io::{self, IsTerminal};
+use crate::terminal::TerminalSize;
 
-/// Width of the bar, characters.
-const WIDTH: usize = 28;
+/// Width of the bar, characters, at most and at least.
+const WIDTH_MAX: usize = 28;
+const WIDTH_MIN: usize = 8;
+/// Characters beside the bar in the longest line.
+const BESIDE: usize = 69;
 
 /// The displayed values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +29,8 @@ pub struct MotionProgress {
 pub struct Bar {
     name: String,
     live: bool,
+    /// Width of the bar, characters: a line that wraps could not be redrawn in place.
+    width: usize,
     shown: Option<String>,
     /// Never blocks: a closed or stopped terminal must not change how the robot stops.
     printer: BackgroundPrinter,
@@ -35,9 +40,11 @@ impl Bar {
     /// Creates a bar with this title.
     #[must_use]
     pub fn new(name: &str, quiet: bool, printer: &BackgroundPrinter) -> Bar {
+        let size = TerminalSize::of_stdout();
         Bar {
             name: name.to_owned(),
-            live: !quiet && io::stdout().is_terminal(),
+            live: !quiet && size.is_some(),
+            width: width(size),
             shown: None,
             printer: printer.clone(),
         }
@@ -45,7 +52,7 @@ impl Bar {
 
     /// Redraws the bar; only on a terminal.
     pub fn show(&mut self, view: &MotionProgress) {
-        let line = line(&self.name, view);
+        let line = line(&self.name, view, self.width);
         if self.live && self.shown.as_ref() != Some(&line) {
             self.printer.overwrite(&line, false);
         }
@@ -54,7 +61,7 @@ impl Bar {
 
     /// Prints the final line, with how the motion ended.
     pub fn end(&mut self, view: &MotionProgress, state: &str) {
-        let text = format!("{}  {state}", line(&self.name, view));
+        let text = format!("{}  {state}", line(&self.name, view, self.width));
         if self.live {
             self.printer.overwrite(&text, true);
         } else {
@@ -63,14 +70,19 @@ impl Bar {
     }
 }
 
-fn line(name: &str, view: &MotionProgress) -> String {
+fn width(size: Option<TerminalSize>) -> usize {
+    let columns = size.map_or(usize::MAX, |size| size.columns);
+    columns.saturating_sub(BESIDE).clamp(WIDTH_MIN, WIDTH_MAX)
+}
+
+fn line(name: &str, view: &MotionProgress, width: usize) -> String {
     let part = if view.part.is_finite() {
         view.part.clamp(0.0, 1.0)
     } else {
         0.0
     };
-    let full = (part * WIDTH as f64).round() as usize;
-    let bar: String = (0..WIDTH)
+    let full = (part * width as f64).round() as usize;
+    let bar: String = (0..width)
         .map(|cell| if cell < full { '█' } else { '░' })
         .collect();
     let mut text = format!("  {name:<24} {bar} {:>6.1} mm", view.distance * 1e3);
@@ -98,8 +110,8 @@ mod tests {
             torch: Some(true),
             ..MotionProgress::default()
         };
-        let text = line("figure 5", &view);
-        assert_eq!(text.matches('█').count(), WIDTH / 2);
+        let text = line("figure 5", &view, WIDTH_MAX);
+        assert_eq!(text.matches('█').count(), WIDTH_MAX / 2);
         assert!(text.contains("75.0 mm") && text.ends_with('✹'), "{text}");
     }
 
@@ -109,6 +121,26 @@ mod tests {
             part: f64::NAN,
             ..MotionProgress::default()
         };
-        assert_eq!(line("x", &view).matches('█').count(), 0);
+        assert_eq!(line("x", &view, WIDTH_MAX).matches('█').count(), 0);
+    }
+
+    #[test]
+    fn the_longest_line_fits_80_columns() {
+        let size = |columns| Some(TerminalSize { columns, rows: 24 });
+        for (speed, force, torch) in [(0.1, Some(65.6), None), (0.1, None, Some(true))] {
+            let view = MotionProgress {
+                distance: 1.0,
+                speed: Some(speed),
+                force,
+                torch,
+                ..MotionProgress::default()
+            };
+            for name in ["figure 4: contact", "figure 5: cancel"] {
+                let text = line(name, &view, width(size(80))) + "  finished";
+                assert!(text.chars().count() <= 80, "{text}");
+            }
+        }
+        assert_eq!(width(size(120)), WIDTH_MAX);
+        assert_eq!(width(None), WIDTH_MAX);
     }
 }

@@ -214,7 +214,11 @@ fn print_verdict(
     if context.format == OutputFormat::Json {
         return context.print(verdict, |_| String::new());
     }
-    print_diagnostics(&draw(&verdict.diagnostics, Some(source), Context::colour()));
+    print_diagnostics(&draw(
+        &verdict.diagnostics,
+        Some(source),
+        Context::drawing(),
+    ));
     if verdict.valid && !is_many {
         let NetVerdict {
             file,

@@ -1,11 +1,10 @@
 //! `completions SHELL`: prints what a shell needs to complete verbs and options.
 
-use clap::CommandFactory;
 use clap_complete::Shell;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::print_line;
+use crate::output::print_record;
 
 /// For which shell.
 #[derive(clap::Args, Debug)]
@@ -19,9 +18,9 @@ pub struct Arguments {
 /// # Errors
 /// None.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let mut command = crate::arguments::Arguments::command();
+    let mut command = crate::arguments::command();
     let mut text = Vec::new();
     clap_complete::generate(arguments.shell, &mut command, "rcc-cli", &mut text);
-    print_line(String::from_utf8_lossy(&text).trim_end());
+    print_record(String::from_utf8_lossy(&text).trim_end());
     Ok(())
 }

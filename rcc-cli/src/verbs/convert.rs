@@ -12,7 +12,8 @@ use rcc_language::{Faults, write};
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
-use crate::output::{print_diagnostics, print_file};
+use crate::output::print_diagnostics;
+use crate::result_file::ResultTarget;
 use crate::scenario::load_config;
 use crate::supervisor::paths;
 
@@ -24,9 +25,8 @@ pub struct Arguments {
     /// Output format
     #[arg(long, value_enum, default_value = "yaml")]
     to: NetFormat,
-    /// Write to this file instead of standard output
-    #[arg(short = 'o', long, value_name = "FILE")]
-    into: Option<PathBuf>,
+    #[command(flatten)]
+    target: ResultTarget,
     /// Cell configuration whose devices the net uses [default: the demo cell's]
     #[arg(long)]
     config: Option<PathBuf>,
@@ -56,7 +56,7 @@ enum NetFormat {
 ///
 /// # Errors
 /// Fails if the net is invalid or cannot be expressed in the other format.
-pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let config = match &arguments.config {
         Some(path) => path.clone(),
         None => paths::config("cells/demo.yaml")?,
@@ -82,18 +82,8 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Err(invalid(&Faults::new(name, text, faults)));
     };
     let warnings = findings(&compiled.warnings);
-    print_diagnostics(&draw(&warnings, Some(&(name, text)), Context::colour()));
-    match arguments.into {
-        None => print_file(&converted),
-        Some(path) => std::fs::write(&path, converted).map_err(|error| {
-            Failure::new(
-                codes::BAD_REQUEST,
-                format!("{}: {error}", path.display()),
-                "name a writable file",
-            )
-        })?,
-    }
-    Ok(())
+    print_diagnostics(&draw(&warnings, Some(&(name, text)), Context::drawing()));
+    arguments.target.write(context, &converted)
 }
 
 /// Returns the header lines that correspond to the command line's options.

@@ -14,7 +14,7 @@ use rcc_protocol::events::{
 use crate::context::{Context, OutputFormat, cell_failure};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
-use crate::output::{print_line, print_note};
+use crate::output::{print_line, print_note, print_record};
 use crate::table::grouped;
 
 /// Interval between two polls of a followed log.
@@ -212,7 +212,7 @@ impl EventView {
         }
         let sentence = event.sentence_with(self);
         match self.format {
-            OutputFormat::Json => print_line(&json(event, &sentence, self)),
+            OutputFormat::Json => print_record(&json(event, &sentence, self)),
             OutputFormat::Human => {
                 if !self.header_printed {
                     print_line(&row("TIME (UTC)", "CYCLE", "WHO", " ", "WHAT"));

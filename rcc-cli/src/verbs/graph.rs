@@ -14,7 +14,7 @@ use serde_json::Value;
 use super::source::{self, ResolvedNet};
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::print_file;
+use crate::result_file::ResultTarget;
 
 /// Arguments of `graph`.
 #[derive(clap::Args, Debug)]
@@ -24,9 +24,8 @@ pub struct Arguments {
     /// Output format
     #[arg(long, value_enum, default_value = "svg")]
     format: GraphFormat,
-    /// Write to this file instead of standard output
-    #[arg(short = 'o', long, value_name = "FILE")]
-    file: Option<PathBuf>,
+    #[command(flatten)]
+    target: ResultTarget,
     /// Show the values of a running net, all of one cycle, instead of types
     #[arg(long)]
     values: bool,
@@ -70,17 +69,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             svg(&structure, &scene)
         }
     };
-    match arguments.file {
-        None => print_file(&picture),
-        Some(path) => std::fs::write(&path, picture).map_err(|error| {
-            Failure::new(
-                codes::NOT_STORED,
-                format!("{}: {error}", path.display()),
-                "",
-            )
-        })?,
-    }
-    Ok(())
+    arguments.target.write(context, &picture)
 }
 
 /// Returns the values of a loaded net by port, as text.

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use rcc_api::codes;
 use rcc_config::ports::PortArgument;
 use rcc_config::{CellConfig, auto_ports};
+use rcc_core::counted::Counted;
 
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
-use crate::output::print_line;
+use crate::output::{print_line, print_record};
 use crate::units::cores::Cores;
 use crate::units::disk::{self, FileChange};
 use crate::units::{self, CellUnits};
@@ -23,7 +24,7 @@ pub struct Arguments {
     /// Write below this folder instead of /
     #[arg(long, value_name = "DIR", default_value = "/")]
     root: PathBuf,
-    /// Only print what would be written
+    /// Change nothing; print what would be written, replaced and removed
     #[arg(long)]
     dry_run: bool,
     /// Cores for everything but the cycle, such as 0-2,5 [default: all but the executor's core]
@@ -69,8 +70,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         let config = CellConfig::load_offline(&path).map_err(invalid)?;
         let cell = context.cell.as_deref().unwrap_or(&config.name);
         let removed = disk::remove(&arguments.root, cell, arguments.dry_run)?;
-        print_changes(context, &removed);
-        after_uninstall(context, cell);
+        print_changes(context, &removed, arguments.dry_run);
+        if !arguments.dry_run {
+            after_uninstall(context, cell);
+        }
         return Ok(());
     }
     let ports = chosen_ports(&path, &arguments)?;
@@ -99,8 +102,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         &files,
         arguments.dry_run,
     )?);
-    print_changes(context, &done);
-    after_install(context, &cell, arguments.dry_run);
+    print_changes(context, &done, arguments.dry_run);
+    if !arguments.dry_run {
+        after_install(context, &cell);
+    }
     Ok(())
 }
 
@@ -209,33 +214,44 @@ fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Fai
     Ok(given.or_else(|| Cores::all_but(count, &BTreeSet::from([core]))))
 }
 
-fn print_changes(context: &Context, done: &[(FileChange, PathBuf)]) {
+/// Prints the change of each file, or with `dry` the change that was not made, and the number of files.
+fn print_changes(context: &Context, done: &[(FileChange, PathBuf)], dry: bool) {
     if context.format == OutputFormat::Json {
         let rows: Vec<_> = done
             .iter()
-            .map(|(done, path)| serde_json::json!({"path": path, "done": done}))
+            .map(|(done, path)| serde_json::json!({"path": path, "done": done, "dry_run": dry}))
             .collect();
-        print_line(&serde_json::Value::from(rows).to_string());
+        print_record(&serde_json::Value::from(rows).to_string());
         return;
     }
     for (done, path) in done {
-        let word = match done {
-            FileChange::Written => "written",
-            FileChange::Replaced => "replaced",
-            FileChange::Unchanged => "unchanged",
-            FileChange::Packaged => "packaged",
-            FileChange::Removed => "removed",
+        let word = match (done, dry) {
+            (FileChange::Written, false) => "written",
+            (FileChange::Written, true) => "would write",
+            (FileChange::Replaced, false) => "replaced",
+            (FileChange::Replaced, true) => "would replace",
+            (FileChange::Removed, false) => "removed",
+            (FileChange::Removed, true) => "would remove",
+            (FileChange::Unchanged, _) => "unchanged",
+            (FileChange::Packaged, _) => "packaged",
         };
-        print_line(&format!("{word:<10} {}", path.display()));
+        let width = if dry { 13 } else { 10 };
+        print_line(&format!("{word:<width$} {}", path.display()));
     }
+    let kept = |done: &FileChange| matches!(done, FileChange::Unchanged | FileChange::Packaged);
+    let changes = done.iter().filter(|(done, _)| !kept(done)).count();
+    print_line(&match (dry, changes) {
+        (_, 0) => "nothing to change".to_owned(),
+        (true, changes) => format!(
+            "{} would change; nothing was changed (--dry-run)",
+            Counted::of(changes, "file")
+        ),
+        (false, changes) => format!("{} changed", Counted::of(changes, "file")),
+    });
 }
 
-fn after_install(context: &Context, cell: &str, dry: bool) {
+fn after_install(context: &Context, cell: &str) {
     if context.format == OutputFormat::Json {
-        return;
-    }
-    if dry {
-        print_line("nothing was written (--dry-run)");
         return;
     }
     print_line(&format!(

@@ -23,7 +23,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let loaded = follow::load(&client, &source.0, &source.1, OnRejection::Keep)?;
-    print_diagnostics(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
+    print_diagnostics(&draw(
+        &loaded.diagnostics,
+        Some(&source),
+        Context::drawing(),
+    ));
     context.print(&loaded, |command| match &command.rehearsal {
         Some(rehearsal) => format!("{}\n{}", line(command), rehearsal.words),
         None => line(command),

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::PathBuf;
 
-use clap::CommandFactory;
 use rcc_api::codes;
 
 use crate::context::Context;
@@ -32,7 +31,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         )
     };
     fs::create_dir_all(&folder).map_err(refused)?;
-    clap_mangen::generate_to(crate::arguments::Arguments::command(), &folder).map_err(refused)?;
+    clap_mangen::generate_to(crate::arguments::command(), &folder).map_err(refused)?;
     print_line(&format!(
         "manual pages of rcc-cli written to {}",
         folder.display()

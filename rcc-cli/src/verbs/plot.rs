@@ -21,7 +21,7 @@ use crate::simulate::{self, SimulationOptions};
 pub struct Arguments {
     #[command(flatten)]
     scenario: SimulationScenario,
-    /// Output file, .svg or .png [default: the net's name with .svg]
+    /// Write to this file, .svg or .png, and say so [default: the net's name with .svg]
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -83,7 +83,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         breaks: breaks.or_else(|| fault.map(|fault| fault.words)),
     };
     context.print(&report, |report: &PlotReport| {
-        let mut lines = format!("{}: {} s of {}", report.file, report.time_s, report.net);
+        let mut lines = format!(
+            "wrote {}: {} s of {}",
+            report.file, report.time_s, report.net
+        );
         if let Some(breaks) = &report.breaks {
             lines = format!("{lines}\n{breaks}");
         }

@@ -13,7 +13,8 @@ use crate::table;
 /// Arguments of `primitives`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Name of a type, or a word to search for in names, summaries and ports; without it all types are listed
+    /// Name of a type, or a word to search for in names, summaries, formulas, ports, parameters and the names of other
+    /// systems (docs/names.md); without it all types are listed
     name: Option<String>,
     /// Only list this group (a word of its title)
     #[arg(long, conflicts_with = "name")]
@@ -37,7 +38,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 if arguments.markdown {
                     print_line(manual::page(view).trim_end());
                 } else {
-                    context.print(view, describe);
+                    context.print(view, |view| {
+                        describe(view) + &also(&mentioning(&all, name), view)
+                    });
                 }
                 return Ok(());
             }
@@ -71,15 +74,7 @@ fn of_group(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Fai
 fn with_word(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Failure> {
     let lower = word.to_lowercase();
     let has = |text: &str| text.to_lowercase().contains(&lower);
-    let port = |port: &PortView| has(&port.name) || has(&port.doc);
-    let fits = |view: &&PrimitiveView| {
-        let ports = view.inputs.iter().chain(&view.outputs).any(port);
-        let parameters = view
-            .parameters
-            .iter()
-            .any(|one| has(&one.name) || has(&one.doc));
-        has(&view.name) || has(&view.summary) || has(&view.formula) || ports || parameters
-    };
+    let fits = |view: &&PrimitiveView| texts(view).into_iter().any(has);
     let found: Vec<_> = all.iter().filter(fits).cloned().collect();
     if !found.is_empty() {
         return Ok(found);
@@ -92,6 +87,49 @@ fn with_word(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Fa
     );
     let message = format!("primitive `{word}` not found");
     Err(Failure::new(codes::BAD_REQUEST, message, help))
+}
+
+/// Names of blocks in other systems, and of the primitives that correspond to them.
+const ELSEWHERE: &str = include_str!("../../../docs/names.md");
+
+/// Returns the texts of a primitive that a search looks into.
+fn texts(view: &PrimitiveView) -> Vec<&str> {
+    let ports = view.inputs.iter().chain(&view.outputs);
+    let ports = ports.flat_map(|port| [port.name.as_str(), &port.doc]);
+    let parameters = view.parameters.iter();
+    let parameters = parameters.flat_map(|one| [one.name.as_str(), &one.doc]);
+    let own = [view.name.as_str(), &view.summary, &view.formula];
+    let mut texts: Vec<&str> = own.into_iter().chain(ports).chain(parameters).collect();
+    let quoted = format!("`{}`", view.name);
+    let rows = ELSEWHERE.lines().filter_map(|line| {
+        let (theirs, ours) = line.strip_prefix("| ")?.split_once(" | ")?;
+        ours.contains(&quoted).then_some(theirs)
+    });
+    texts.extend(rows);
+    texts
+}
+
+/// Returns the types whose texts contain the word as a whole.
+fn mentioning<'a>(all: &'a [PrimitiveView], word: &str) -> Vec<&'a PrimitiveView> {
+    let same = |part: &str| part.eq_ignore_ascii_case(word);
+    let has = |text: &str| text.split(|c: char| !c.is_alphanumeric()).any(same);
+    let fits = |view: &&PrimitiveView| texts(view).into_iter().any(has);
+    all.iter().filter(fits).collect()
+}
+
+/// Lists other types that mention the name of this one; the most that are worth reading.
+fn also(mentioning: &[&PrimitiveView], view: &PrimitiveView) -> String {
+    const SHOWN_MAX: usize = 8;
+    let others = mentioning.iter().filter(|other| other.name != view.name);
+    let mut rows = table::table(&["SEE ALSO", "WHAT IT DOES"]);
+    for other in others.clone().take(SHOWN_MAX) {
+        rows.add_row([&other.name, &other.summary]);
+    }
+    match others.count() {
+        0 => String::new(),
+        1..=SHOWN_MAX => format!("\n{}", table::text(&rows)),
+        all => format!("\n{}\n… and {} more", table::text(&rows), all - SHOWN_MAX),
+    }
 }
 
 fn list(all: &[PrimitiveView]) -> String {
@@ -191,4 +229,52 @@ fn worked_values(example: &ExampleView) -> String {
         about = format!("{about}; every {} ms", example.period_ms);
     }
     format!("{about}\n{}", table::text(&rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Names of the types that `primitives WORD` shows.
+    fn shown(word: &str) -> Vec<String> {
+        let all = catalogue::primitives();
+        let exact = all.iter().any(|view| view.name.eq_ignore_ascii_case(word));
+        let found = match exact {
+            true => mentioning(&all, word).into_iter().cloned().collect(),
+            false => with_word(&all, word).unwrap(),
+        };
+        found.into_iter().map(|view| view.name).collect()
+    }
+
+    #[test]
+    fn a_word_finds_names_outputs_and_the_names_of_other_systems() {
+        for (word, name) in [
+            ("sine", "Sine"),
+            ("sine", "SignalGenerator"),
+            ("siggen", "SignalGenerator"),
+            ("sawtooth", "SignalGenerator"),
+            ("R_TRIG", "RisingEdge"),
+            ("TON", "OnDelay"),
+            ("saturation", "Limit"),
+            ("MoveL", "LinearMotion"),
+            ("ptp", "JointMotion"),
+        ] {
+            assert!(
+                shown(word).iter().any(|found| found == name),
+                "{word}: {name}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_page_names_the_other_types_that_mention_it() {
+        let all = catalogue::primitives();
+        let sine = all.iter().find(|view| view.name == "Sine").unwrap();
+        let more = also(&mentioning(&all, "sine"), sine);
+        assert!(
+            more.contains("SEE ALSO") && more.contains("SignalGenerator"),
+            "{more}"
+        );
+        assert!(!more.contains("\nSine "), "{more}");
+    }
 }

@@ -20,7 +20,8 @@ use super::incidents::reason;
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::incident::{IncidentNet, ShownSlots, text, value_of};
-use crate::output::print_line;
+use crate::output::{print_line, print_note, print_record};
+use crate::result_file::WrittenFile;
 use crate::table::{self, grouped};
 
 /// Arguments of `replay`.
@@ -102,6 +103,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             "free disk space there",
         )
     })?;
+    if let (OutputFormat::Human, Some(path)) = (context.format, &arguments.csv) {
+        print_note(&WrittenFile::of(path)?.words());
+    }
     print_results(context, &incident, &results, &named)
 }
 
@@ -382,7 +386,7 @@ impl ValuePrinter {
                 let line = json!({
                     "cycle": step.cycle, "time_s": seconds, "command": step.id, "same": step.same, "values": values,
                 });
-                print_line(&line.to_string());
+                print_record(&line.to_string());
             }
         }
         Ok(())

@@ -6,7 +6,7 @@ use rcc_api::codes;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::print_file;
+use crate::result_file::ResultTarget;
 
 /// Arguments of `robot`.
 #[derive(clap::Args, Debug)]
@@ -31,16 +31,15 @@ struct ImportArguments {
     /// Flange link [default: the only leaf, or tool0, flange, ee_link, ee]
     #[arg(long)]
     tip: Option<String>,
-    /// Write to this file instead of standard output
-    #[arg(short = 'o', long, value_name = "FILE")]
-    into: Option<PathBuf>,
+    #[command(flatten)]
+    target: ResultTarget,
 }
 
 /// Runs the verb.
 ///
 /// # Errors
 /// Fails if the file is not a URDF, or if its chain is not a supported arm; names the joint that does not fit.
-pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let RobotCommand::Import(import) = arguments.what;
     let shown = import.file.display().to_string();
     let text = rcc_os::file::read_given(&import.file, rcc_robot::BYTES_MAX as u64)
@@ -54,12 +53,5 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = Path::new(&import.file).file_name();
     let name = name.map_or(shown.clone(), |name| name.to_string_lossy().into_owned());
     let yaml = rcc_robot::yaml(&imported, &name);
-    match import.into {
-        None => print_file(&yaml),
-        Some(path) => std::fs::write(&path, yaml).map_err(|error| {
-            let message = format!("{}: {error}", path.display());
-            Failure::new(codes::BAD_REQUEST, message, "name a writable file")
-        })?,
-    }
-    Ok(())
+    import.target.write(context, &yaml)
 }

@@ -30,7 +30,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let interrupts = Interrupts::listen()?;
     let loaded = follow::load(&client, &source.0, &source.1, OnRejection::Unload)?;
-    print_diagnostics(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
+    print_diagnostics(&draw(
+        &loaded.diagnostics,
+        Some(&source),
+        Context::drawing(),
+    ));
     let printer = BackgroundPrinter::start();
     let show = |line: &str| {
         if context.format == OutputFormat::Human {

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::print_line;
+use crate::output::print_record;
 use crate::scenario::load_config;
 
 /// Arguments of `schema`.
@@ -29,7 +29,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => running(context).unwrap_or_else(|| schema(None)),
     };
     let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
-    print_line(&text);
+    print_record(&text);
     Ok(())
 }
 

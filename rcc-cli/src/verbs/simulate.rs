@@ -16,7 +16,7 @@ use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::output::print_note;
 use crate::plot::Plot;
-use crate::result_file::{create, write_plot};
+use crate::result_file::{WrittenFile, create, write_plot};
 use crate::scenario::{PreparedScenario, SimulationScenario, failure, with_names};
 use crate::simulate::trace;
 use crate::simulate::{self, SimulationResult};
@@ -81,6 +81,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     context.print(&report, human);
     if context.format == OutputFormat::Human {
         print_note(&speed(&simulated, took));
+        for path in [&arguments.csv, &arguments.plot].into_iter().flatten() {
+            print_note(&WrittenFile::of(path)?.words());
+        }
     }
     arguments
         .scenario

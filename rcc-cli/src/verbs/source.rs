@@ -74,7 +74,7 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
     let (compiled, structure) = compiler
         .compile_with_structure(&source.1, &source.0)
         .map_err(|faults| {
-            print_diagnostics(&draw(&findings(&faults), Some(&source), Context::colour()));
+            print_diagnostics(&draw(&findings(&faults), Some(&source), Context::drawing()));
             Failure::reported(exit::INVALID)
         })?;
     Ok(ResolvedNet {

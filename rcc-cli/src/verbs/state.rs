@@ -1,12 +1,14 @@
 //! `state [NAME]`: shows everything about one net, or the states of all.
 
 use rcc_api::bodies::{CommandDetail, CommandView, ValuesView};
+use rcc_config::diagnostic::DrawingStyle;
 
 use super::ls;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
 use crate::table::{grouped, time};
+use crate::terminal::TerminalSize;
 use crate::value::{self, Style};
 
 /// Arguments of `state`.
@@ -106,7 +108,11 @@ fn human(detail: &CommandDetail) -> String {
         add("execution", format!("last {last}, longest {max}"));
     }
     let mut text = lines.join("\n");
-    let drawn = draw(&command.diagnostics, None, false);
+    let style = DrawingStyle {
+        colour: false,
+        columns: TerminalSize::of_stdout().map(|size| size.columns),
+    };
+    let drawn = draw(&command.diagnostics, None, style);
     if !drawn.is_empty() {
         text.push('\n');
         text.push_str(&drawn);

@@ -2,6 +2,7 @@
 //! obtained, and the processes of the cell.
 
 use rcc_api::bodies::{Acknowledged, ClockView, ExecutorView, HelperView, LateView, StatusView};
+use rcc_core::counted::{Counted, Noun};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -25,13 +26,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     if arguments.acknowledge {
         let done: Acknowledged = client.post("/status/acknowledge", String::new())?;
-        context.print(&done, |done| {
-            format!(
-                "{} late cycles acknowledged at cycle {}",
-                grouped(done.late),
-                grouped(done.cycle)
-            )
-        });
+        context.print(&done, acknowledged);
         return Ok(());
     }
     let status = Status {
@@ -52,11 +47,21 @@ struct Status {
     measured: Option<GradeRecord>,
 }
 
+/// Describes an acknowledgement.
+pub(super) fn acknowledged(done: &Acknowledged) -> String {
+    format!(
+        "{} {} acknowledged at cycle {}",
+        grouped(done.late),
+        Noun(done.late, "late cycle"),
+        grouped(done.cycle)
+    )
+}
+
 fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
     let executor = &status.executor;
     let head = format!(
         "cell {}  {}\n{}executor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up latency {}; \
-         {} nets running{}\n{}{}\nmachine   {}\n",
+         {} running{}\n{}{}\nmachine   {}\n",
         status.cell,
         status.config,
         configuration(&status.configuration),
@@ -67,7 +72,7 @@ fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
         time(executor.exec_last_ns),
         time(executor.exec_max_ns),
         time(executor.worst_wake_ns),
-        executor.running,
+        Counted(u64::from(executor.running), "net"),
         budget(executor),
         clock(&executor.clock),
         executor.grade,
@@ -125,14 +130,16 @@ fn late(executor: &ExecutorView) -> String {
             grouped(all)
         ),
         (all, new) => format!(
-            "{} late cycles{}, {} periods skipped",
+            "{} {}{}, {} {} skipped",
             grouped(new),
+            Noun(new, "late cycle"),
             if all == new {
                 String::new()
             } else {
                 format!(" since the last acknowledgement ({} in all)", grouped(all))
             },
-            grouped(executor.skipped_periods)
+            grouped(executor.skipped_periods),
+            Noun(executor.skipped_periods, "period")
         ),
     }
 }
@@ -201,7 +208,10 @@ fn clock(clock: &ClockView) -> String {
         "unfit" => "not followed: its period is not a multiple of the cell's".to_owned(),
         _ => "searching: the executor runs on its own clock".to_owned(),
     };
-    format!("clock     {device}: {state}; lost {} times\n", clock.losses)
+    format!(
+        "clock     {device}: {state}; lost {}\n",
+        Counted(clock.losses, "time")
+    )
 }
 
 #[cfg(test)]
@@ -221,7 +231,7 @@ mod tests {
             losses: 1,
         };
         let expected = "clock     lwr: locked, period 1.000012 ms (+12 ppm), packet jitter ± 31 µs, cycle error -0.4 µs; \
-                     lost 1 times\n";
+                     lost 1 time\n";
         assert_eq!(clock(&locked), expected);
     }
 }

@@ -9,15 +9,18 @@ use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyModifiers};
 use rcc_api::bodies::{Acknowledged, CommandView, StatusView, TimingView};
 use rcc_api::codes;
+use rcc_config::diagnostic::DrawingStyle;
 use rcc_core::printable::first_unprintable;
 use serde::Serialize;
 
 use super::duration;
+use super::status::acknowledged;
 use crate::client::LoaderClient;
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 
+mod columns;
 mod screen;
 mod text;
 
@@ -117,7 +120,9 @@ fn run_live(
                 taken = Instant::now();
                 match TopSnapshot::take(client) {
                     Ok(new) => snapshot = new,
-                    Err(failure) => message = failure.human(false).replace('\n', " "),
+                    Err(failure) => {
+                        message = failure.human(DrawingStyle::default()).replace('\n', " ")
+                    }
                 }
                 changed = true;
             }
@@ -137,11 +142,8 @@ fn make_printable(picture: &mut Buffer) {
 fn acknowledge(client: &LoaderClient) -> String {
     let done = client.post::<Acknowledged>("/status/acknowledge", String::new());
     match done {
-        Ok(done) => format!(
-            "{} late cycles acknowledged at cycle {}",
-            done.late, done.cycle
-        ),
-        Err(failure) => failure.human(false).replace('\n', " "),
+        Ok(done) => acknowledged(&done),
+        Err(failure) => failure.human(DrawingStyle::default()).replace('\n', " "),
     }
 }
 

@@ -61,7 +61,7 @@ fn print_event(printer: &BackgroundPrinter, line: &SupervisorEvent, json: bool) 
     let SupervisorEvent { at, who, what } = line;
     if json {
         let value = serde_json::json!({"at_s": at.as_secs_f64(), "who": who, "what": what});
-        printer.print_line(&value.to_string());
+        printer.print_record(&value.to_string());
     } else if at.is_zero() {
         printer.print_line(&format!("{who}  {what}"));
     } else {

@@ -1,7 +1,6 @@
 //! `watch NET PORT…`: shows values of a net's ports periodically, without changing the net or its text. Each sample is
 //! of one cycle. Nothing is registered in the cell, so a watcher that dies leaves nothing behind.
 
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::ValuesView;
@@ -13,7 +12,7 @@ use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
-use crate::output::{print_line, reprint};
+use crate::output::{print_line, print_record, reprint};
 use crate::value::Style;
 
 /// Highest sampling rate, Hz; a `Monitor` in the net records every cycle.
@@ -63,7 +62,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         style: Style {
             degrees: arguments.deg,
         },
-        lines: 0,
+        rows: 0,
     };
     let mut values = client.values(&arguments.net, &arguments.ports)?;
     // From now on this command is watched, whatever is loaded under its name.
@@ -100,22 +99,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 struct Screen {
     format: OutputFormat,
     style: Style,
-    /// Lines of the previous sample, which the next one overwrites on a terminal.
-    lines: usize,
+    /// Rows of the previous sample, which the next one overwrites on a terminal.
+    rows: usize,
 }
 
 impl Screen {
     fn show(&mut self, values: &ValuesView) {
         match self.format {
             OutputFormat::Human => {
-                let text = shown(values, self.style);
-                let lines = text.lines().count();
-                reprint(self.lines, &text);
-                self.lines = if std::io::stdout().is_terminal() {
-                    lines
-                } else {
-                    0
-                };
+                // The net's line and the headings of its values stay in view.
+                self.rows = reprint(self.rows, &shown(values, self.style), 2);
             }
             OutputFormat::Json => {
                 let mut values = values.clone();
@@ -125,7 +118,7 @@ impl Screen {
                     view.unit = view.unit.as_ref().map(|_| unit);
                 }
                 // Our values have string keys and finite numbers, so serialisation cannot fail.
-                print_line(&serde_json::to_string(&values).unwrap_or_default());
+                print_record(&serde_json::to_string(&values).unwrap_or_default());
             }
         }
     }

@@ -2,7 +2,7 @@
 //! and by `rcc-cli check` without a server.
 
 use rcc_config::CellConfig;
-use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, Faults, Severity, render};
+use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, DrawingStyle, Faults, Severity, render};
 use rcc_core::message::DEVICES_MAX;
 use rcc_core::plan::Resource;
 use rcc_language::devices::DeviceTable;
@@ -93,7 +93,8 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
 /// pass through the whole text.
 #[must_use]
 pub fn findings(faults: &Faults) -> Vec<Finding> {
-    let drawn = |row: &DiagnosticRow| render(std::slice::from_ref(row), &faults.sources, false);
+    let style = DrawingStyle::default();
+    let drawn = |row: &DiagnosticRow| render(std::slice::from_ref(row), &faults.sources, style);
     faults
         .rows()
         .into_iter()

@@ -8,7 +8,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use drawing::LineIndex;
-pub use drawing::render;
+pub use drawing::{DrawingStyle, render};
 
 /// Maximum number of diagnostics that are drawn; further ones are only counted.
 pub const DRAWN_MAX: usize = 100;
@@ -287,7 +287,11 @@ impl Faults {
     /// Draws the diagnostics for people: each with its line of the text, then their number.
     #[must_use]
     pub fn render(&self, colour: bool) -> String {
-        render(&self.rows(), &self.sources, colour)
+        let style = DrawingStyle {
+            colour,
+            columns: None,
+        };
+        render(&self.rows(), &self.sources, style)
     }
 }
 
@@ -390,7 +394,8 @@ mod tests {
         }));
         let faults = Faults::new(format!("f{hostile}.yaml"), text, vec![fault]);
         for sources in [&faults.sources[..], &[]] {
-            let drawn = render(&faults.rows(), sources, false);
+            let plain = DrawingStyle::default();
+            let drawn = render(&faults.rows(), sources, plain);
             assert_eq!(first_unprintable(&drawn), None, "{drawn}");
             for letter in ["l", "h", "u", "f"] {
                 assert!(
@@ -399,7 +404,11 @@ mod tests {
                 );
             }
             // A coloured drawing contains no escape sequences besides its own colours.
-            let coloured = render(&faults.rows(), sources, true);
+            let colours = DrawingStyle {
+                colour: true,
+                ..plain
+            };
+            let coloured = render(&faults.rows(), sources, colours);
             assert_eq!(Coloured(&coloured).to_string(), coloured);
             assert!(!coloured.contains("\x1b[2J"), "{coloured:?}");
         }
@@ -419,7 +428,37 @@ mod tests {
         let faults = faults("in: a.b\n", Span::new(4, 7));
         let text = serde_json::to_string(&faults.rows()).unwrap();
         let rows: Vec<DiagnosticRow> = serde_json::from_str(&text).unwrap();
-        assert_eq!(render(&rows, &faults.sources, false), faults.render(false));
+        let drawn = render(&rows, &faults.sources, DrawingStyle::default());
+        assert_eq!(drawn, faults.render(false));
+    }
+
+    #[test]
+    fn a_terminal_of_any_width_breaks_no_word_and_no_line() {
+        let words =
+            "the net commands welding-line/approach.position and tool-changer/state.locked of lwr";
+        let text = format!("{}in: a.b  # {words}\n", " ".repeat(50));
+        for column in [0, 20, 50, 54, 70] {
+            let fault = Diagnostic::error("RCC1203", Span::new(column, column + 3), words)
+                .label(words)
+                .help(words);
+            let faults = Faults::new("a.yaml", text.as_str(), vec![fault]);
+            for columns in [60, 80, 100, 132] {
+                let style = DrawingStyle {
+                    colour: false,
+                    columns: Some(columns),
+                };
+                let drawn = render(&faults.rows(), &faults.sources, style);
+                let widest = drawn.lines().map(|line| line.chars().count()).max();
+                assert!(
+                    widest.is_some_and(|widest| widest <= columns),
+                    "{columns} columns, {widest:?}:\n{drawn}"
+                );
+                for word in words.split(' ') {
+                    let found = drawn.matches(word).count();
+                    assert!(found >= 3, "{word} is broken at {columns}:\n{drawn}");
+                }
+            }
+        }
     }
 
     #[test]

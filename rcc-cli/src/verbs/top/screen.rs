@@ -1,199 +1,205 @@
-//! The live view of `top`, for terminals of any size. Pure apart from drawing into the frame.
+//! The live view of `top`, for terminals of any size. Sentences are wrapped, tables are fitted to the width, and the bars
+//! get the space that is left. Pure apart from drawing into the frame.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::Line;
-use ratatui::widgets::{Block, Paragraph, Row, Table};
+use ratatui::widgets::{Block, Borders, Paragraph};
 
+use super::columns::{Column, FittedTable, fit};
 use super::{TopSnapshot, text};
+use crate::doctor::histogram::{Detail, fitted_drawing};
+use crate::terminal::{cut, flowed, wrapped};
 
-/// Draws everything; `message` is the message in the last line.
-pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, message: &str) {
-    let head = text::head(snapshot);
-    let nets = text::nets(snapshot);
-    let rows = u16::try_from(nets.len()).unwrap_or(u16::MAX);
-    let head_rows = u16::try_from(head.len()).unwrap_or(u16::MAX);
-    let [top, middle, below, foot] = Layout::vertical([
-        Constraint::Length(head_rows),
-        Constraint::Max(rows.max(1).saturating_add(3)),
-        Constraint::Min(0),
-        Constraint::Length(1),
-    ])
-    .areas(frame.area());
-    let [left, right] =
-        Layout::horizontal([Constraint::Percentage(60), Constraint::Percentage(40)]).areas(below);
-    let late = snapshot.status.executor.late > snapshot.status.executor.late_acknowledged;
-    let lines = head
-        .into_iter()
-        .enumerate()
-        .map(|(index, line)| match index {
+/// Narrowest column of histograms beside the table of primitives.
+const BARS_MIN: usize = 26;
+/// Blanks between them.
+const GAP: usize = 2;
+/// Rows of the table of nets that always have room: title, headings and two nets.
+const NETS_MIN: usize = 4;
+/// Keys in the last row.
+const KEYS: &str = "q quit   a acknowledge late cycles";
+
+/// A titled part of the view.
+struct Section {
+    title: String,
+    lines: Vec<Line<'static>>,
+}
+
+impl Section {
+    fn of_table(name: &str, table: FittedTable) -> Section {
+        let title = match table.left_out.as_slice() {
+            [] => name.to_owned(),
+            columns => format!("{name} (no room for {})", columns.join(", ")),
+        };
+        let lines = table.lines.into_iter().enumerate();
+        let lines = lines.map(|(index, line)| match index {
             0 => Line::from(line).bold(),
-            2.. if late => Line::from(line).fg(Color::Yellow),
             _ => Line::from(line),
         });
-    frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), top);
-    table(frame, middle, "nets", text::NET_HEADS, nets);
-    histograms(frame, left, snapshot);
-    table(
-        frame,
-        right,
-        "primitives (sampled)",
-        text::TYPE_HEADS,
-        text::types(snapshot),
-    );
-    let keys = "q quit   a acknowledge late cycles   ";
-    frame.render_widget(
-        Paragraph::new(format!("{keys}{message}")).style(Style::new().dim()),
-        foot,
-    );
-}
-
-fn histograms(frame: &mut Frame<'_>, area: Rect, snapshot: &TopSnapshot) {
-    let parts = text::histograms(snapshot);
-    let heights = parts.each_ref().map(|(_, drawing)| {
-        let lines = u16::try_from(drawing.lines().count()).unwrap_or(u16::MAX);
-        Constraint::Max(lines.max(1).saturating_add(2))
-    });
-    let areas: [Rect; 3] = Layout::vertical(heights).areas(area);
-    for ((title, drawing), area) in parts.into_iter().zip(areas) {
-        let block = Block::bordered().title(title);
-        frame.render_widget(Paragraph::new(drawing).block(block), area);
-    }
-}
-
-fn table<const N: usize>(
-    frame: &mut Frame<'_>,
-    area: Rect,
-    title: &str,
-    heads: [&str; N],
-    rows: Vec<[String; N]>,
-) {
-    let mut widths = heads.map(|head| head.chars().count());
-    for row in &rows {
-        for (width, cell) in widths.iter_mut().zip(row) {
-            *width = (*width).max(cell.chars().count());
+        Section {
+            title,
+            lines: lines.collect(),
         }
     }
-    let widths = widths.map(|width| Constraint::Max(u16::try_from(width).unwrap_or(u16::MAX)));
-    let table = Table::new(rows.into_iter().map(Row::new), widths)
-        .header(Row::new(heads).bold())
-        .column_spacing(2)
-        .block(Block::bordered().title(title.to_owned()));
-    frame.render_widget(table, area);
+
+    /// Rows including the title.
+    fn rows(&self) -> usize {
+        self.lines.len() + 1
+    }
+
+    /// Cuts the section to `rows` rows; the last one tells how many lines are missing.
+    fn cut(mut self, rows: usize) -> Section {
+        if self.rows() > rows && rows >= 3 {
+            let missing = self.rows() - rows + 1;
+            self.lines.truncate(rows - 2);
+            self.lines.push(Line::from(format!("… and {missing} more")));
+        }
+        self
+    }
+
+    fn draw(self, frame: &mut Frame<'_>, area: Rect) {
+        let columns = usize::from(area.width);
+        let block = Block::new()
+            .borders(Borders::TOP)
+            .title(cut(&self.title, columns));
+        frame.render_widget(Paragraph::new(self.lines).block(block), area);
+    }
+}
+
+/// Draws everything; `message` is shown behind the keys.
+pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, message: &str) {
+    let area = frame.area();
+    let columns = usize::from(area.width);
+    let (head, foot) = (head(snapshot, columns), foot(message, columns));
+    let (foot_area, area) = split(area, foot.len(), Edge::Bottom);
+    let (head_area, area) = split(area, head.len(), Edge::Top);
+    frame.render_widget(Paragraph::new(head), head_area);
+    frame.render_widget(Paragraph::new(foot).style(Style::new().dim()), foot_area);
+
+    let section = |name, table: Vec<Column>| Section::of_table(name, fit(table, columns));
+    let times = section("time of a cycle", text::quantiles(snapshot));
+    let mut nets = section("nets", text::nets(snapshot));
+    if nets.lines.len() == 1 {
+        nets.lines = vec![Line::from("no net is loaded")];
+    }
+    let rest = usize::from(area.height).saturating_sub(times.rows());
+    let nets = nets.cut((rest / 2).max(NETS_MIN));
+    let (nets_area, area) = split(area, nets.rows(), Edge::Top);
+    let (times_area, area) = split(area, times.rows(), Edge::Top);
+    nets.draw(frame, nets_area);
+    times.draw(frame, times_area);
+    details(frame, area, snapshot);
+}
+
+/// Draws histograms and primitives, side by side if the terminal is wide enough.
+fn details(frame: &mut Frame<'_>, area: Rect, snapshot: &TopSnapshot) {
+    let columns = usize::from(area.width);
+    let types = text::types(snapshot);
+    let mut beside = fit(types, columns.saturating_sub(BARS_MIN + GAP));
+    let (bars, table) = if beside.left_out.len() < 2 && columns > beside.width + GAP {
+        let left = columns - beside.width - GAP;
+        let (bars, rest) = split(area, left, Edge::Left);
+        (bars, split(rest, GAP, Edge::Left).1)
+    } else {
+        beside = fit(text::types(snapshot), columns);
+        let rows = beside.lines.len() + 1;
+        let (table, bars) = split(area, rows, Edge::Top);
+        (bars, table)
+    };
+    let rows = usize::from(table.height);
+    Section::of_table("primitives (sampled)", beside)
+        .cut(rows)
+        .draw(frame, table);
+    let mut area = bars;
+    for section in histograms(snapshot, area) {
+        let (own, rest) = split(area, section.rows(), Edge::Top);
+        section.draw(frame, own);
+        area = rest;
+    }
+}
+
+/// Returns the histograms that fit into the area: all of them with few rows rather than one with many.
+fn histograms(snapshot: &TopSnapshot, area: Rect) -> Vec<Section> {
+    let drawn = |detail, count: usize| -> Vec<Section> {
+        let all = text::histograms(snapshot).into_iter().take(count);
+        let section = |(name, histogram): (&str, _)| {
+            let bars = fitted_drawing(text::buckets(histogram), detail, usize::from(area.width));
+            let lines = bars.lines().map(|line| Line::from(line.to_owned()));
+            Section {
+                title: name.to_owned(),
+                lines: lines.collect(),
+            }
+        };
+        all.map(section).collect()
+    };
+    let choices = [
+        (Detail::Fine, 3),
+        (Detail::Coarse, 3),
+        (Detail::Coarse, 2),
+        (Detail::Fine, 1),
+        (Detail::Coarse, 1),
+    ];
+    let fits = |sections: &Vec<Section>| {
+        let rows: usize = sections.iter().map(Section::rows).sum();
+        rows <= usize::from(area.height)
+    };
+    let fitting = choices
+        .into_iter()
+        .map(|(detail, count)| drawn(detail, count));
+    fitting.into_iter().find(fits).unwrap_or_default()
+}
+
+fn head(snapshot: &TopSnapshot, columns: usize) -> Vec<Line<'static>> {
+    let lines = |text: &str| -> Vec<Line<'static>> {
+        let rows = wrapped(text, columns);
+        rows.lines().map(|row| Line::from(row.to_owned())).collect()
+    };
+    let cell = flowed(&text::head(snapshot), columns);
+    let cell = cell.into_iter().map(|line| Line::from(line).bold());
+    let late = text::late(snapshot)
+        .into_iter()
+        .flat_map(|line| lines(&line));
+    let is_late = text::is_late(snapshot);
+    let late = late.map(|line| match is_late {
+        true => line.fg(Color::Yellow),
+        false => line,
+    });
+    let grade = lines(&snapshot.status.executor.grade);
+    cell.chain(grade).chain(late).collect()
+}
+
+fn foot(message: &str, columns: usize) -> Vec<Line<'static>> {
+    let parts = [KEYS.to_owned(), message.trim().to_owned()];
+    let used = if message.trim().is_empty() { 1 } else { 2 };
+    let rows = flowed(&parts[..used], columns).into_iter();
+    rows.map(Line::from).collect()
+}
+
+/// The edge of an area that a part is taken from.
+#[derive(Clone, Copy)]
+enum Edge {
+    Top,
+    Bottom,
+    Left,
+}
+
+/// Splits an area into a part of at most `size` rows or columns at the edge, and the rest.
+fn split(area: Rect, size: usize, edge: Edge) -> (Rect, Rect) {
+    let size = Constraint::Length(u16::try_from(size).unwrap_or(u16::MAX));
+    let rest = Constraint::Min(0);
+    let layout = match edge {
+        Edge::Top => Layout::vertical([size, rest]),
+        Edge::Bottom => Layout::vertical([rest, size]),
+        Edge::Left => Layout::horizontal([size, rest]),
+    };
+    let [first, last] = layout.areas(area);
+    match edge {
+        Edge::Bottom => (last, first),
+        Edge::Top | Edge::Left => (first, last),
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use ratatui::Terminal;
-    use ratatui::backend::TestBackend;
-    use rcc_api::bodies::{BucketView, CommandView, HistogramView, LateView, PrimitiveTimeView};
-
-    use super::*;
-
-    fn snapshot() -> TopSnapshot {
-        let mut snapshot = TopSnapshot::default();
-        snapshot.status.cell = "demo".into();
-        let executor = &mut snapshot.status.executor;
-        (executor.cycle, executor.period_ns) = (12_345, 1_000_000);
-        executor.late = 3;
-        executor.late_acknowledged = 1;
-        executor.first_late = Some(LateView {
-            cycle: 777,
-            cause: "computed long".into(),
-            wake_ns: 2_000,
-            exec_ns: 1_500_000,
-            skipped_periods: 1,
-            net: Some("dear#2".into()),
-            net_ns: 1_400_000,
-        });
-        let net = |id, name: &str, exec_mean_ns| CommandView {
-            id,
-            net: name.into(),
-            state: "running".into(),
-            exec_mean_ns,
-            exec_max_ns: 2 * exec_mean_ns,
-            ..CommandView::default()
-        };
-        let over = CommandView {
-            state: "terminated".into(),
-            ..net(9, "over", 1)
-        };
-        snapshot.nets = vec![net(1, "cheap", 2_000), net(2, "dear", 100_000), over];
-        snapshot.timing.exec = HistogramView {
-            count: 5,
-            mean_ns: 102_000,
-            p99_ns: 200_000,
-            buckets: vec![BucketView {
-                to_ns: 150_000,
-                count: 5,
-            }],
-            ..HistogramView::default()
-        };
-        snapshot.timing.primitives = vec![PrimitiveTimeView {
-            ty: "LinearMotion".into(),
-            runs: 4,
-            primitives: 8,
-            sum_ns: 4_000,
-            max_ns: 1_200,
-        }];
-        snapshot
-    }
-
-    fn drawn(width: u16, height: u16, message: &str) -> String {
-        let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
-        terminal
-            .draw(|frame| draw(frame, &snapshot(), message))
-            .unwrap();
-        let buffer = terminal.backend().buffer();
-        let rows = buffer.content().chunks(usize::from(width));
-        rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n")
-            .collect()
-    }
-
-    #[test]
-    fn the_view_has_nets_histograms_primitives_and_late_cycles() {
-        let picture = drawn(120, 40, "as told");
-        for part in [
-            "cell demo  cycle 12 345  period 1.0 ms  load 10.2 % (99 %: 20.0 %)",
-            "2 late cycles, 3 since the start",
-            "first: cycle 777 computed long: woke up 2.0 µs late, computed for 1.5 ms, most of it dear#2 (1.4 ms)",
-            "execution: median",
-            "≤ 200 µs",
-            "LinearMotion  500.0 ns  100.0 %",
-            "q quit   a acknowledge late cycles   as told",
-        ] {
-            assert!(picture.contains(part), "{part}\n{picture}");
-        }
-        let position = |what| picture.find(what);
-        assert!(
-            position("dear#2   running") < position("cheap#1  running"),
-            "the dearest first\n{picture}"
-        );
-        assert!(!picture.contains("over#9"));
-    }
-
-    #[test]
-    fn a_small_terminal_shows_what_fits() {
-        for (width, height) in [(1, 1), (20, 5), (40, 10), (300, 3)] {
-            assert_eq!(
-                drawn(width, height, "").lines().count(),
-                usize::from(height)
-            );
-        }
-    }
-
-    #[test]
-    fn the_text_has_the_same_contents() {
-        let text = text::text(&snapshot());
-        for part in [
-            "computed long",
-            "LinearMotion",
-            "dear#2",
-            "10.0 %",
-            "≤ 200 µs",
-        ] {
-            assert!(text.contains(part), "{part}\n{text}");
-        }
-    }
-}
+mod tests;

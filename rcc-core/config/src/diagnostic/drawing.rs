@@ -4,24 +4,73 @@
 use std::fmt::{self, Write as _};
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteSpanContents, SourceSpan};
+use rcc_core::counted::Counted;
 use rcc_core::printable::Printable;
+use textwrap::{WordSeparator, WordSplitter};
 
 use super::{DRAWN_MAX, DiagnosticPosition, DiagnosticRow, Severity, SourceText, Span};
 
 /// Maximum number of characters of a line that are drawn; longer lines (generated JSON) are cut around the position.
 const LINE_MAX: usize = 160;
+/// Columns that sentences are wrapped to, at most; longer lines are tiring to read.
+const COLUMNS_MAX: usize = 100;
+/// Columns that are needed at least; a narrower terminal breaks the lines itself.
+const COLUMNS_MIN: usize = 40;
+/// Columns beside the number of a line and its text: the frame, and the marks of a cut at both ends.
+const GUTTER: usize = 6;
+/// Columns of the hook between a position and its label.
+const HOOK: usize = 4;
+/// Mark of a line that is cut.
+const CUT: &str = "…";
+
+/// How diagnostics are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DrawingStyle {
+    /// Uses the colours of a terminal.
+    pub colour: bool,
+    /// Columns of the terminal. `None` for a file or a pipe: sentences are wrapped at 100 columns, labels are not.
+    pub columns: Option<usize>,
+}
+
+impl DrawingStyle {
+    fn sentence(self) -> usize {
+        self.columns
+            .unwrap_or(COLUMNS_MAX)
+            .clamp(COLUMNS_MIN, COLUMNS_MAX)
+    }
+
+    /// Returns the columns for the text of line `number`, counted from 1.
+    fn room(self, number: usize) -> usize {
+        let gutter = number.to_string().len() + GUTTER;
+        self.columns.map_or(LINE_MAX, |columns| {
+            (columns.max(COLUMNS_MIN) - gutter).min(LINE_MAX)
+        })
+    }
+}
+
+/// Wraps a text between words only: names with hyphens or slashes stay whole.
+fn wrap(text: &str, columns: usize) -> String {
+    let options = textwrap::Options::new(columns)
+        .break_words(false)
+        .word_separator(WordSeparator::AsciiSpace)
+        .word_splitter(WordSplitter::NoHyphenation);
+    textwrap::fill(text, options)
+}
 
 /// Draws rows, also those from another process; a row whose source is not given is drawn without its line. Unprintable
 /// characters of the texts are escaped, so that the only terminal control sequences are our own colours.
 #[must_use]
-pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> String {
-    let theme = if colour {
+pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], style: DrawingStyle) -> String {
+    let theme = if style.colour {
         GraphicalTheme::unicode()
     } else {
         GraphicalTheme::unicode_nocolor()
     };
     let handler = GraphicalReportHandler::new_themed(theme)
-        .with_width(100)
+        .with_width(style.sentence())
+        .with_break_words(false)
+        .with_word_separator(WordSeparator::AsciiSpace)
+        .with_word_splitter(WordSplitter::NoHyphenation)
         .with_links(false);
     let lines: Vec<LineIndex<'_>> = sources
         .iter()
@@ -31,9 +80,16 @@ pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> S
     for row in rows.iter().take(DRAWN_MAX) {
         let excerpt = |place: &DiagnosticPosition| {
             let source = sources.iter().position(|source| source.name == place.file);
-            lines.get(source?)?.excerpt(place)
+            lines.get(source?)?.excerpt(place, style)
         };
-        let shown = printable(row);
+        let mut shown = printable(row);
+        let line = excerpt(&place_of(row));
+        if let (Some(line), Some(_)) = (&line, style.columns) {
+            let before = line.text.get(..line.label.0).unwrap_or("").chars().count();
+            let room = style.room(row.line);
+            let left = room.saturating_sub(before + line.label.1 / 2 + HOOK);
+            shown.label = wrap(&shown.label, left.max(COLUMNS_MIN / 2));
+        }
         let used_at = row.used_at.as_ref().zip(shown.used_at.as_ref());
         let used_at = used_at.map(|(place, shown)| RelatedUse {
             place: shown,
@@ -41,7 +97,7 @@ pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> S
         });
         let report = Drawing {
             row: &shown,
-            line: excerpt(&place_of(row)),
+            line,
             used_at,
         };
         // Writing into a String fails only if the drawing itself fails; then print the message alone.
@@ -63,8 +119,8 @@ pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> S
     let _ = writeln!(
         out,
         "{}, {}",
-        plural(errors, "error"),
-        plural(warnings, "warning")
+        Counted::of(errors, "error"),
+        Counted::of(warnings, "warning")
     );
     out
 }
@@ -95,10 +151,6 @@ fn place_of(row: &DiagnosticRow) -> DiagnosticPosition {
         length: row.length,
         label: row.label.clone(),
     }
-}
-
-fn plural(count: usize, word: &str) -> String {
-    format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Start offsets of the lines of a text.
@@ -148,30 +200,35 @@ impl<'a> LineIndex<'a> {
         }
     }
 
-    /// Returns the line of a row, cut around the position if it is long.
-    fn excerpt(&self, row: &DiagnosticPosition) -> Option<Excerpt> {
+    /// Returns the line of a row, cut around the position if it is too long, or if the label would have no room.
+    fn excerpt(&self, row: &DiagnosticPosition, style: DrawingStyle) -> Option<Excerpt> {
         let (_, line) = self.line(row.line.checked_sub(1)?)?;
         let mut indices = line.char_indices().map(|(index, _)| index);
         let at = indices
             .nth(row.column.checked_sub(1)?)
             .unwrap_or(line.len());
-        let fits = line.len() <= LINE_MAX;
-        let from = if fits {
-            0
+        let room = style.room(row.line);
+        let label = style.columns.map_or(0, |_| {
+            let label = row.label.chars().count();
+            (row.length / 2 + HOOK + label).min(room / 2)
+        });
+        let before = if line.len() <= room {
+            room - label
         } else {
-            floor(line, at.saturating_sub(LINE_MAX / 3))
+            room / 3
         };
-        let to = if fits {
-            line.len()
-        } else {
-            floor(line, at + LINE_MAX * 2 / 3)
-        };
+        let from = ceil(line, at.saturating_sub(before));
+        let to = floor(line, from + room);
         let end = floor(line, at + row.length).min(to).max(at);
-        let mut text = Printable(&line[from..at]).to_string();
+        let mut text = if from > 0 { CUT } else { "" }.to_owned();
+        text.push_str(&Printable(&line[from..at]).to_string());
         let label = text.len();
         text.push_str(&Printable(&line[at..end]).to_string());
         let length = text.len() - label;
         text.push_str(&Printable(&line[end..to]).to_string());
+        if to < line.len() {
+            text.push_str(CUT);
+        }
         Some(Excerpt {
             name: Printable(&row.file).to_string(),
             text,
@@ -180,6 +237,14 @@ impl<'a> LineIndex<'a> {
             column: row.column - 1,
         })
     }
+}
+
+/// Returns the nearest character boundary at or after `at`.
+fn ceil(text: &str, at: usize) -> usize {
+    let at = at.min(text.len());
+    (at..=text.len())
+        .find(|at| text.is_char_boundary(*at))
+        .unwrap_or(text.len())
 }
 
 /// Returns the nearest character boundary at or before `at`.
