@@ -67,7 +67,7 @@ pub fn command() -> Command {
     let styles = Styles::styled();
     let head = styles.get_header();
     let template = format!(
-        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{verbs}{head}Options{head:#}\n{{options}}{{after-help}}"
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{verbs}{head}Options:{head:#}\n{{options}}{{after-help}}"
     );
     command.help_template(StyledStr::from(template))
 }
@@ -83,7 +83,7 @@ fn grouped_verbs(command: &Command, columns: usize) -> String {
     let indent = " ".repeat(width + 4);
     let mut text = String::new();
     for (title, count) in GROUPS {
-        text.push_str(&format!("{head}{title}{head:#}\n"));
+        text.push_str(&format!("{head}{title}:{head:#}\n"));
         for one in verbs.by_ref().take(*count) {
             let about = one.get_about().map(ToString::to_string).unwrap_or_default();
             let options = between_words(columns)
@@ -117,7 +117,7 @@ mod tests {
         let help = super::command().render_long_help().to_string();
         for (title, count) in GROUPS {
             assert!(
-                *count > 0 && help.contains(&format!("{title}\n")),
+                *count > 0 && help.contains(&format!("{title}:\n")),
                 "{title}\n{help}"
             );
         }
@@ -126,7 +126,7 @@ mod tests {
             let rows = help.lines().filter(|line| line.starts_with(&row));
             assert_eq!(rows.count(), 1, "{name}\n{help}");
         }
-        for part in ["Usage: ", "Options\n", "--cell", "Exit codes:"] {
+        for part in ["Usage: ", "Options:\n", "--cell", "Exit codes:"] {
             assert!(help.contains(part), "{part}\n{help}");
         }
     }

@@ -27,7 +27,7 @@ use crate::interrupt::Interrupts;
 use crate::output::{BackgroundPrinter, print_line, print_record};
 use crate::supervisor::processes::PreparedCell;
 use crate::supervisor::{Supervisor, SupervisorEvent, paths, processes};
-use crate::table::grouped;
+use crate::table::{counted, grouped, time};
 use checks::{MotionEvent, RecordedMotion, checks, monitor_index};
 use progress::{Bar, MotionProgress};
 use recorder::MonitorRecorder;
@@ -253,7 +253,8 @@ fn measure(
         }
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
         runner.printer.print_note(&format!(
-            "  repeating the measurement: {late} late cycles, or the connection was lost ({})",
+            "  repeating the measurement: {}, or the connection was lost ({})",
+            counted(late, "late cycle"),
             whats.join("; ")
         ));
     }
@@ -385,10 +386,10 @@ fn report(
     }
     let executor = &status.executor;
     print_line(&format!(
-        "  executor: {} late cycles of {}, longest cycle {}; {}",
-        grouped(executor.late),
+        "  executor: {} of {}, longest cycle {}; {}",
+        counted(executor.late, "late cycle"),
         grouped(executor.cycle),
-        crate::table::time(executor.exec_max_ns),
+        time(executor.exec_max_ns),
         executor.grade
     ));
     let end = if clean {

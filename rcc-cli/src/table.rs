@@ -2,6 +2,7 @@
 
 use comfy_table::presets::NOTHING;
 use comfy_table::{ContentArrangement, Table};
+use rcc_core::counted::Noun;
 
 /// Creates a table with these headings.
 #[must_use]
@@ -42,6 +43,21 @@ pub fn time(ns: u64) -> String {
     }
 }
 
+/// Formats a duration that is known, in a sentence: 0 is `0 µs`.
+#[must_use]
+pub fn span(ns: u64) -> String {
+    match ns {
+        0 => "0 µs".to_owned(),
+        ns => time(ns),
+    }
+}
+
+/// Formats a count with its digits grouped by three, and its noun, given in the singular.
+#[must_use]
+pub fn counted(number: u64, noun: &str) -> String {
+    format!("{} {}", grouped(number), Noun(number, noun))
+}
+
 /// Formats a number with its digits grouped by three.
 #[must_use]
 pub fn grouped(number: u64) -> String {
@@ -65,11 +81,14 @@ mod tests {
         assert_eq!(grouped(7), "7");
         assert_eq!(grouped(81_422), "81 422");
         assert_eq!(grouped(1_000_000), "1 000 000");
+        assert_eq!(counted(1, "late cycle"), "1 late cycle");
+        assert_eq!(counted(10_000, "late cycle"), "10 000 late cycles");
     }
 
     #[test]
     fn times_have_the_unit_that_suits_them() {
         assert_eq!(time(0), "–");
+        assert_eq!((span(0), span(500_000)), ("0 µs".into(), "500.0 µs".into()));
         assert_eq!(time(5_900), "5.9 µs");
         assert_eq!(time(1_200_000_000), "1.2 s");
     }

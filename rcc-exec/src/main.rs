@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use rcc_config::cell::{CellConfig, RealTime};
+use rcc_core::counted::Counted;
 use rcc_core::message::CycleStatus;
 use rcc_engine::costs::Costs;
 use rcc_engine::costs::cache::{self, CostsSource};
@@ -305,15 +306,12 @@ fn pulse(status: &CycleStatus, grants: &Grants) -> HealthReport {
         [] => "RT granted".to_owned(),
         refusals => format!("DEGRADED: not real-time: {}", refusals.join("; ")),
     };
-    let nets = match status.running {
-        1 => "1 net".to_owned(),
-        nets => format!("{nets} nets"),
-    };
+    let nets = Counted(u64::from(status.running), "net");
+    let late = Counted(status.late, "late cycle");
     HealthReport {
         progress: status.cycle,
         status: format!(
-            "{hertz:.0} Hz, {nets}, {} late cycles (last {}), longest cycle {:.1} µs; {grade}",
-            status.late,
+            "{hertz:.0} Hz, {nets}, {late} (last {}), longest cycle {:.1} µs; {grade}",
             status.last_late.cycle,
             status.exec_max_ns as f64 * 1e-3
         ),

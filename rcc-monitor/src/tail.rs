@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
+use rcc_core::counted::Counted;
 use rcc_core::message::MonitorRecord;
 use rcc_core::printable::Printable;
 use serde_json::{Value, json};
@@ -176,7 +177,7 @@ impl<'a> Printer<'a> {
     fn lost(&self, lost: u64, out: &mut impl Write) -> io::Result<()> {
         match self.options.format {
             Format::Human => {
-                print_note(&format!("{lost} records were lost here"));
+                print_note(&format!("lost here: {}", Counted(lost, "record")));
                 Ok(())
             }
             Format::Json => writeln!(out, "{}", json!({"lost": lost})),

@@ -1,6 +1,7 @@
 //! Checks of a motion, based on recorded data alone: set-points, the simulated arm, and datagrams on the wire. Pure;
 //! called by the demo's main thread when a motion has ended.
 
+use rcc_core::counted::Counted;
 use rcc_core::path::PathLimits;
 use rcc_motion::stop_time;
 
@@ -310,7 +311,11 @@ pub fn without_gaps(what: &str, cycles: &[u64]) -> MotionCheck {
         what,
         holds,
         "no gap",
-        format!("{gaps} gaps in {} cycles", cycles.len()),
+        format!(
+            "{} in {}",
+            Counted::of(gaps, "gap"),
+            Counted::of(cycles.len(), "cycle")
+        ),
     )
 }
 

@@ -5,6 +5,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use rcc_core::counted::Counted;
 use rcc_ipc::Cell;
 use rcc_ipc::clean::remove_cell;
 use serde::Serialize;
@@ -39,9 +40,9 @@ pub fn clean(base: &Path, shm: Option<&Path>) -> Cleaned {
     for stray in cells::strays(shm, base).into_iter().filter(ours) {
         match remove_all(&stray.paths) {
             Ok(()) => cleaned.removed.push(format!(
-                "shared memory {}*: {} files",
+                "shared memory {}*: {}",
                 stray.prefix,
-                stray.paths.len()
+                Counted::of(stray.paths.len(), "file")
             )),
             Err((path, error)) => cleaned.refused.push(format!("{}: {error}", path.display())),
         }
@@ -59,8 +60,10 @@ fn remove(facts: &CellFacts) -> Result<Option<String>, String> {
         return Ok(None);
     }
     Ok(Some(format!(
-        "cell {}: {} files in shared memory, {} announcements, its folder",
-        facts.name, report.shared_memory, report.announcements
+        "cell {}: {} in shared memory, {}, its folder",
+        facts.name,
+        Counted::of(report.shared_memory, "file"),
+        Counted::of(report.announcements, "announcement")
     )))
 }
 

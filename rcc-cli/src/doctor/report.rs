@@ -1,5 +1,6 @@
 //! The complete report: findings and measurement, as text and as JSON. Pure.
 
+use rcc_core::counted::Counted;
 use serde::Serialize;
 
 use super::facts::MachineFacts;
@@ -110,10 +111,13 @@ impl DoctorReport {
         };
         let rest = match (count(FindingLevel::Fail), count(FindingLevel::Warn)) {
             (0, 0) => "no problems found".to_owned(),
-            (0, warnings) => format!("cells can run here; {warnings} warnings"),
-            (fails, warnings) => {
-                format!("{fails} problems prevent cells from running; {warnings} warnings")
-            }
+            (0, warnings) => format!("cells can run here; {}", Counted::of(warnings, "warning")),
+            (fails, warnings) => format!(
+                "{} {} cells from running; {}",
+                Counted::of(fails, "problem"),
+                if fails == 1 { "prevents" } else { "prevent" },
+                Counted::of(warnings, "warning")
+            ),
         };
         format!("{machine}\n{rest}\n")
     }
@@ -210,7 +214,7 @@ mod tests {
         let report = DoctorReport::of(&MachineFacts::default());
         assert_eq!(report.worst, FindingLevel::Fail);
         assert!(
-            report.human().contains("prevent cells"),
+            report.human().contains("cells from running"),
             "{}",
             report.human()
         );

@@ -8,6 +8,7 @@ use rcc_api::bodies::{Finding, RehearsalView};
 use rcc_api::codes::{self, exit};
 use rcc_api::compile::{findings, name_of};
 use rcc_config::CellConfig;
+use rcc_core::counted::Counted;
 use rcc_language::Compiler;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::FileLibraries;
@@ -226,7 +227,8 @@ fn print_verdict(
             primitives,
             ..
         } = verdict;
-        print_line(&format!("{file}: {net} is valid, {primitives} primitives"));
+        let primitives = Counted(u64::from(*primitives), "primitive");
+        print_line(&format!("{file}: {net} is valid, {primitives}"));
         if let Some(rehearsal) = &verdict.rehearsal {
             print_line(&rehearsal.words);
         }

@@ -1,6 +1,7 @@
 //! `load FILE`: loads a net and waits until it is ready.
 
 use rcc_api::bodies::CommandView;
+use rcc_core::counted::Counted;
 
 use crate::context::Context;
 use crate::failure::{Failure, draw};
@@ -43,10 +44,10 @@ pub(super) fn line(command: &CommandView) -> String {
         command.uses.join(", ")
     };
     format!(
-        "{}  {}  {} primitives  uses: {uses}{}",
+        "{}  {}  {}  uses: {uses}{}",
         follow::title(command),
         command.state,
-        command.primitives,
+        Counted(u64::from(command.primitives), "primitive"),
         match command.expected_ns {
             0 => String::new(),
             ns => format!("  expected: {} per cycle", time(ns)),

@@ -7,6 +7,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use rcc_api::codes;
+use rcc_core::counted::Counted;
 use rcc_engine::incident::{Incident, IncidentError};
 use rcc_engine::net::Evaluation;
 use rcc_engine::replay::{
@@ -22,7 +23,7 @@ use crate::failure::Failure;
 use crate::incident::{IncidentNet, ShownSlots, text, value_of};
 use crate::output::{print_line, print_note, print_record};
 use crate::result_file::WrittenFile;
-use crate::table::{self, grouped};
+use crate::table::{self, counted, grouped};
 
 /// Arguments of `replay`.
 #[derive(clap::Args, Debug)]
@@ -175,8 +176,8 @@ fn print_results(
         different => Err(Failure::new(
             codes::REPLAY_DIFFERS,
             format!(
-                "{different} of {} nets differ from what was recorded",
-                rows.len()
+                "{different} of {} differ from the recording",
+                Counted::of(rows.len(), "net")
             ),
             "the same plan and inputs must give the same bits: report this as a bug, with the file",
         )),
@@ -232,8 +233,8 @@ fn describe_mismatch(mismatch: &Mismatch, result: &NetReplayResult, named: &Inci
         }
     };
     let mut description = format!(
-        "DIFFERS in {} cycles, first in cycle {} (net cycle {}){what}",
-        grouped(result.different),
+        "DIFFERS in {}, first in cycle {} (net cycle {}){what}",
+        counted(result.different, "cycle"),
         grouped(mismatch.cycle),
         grouped(mismatch.net_cycle)
     );

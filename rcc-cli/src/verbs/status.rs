@@ -2,13 +2,12 @@
 //! obtained, and the processes of the cell.
 
 use rcc_api::bodies::{Acknowledged, ClockView, ExecutorView, HelperView, LateView, StatusView};
-use rcc_core::counted::{Counted, Noun};
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::doctor::record::GradeRecord;
 use crate::failure::Failure;
-use crate::table::{self, grouped, time};
+use crate::table::{self, counted, grouped, span, time};
 
 /// Arguments of `status`.
 #[derive(clap::Args, Debug)]
@@ -50,9 +49,8 @@ struct Status {
 /// Describes an acknowledgement.
 pub(super) fn acknowledged(done: &Acknowledged) -> String {
     format!(
-        "{} {} acknowledged at cycle {}",
-        grouped(done.late),
-        Noun(done.late, "late cycle"),
+        "{} acknowledged at cycle {}",
+        counted(done.late, "late cycle"),
         grouped(done.cycle)
     )
 }
@@ -72,7 +70,7 @@ fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
         time(executor.exec_last_ns),
         time(executor.exec_max_ns),
         time(executor.worst_wake_ns),
-        Counted(u64::from(executor.running), "net"),
+        counted(u64::from(executor.running), "net"),
         budget(executor),
         clock(&executor.clock),
         executor.grade,
@@ -130,16 +128,14 @@ fn late(executor: &ExecutorView) -> String {
             grouped(all)
         ),
         (all, new) => format!(
-            "{} {}{}, {} {} skipped",
-            grouped(new),
-            Noun(new, "late cycle"),
+            "{}{}, {} skipped",
+            counted(new, "late cycle"),
             if all == new {
                 String::new()
             } else {
                 format!(" since the last acknowledgement ({} in all)", grouped(all))
             },
-            grouped(executor.skipped_periods),
-            Noun(executor.skipped_periods, "period")
+            counted(executor.skipped_periods, "period")
         ),
     }
 }
@@ -186,9 +182,9 @@ fn budget(executor: &ExecutorView) -> String {
         return String::new();
     }
     format!(
-        ", expected to take {} of {} per cycle",
-        time(executor.committed_ns),
-        time(executor.budget_ns)
+        ", expected to take {} of the budget of {} per cycle",
+        span(executor.committed_ns),
+        span(executor.budget_ns)
     )
 }
 
@@ -210,7 +206,7 @@ fn clock(clock: &ClockView) -> String {
     };
     format!(
         "clock     {device}: {state}; lost {}\n",
-        Counted(clock.losses, "time")
+        counted(clock.losses, "time")
     )
 }
 

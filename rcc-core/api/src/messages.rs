@@ -444,6 +444,10 @@ pub fn unknown_among<'n>(name: &str, nets: impl Iterator<Item = &'n str>) -> Api
 
 fn over_budget(net: &str, times_ns: [u64; 3]) -> (ErrorCode, String, String) {
     let [needed, in_use, budget] = times_ns.map(|ns| format!("{:.1} µs", ns as f64 * 1e-3));
+    let in_use = match times_ns[1] {
+        0 => "nothing is in use yet".to_owned(),
+        _ => format!("{in_use} are in use"),
+    };
     let help = if times_ns[1] == 0 {
         format!(
             "`rcc-cli explain {net}` shows what is expensive: make the net smaller, give it `every: 2` or more, or raise \
@@ -458,8 +462,7 @@ fn over_budget(net: &str, times_ns: [u64; 3]) -> (ErrorCode, String, String) {
     (
         codes::OVER_BUDGET,
         format!(
-            "{net} cannot start: it is expected to take {needed} of a cycle; {in_use} are in use, and the budget of all nets \
-             is {budget}"
+            "{net} cannot start: it is expected to take {needed} of a cycle; {in_use}, and the budget of all nets is {budget}"
         ),
         help,
     )

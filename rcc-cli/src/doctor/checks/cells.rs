@@ -1,10 +1,12 @@
 //! Cells: the folder they are in, the running ones, leftovers of dead ones, open files. Pure.
 
+use rcc_core::counted::Counted;
+
 use super::bytes;
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 use crate::doctor::facts::cells::CellFacts;
-use crate::table::{grouped, time};
+use crate::table::{counted, grouped, time};
 
 /// Group and others may not write; a group may read if the cell's file grants it access.
 const OTHERS_WRITE: u32 = 0o022;
@@ -108,8 +110,8 @@ fn cell_findings(cell: &CellFacts) -> Vec<HealthFinding> {
     match &cell.executor {
         None => {
             let what = format!(
-                "cell {name} runs ({} processes) but its loader or executor does not answer",
-                cell.living.len()
+                "cell {name} runs ({}), but its loader or executor does not answer",
+                Counted::of(cell.living.len(), "process")
             );
             found.push(HealthFinding::warn(
                 what,
@@ -118,9 +120,9 @@ fn cell_findings(cell: &CellFacts) -> Vec<HealthFinding> {
         }
         Some(executor) if executor.late > 0 => {
             let what = format!(
-                "cell {name} runs: cycle {}, {} late (last {}), worst wake-up latency {}",
+                "cell {name} runs: cycle {}, {} (last {}), worst wake-up latency {}",
                 grouped(executor.cycle),
-                grouped(executor.late),
+                counted(executor.late, "late cycle"),
                 grouped(executor.last_late.as_ref().map_or(0, |late| late.cycle)),
                 time(executor.worst_wake_ns)
             );
@@ -147,11 +149,11 @@ pub(super) fn leftovers(facts: &MachineFacts) -> Vec<HealthFinding> {
         let gone = cell.living.is_empty() && cell.refused.is_none();
         if gone && cell.files + cell.dead.len() > 0 {
             let what = format!(
-                "cell {} is dead and left behind {} files ({}) in shared memory and {} announcements in {}",
+                "cell {} is dead and left behind {} ({}) in shared memory and {} in {}",
                 cell.name,
-                cell.files,
+                Counted::of(cell.files, "file"),
                 bytes(cell.bytes),
-                cell.dead.len(),
+                Counted::of(cell.dead.len(), "announcement"),
                 cell.folder.display()
             );
             found.push(HealthFinding::warn(what, FIX));
@@ -159,9 +161,9 @@ pub(super) fn leftovers(facts: &MachineFacts) -> Vec<HealthFinding> {
     }
     for stray in &facts.strays {
         let what = format!(
-            "shared memory {}* of a cell in another folder: {} files ({})",
+            "shared memory {}* of a cell in another folder: {} ({})",
             stray.prefix,
-            stray.paths.len(),
+            Counted::of(stray.paths.len(), "file"),
             bytes(stray.bytes)
         );
         found.push(if stray.used {

@@ -1,5 +1,7 @@
 //! The core of the cycle: its existence, isolation, interrupts, power saving. Pure.
 
+use rcc_core::counted::Counted;
+
 use super::cores;
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
@@ -85,7 +87,7 @@ pub(super) fn interrupts(facts: &MachineFacts) -> Vec<HealthFinding> {
     let named: Vec<String> = all
         .iter()
         .take(NAMED)
-        .map(|(name, count)| format!("{name} ({count} times)"))
+        .map(|(name, count)| format!("{name} ({})", Counted(*count, "time")))
         .collect();
     let number = all[0].0.split(' ').next().unwrap_or("N");
     let what = format!("device interrupts on core {core}: {}", named.join(", "));

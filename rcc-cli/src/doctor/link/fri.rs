@@ -5,6 +5,7 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
+use rcc_core::counted::Counted;
 use serde_json::Value;
 
 use super::{LinkFacts, LinkStage, configuration, driver, plain};
@@ -203,7 +204,11 @@ fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
             .as_str()
             .map(|from| HealthFinding::ok(format!("datagrams come from {from}")));
     }
-    let others = format!("{foreign} datagrams came from {}", text("foreign_last"));
+    let others = format!(
+        "{} came from {}",
+        Counted(foreign, "datagram"),
+        text("foreign_last")
+    );
     let accepted = facts.grown("accepted");
     let expected = match facts.settings["peer"].as_str() {
         Some(peer) => format!("settings.peer accepts only {peer}"),
@@ -307,7 +312,8 @@ fn order(facts: &LinkFacts) -> Option<HealthFinding> {
     }
     if disordered + lost > 0 {
         let what = format!(
-            "{lost} datagrams were lost and {disordered} were duplicated, late or implausible during the check"
+            "during the check, {} lost and {disordered} duplicated, late or implausible",
+            Counted(lost, "datagram")
         );
         let fix = "use a dedicated cable between the controller and this machine, without switch or Wi-Fi";
         return Some(HealthFinding::warn(what, fix));
@@ -315,7 +321,9 @@ fn order(facts: &LinkFacts) -> Option<HealthFinding> {
     let (gaps, ever) = (facts.total("gaps"), facts.total("gaps_datagrams"));
     (gaps > 0).then(|| {
         HealthFinding::note(format!(
-            "{ever} datagrams were lost in {gaps} gaps since the driver started"
+            "lost since the driver started: {} in {}",
+            Counted(ever, "datagram"),
+            Counted(gaps, "gap")
         ))
     })
 }

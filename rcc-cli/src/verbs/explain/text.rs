@@ -2,7 +2,7 @@
 
 use super::TableSelection;
 use super::report::{CellCapacity, Explanation, NetMemory, StepOutput};
-use crate::table::{self, grouped, time};
+use crate::table::{self, counted, grouped, span, time};
 
 /// Nets up to this size are shown in full.
 const SMALL: usize = 40;
@@ -38,10 +38,10 @@ pub fn human(it: &Explanation, shown: TableSelection) -> String {
 fn regions(it: &Explanation) -> String {
     let lines = it.regions.iter().map(|region| {
         format!(
-            "`{}` is evaluated only while `{}` is true: {} primitives, {} when active",
+            "`{}` is evaluated only while `{}` is true: {}, {} when active",
             region.id,
             region.condition,
-            grouped(region.primitives),
+            counted(region.primitives, "primitive"),
             time(region.ns.round() as u64)
         )
     });
@@ -58,9 +58,9 @@ fn head(it: &Explanation) -> String {
         every => format!("every {every} cycles"),
     };
     format!(
-        "{}: {} primitives, expected to take {} {every}, {} of the period of {}\ncosts {}\n{}",
+        "{}: {}, expected to take {} {every}, {} of the period of {}\ncosts {}\n{}",
         it.net,
-        grouped(u64::from(it.primitives)),
+        counted(u64::from(it.primitives), "primitive"),
         time(it.expected_ns),
         percent(it.expected_ns as f64, it.period_ns),
         time(it.period_ns),
@@ -74,15 +74,15 @@ fn memory(it: &NetMemory, runs: usize) -> String {
     let shared = match it.constant_inputs {
         0 => String::new(),
         inputs => format!(
-            "\n{} constant inputs in {} slots",
-            count(inputs),
-            count(it.constants)
+            "\n{} in {}",
+            counted(inputs as u64, "constant input"),
+            counted(it.constants as u64, "slot")
         ),
     };
     format!(
-        "{} runs of equal kernels, {} operands; arena {} bytes ({} Real, {} Bool, {} Int): outputs {}, delayed links {}, constants and states {}{shared}",
-        count(runs),
-        count(it.operands),
+        "{} of equal kernels, {}; arena {} bytes ({} Real, {} Bool, {} Int): outputs {}, delayed links {}, constants and states {}{shared}",
+        counted(runs as u64, "run"),
+        counted(it.operands as u64, "operand"),
         count(it.arena_bytes),
         count(it.reals),
         count(it.bools),
@@ -167,7 +167,8 @@ fn path(it: &Explanation) -> String {
     match ids.len() {
         0 => String::new(),
         count => format!(
-            "critical path: {count} primitives, {:.1} ns: {shown}",
+            "critical path: {}, {:.1} ns: {shown}",
+            counted(count as u64, "primitive"),
             it.path.ns
         ),
     }
@@ -184,8 +185,8 @@ fn nulls(it: &Explanation, shown: TableSelection, is_small: bool) -> String {
         lines.push(table::text(&rows));
     } else if !is_small && count > 0 {
         lines.push(format!(
-            "{} primitives can return null",
-            grouped(count as u64)
+            "{} can return null",
+            counted(count as u64, "primitive")
         ));
     }
     let most = if is_small || shown.nulls || shown.all {
@@ -218,9 +219,9 @@ fn capacity(room: &CellCapacity) -> String {
     format!(
         "cell {}: nets may use {} per cycle, {} in use, {} left; {dearest}",
         room.cell,
-        time(room.budget_ns),
-        time(room.committed_ns),
-        time(room.left_ns)
+        span(room.budget_ns),
+        span(room.committed_ns),
+        span(room.left_ns)
     )
 }
 
@@ -326,7 +327,7 @@ mod tests {
         let text = human(&large, TableSelection::default());
         assert!(text.lines().count() < 20, "{text}");
         assert!(
-            text.contains("1 primitives can return null") && text.contains("`--order`"),
+            text.contains("1 primitive can return null") && text.contains("`--order`"),
             "{text}"
         );
         let order = TableSelection {

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
+use rcc_core::counted::Counted;
 use serde_json::{Value, json};
 
 /// Fault to inject.
@@ -226,9 +227,10 @@ fn short_command(effect: &FaultEffect) -> (Value, String) {
             json!({"delay_ms": milliseconds(*time)}),
             format!("answers {time:?} late"),
         ),
-        FaultEffect::Drop { count } => {
-            (json!({"drop": count}), format!("ignores {count} requests"))
-        }
+        FaultEffect::Drop { count } => (
+            json!({"drop": count}),
+            format!("ignores {}", Counted(*count, "request")),
+        ),
         FaultEffect::Clear { .. } => (json!("clear"), "has all faults cleared".to_owned()),
         // Signals are handled by [`action`].
         _ => (Value::Null, String::new()),

@@ -1,13 +1,12 @@
 //! The contents of `top`: sentences and columns, for the live view and for `--once`. Pure.
 
 use rcc_api::bodies::{BucketView, CommandView, HistogramView};
-use rcc_core::counted::Noun;
 
 use super::TopSnapshot;
 use super::columns::{Cells, Column, fit};
 use crate::doctor::histogram::drawing;
 use crate::follow;
-use crate::table::{grouped, time};
+use crate::table::{counted, grouped, span, time};
 use crate::verbs::status::late_words;
 
 /// Returns a part of a whole in percent.
@@ -32,8 +31,8 @@ pub(super) fn head(snapshot: &TopSnapshot) -> Vec<String> {
     if executor.budget_ns > 0 {
         parts.push(format!(
             "budget {} used of {}",
-            time(executor.committed_ns),
-            time(executor.budget_ns)
+            span(executor.committed_ns),
+            span(executor.budget_ns)
         ));
     }
     parts
@@ -55,9 +54,8 @@ pub(super) fn late(snapshot: &TopSnapshot) -> Vec<String> {
             grouped(executor.late)
         ),
         new => format!(
-            "{} {}, {} since the start",
-            grouped(new),
-            Noun(new, "late cycle"),
+            "{}, {} since the start",
+            counted(new, "late cycle"),
             grouped(executor.late)
         ),
     }];

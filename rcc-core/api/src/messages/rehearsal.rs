@@ -215,6 +215,7 @@ fn roundings(rehearsed: &RehearsalReport) -> String {
     let mm = |metres: f64| format!("{:.1} mm", 1e3 * metres);
     let others = match rehearsed.shortened {
         0 | 1 => String::new(),
+        2 => "; 1 more is smaller than requested".to_owned(),
         count => format!("; {} more are smaller than requested", count - 1),
     };
     let (leg, asked) = (most.leg + 1, mm(most.asked_m));

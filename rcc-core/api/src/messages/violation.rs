@@ -122,7 +122,7 @@ impl NameResolver<'_> {
             (FaultCode::Motion, _) => "a motion could not be computed".to_owned(),
             (FaultCode::Overrun, _) => {
                 format!(
-                    "too many late cycles in a row, the last one was {}",
+                    "too many late cycles in a row, the last one was cycle {}",
                     fault.cycle
                 )
             }

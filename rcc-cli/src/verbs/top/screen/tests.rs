@@ -136,7 +136,7 @@ fn at_80_columns_and_24_rows_no_heading_and_no_number_is_cut() {
         "wake-up latency       34.8  1234.0    200.0     1234.0",
         "cycle               1000.0  2100.0    200.0     2100.0",
         "(log",
-        "98765",
+        "99197",
         "PRIMITIVE              EACH ns  SHARE %  MAX RUN ns",
         "InverseKinematicsNear      750     75.0        1200",
         "LinearMotion               250     25.0        1200",
