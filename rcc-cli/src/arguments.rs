@@ -131,6 +131,33 @@ mod tests {
         }
     }
 
+    /// Calls `check` with each verb and each of its subcommands.
+    fn visit(command: &Command, path: &str, check: &dyn Fn(&str, &Command)) {
+        for verb in command.get_subcommands() {
+            let path = format!("{path} {}", verb.get_name());
+            check(&path, verb);
+            visit(verb, &path, check);
+        }
+    }
+
+    #[test]
+    fn the_option_o_names_the_file_of_the_result_everywhere() {
+        let count = std::cell::Cell::new(0);
+        visit(&Arguments::command(), "rcc-cli", &|path, verb| {
+            for option in verb.get_arguments() {
+                let is_o = option.get_short() == Some('o');
+                assert_eq!(is_o, option.get_long() == Some("out"), "{path}: {option:?}");
+                count.set(count.get() + usize::from(is_o));
+                let help = option
+                    .get_help()
+                    .map(ToString::to_string)
+                    .unwrap_or_default();
+                assert!(!is_o || help.contains("say so"), "{path}: {help}");
+            }
+        });
+        assert_eq!(count.get(), 4, "convert, graph, plot, robot import");
+    }
+
     #[test]
     fn the_list_of_verbs_fits_a_narrow_terminal() {
         for columns in [50, 80, 100] {

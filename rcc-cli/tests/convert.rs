@@ -34,6 +34,35 @@ fn a_net_of_the_predecessor_becomes_a_file_that_is_valid() {
 }
 
 #[test]
+fn the_option_o_says_what_it_wrote() {
+    let folder = rcc_testing::folder();
+    for (verb, net, name) in [
+        (
+            "convert",
+            "tests/data/directionet/flat/lwr_lin-02-lwr-lin.net",
+            "a.yaml",
+        ),
+        ("graph", "configs/nets/blink.yaml", "b.svg"),
+        ("plot", "configs/nets/line.yaml", "c.svg"),
+    ] {
+        let file = folder.path().join(name);
+        let output = Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+            .args([verb, net, "-o"])
+            .arg(&file)
+            .current_dir(repository())
+            .env("RCC_CELL", "no-cell-of-convert")
+            .env("RCC_CONFIGS", repository().join("configs"))
+            .env_remove("RCC_OUTPUT")
+            .output()
+            .expect("it runs");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        let wrote = format!("wrote {}", file.display());
+        assert!(said.starts_with(&wrote), "{verb}: {said}");
+        assert!(file.is_file(), "{verb}");
+    }
+}
+
+#[test]
 fn parts_without_counterpart_are_refused_with_their_location() {
     let (code, text) = run(&["convert", "tests/nets/bad/RCC1601-no-counterpart.net"]);
     assert_eq!(code, Some(3), "{text}");

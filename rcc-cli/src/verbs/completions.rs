@@ -1,4 +1,4 @@
-//! `completions SHELL`: prints what a shell needs to complete verbs and options.
+//! `completions SHELL`: prints the completions of verbs and options for a shell.
 
 use clap_complete::Shell;
 
@@ -6,17 +6,17 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::print_record;
 
-/// For which shell.
+/// Arguments of `completions`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The shell that reads it: `rcc-cli completions bash > /etc/bash_completion.d/rcc-cli`.
+    /// Shell that reads them: rcc-cli completions bash > /etc/bash_completion.d/rcc-cli
     shell: Shell,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// None.
+/// Never fails.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut command = crate::arguments::command();
     let mut text = Vec::new();

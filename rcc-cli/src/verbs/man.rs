@@ -9,25 +9,25 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::print_line;
 
-/// Where to.
+/// Arguments of `man`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The folder, made if it is missing: `/usr/local/share/man/man1` is one that `man` looks into.
+    /// Folder, created if it does not exist; `man` searches /usr/local/share/man/man1
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }
 
-/// Does it.
+/// Runs the verb.
 ///
 /// # Errors
-/// A file cannot be written.
+/// Fails if a file cannot be written.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let folder = arguments.folder;
     let refused = |error: std::io::Error| {
         Failure::new(
             codes::PROCESS_FAILED,
             format!("cannot write manual pages to {}: {error}", folder.display()),
-            "give a folder that you may write to",
+            "name a folder that you may write to",
         )
     };
     fs::create_dir_all(&folder).map_err(refused)?;

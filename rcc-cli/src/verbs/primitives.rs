@@ -121,7 +121,7 @@ fn mentioning<'a>(all: &'a [PrimitiveView], word: &str) -> Vec<&'a PrimitiveView
 fn also(mentioning: &[&PrimitiveView], view: &PrimitiveView) -> String {
     const SHOWN_MAX: usize = 8;
     let others = mentioning.iter().filter(|other| other.name != view.name);
-    let mut rows = table::table(&["SEE ALSO", "WHAT IT DOES"]);
+    let mut rows = table::table(&["SEE ALSO", "SUMMARY"]);
     for other in others.clone().take(SHOWN_MAX) {
         rows.add_row([&other.name, &other.summary]);
     }
@@ -135,7 +135,7 @@ fn also(mentioning: &[&PrimitiveView], view: &PrimitiveView) -> String {
 fn list(all: &[PrimitiveView]) -> String {
     let mut text = String::new();
     for group in SUBJECTS.iter().map(|subject| subject.title) {
-        let mut rows = table::table(&[&group.to_uppercase(), "WHAT IT DOES"]);
+        let mut rows = table::table(&[&group.to_uppercase(), "SUMMARY"]);
         let mut any = false;
         for view in all.iter().filter(|view| view.group == group) {
             rows.add_row([&view.name, &view.summary]);

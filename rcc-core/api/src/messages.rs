@@ -253,7 +253,7 @@ impl NameResolver<'_> {
             ),
             Refusal::Withdrawn => (
                 codes::WRONG_STATE,
-                format!("{net} was cancelled or aborted before it started, and remains ready"),
+                format!("{net} was canceled or aborted before it started, and remains ready"),
                 format!("to start it nevertheless: `rcc-cli start {net}`"),
             ),
         };

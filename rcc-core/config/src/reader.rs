@@ -4,6 +4,7 @@
 use std::f64::consts::PI;
 use std::fmt::Display;
 
+use rcc_core::counted::Counted;
 use rcc_core::unit::Unit;
 
 use crate::codes::{self, Code};
@@ -201,7 +202,8 @@ impl ConfigReader {
         let list = self.list(node, what)?;
         let array = list.try_into().ok();
         if array.is_none() {
-            let message = format!("{what} has {} elements, expected {N}", list.len());
+            let have = Counted::of(list.len(), "element");
+            let message = format!("{what} has {have}, expected {N}");
             self.report(error(codes::WRONG_SHAPE, node.span, message));
         }
         array

@@ -1,5 +1,7 @@
 //! The kernel, its clock, and the machine below it. Pure.
 
+use rcc_core::counted::Counted;
+
 use crate::doctor::HealthFinding;
 use crate::doctor::facts::MachineFacts;
 use crate::doctor::grade::Grade;
@@ -75,7 +77,8 @@ pub(super) fn virtual_machine(facts: &MachineFacts) -> Vec<HealthFinding> {
     }
     if let Some(smi @ 1..) = facts.activity.smi {
         let what = format!(
-            "the firmware interrupted the core {smi} times (SMI); no operating system can prevent that"
+            "the firmware interrupted the core {} (SMI); no operating system can prevent that",
+            Counted(smi, "time")
         );
         found.push(HealthFinding::warn(
             what,

@@ -7,6 +7,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use rcc_core::counted::Counted;
 use rcc_ipc::cell::person;
 use rcc_ipc::{Cell, clean, events};
 use rcc_protocol::version::version;
@@ -79,9 +80,10 @@ fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
     };
     if arguments.wipe {
         let report = clean::wipe(&cell)?;
-        let (files, processes) = (report.shared_memory, report.announcements);
+        let files = Counted::of(report.shared_memory, "shared-memory file");
+        let announcements = Counted::of(report.announcements, "announcement");
         let mut words = format!(
-            "cell `{}`: removed {files} shared-memory files and {processes} announcements",
+            "cell `{}`: removed {files} and {announcements}",
             cell.name()
         );
         // The next start uses another prefix, so these files block nothing.

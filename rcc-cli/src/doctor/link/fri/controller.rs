@@ -1,5 +1,7 @@
 //! Stages after the first valid datagram: what the controller reports about itself, and how it rates our answers.
 
+use rcc_core::counted::Counted;
+
 use super::{LinkFacts, wire};
 use crate::doctor::HealthFinding;
 use crate::doctor::link::percent;
@@ -159,11 +161,11 @@ pub(super) fn answers(facts: &LinkFacts) -> Option<HealthFinding> {
     let mean_ns = facts.link()["answer_mean_ns"].as_u64()?;
     let longest_ns = facts.total("answer_max_ns");
     let what = format!(
-        "answers leave after {} on average, at most {} during the check and {} since the start; {} set-points came too late",
+        "answers leave after {} on average, at most {} during the check and {} since the start; {} came too late",
         time(mean_ns),
         time(longest_ns),
         time(facts.total("answer_longest_ns")),
-        status.starved
+        Counted(status.starved, "set-point")
     );
     if longest_ns > facts.period_ns / 2 {
         return Some(HealthFinding::warn(
