@@ -110,6 +110,31 @@ fn a_refused_plan_reports_the_executors_reason_with_names() {
 }
 
 #[test]
+fn a_loader_does_not_reject_what_it_loads_itself_while_it_attaches() {
+    let test = TestCell::new("attaches");
+    let executor = FakeExecutor::start(&test.cell, &[], None);
+    // Whoever attaches first removes these, and the other one reserves an id meanwhile.
+    for dead in 1..1000 {
+        let folder = test.cell.commands_dir().join(format!("{dead:016x}"));
+        std::fs::create_dir_all(&folder).expect("created");
+        std::fs::write(folder.join("1.json"), "{}").expect("written");
+    }
+    let service = service(&test.cell);
+    executor.hold(true);
+    std::thread::scope(|scope| {
+        let attaches = scope.spawn(|| service.list());
+        let loads = scope.spawn(|| service.reserve(&without_deadline(), line()));
+        // Its command is in the executor's table, but it does not know the id yet.
+        executor.wait_for_calls(1, |_| true);
+        assert!(attaches.join().expect("no panic").is_ok());
+        executor.hold(false);
+        loads.join().expect("no panic").expect("a row is free");
+    });
+    let calls = &executor.seen.lock().expect("seen").calls;
+    assert!(matches!(calls.as_slice(), [Call::Reserve]), "{calls:?}");
+}
+
+#[test]
 fn a_restarted_loader_rejects_what_a_dead_one_was_loading_and_keeps_names() {
     let test = TestCell::new("restart");
     let rows = [(5, CommandState::Loading), (6, CommandState::Running)];

@@ -198,26 +198,30 @@ impl Service {
             }
         })?;
         self.check_configuration(&attached.announcement);
-        let (store, new) = self.store(attached.announcement.incarnation);
-        if new {
+        let (store, orphans) = self.store(&attached);
+        if let Some(orphans) = orphans {
             tracing::info!(pid = attached.announcement.pid, "attached to the executor");
             store.remove_others();
-            self.reject_orphans(&attached, &store);
+            self.reject_orphans(&orphans, &store);
         }
         Ok((attached, store))
     }
 
-    /// Returns the commands of an executor, and whether they were just read from their files.
-    fn store(&self, incarnation: u64) -> (Arc<CommandStore>, bool) {
+    /// Returns the commands of an executor and, if they were just read from their files, the ids of those that a dead
+    /// loader was loading there.
+    fn store(&self, attached: &ExecutorConnection) -> (Arc<CommandStore>, Option<Vec<u64>>) {
+        let incarnation = attached.announcement.incarnation;
         // A panic leaves it intact, because it is one value. Other threads wait for the one that reads the files:
         // without names they can do nothing.
         let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
         match store.as_ref().filter(|(known, _)| *known == incarnation) {
-            Some((_, store)) => (Arc::clone(store), false),
+            Some((_, store)) => (Arc::clone(store), None),
             None => {
                 let found = Arc::new(CommandStore::open(self.executor.cell(), incarnation));
+                // Read before any other thread can reserve an id there.
+                let orphans = load::orphans(attached);
                 *store = Some((incarnation, Arc::clone(&found)));
-                (found, true)
+                (found, Some(orphans))
             }
         }
     }

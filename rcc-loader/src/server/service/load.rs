@@ -19,28 +19,33 @@ use crate::server::command_summary::CommandSummary;
 use crate::server::executor::ExecutorConnection;
 use crate::server::store::{self, CommandStore, StoreError};
 
+/// Returns the commands that are being loaded by a loader that is dead if this one has not reserved any yet.
+pub(super) fn orphans(attached: &ExecutorConnection) -> Vec<u64> {
+    let rows = attached.tables().commands.into_iter();
+    let loading = CommandState::Loading;
+    rows.filter(|row| CommandState::from_number(row.state) == loading)
+        .map(|row| row.id)
+        .collect()
+}
+
 impl Service {
     /// Rejects the commands that a dead loader was loading.
-    pub(super) fn reject_orphans(&self, attached: &ExecutorConnection, store: &CommandStore) {
-        for row in attached.tables().commands {
-            let state = CommandState::from_number(row.state);
-            if state != CommandState::Loading || self.loading().contains_key(&row.id) {
-                continue;
-            }
+    pub(super) fn reject_orphans(&self, orphans: &[u64], store: &CommandStore) {
+        for &id in orphans {
             let lost = ApiError::new(
                 codes::LOADER_DIED,
                 "the loader died while loading this command",
                 "load the text again",
             );
-            let mut file = store.read(row.id).unwrap_or_default();
-            file.id = row.id;
+            let mut file = store.read(id).unwrap_or_default();
+            file.id = id;
             file.diagnostics.push(lost.finding());
             store::discard_excess(&mut file);
             if let Err(error) = store.write(&file) {
                 tracing::warn!(%error, "cannot write the file of a rejected command");
             }
-            match self.executor.call(&Call::Reject { id: row.id }) {
-                Ok(_) => tracing::info!(id = row.id, "rejected a command of a dead loader"),
+            match self.executor.call(&Call::Reject { id }) {
+                Ok(_) => tracing::info!(id, "rejected a command of a dead loader"),
                 Err(error) => tracing::warn!(
                     message = error.message,
                     "cannot reject a command of a dead loader"
