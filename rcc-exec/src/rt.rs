@@ -98,7 +98,7 @@ fn follow(clock: &mut Clock, engine: &mut Engine, now_ns: u64) {
 pub fn write(engine: &mut Engine, boards: &mut Boards) {
     engine.write_set_points();
     boards.status.write(engine.status());
-    if engine.tables_due() {
+    if engine.take_tables_due() {
         boards.tables.write(&engine.tables());
         boards.helpers.write(&helper_table(&boards.beats));
     }

@@ -174,9 +174,10 @@ impl<B: DeviceBoards> Engine<B> {
         Some(&self.commands[row].entry)
     }
 
-    /// Returns true if the tables should be written in this cycle.
-    pub fn tables_due(&self) -> bool {
-        self.tables_changed || self.status.cycle.is_multiple_of(self.tables_every)
+    /// Returns true if the tables must be written now: they changed since the last call, or it is time.
+    pub fn take_tables_due(&mut self) -> bool {
+        std::mem::take(&mut self.tables_changed)
+            || self.status.cycle.is_multiple_of(self.tables_every)
     }
 
     /// The measurement of a device that was latched for this cycle; `None` while the device is lost.
@@ -212,7 +213,6 @@ impl<B: DeviceBoards> Engine<B> {
     pub fn cycle(&mut self, now_ns: u64) {
         self.status.cycle += 1;
         self.status.stamp_ns = now_ns;
-        self.tables_changed = false;
         if let Some(recorder) = &mut self.recorder {
             let (_, inputs) = self.devices.slices();
             recorder.begin(self.status.cycle, now_ns, inputs);

@@ -45,6 +45,33 @@ fn a_driver_that_is_replaced_at_once_ends_its_nets_and_nothing_is_commanded_agai
 }
 
 #[test]
+fn the_tables_show_a_lost_device_in_the_cycle_that_sees_it() {
+    let mut fixture = EngineFixture::new();
+    fixture.steps(3);
+    let mut cycles_until_due = || {
+        let due = (1..100).find(|_| {
+            fixture.step();
+            fixture.engine.take_tables_due()
+        });
+        due.expect("the tables are written from time to time")
+    };
+    // Directly after a write that time made due, so that the next one is far.
+    cycles_until_due();
+    assert!(
+        cycles_until_due() > 2,
+        "unchanged tables are written rarely"
+    );
+    fixture.driver.alive = false;
+    let lost = (0..100).find_map(|_| {
+        fixture.step();
+        let due = fixture.engine.take_tables_due();
+        let entry = fixture.engine.tables().devices[0];
+        (entry.losses > 0).then_some(due)
+    });
+    assert_eq!(lost, Some(true));
+}
+
+#[test]
 fn a_board_with_wrong_magic_or_a_stamp_far_from_now_is_a_lost_device() {
     let mut fixture = EngineFixture::new();
     let good = fixture.driver.measurement;
