@@ -153,6 +153,10 @@ fn two_million_motions_to_goals_need_no_heap() {
             "10^±{spread}: of {asked} ways {refused} by a stop, {beyond} from beyond the limits, and {inexact} are refused as inexact"
         );
         assert_eq!(refused, 0);
-        assert!(inexact < asked / 1000, "{inexact}");
+        // Only limits that are many orders of magnitude apart leave no motion that ends at the goal.
+        assert!(
+            inexact == 0 || spread > 1.0 && inexact < asked / 100,
+            "{inexact}"
+        );
     }
 }

@@ -196,3 +196,49 @@ fn without_a_motion_to_the_goal_there_is_a_reason_and_a_stop() {
     let far = [-1.5e308, 1.5e308].map(AxisState::at_rest);
     assert_eq!(plan_to(&far[0], &far[1], &fine), Err(GoalFault::NotFinite));
 }
+
+/// Limits, a state within twice their size (one in four at rest), and a goal: sizes within 10^±`spread`.
+fn extreme(random: &mut Rng, spread: f64) -> (AxisState, AxisState, MotionLimits) {
+    let mut size = || decade(random, -spread, spread);
+    let limits = MotionLimits {
+        velocity: size(),
+        acceleration: size(),
+        jerk: size(),
+    };
+    let goal = AxisState::at_rest(size());
+    let mut signed = |limit: f64| 2.0 * limit * random.uniform(-1.0, 1.0);
+    let from = AxisState {
+        position: 0.0,
+        velocity: signed(limits.velocity),
+        acceleration: signed(limits.acceleration),
+    };
+    let rests = random.once_in(4);
+    (
+        if rests { AxisState::at_rest(0.0) } else { from },
+        goal,
+        limits,
+    )
+}
+
+#[test]
+fn an_extreme_goal_is_reached_or_refused_with_a_reason() {
+    let (mut random, mut refused) = (Rng::with_seed(15), 0);
+    for _ in 0..4000 {
+        let (from, goal, limits) = extreme(&mut random, 2.0);
+        let (way, _) = match plan_to(&from, &goal, &limits) {
+            Ok(planned) => planned,
+            Err(fault) => {
+                assert_eq!(fault, GoalFault::Inexact, "{from:?} {goal:?} {limits:?}");
+                refused += 1;
+                continue;
+            }
+        };
+        let end = way.end(from);
+        let length = goal.position + most_velocity(&from, &limits) * way.duration_s();
+        assert!(
+            (end.position - goal.position).abs() <= 1e-8 * length,
+            "{end:?} {from:?} {goal:?} {limits:?}"
+        );
+    }
+    assert!(refused < 40, "{refused} of 4000 are refused");
+}
