@@ -1,5 +1,6 @@
 //! The intake thread takes requests, has nets built, opens drivers' boards, and frees what the real-time thread gives
-//! back. It may allocate and block.
+//! back. It may allocate and block. A request wakes it; the real-time thread, which calls nobody, does not: this thread
+//! knows when the next cycle will have answered.
 
 use std::collections::{HashMap, VecDeque};
 use std::io;
@@ -7,11 +8,13 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use rcc_core::frame::DeviceModel;
+use rcc_core::message::CycleStatus;
 use rcc_engine::costs::Costs;
 use rcc_engine::queue::ValueReading;
-use rcc_ipc::Session;
 use rcc_ipc::events::EventRecorder;
 use rcc_ipc::request::{PollError, Request, Server};
+use rcc_ipc::{BoardReader, Session};
+use rcc_os::clock::monotonic_ns;
 use rcc_process::Helpers;
 use rcc_process::log_throttle::LogThrottle;
 use rcc_protocol::control::{
@@ -33,8 +36,12 @@ mod drivers;
 use builds::{BuildState, ReadyCommand};
 use drivers::DriverLinks;
 
-/// Interval at which requests are polled.
-pub const POLL_EVERY: Duration = Duration::from_micros(500);
+/// Maximum time between two rounds when nothing is awaited: drivers and shutdown are looked at then.
+const IDLE_MAX: Duration = Duration::from_millis(2);
+/// Interval at which a net that is being built is looked for.
+const BUILD_POLL: Duration = Duration::from_micros(500);
+/// Interval at which the answer of a cycle that should have ended is looked for.
+const LATE_POLL: Duration = Duration::from_micros(50);
 /// Maximum number of requests that wait for a net that is being built.
 const DEFERRED_MAX: usize = 64;
 
@@ -61,6 +68,7 @@ enum OnDone {
 pub struct Intake {
     drivers: DriverLinks,
     server: Server,
+    status: BoardReader<CycleStatus>,
     engine_requests: Producer<EngineRequest>,
     engine_replies: Consumer<EngineReply>,
     net_builder: NetBuilderThread,
@@ -92,6 +100,8 @@ pub struct IntakeConfig {
     pub costs: Costs,
     /// The set of helper threads that the net builder joins.
     pub helpers: Helpers,
+    /// The executor's own counters, which say when a cycle began.
+    pub status: BoardReader<CycleStatus>,
     /// This executor's announcement; a driver that announces another configuration is not attached.
     pub announcement: Announcement,
 }
@@ -118,6 +128,7 @@ impl Intake {
         Ok(Intake {
             drivers: DriverLinks::new(session, names, announcement, config.stale_after_ns),
             server,
+            status: config.status,
             engine_requests,
             engine_replies,
             net_builder: NetBuilderThread::start(build_context, &config.helpers)?,
@@ -176,6 +187,21 @@ impl Intake {
             }
         }
         busy
+    }
+
+    /// Waits until there may be work: for a request, or until the next answer of the real-time thread is due.
+    pub fn wait(&self) {
+        let building = if self.building.is_empty() {
+            IDLE_MAX
+        } else {
+            BUILD_POLL
+        };
+        let answer = if self.pending.is_empty() {
+            IDLE_MAX
+        } else {
+            until_answer(&self.status.read(), monotonic_ns())
+        };
+        self.server.wait(building.min(answer));
     }
 
     fn handle_reply(&mut self, engine_reply: EngineReply) {
@@ -394,6 +420,15 @@ impl Intake {
     }
 }
 
+/// Returns the time until the next cycle has answered, if it takes as long as the last one; at most [`IDLE_MAX`].
+fn until_answer(status: &CycleStatus, now_ns: u64) -> Duration {
+    let due_ns = status
+        .stamp_ns
+        .saturating_add(status.period_ns)
+        .saturating_add(status.exec_last_ns);
+    Duration::from_nanos(due_ns.saturating_sub(now_ns)).clamp(LATE_POLL, IDLE_MAX)
+}
+
 /// Returns the commands that a call changes, except the one that an Install creates.
 fn commands_of(call: &Call) -> Vec<u64> {
     match call {
@@ -424,5 +459,27 @@ fn reply(request: Request, answer: &Answer) {
     let sent = sent.and_then(|bytes| request.answer(&bytes).map_err(|error| error.to_string()));
     if let Err(error) = sent {
         warn!("cannot deliver an answer: {error}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn an_answer_is_looked_for_when_its_cycle_has_ended() {
+        let status = CycleStatus {
+            stamp_ns: 5_000_000,
+            period_ns: 1_000_000,
+            exec_last_ns: 20_000,
+            ..CycleStatus::zeroed()
+        };
+        let wait = |now_ns| until_answer(&status, now_ns);
+        assert_eq!(wait(5_100_000), Duration::from_micros(920));
+        assert_eq!(wait(6_010_000), LATE_POLL, "about to end");
+        assert_eq!(wait(9_000_000), LATE_POLL, "late");
+        assert_eq!(wait(0), IDLE_MAX, "a long period");
+        assert_eq!(until_answer(&CycleStatus::zeroed(), 1), LATE_POLL);
     }
 }

@@ -27,7 +27,7 @@ use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
 use rcc_exec::boards::{Engine, SharedMemory};
 use rcc_exec::clock::{Clock, FollowedDevice};
 use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, RecordingResults};
-use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
+use rcc_exec::intake::{Intake, IntakeConfig};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
@@ -121,6 +121,7 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
         stale_after_ns: config.stale_after_ns,
         costs,
         helpers: helpers.clone(),
+        status: session.open_board(boards.status.service())?,
         announcement: announcement.clone(),
     };
     let HelperRingEnds {
@@ -425,7 +426,7 @@ fn spawn_helpers(
         while !helper.is_over() {
             helper.turn();
             if !intake.round() {
-                thread::sleep(POLL_EVERY);
+                intake.wait();
             }
         }
     })?;

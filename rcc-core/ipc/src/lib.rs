@@ -36,6 +36,7 @@ mod shared;
 pub mod shm_space;
 pub mod spill_file;
 pub mod stream;
+mod wake;
 
 pub use announce::{AnnounceError, Announced};
 pub use board::{BoardError, BoardReader, BoardWriter};

@@ -11,7 +11,7 @@ use rcc_os::process_instance::started_ns;
 use rcc_os::{file, wall};
 
 use crate::cell::Cell;
-use crate::spill_file;
+use crate::{spill_file, wake};
 
 /// Upper bound of the difference between clock ticks, clocks and their reading, ns.
 const CLOCK_SLACK_NS: u64 = 50_000_000;
@@ -111,11 +111,13 @@ pub(crate) fn is_orphaned(path: &Path) -> bool {
     makers.peek().is_some() && makers.all(|id| id.creator_is_dead())
 }
 
-/// Removes spill files whose sender is dead.
+/// Removes spill files whose sender is dead, and sockets whose server is.
 fn reap_spill_files(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     let mut dead = files_in(&cell.iox_root())?;
     dead.retain(|path| {
-        spill_file::owner_of(&name_of(path)).is_some_and(|instance| instance.liveness().is_dead())
+        let name = name_of(path);
+        let owner = spill_file::owner_of(&name).or_else(|| wake::owner_of(&name));
+        owner.is_some_and(|owner| owner.liveness().is_dead())
     });
     remove_all(dead)
 }

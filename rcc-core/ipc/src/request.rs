@@ -1,5 +1,5 @@
-//! Requests and answers of bytes between processes (iceoryx2 request/response), polled by both sides. A long request
-//! travels as a file next to the shared memory, because as a message it would make both sides map ten times its size.
+//! Requests and answers of bytes between processes (iceoryx2 request/response). A request wakes its server; a client
+//! polls for its answer, because the server may have it from a thread that wakes nobody. A long request travels as a file next to the shared memory, because as a message it would make both sides map ten times its size.
 //! Runs on threads that are not real-time: a call allocates, and maps memory when peers come and go.
 
 use std::fmt;
@@ -22,6 +22,7 @@ use rcc_protocol::control::{REQUEST_MAX, RESPONSE_MAX};
 use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shm_space::{self, OutOfSharedMemory};
 use crate::spill_file::{self, SpillError, SpillFile};
+use crate::wake::{WakeReceiver, WakeSender};
 
 /// Maximum number of clients of one server, including dead ones that have not been cleaned up.
 pub const CLIENTS_MAX: usize = 32;
@@ -35,9 +36,12 @@ const MESSAGE_MAX: usize = 4 << 10;
 const ANSWERS_MAX: usize = 16;
 /// Shared memory of a client or server, bytes; measured below 900 kB.
 const PORT_ROOM: u64 = 1 << 20;
-/// First and last polling interval of a client that waits for an answer; the interval doubles each time.
+/// First and last polling interval of a client that waits for an answer; the interval doubles each time, but is at most
+/// [`POLL_SOON`] during [`SOON`], in which an answer of the next cycle comes.
 const POLL_FIRST: Duration = Duration::from_micros(20);
+const POLL_SOON: Duration = Duration::from_micros(100);
 const POLL_LAST: Duration = Duration::from_millis(1);
+const SOON: Duration = Duration::from_millis(3);
 /// Interval at which a waiting client checks whether the server's process is alive.
 const LIFE_CHECK: Duration = Duration::from_millis(20);
 
@@ -54,6 +58,14 @@ pub enum RequestError {
     BadName {
         /// The given name.
         name: String,
+    },
+    /// The socket that wakes the server cannot be created.
+    #[error("server {service}: the socket that wakes it cannot be created: {source}")]
+    Wake {
+        /// Full service name.
+        service: String,
+        /// Error from the system.
+        source: std::io::Error,
     },
     /// The server does not exist: its process has ended, or was restarted under another incarnation.
     #[error("server {service} not found: read its announcement again")]
@@ -161,6 +173,7 @@ pub enum CallError {
 /// Receives requests of several clients.
 pub struct Server {
     server: IoxServer<Service, [u8], (), [u8], ()>,
+    wake: WakeReceiver,
     service: String,
     folder: PathBuf,
     membership: Membership,
@@ -207,6 +220,11 @@ impl Server {
                 fault,
             }),
         }
+    }
+
+    /// Waits until a request has arrived since the last wait, at most `timeout`; may return early.
+    pub fn wait(&self, timeout: Duration) {
+        self.wake.wait(timeout);
     }
 
     /// Returns the full name under which clients find this server.
@@ -277,6 +295,7 @@ impl Request {
 pub struct Client {
     client: IoxClient<Service, [u8], (), [u8], ()>,
     factory: Factory,
+    wake: Option<WakeSender>,
     service: String,
     folder: PathBuf,
     server: Option<ProcessInstance>,
@@ -326,7 +345,8 @@ impl Client {
                 });
             }
             std::thread::sleep(pause);
-            pause = (pause * 2).min(POLL_LAST);
+            let is_soon = now.duration_since(started) < SOON;
+            pause = (pause * 2).min(if is_soon { POLL_SOON } else { POLL_LAST });
         }
     }
 
@@ -380,6 +400,9 @@ impl Client {
             return Err(CallError::ServerGone {
                 service: self.service.clone(),
             });
+        }
+        if let Some(server) = &self.wake {
+            server.wake();
         }
         Ok((pending, file))
     }
@@ -469,10 +492,17 @@ impl Session {
             .set_response_degradation_handler(|_, _| DegradationAction::Ignore)
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
+        let folder = self.cell().iox_root();
+        // Not before the server exists: whoever finds the socket finds the server.
+        let wake = WakeReceiver::bind(&folder, &service).map_err(|source| RequestError::Wake {
+            service: service.clone(),
+            source,
+        })?;
         Ok(Server {
             server,
+            wake,
             service,
-            folder: self.cell().iox_root(),
+            folder,
             membership: self.membership(),
         })
     }
@@ -508,11 +538,14 @@ impl Session {
             .backpressure_strategy(Backpressure::DiscardData)
             .create()
             .map_err(|error| failed(IceoryxError::of(error)))?;
+        let folder = self.cell().iox_root();
         Ok(Client {
             client,
             factory,
+            // Without it the server finds the request when it polls.
+            wake: WakeSender::connect(&folder, service).ok(),
             service: service.to_owned(),
-            folder: self.cell().iox_root(),
+            folder,
             server: owner_of(service),
             _membership: self.membership(),
         })

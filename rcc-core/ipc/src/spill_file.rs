@@ -121,7 +121,12 @@ pub(crate) fn open(folder: &Path, message: &[u8]) -> Result<Vec<u8>, SpillError>
 
 /// Returns the process instance that wrote the file with this name, or `None` if it is not a spill file.
 pub(crate) fn owner_of(file_name: &str) -> Option<ProcessInstance> {
-    let digits = file_name.strip_prefix(PREFIX)?.split('-').next()?;
+    owner_after(PREFIX, file_name)
+}
+
+/// Returns the process instance whose incarnation follows this prefix in a file name.
+pub(crate) fn owner_after(prefix: &str, file_name: &str) -> Option<ProcessInstance> {
+    let digits = file_name.strip_prefix(prefix)?.split('-').next()?;
     u64::from_str_radix(digits, 16)
         .ok()
         .map(ProcessInstance::from_incarnation)

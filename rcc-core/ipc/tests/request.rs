@@ -146,12 +146,13 @@ fn the_janitor_removes_spill_files_of_killed_clients_and_timed_out_requests_leav
     refused(client.call(&vec![1; REQUEST_MAX], SOON));
     assert_eq!(files().len(), 0);
     // As a killed process leaves it: no process has this start time.
-    let orphan = cell
-        .iox_root()
-        .join(format!("request-{:016x}-0", u64::from(std::process::id())));
-    std::fs::write(&orphan, "").unwrap();
+    let dead = format!("{:016x}-0", u64::from(std::process::id()));
+    let orphans = ["request", "wake"].map(|kind| cell.iox_root().join(format!("{kind}-{dead}")));
+    for orphan in &orphans {
+        std::fs::write(orphan, "").unwrap();
+    }
     run_janitor(&cell).unwrap();
-    assert!(!orphan.exists());
+    assert!(orphans.iter().all(|orphan| !orphan.exists()));
     drop(server);
 }
 
