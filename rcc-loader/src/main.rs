@@ -123,8 +123,10 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
                 workers.apply();
             }
         })
-        // One thread for each request and each compilation, so that none waits for a thread.
-        .max_blocking_threads(routes::REQUESTS_MAX + routes::LOADING_MAX)
+        // One thread for each request, compilation and stream, so that none waits for a thread.
+        .max_blocking_threads(
+            routes::REQUESTS_MAX + routes::LOADING_MAX + routes::CHANNELS_MAX + routes::STREAMS_MAX,
+        )
         .enable_all()
         .thread_keep_alive(IDLE_THREAD_LIFETIME)
         .build()?;

@@ -9,6 +9,7 @@ pub mod connection;
 pub mod error;
 pub mod executor;
 pub mod listeners;
+pub mod live;
 pub mod priority;
 pub mod request_head;
 pub mod routes;

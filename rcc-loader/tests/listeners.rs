@@ -6,6 +6,8 @@ mod access;
 #[path = "server/fake_executor.rs"]
 #[allow(dead_code)]
 mod fake_executor;
+#[path = "listeners/kept_open.rs"]
+mod kept_open;
 #[path = "server/test_server.rs"]
 mod test_server;
 
@@ -24,12 +26,12 @@ use rcc_api::token::{TOKEN_LENGTH_MAX, TOKEN_LENGTH_MIN};
 use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
 use rcc_loader::server::connection::{
-    CONNECTION_TIME_MAX, ConnectionLimits, HEAD_TIME_MAX, HEADS_MAX, STOPS, TCP, UNAUTHENTICATED,
-    UNIX,
+    ConnectionLimits, EXCHANGE_TIME_MAX, HEAD_TIME_MAX, HEADS_MAX, IDLE_TIME_MAX, STALL_MAX, STOPS,
+    STREAMS, TCP, UNAUTHENTICATED, UNIX,
 };
 use rcc_loader::server::listeners::{ListenError, Listeners};
 use rcc_loader::server::request_head::{HEAD_MAX, HEADERS_MAX};
-use rcc_loader::server::{bodies, routes, store};
+use rcc_loader::server::{bodies, live, routes, store};
 use test_server::{LIMIT, TestServer, answer, ask, exchange};
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
@@ -58,7 +60,7 @@ fn another_process_is_served(cell: &Cell) -> bool {
 }
 
 fn get(path: &str, lines: &str) -> Vec<u8> {
-    format!("GET {path} HTTP/1.1\r\nhost: x\r\n{lines}\r\n").into_bytes()
+    format!("GET {path} HTTP/1.1\r\nhost: x\r\nconnection: close\r\n{lines}\r\n").into_bytes()
 }
 
 /// Returns a request whose body does not arrive.
@@ -148,6 +150,10 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             requests(STOPS)
         ),
         format!(
+            "| streams and set-point channels, at each | as there | {} |",
+            requests(STREAMS)
+        ),
+        format!(
             "| TCP, without the token | address | refused | {} a second, {} at once |",
             UNAUTHENTICATED.0, UNAUTHENTICATED.1
         ),
@@ -169,7 +175,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         format!(
             "| long answers, all together | {} | {} |",
             mib(bodies::ANSWERS_MAX),
-            seconds(CONNECTION_TIME_MAX)
+            seconds(EXCHANGE_TIME_MAX)
         ),
         format!(
             "| files of commands, all together | {} | – |",
@@ -192,8 +198,34 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             seconds(routes::REQUEST_TIME_MAX)
         ),
         format!(
-            "| whole connection | one request | {} |",
-            seconds(CONNECTION_TIME_MAX)
+            "| whole request after its head, except for streams | – | {} |",
+            seconds(EXCHANGE_TIME_MAX)
+        ),
+        format!(
+            "| kept-open connection without a request | {HEADS_MAX}, with those without a complete head | {} |",
+            seconds(IDLE_TIME_MAX)
+        ),
+        format!(
+            "| stream whose client takes nothing | – | {} |",
+            seconds(STALL_MAX)
+        ),
+        format!(
+            "| set-point channels; streams | {}; {} | – |",
+            routes::CHANNELS_MAX,
+            routes::STREAMS_MAX
+        ),
+        format!(
+            "| line of a set-point channel | {} | – |",
+            kib(bodies::SET_TEXT_MAX)
+        ),
+        format!(
+            "| set-point channel without a line | – | {} |",
+            seconds(routes::CHANNEL_IDLE_MAX)
+        ),
+        format!(
+            "| what a stream's client has not taken | {}, {} pieces | – |",
+            kib(live::BYTES_MAX),
+            live::PIECES_MAX
         ),
         format!("| token | {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} characters | – |"),
         format!(
@@ -313,16 +345,21 @@ fn an_answer_has_no_date() {
 }
 
 #[test]
-fn of_requests_sent_at_once_over_one_connection_the_first_is_answered() {
+fn requests_sent_at_once_over_one_connection_are_answered_until_one_closes_it() {
     let test = TestCell::new("pipeline");
     let _served = TestServer::start(&test.cell);
-    let one = get("/nothing", "");
+    let put =
+        "PUT /commands/none/inputs HTTP/1.1\r\nhost: x\r\ncontent-length: 12\r\n\r\nlamp: false\n";
+    let open = "GET /nothing HTTP/1.1\r\nhost: x\r\n\r\n";
     let mut stream = connect(&test.cell);
-    stream.write_all(&one.repeat(50)).unwrap();
+    let ahead = [put, open].concat().repeat(20);
+    let all = [ahead.as_bytes(), &get("/nothing", ""), open.as_bytes()].concat();
+    stream.write_all(&all).unwrap();
     let mut text = String::new();
     std::io::Read::read_to_string(&mut stream, &mut text).unwrap();
-    assert_eq!(text.matches("HTTP/1.1 404").count(), 1, "{text}");
-    assert!(text.contains("connection: close"), "{text}");
+    assert_eq!(text.matches("HTTP/1.1 404").count(), 21, "{text}");
+    assert_eq!(text.matches("RCC4001").count(), 20, "{text}");
+    assert_eq!(text.matches("connection: close").count(), 1, "{text}");
 }
 
 #[test]

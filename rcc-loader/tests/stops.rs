@@ -51,7 +51,9 @@ fn send(cell: &Cell, head: &str, lines: &str, body: &[u8]) -> UnixStream {
     let mut stream = UnixStream::connect(cell.socket()).expect("connected");
     stream.set_read_timeout(Some(LIMIT)).expect("a time limit");
     let length = body.len();
-    let head = format!("{head} HTTP/1.1\r\nhost: x\r\n{lines}content-length: {length}\r\n\r\n");
+    let head = format!(
+        "{head} HTTP/1.1\r\nhost: x\r\nconnection: close\r\n{lines}content-length: {length}\r\n\r\n"
+    );
     stream.write_all(head.as_bytes()).expect("sent");
     stream.write_all(body).expect("sent");
     stream

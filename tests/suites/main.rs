@@ -29,6 +29,7 @@ mod readme;
 mod rt_calls;
 mod services;
 mod several_arms;
+mod streams;
 mod syscalls;
 mod threads;
 mod timing;

@@ -356,7 +356,7 @@ fn corrupt(fake: &mut FakeExecutorState, bytes: &mut Unstructured<'_>) -> Result
 
 fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
     const METHODS: [&str; 7] = ["GET", "POST", "DELETE", "PUT", "HEAD", "OPTIONS", "PATCH"];
-    const ENDS: [&str; 13] = [
+    const ENDS: [&str; 14] = [
         "",
         "/start",
         "/cancel",
@@ -367,6 +367,7 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
         "?file=%ff",
         "/start?x=1",
         "/inputs",
+        "/inputs/stream",
         "/values",
         "/values?ports=*",
         "/values?ports=move.pose[1],*.out",
@@ -388,6 +389,10 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
         6 => format!("/commands/{}{}", word(bytes)?, bytes.choose(&ENDS)?),
         _ => format!("/{}", word(bytes)?),
     };
+    // Its answer has no end.
+    if address.starts_with("/stream") {
+        return Ok(None);
+    }
     let length = bytes.arbitrary_len::<u8>()?;
     let body = bytes.bytes(length)?.to_vec();
     Ok(Request::builder()

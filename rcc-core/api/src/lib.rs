@@ -12,5 +12,6 @@ pub mod error;
 pub mod manual;
 pub mod messages;
 pub mod routes;
+pub mod streams;
 pub mod token;
 pub mod topics;

@@ -1,8 +1,10 @@
-//! Serves the connections of one listener: the Unix socket, or TCP if it is configured. A connection carries one
-//! request, bounded in size and time, and each peer has a quota of concurrent requests and of requests per second. A
-//! client that exceeds a limit gets an error, is disconnected and logged, while others are served. CANCEL and ABORT
-//! have quotas of their own. Run by the one thread that serves connections.
+//! Serves the connections of one listener: the Unix socket, or TCP if it is configured. A connection carries requests
+//! one after the other, each bounded in size and time and counted like one on a connection of its own: each peer has a
+//! quota of concurrent requests and of requests per second. A client that exceeds a limit gets an error, is
+//! disconnected and logged, while others are served. CANCEL and ABORT have quotas of their own. Run by the one thread
+//! that serves connections.
 
+mod exchange;
 mod quotas;
 
 use std::cell::Cell;
@@ -13,8 +15,6 @@ use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::http::StatusCode;
-use hyper_util::rt::TokioIo;
-use hyper_util::service::TowerToHyperService;
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use rcc_api::token::Token;
@@ -24,15 +24,20 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, UnixListener};
 use tokio::time::timeout;
 
-use quotas::{ClientPeer, HeadPermit, Quotas, RequestClass};
-pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, TCP, UNAUTHENTICATED, UNIX};
+use exchange::Answered;
+pub use exchange::STALL_MAX;
+pub(super) use quotas::RequestClass;
+use quotas::{ClientPeer, HeadPermit, Quotas, RequestPermit};
+pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, STREAMS, TCP, UNAUTHENTICATED, UNIX};
 
-use super::request_head::{self, HEADERS_MAX, PrefixedStream, RequestHead};
+use super::request_head::{self, RequestHead};
 
-/// Time allowed for the head of a request, from the connection on.
+/// Time allowed for the head of a request, from the connection or from its first byte on.
 pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
-/// Time allowed for a whole connection: request, work, and delivery of the answer.
-pub const CONNECTION_TIME_MAX: Duration = Duration::from_secs(20);
+/// Time allowed for a request after its head: body, work, and delivery of the answer; streams are not limited.
+pub const EXCHANGE_TIME_MAX: Duration = Duration::from_secs(20);
+/// Time after which a connection that is kept open without a request is closed.
+pub const IDLE_TIME_MAX: Duration = Duration::from_secs(60);
 /// How long, and for how many bytes, the input of a client that was answered early is still read; closing at once would
 /// lose the answer.
 const LINGER_LIMITS: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
@@ -112,6 +117,9 @@ pub async fn serve(
                 );
             }),
             Listener::Tcp(listener) => listener.accept().await.map(|(stream, address)| {
+                // Small answers of a kept-open connection do not wait for the client's acknowledgement. On an error the
+                // connection is broken, which is found when it is read.
+                let _ = stream.set_nodelay(true);
                 spawn_connection(&context, ClientPeer::Address(address.ip()), stream, &router);
             }),
         };
@@ -130,70 +138,124 @@ where
     let (context, router) = (Arc::clone(context), router.clone());
     let permit = context.quotas.await_head(peer);
     tokio::spawn(async move {
-        let talk = serve_request(&context, peer, permit, io, router);
-        if timeout(CONNECTION_TIME_MAX, talk).await.is_err() {
-            let what = format!("the connection took longer than {CONNECTION_TIME_MAX:?}");
-            context.log_refusal(peer, &too_slow(what));
+        let (mut io, mut begun, mut permit) = (io, Vec::new(), permit);
+        while let Some(connection) =
+            serve_request(&context, peer, permit, (io, begun), &router).await
+        {
+            (io, begun) = connection;
+            let next = await_next(&context, peer, &mut io, &mut begun).await;
+            permit = match next {
+                Some(permit) => permit,
+                None => return,
+            };
         }
     });
 }
 
-/// Reads one request and answers it.
+/// Waits until a kept-open connection has a byte of the next request. Returns `None` if it is to be closed: its client
+/// is gone or has been idle for too long, or another connection takes its slot.
+async fn await_next<I: AsyncRead + Unpin>(
+    context: &ListenerContext,
+    peer: ClientPeer,
+    io: &mut I,
+    begun: &mut Vec<u8>,
+) -> Option<HeadPermit> {
+    if begun.is_empty() {
+        let mut permit = context.quotas.await_next(peer);
+        tokio::select! {
+            biased;
+            read = timeout(IDLE_TIME_MAX, io.read_buf(begun)) => match read {
+                Ok(Ok(count)) if count > 0 => {}
+                _ => return None,
+            },
+            _ = &mut permit.displaced => return None,
+        }
+    }
+    Some(context.quotas.await_head(peer))
+}
+
+/// Reads one request, whose first bytes may have been read before, and answers it. Returns the connection with the
+/// bytes of the next request that have arrived, unless it is closed.
 async fn serve_request<I>(
     context: &ListenerContext,
     peer: ClientPeer,
     permit: HeadPermit,
-    mut io: I,
-    router: Router,
-) where
+    (mut io, begun): (I, Vec<u8>),
+    router: &Router,
+) -> Option<(I, Vec<u8>)>
+where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let head = match read_head(permit, &mut io).await {
-        Ok(Some(head)) => head,
-        Ok(None) => return,
-        Err(error) => return refuse(context, peer, io, &error).await,
+    let admitted = match read_head(permit, &mut io, begun).await {
+        Ok(Some(head)) => admit(context, peer, head),
+        Ok(None) => return None,
+        Err(error) => Err(Refusal::Answered(error)),
     };
-    // Check the token before the quota: a peer without the token takes nothing from those at its address who have it.
-    if !context.is_authorized(head.bearer.as_deref()) {
-        return match context
-            .quotas
-            .admit(peer, RequestClass::Unauthenticated, Instant::now())
-        {
-            Ok(_permit) => refuse(context, peer, io, &no_token()).await,
-            Err(error) => {
-                context.log_refusal(peer, &error);
-                write_without_waiting(&mut io, &error);
-            }
-        };
-    }
-    let class = match head.is_stop {
-        true => RequestClass::Stop,
-        false => RequestClass::Usual,
+    let (head, permit) = match admitted {
+        Ok(admitted) => admitted,
+        Err(Refusal::Answered(error)) => {
+            refuse(context, peer, io, &error).await;
+            return None;
+        }
+        Err(Refusal::CutOff(error)) => {
+            context.log_refusal(peer, &error);
+            write_without_waiting(&mut io, &error);
+            return None;
+        }
     };
-    let permit = match context.quotas.admit(peer, class, Instant::now()) {
-        Ok(permit) => permit,
-        Err(error) => return refuse(context, peer, io, &error).await,
+    let is_limited = head.class != RequestClass::Stream;
+    let answer = exchange::answer(head, io, router.clone());
+    let answered = match is_limited {
+        true => timeout(EXCHANGE_TIME_MAX, answer).await,
+        false => Ok(answer.await),
     };
-    if rcc_os::wall::is_before_epoch() && !DATE_CACHED.get() {
-        return refuse(context, peer, io, &no_clock()).await;
-    }
-    DATE_CACHED.set(true);
-    let mut server = hyper::server::conn::http1::Builder::new();
-    server
-        .keep_alive(false)
-        // Not needed, and the wall clock may show anything.
-        .auto_date_header(false)
-        .max_headers(HEADERS_MAX)
-        .header_read_timeout(None);
-    let io = TokioIo::new(PrefixedStream::new(head.bytes, io));
-    let connection = server.serve_connection(io, TowerToHyperService::new(router));
-    let served = connection.without_shutdown().await;
     // The client has its answer; draining its input must not occupy a slot.
     drop(permit);
-    // On an error the client is gone, and nobody can be told.
-    if let Ok(parts) = served {
-        drain_input(context, parts.io.into_inner().io).await;
+    match answered {
+        Ok(Answered::Open(io, next)) => Some((io, next)),
+        Ok(Answered::Closing(io)) => {
+            drain_input(context, io).await;
+            None
+        }
+        Ok(Answered::Gone) => None,
+        Err(_) => {
+            let what = format!("the request took longer than {EXCHANGE_TIME_MAX:?}");
+            context.log_refusal(peer, &too_slow(what));
+            None
+        }
     }
+}
+
+/// The reason why a request is not served.
+enum Refusal {
+    /// The client is told, and its input is read for a while.
+    Answered(ApiError),
+    /// The client is told as far as that takes no time.
+    CutOff(ApiError),
+}
+
+/// Takes a slot for a request, if its token and the quotas allow it.
+fn admit(
+    context: &ListenerContext,
+    peer: ClientPeer,
+    head: RequestHead,
+) -> Result<(RequestHead, RequestPermit), Refusal> {
+    let (quotas, now) = (&context.quotas, Instant::now());
+    // Check the token before the quota: a peer without the token takes nothing from those at its address who have it.
+    if !context.is_authorized(head.bearer.as_deref()) {
+        let admitted = quotas.admit(peer, RequestClass::Unauthenticated, now);
+        return Err(match admitted {
+            Ok(_permit) => Refusal::Answered(no_token()),
+            Err(error) => Refusal::CutOff(error),
+        });
+    }
+    let permit = quotas.admit(peer, head.class, now);
+    let permit = permit.map_err(Refusal::Answered)?;
+    if rcc_os::wall::is_before_epoch() && !DATE_CACHED.get() {
+        return Err(Refusal::Answered(no_clock()));
+    }
+    DATE_CACHED.set(true);
+    Ok((head, permit))
 }
 
 /// Reads the head, unless it takes too long or its slot is taken by another connection. Returns `None` if the client
@@ -201,11 +263,12 @@ async fn serve_request<I>(
 async fn read_head<I: AsyncRead + Unpin>(
     mut permit: HeadPermit,
     io: &mut I,
+    begun: Vec<u8>,
 ) -> Result<Option<RequestHead>, ApiError> {
     tokio::select! {
         // Data that is already there is read, however many connections wait.
         biased;
-        head = timeout(HEAD_TIME_MAX, request_head::read(io)) => head.unwrap_or_else(|_| {
+        head = timeout(HEAD_TIME_MAX, request_head::read(io, begun)) => head.unwrap_or_else(|_| {
             Err(too_slow(format!("the head of the request took longer than {HEAD_TIME_MAX:?}")))
         }),
         _ = &mut permit.displaced => Err(ApiError::new(

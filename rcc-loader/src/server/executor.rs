@@ -135,14 +135,7 @@ impl ExecutorConnection {
     }
 
     fn call(&self, cell: &str, caller: &Caller, call: &Call) -> Result<Answer, ApiError> {
-        let other_build = |error: &dyn std::fmt::Display| {
-            ApiError::new(
-                codes::OTHER_BUILD,
-                format!("loader and executor use different message formats: {error}"),
-                "install both from the same build and restart them",
-            )
-        };
-        let bytes = wire::encode(call).map_err(|error| other_build(&error))?;
+        let bytes = wire::encode(call).map_err(|error| other_format(&error))?;
         let class = CallClass::of(call);
         let client = self.port(class).ok_or_else(|| no_executor(cell))?;
         // Checked only now that the port is free: other callers may have used up all of this caller's time. An
@@ -156,7 +149,34 @@ impl ExecutorConnection {
             .call(&bytes, patience)
             .map_err(|error| of_call(cell, &error))?;
         drop(client);
-        wire::decode(&answer).map_err(|error| other_build(&error))
+        wire::decode(&answer).map_err(|error| other_format(&error))
+    }
+}
+
+fn other_format(error: &dyn std::fmt::Display) -> ApiError {
+    ApiError::new(
+        codes::OTHER_BUILD,
+        format!("loader and executor use different message formats: {error}"),
+        "install both from the same build and restart them",
+    )
+}
+
+/// A port of one stream or set-point channel to one incarnation of the executor: its calls wait for no others.
+pub struct ExecutorPort {
+    cell: String,
+    client: Client,
+}
+
+impl ExecutorPort {
+    /// Calls the executor.
+    ///
+    /// # Errors
+    /// Returns an error if this executor is gone, does not answer in time, or the two do not understand each other.
+    pub fn call(&self, call: &Call) -> Result<Answer, ApiError> {
+        let bytes = wire::encode(call).map_err(|error| other_format(&error))?;
+        let answer = self.client.call(&bytes, CALL_TIMEOUT);
+        let answer = answer.map_err(|error| of_call(&self.cell, &error))?;
+        wire::decode(&answer).map_err(|error| other_format(&error))
     }
 }
 
@@ -258,6 +278,23 @@ impl ExecutorLink {
         attached.call(self.session.cell().name(), caller, call)
     }
 
+    /// Opens a port of its own to the living executor.
+    ///
+    /// # Errors
+    /// As for [`ExecutorLink::attach`].
+    pub fn open_port(&self) -> Result<ExecutorPort, ApiError> {
+        let (attached, _) = self.attach()?;
+        let cell = self.session.cell().name();
+        // `attach` has found it in this announcement.
+        let control = attached.announcement.services.get(CONTROL);
+        let control = control.ok_or_else(|| no_executor(cell))?;
+        let client = self.session.client(control);
+        Ok(ExecutorPort {
+            cell: cell.to_owned(),
+            client: client.map_err(|error| cannot_open(cell, &error))?,
+        })
+    }
+
     fn open(&self, announcement: Announcement) -> Result<ExecutorConnection, ApiError> {
         let cell = self.session.cell().name();
         Build::require_layout(&announcement).map_err(|other| {
@@ -279,13 +316,7 @@ impl ExecutorLink {
                 )
             })
         };
-        let failed = |error: &dyn std::fmt::Display| {
-            ApiError::new(
-                codes::NO_EXECUTOR,
-                format!("the executor of cell '{cell}' cannot be opened: {error}"),
-                "try again; if the error persists, restart the cell",
-            )
-        };
+        let failed = |error: &dyn std::fmt::Display| cannot_open(cell, error);
         let control = service(CONTROL)?;
         let clients = (0..PORTS).map(|_| self.session.client(control).map(Mutex::new));
         let clients: Result<Vec<_>, _> = clients.collect();
@@ -302,6 +333,14 @@ impl ExecutorLink {
             announcement,
         })
     }
+}
+
+fn cannot_open(cell: &str, error: &dyn std::fmt::Display) -> ApiError {
+    ApiError::new(
+        codes::NO_EXECUTOR,
+        format!("the executor of cell '{cell}' cannot be opened: {error}"),
+        "try again; if the error persists, restart the cell",
+    )
 }
 
 /// A panic in another thread leaves these values intact, because each is a single handle.

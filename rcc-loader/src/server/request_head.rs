@@ -1,15 +1,13 @@
 //! Reads the head of a request before any work is done for it: bounded in size and time, and answered with an error if
 //! it is malformed. Run by the thread that serves connections.
 
-use std::io;
-use std::pin::Pin;
-use std::task::{Context, Poll};
-
 use axum::http::{Method, Uri};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
-use rcc_api::routes::is_stop;
-use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
+use rcc_api::routes::{is_stop, is_stream};
+use tokio::io::{AsyncRead, AsyncReadExt};
+
+use super::connection::RequestClass;
 
 /// Maximum size of a request head, bytes.
 pub const HEAD_MAX: usize = 16 << 10;
@@ -19,23 +17,45 @@ pub const HEADERS_MAX: usize = 64;
 /// ends.
 const EVERY_BYTE_PARSED_MAX: usize = 64;
 
-/// The bytes read so far: the head, and possibly the beginning of the body.
+/// A complete head, and the bytes read so far.
+#[derive(Debug, PartialEq)]
 pub(super) struct RequestHead {
-    /// All bytes as received.
+    /// All bytes as received: the head, and possibly the body or its beginning, and further requests.
     pub bytes: Vec<u8>,
+    /// Length of the head, bytes.
+    pub size: usize,
+    /// Length of the body, bytes; 0 if it is chunked.
+    pub body_size: usize,
     /// The token after `Bearer ` in the header `authorization`.
     pub bearer: Option<Vec<u8>>,
-    /// True for CANCEL and ABORT.
-    pub is_stop: bool,
+    /// The class that the request is counted in, if it has the right token.
+    pub class: RequestClass,
+    /// True if the connection may carry another request: HTTP/1.1 without `connection: close`, and a body whose length
+    /// is known.
+    pub stays_open: bool,
 }
 
-/// Reads a head. Returns `None` if the client closed the connection without sending anything.
+/// Reads a head, whose first bytes may have been read before. Returns `None` if the client closed the connection
+/// without sending anything.
 pub(super) async fn read(
     io: &mut (impl AsyncRead + Unpin),
+    begun: Vec<u8>,
 ) -> Result<Option<RequestHead>, ApiError> {
-    let mut bytes = Vec::with_capacity(1024);
+    let mut bytes = begun;
+    let mut parsed = 0;
     loop {
+        let looked_at = parsed < EVERY_BYTE_PARSED_MAX || bytes[parsed..].contains(&b'\n');
+        if parsed < bytes.len()
+            && looked_at
+            && let Some(head) = parse(&bytes)?
+        {
+            return Ok(Some(RequestHead { bytes, ..head }));
+        }
+        if bytes.len() > HEAD_MAX {
+            return Err(too_large(format!("more than {HEAD_MAX} bytes")));
+        }
         let before = bytes.len();
+        parsed = before;
         let room = (HEAD_MAX + 1 - before).min(4096) as u64;
         let read = (&mut *io).take(room).read_buf(&mut bytes).await;
         match read {
@@ -45,36 +65,30 @@ pub(super) async fn read(
             }
             Ok(_) => {}
         }
-        let looked_at = before < EVERY_BYTE_PARSED_MAX || bytes[before..].contains(&b'\n');
-        if looked_at && let Some((bearer, is_stop)) = parse(&bytes)? {
-            return Ok(Some(RequestHead {
-                bytes,
-                bearer,
-                is_stop,
-            }));
-        }
-        if bytes.len() > HEAD_MAX {
-            return Err(too_large(format!("more than {HEAD_MAX} bytes")));
-        }
     }
 }
 
-/// Parses a head. Returns its token, if any, and whether it is a CANCEL or ABORT; `None` while the head is incomplete.
-#[allow(clippy::type_complexity)] // Two facts of one head, used once.
-fn parse(bytes: &[u8]) -> Result<Option<(Option<Vec<u8>>, bool)>, ApiError> {
+/// Parses a head, without its bytes; `None` while it is incomplete.
+fn parse(bytes: &[u8]) -> Result<Option<RequestHead>, ApiError> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS_MAX];
     let mut request = httparse::Request::new(&mut headers);
     match request.parse(bytes) {
         Ok(httparse::Status::Partial) => Ok(None),
-        Ok(httparse::Status::Complete(_)) => {
-            check(&request)?;
-            let headers = request.headers.iter();
-            let mut named =
-                headers.filter(|header| header.name.eq_ignore_ascii_case("authorization"));
-            let value = named.next().map(|header| header.value);
+        Ok(httparse::Status::Complete(size)) => {
+            let body = check(&request)?;
+            let value = values(&request, "authorization").next();
             let bearer = value.and_then(|value| value.strip_prefix(b"Bearer "));
-            let is_stop = request.method == Some("POST") && request.path.is_some_and(is_stop);
-            Ok(Some((bearer.map(<[u8]>::to_vec), is_stop)))
+            let mut options =
+                values(&request, "connection").flat_map(|value| value.split(|byte| *byte == b','));
+            let closes = options.any(|option| option.trim_ascii().eq_ignore_ascii_case(b"close"));
+            Ok(Some(RequestHead {
+                bytes: Vec::new(),
+                size,
+                body_size: body.unwrap_or(0),
+                bearer: bearer.map(<[u8]>::to_vec),
+                class: class_of(&request),
+                stays_open: request.version == Some(1) && !closes && body.is_some(),
+            }))
         }
         Err(httparse::Error::TooManyHeaders) => {
             Err(too_large(format!("more than {HEADERS_MAX} lines")))
@@ -83,9 +97,34 @@ fn parse(bytes: &[u8]) -> Result<Option<(Option<Vec<u8>>, bool)>, ApiError> {
     }
 }
 
-/// Rejects what the HTTP library would refuse with a bare status: an invalid method, address or version, and a body
+/// Returns the values of all headers with this name.
+fn values<'r, 'b: 'r>(
+    request: &'r httparse::Request<'_, 'b>,
+    name: &'r str,
+) -> impl Iterator<Item = &'b [u8]> {
+    let headers = request.headers.iter();
+    headers
+        .filter(move |header| header.name.eq_ignore_ascii_case(name))
+        .map(|header| header.value)
+}
+
+fn class_of(request: &httparse::Request<'_, '_>) -> RequestClass {
+    let (method, path) = (
+        request.method.unwrap_or_default(),
+        request.path.unwrap_or_default(),
+    );
+    if method == "POST" && is_stop(path) {
+        RequestClass::Stop
+    } else if is_stream(method, path) {
+        RequestClass::Stream
+    } else {
+        RequestClass::Usual
+    }
+}
+
+/// Returns the length of the body, bytes, or `None` if it is chunked. Rejects what the HTTP library would refuse with a bare status: an invalid method, address or version, and a body
 /// whose end is ambiguous (RFC 9112, section 6.3).
-fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
+fn check(request: &httparse::Request<'_, '_>) -> Result<Option<usize>, ApiError> {
     let method = request.method.unwrap_or_default();
     if Method::from_bytes(method.as_bytes()).is_err() {
         return Err(malformed("invalid method"));
@@ -94,15 +133,15 @@ fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
         return Err(malformed("invalid address"));
     }
     let mut length: Option<&[u8]> = None;
+    let mut size = 0;
     let mut chunked = false;
     for header in request.headers.iter() {
         if header.name.eq_ignore_ascii_case("content-length") {
             let value = header.value.trim_ascii();
             let text = std::str::from_utf8(value).unwrap_or_default();
-            let number = value.iter().all(u8::is_ascii_digit) && text.parse::<u64>().is_ok();
-            if !number {
-                return Err(malformed("`content-length` is not a number"));
-            }
+            let number = text.parse().ok();
+            let number = number.filter(|_| value.iter().all(u8::is_ascii_digit));
+            size = number.ok_or_else(|| malformed("`content-length` is not a number"))?;
             if length.is_some_and(|before| before != value) {
                 return Err(malformed("two different `content-length` headers"));
             }
@@ -119,7 +158,7 @@ fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
         let why = "both `content-length` and `transfer-encoding` are given";
         return Err(malformed(why));
     }
-    Ok(())
+    Ok((!chunked).then_some(size))
 }
 
 fn malformed(why: impl std::fmt::Display) -> ApiError {
@@ -136,60 +175,6 @@ fn too_large(what: String) -> ApiError {
     ApiError::new(codes::HEAD_TOO_LARGE, message, "send long data in the body")
 }
 
-/// A connection whose first bytes have already been read.
-pub(super) struct PrefixedStream<I> {
-    prefix: Vec<u8>,
-    consumed: usize,
-    /// The underlying connection.
-    pub io: I,
-}
-
-impl<I> PrefixedStream<I> {
-    /// Creates a connection that yields `prefix` before the rest of its input.
-    pub fn new(prefix: Vec<u8>, io: I) -> PrefixedStream<I> {
-        PrefixedStream {
-            prefix,
-            consumed: 0,
-            io,
-        }
-    }
-}
-
-impl<I: AsyncRead + Unpin> AsyncRead for PrefixedStream<I> {
-    fn poll_read(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        into: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        let rest = self.prefix.get(self.consumed..).unwrap_or_default();
-        if rest.is_empty() {
-            return Pin::new(&mut self.io).poll_read(context, into);
-        }
-        let count = rest.len().min(into.remaining());
-        into.put_slice(&rest[..count]);
-        self.consumed += count;
-        Poll::Ready(Ok(()))
-    }
-}
-
-impl<I: AsyncWrite + Unpin> AsyncWrite for PrefixedStream<I> {
-    fn poll_write(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.io).poll_write(context, bytes)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.io).poll_flush(context)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.io).poll_shutdown(context)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -204,20 +189,62 @@ mod tests {
         for end in 0..text.len() {
             assert_eq!(parse(&text[..end]), Ok(None), "{end}");
         }
-        assert_eq!(parse(text), Ok(Some((Some(b"abc".to_vec()), false))));
         assert_eq!(
-            parse(b"GET / HTTP/1.1\r\nauthorization: Basic abc\r\n\r\n"),
-            Ok(Some((None, false)))
+            parse(text),
+            Ok(Some(RequestHead {
+                bytes: Vec::new(),
+                size: text.len(),
+                body_size: 0,
+                bearer: Some(b"abc".to_vec()),
+                class: RequestClass::Usual,
+                stays_open: true,
+            }))
         );
-        for (line, stops) in [
-            ("POST /commands/line%237/cancel", true),
-            ("POST /commands/7/abort?x", true),
-            ("GET /commands/7/abort", false),
-            ("POST /commands/7/start", false),
-            ("POST /commands/a/b/cancel", false),
+        let basic = parse(b"GET / HTTP/1.1\r\nauthorization: Basic abc\r\n\r\n");
+        assert_eq!(
+            basic.map(|head| head.map(|head| head.bearer)),
+            Ok(Some(None))
+        );
+    }
+
+    #[test]
+    fn the_class_of_a_request_follows_from_its_first_line() {
+        let (stop, stream, usual) = (
+            RequestClass::Stop,
+            RequestClass::Stream,
+            RequestClass::Usual,
+        );
+        for (line, class) in [
+            ("POST /commands/line%237/cancel", stop),
+            ("POST /commands/7/abort?x", stop),
+            ("GET /commands/7/abort", usual),
+            ("POST /commands/7/start", usual),
+            ("POST /commands/a/b/cancel", usual),
+            ("POST /commands/7/inputs/stream", stream),
+            ("PUT /commands/7/inputs", usual),
+            ("GET /stream?ports=a/b.c", stream),
+            ("POST /stream", usual),
         ] {
             let head = format!("{line} HTTP/1.1\r\n\r\n");
-            assert_eq!(parse(head.as_bytes()), Ok(Some((None, stops))), "{line}");
+            let head = parse(head.as_bytes()).ok().flatten();
+            assert_eq!(head.map(|head| head.class), Some(class), "{line}");
+        }
+    }
+
+    #[test]
+    fn a_connection_stays_open_unless_the_client_or_the_body_says_otherwise() {
+        for (lines, version, stays_open, body_size) in [
+            ("", 1, true, 0),
+            ("content-length: 12\r\n", 1, true, 12),
+            ("Connection: Keep-Alive, CLOSE\r\n", 1, false, 0),
+            ("connection: keep-alive\r\n", 1, true, 0),
+            ("transfer-encoding: chunked\r\n", 1, false, 0),
+            ("", 0, false, 0),
+        ] {
+            let head = format!("POST / HTTP/1.{version}\r\n{lines}\r\n");
+            let head = parse(head.as_bytes()).ok().flatten();
+            let facts = head.map(|head| (head.stays_open, head.body_size));
+            assert_eq!(facts, Some((stays_open, body_size)), "{lines}");
         }
     }
 
@@ -247,7 +274,7 @@ mod tests {
             "Transfer-Encoding: Chunked",
         ] {
             let text = format!("POST /commands HTTP/1.1\r\n{lines}\r\n\r\n");
-            assert_eq!(parse(text.as_bytes()), Ok(Some((None, false))), "{lines}");
+            assert!(matches!(parse(text.as_bytes()), Ok(Some(_))), "{lines}");
         }
     }
 
@@ -257,7 +284,7 @@ mod tests {
             let text = format!("GET {path} HTTP/1.1\r\n\r\n");
             let said = parse(text.as_bytes());
             let known = path.parse::<Uri>().is_ok();
-            assert_eq!(code(said.clone()).is_none(), known, "{path}: {said:?}");
+            assert_eq!(said.is_ok(), known, "{path}: {said:?}");
         }
     }
 

@@ -18,6 +18,9 @@ use rcc_api::bodies::{
     TimingView, TopicView, ValuesView, WrittenIncident,
 };
 use rcc_api::error::ApiError;
+use rcc_api::streams::{
+    ChannelError, ChannelOpened, ChannelSet, StreamLoss, StreamPorts, StreamState,
+};
 use rcc_api::{catalogue, codes};
 use rcc_core::printable::Printable;
 use rcc_process::Helpers;
@@ -32,7 +35,12 @@ use super::service::{Operation, Service};
 use super::stop_workers::StopWorkers;
 use requests::{answering, blocking, constant, json, limited, reading, text_of, too_many, written};
 
+pub use set_points::{CHANNEL_IDLE_MAX, CHANNELS_MAX};
+pub use stream::STREAMS_MAX;
+
 mod requests;
+mod set_points;
+mod stream;
 
 /// Maximum number of texts that are being compiled or wait for it; further ones are refused.
 pub const LOADING_MAX: usize = 32;
@@ -55,6 +63,8 @@ struct ServerState {
     reading: Arc<Semaphore>,
     texts: Arc<Semaphore>,
     answers: Arc<Semaphore>,
+    channels: Arc<Semaphore>,
+    streams: Arc<Semaphore>,
 }
 
 #[derive(OpenApi)]
@@ -70,6 +80,7 @@ struct ServerState {
         start,
         switch,
         set,
+        set_points::set_points,
         values,
         cancel,
         abort,
@@ -81,9 +92,20 @@ struct ServerState {
         status,
         timing,
         topics,
-        acknowledge
+        acknowledge,
+        stream::stream
     ),
-    components(schemas(ErrorBody, Finding, TextLocation))
+    components(schemas(
+        ErrorBody,
+        Finding,
+        TextLocation,
+        ChannelOpened,
+        ChannelSet,
+        ChannelError,
+        StreamPorts,
+        StreamState,
+        StreamLoss
+    ))
 )]
 struct ApiDocument;
 
@@ -111,6 +133,8 @@ pub fn router(service: Arc<Service>, helpers: &Helpers) -> io::Result<Router> {
         reading: permits(READING_MAX),
         texts: permits(TEXTS_MAX),
         answers: permits(ANSWERS_MAX),
+        channels: permits(CHANNELS_MAX),
+        streams: permits(STREAMS_MAX),
     };
     Ok(routes(state))
 }
@@ -121,7 +145,12 @@ fn routes(state: ServerState) -> Router {
         .route("/commands/{name}", get(detail).delete(unload))
         .route("/commands/{name}/start", post(start))
         .route("/commands/{name}/inputs", put(set))
+        .route(
+            "/commands/{name}/inputs/stream",
+            post(set_points::set_points),
+        )
         .route("/commands/{name}/values", get(values))
+        .route("/stream", get(stream::stream))
         .route("/switch", post(switch))
         .route("/commands/{name}/cancel", post(cancel))
         .route("/commands/{name}/abort", post(abort))
@@ -460,6 +489,7 @@ mod tests {
             "/commands/{name}/abort",
             "/commands/{name}/cancel",
             "/commands/{name}/inputs",
+            "/commands/{name}/inputs/stream",
             "/commands/{name}/start",
             "/commands/{name}/values",
             "/devices",
@@ -468,6 +498,7 @@ mod tests {
             "/schema",
             "/status",
             "/status/acknowledge",
+            "/stream",
             "/switch",
             "/timing",
             "/topics",

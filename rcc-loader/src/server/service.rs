@@ -28,12 +28,16 @@ use super::command_summary::CommandSummary;
 use super::executor::{ExecutorConnection, ExecutorLink};
 use super::store::CommandStore;
 use configuration::WatchedFiles;
+pub use set_points::{LINES_MAX, LineQueue, SetPointChannel};
+pub use stream::{EventStream, STREAM_NETS_MAX, STREAM_RATE_MAX, StreamRequest};
 
 mod configuration;
 mod handover;
 mod load;
 mod recording;
+mod set_points;
 mod status;
+mod stream;
 mod timing;
 mod topics;
 mod values;

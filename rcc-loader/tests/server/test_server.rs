@@ -127,7 +127,9 @@ pub fn ask(cell: &Cell, head: &str, body: &[u8]) -> (u16, Value) {
     let stream = UnixStream::connect(cell.socket()).expect("connected");
     stream.set_read_timeout(Some(LIMIT)).expect("a time limit");
     let length = body.len();
-    let head = format!("{head} HTTP/1.1\r\nhost: x\r\ncontent-length: {length}\r\n\r\n");
+    let head = format!(
+        "{head} HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n"
+    );
     exchange(stream, &[head.as_bytes(), body].concat())
 }
 

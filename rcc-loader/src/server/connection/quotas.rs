@@ -46,11 +46,19 @@ pub const STOPS: ConnectionLimits = ConnectionLimits {
     rate: 100,
     burst: 200,
 };
+/// Limits of set-point channels and of streams of values, states and events, together, for each listener; see also
+/// [`crate::server::routes::CHANNELS_MAX`] and [`crate::server::routes::STREAMS_MAX`]. They hold no place of other requests.
+pub const STREAMS: ConnectionLimits = ConnectionLimits {
+    connections: 12,
+    connections_of_peer: 6,
+    rate: 10,
+    burst: 20,
+};
 /// Per second, and in a burst: requests of one address without the right token that get an answer; further ones are
 /// closed.
 pub const UNAUTHENTICATED: (u32, u32) = (5, 20);
-/// Maximum number of connections of a listener whose head is awaited. A further one takes the slot of the oldest one of
-/// the peer that has the most.
+/// Maximum number of connections of a listener whose head is awaited, including idle ones. A further one takes the slot
+/// of an idle one, if there are any: of the oldest one of the peer that has the most.
 pub const HEADS_MAX: usize = 192;
 /// Maximum number of known peers; beyond it, peers without a pending request are forgotten.
 pub(super) const PEERS_MAX: usize = 1024;
@@ -75,11 +83,13 @@ impl fmt::Display for ClientPeer {
 
 /// The class that a request is counted in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum RequestClass {
+pub(in crate::server) enum RequestClass {
     /// Any other request.
     Usual,
     /// A CANCEL or ABORT.
     Stop,
+    /// A set-point channel, or a stream of values, states and events.
+    Stream,
     /// A request without the right token.
     Unauthenticated,
 }
@@ -93,6 +103,8 @@ struct PeerQuota {
 
 struct PendingHead {
     peer: ClientPeer,
+    /// True if the connection has carried a request and none of the next one.
+    is_idle: bool,
     /// Dropping it ends the connection.
     _stay: oneshot::Sender<()>,
 }
@@ -103,6 +115,7 @@ struct QuotaState {
     heads: BTreeMap<u64, PendingHead>,
     usual: usize,
     stops: usize,
+    streams: usize,
     peers: HashMap<(ClientPeer, RequestClass), PeerQuota>,
     refusal_log: LogThrottle,
 }
@@ -140,6 +153,7 @@ impl Drop for RequestPermit {
         match self.kind {
             RequestClass::Usual => inner.usual -= 1,
             RequestClass::Stop => inner.stops -= 1,
+            RequestClass::Stream => inner.streams -= 1,
             RequestClass::Unauthenticated => {}
         }
         if let Some(quota) = inner.peers.get_mut(&(self.peer, self.kind)) {
@@ -164,24 +178,29 @@ impl Quotas {
     /// Takes a slot for a connection whose head is awaited. No connection is refused: a client that sends its head at
     /// once has it read before its connection is the oldest.
     pub(super) fn await_head(self: &Arc<Quotas>, peer: ClientPeer) -> HeadPermit {
+        self.await_bytes(peer, false)
+    }
+
+    /// Takes a slot for a connection that has carried a request and is kept open.
+    pub(super) fn await_next(self: &Arc<Quotas>, peer: ClientPeer) -> HeadPermit {
+        self.await_bytes(peer, true)
+    }
+
+    fn await_bytes(self: &Arc<Quotas>, peer: ClientPeer, is_idle: bool) -> HeadPermit {
         let mut inner = self.inner();
         if inner.heads.len() >= HEADS_MAX {
-            let mut counts: HashMap<ClientPeer, usize> = HashMap::new();
-            for awaited in inner.heads.values() {
-                *counts.entry(awaited.peer).or_default() += 1;
-            }
-            let most = counts.into_iter().max_by_key(|(_, count)| *count);
-            let mut heads = inner.heads.iter();
-            let oldest =
-                heads.find(|(_, awaited)| most.is_some_and(|(peer, _)| awaited.peer == peer));
-            if let Some(oldest) = oldest.map(|(number, _)| *number) {
-                inner.heads.remove(&oldest);
-            }
+            let displaced = displaced(&inner.heads);
+            inner.heads.retain(|number, _| Some(*number) != displaced);
         }
         let number = inner.next;
         inner.next += 1;
         let (_stay, displaced) = oneshot::channel();
-        inner.heads.insert(number, PendingHead { peer, _stay });
+        let head = PendingHead {
+            peer,
+            is_idle,
+            _stay,
+        };
+        inner.heads.insert(number, head);
         HeadPermit {
             quotas: Arc::clone(self),
             number,
@@ -199,6 +218,7 @@ impl Quotas {
         let limits = match kind {
             RequestClass::Usual => self.limits,
             RequestClass::Stop => STOPS,
+            RequestClass::Stream => STREAMS,
             RequestClass::Unauthenticated => ConnectionLimits {
                 connections: usize::MAX,
                 connections_of_peer: usize::MAX,
@@ -210,6 +230,7 @@ impl Quotas {
         let open = match kind {
             RequestClass::Usual => inner.usual,
             RequestClass::Stop => inner.stops,
+            RequestClass::Stream => inner.streams,
             RequestClass::Unauthenticated => 0,
         };
         let ConnectionLimits {
@@ -249,6 +270,7 @@ impl Quotas {
         match kind {
             RequestClass::Usual => inner.usual += 1,
             RequestClass::Stop => inner.stops += 1,
+            RequestClass::Stream => inner.streams += 1,
             RequestClass::Unauthenticated => {}
         }
         Ok(RequestPermit {
@@ -264,6 +286,22 @@ impl Quotas {
     }
 }
 
+/// Returns the number of the connection whose slot the next one takes.
+fn displaced(heads: &BTreeMap<u64, PendingHead>) -> Option<u64> {
+    let any_idle = heads.values().any(|head| head.is_idle);
+    let eligible = || {
+        let heads = heads.iter();
+        heads.filter(|(_, head)| head.is_idle || !any_idle)
+    };
+    let mut counts: HashMap<ClientPeer, usize> = HashMap::new();
+    for (_, head) in eligible() {
+        *counts.entry(head.peer).or_default() += 1;
+    }
+    let (most, _) = counts.into_iter().max_by_key(|(_, count)| *count)?;
+    let oldest = eligible().find(|(_, head)| head.peer == most);
+    oldest.map(|(number, _)| *number)
+}
+
 fn too_many(what: String) -> ApiError {
     let message = format!("{what}; this one is refused");
     ApiError::new(
@@ -274,120 +312,4 @@ fn too_many(what: String) -> ApiError {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::time::Duration;
-
-    const LIMITS: ConnectionLimits = ConnectionLimits {
-        connections: 3,
-        connections_of_peer: 2,
-        rate: 10,
-        burst: 5,
-    };
-
-    fn usual(
-        quotas: &Arc<Quotas>,
-        peer: ClientPeer,
-        now: Instant,
-    ) -> Result<RequestPermit, ApiError> {
-        quotas.admit(peer, RequestClass::Usual, now)
-    }
-
-    #[test]
-    fn the_requests_of_a_peer_are_limited_and_others_keep_their_share() {
-        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let one = usual(&listener, ClientPeer::Process(1), now);
-        let _two = usual(&listener, ClientPeer::Process(1), now);
-        assert!(usual(&listener, ClientPeer::Process(1), now).is_err());
-        let _other = usual(&listener, ClientPeer::Process(2), now);
-        assert!(
-            usual(&listener, ClientPeer::Process(3), now).is_err(),
-            "all slots are taken"
-        );
-        drop(one);
-        assert!(usual(&listener, ClientPeer::Process(3), now).is_ok());
-    }
-
-    #[test]
-    fn a_peer_that_has_used_up_its_quota_can_still_cancel() {
-        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let peer = ClientPeer::Process(1);
-        let held: Vec<_> = (0..2).map(|_| usual(&listener, peer, now)).collect();
-        while usual(&listener, ClientPeer::Process(2), now).is_ok() {}
-        assert!(held.iter().all(Result::is_ok) && usual(&listener, peer, now).is_err());
-        let stops: Vec<_> = (0..10)
-            .map(|_| listener.admit(peer, RequestClass::Stop, now))
-            .collect();
-        let admitted = stops.iter().filter(|stop| stop.is_ok()).count();
-        assert_eq!(admitted, STOPS.connections_of_peer);
-        assert!(
-            listener
-                .admit(ClientPeer::Process(2), RequestClass::Stop, now)
-                .is_ok()
-        );
-    }
-
-    #[test]
-    fn the_request_rate_of_a_peer_is_limited_and_others_keep_theirs() {
-        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let peer = ClientPeer::Address(IpAddr::from([127, 0, 0, 1]));
-        let admitted = |now| {
-            (0..100)
-                .filter(|_| usual(&listener, peer, now).is_ok())
-                .count()
-        };
-        assert_eq!(admitted(now), 5, "the burst");
-        assert_eq!(admitted(now + Duration::from_millis(200)), 2, "10 a second");
-        assert!(usual(&listener, ClientPeer::Process(2), now).is_ok());
-        let much_later = now + Duration::from_secs(3600);
-        assert_eq!(admitted(much_later), 5, "no more than the burst");
-    }
-
-    #[test]
-    fn unauthenticated_requests_take_nothing_from_token_holders_at_the_same_address() {
-        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let peer = ClientPeer::Address(IpAddr::from([127, 0, 0, 1]));
-        let reported = (0..1000).filter(|_| {
-            listener
-                .admit(peer, RequestClass::Unauthenticated, now)
-                .is_ok()
-        });
-        assert_eq!(reported.count(), UNAUTHENTICATED.1 as usize);
-        assert!(usual(&listener, peer, now).is_ok());
-    }
-
-    #[test]
-    fn peers_without_requests_are_forgotten() {
-        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
-        let _kept = usual(&listener, ClientPeer::Process(-1), now);
-        for pid in 0..3000 {
-            drop(usual(&listener, ClientPeer::Process(pid), now));
-        }
-        let inner = listener.inner();
-        assert!(inner.peers.len() <= PEERS_MAX && inner.usual == 1);
-        assert!(
-            inner
-                .peers
-                .contains_key(&(ClientPeer::Process(-1), RequestClass::Usual))
-        );
-    }
-
-    #[test]
-    fn one_head_too_many_displaces_the_oldest_one_of_the_peer_with_most() {
-        let listener = Quotas::new(LIMITS);
-        let mut quiet = listener.await_head(ClientPeer::Process(1));
-        let mut held: Vec<_> = (1..HEADS_MAX)
-            .map(|_| listener.await_head(ClientPeer::Process(2)))
-            .collect();
-        let _new = listener.await_head(ClientPeer::Process(3));
-        let open = |permit: &mut HeadPermit| {
-            matches!(
-                permit.displaced.try_recv(),
-                Err(oneshot::error::TryRecvError::Empty)
-            )
-        };
-        assert!(open(&mut quiet) && !open(&mut held[0]) && open(&mut held[1]));
-        drop(held);
-        assert_eq!(listener.inner().heads.len(), 2);
-    }
-}
+mod tests;

@@ -11,7 +11,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
-use rcc_api::routes::TIMEOUT_HEADER;
+use rcc_api::routes::{TIMEOUT_HEADER, is_stream};
 use serde::Serialize;
 
 use super::{REQUEST_TIME_MAX, REQUESTS_MAX, ServerState};
@@ -26,6 +26,10 @@ pub(super) async fn limited(
     mut request: Request,
     next: Next,
 ) -> Response {
+    // Streams have limits of their own; the time until their answer begins is limited here.
+    if is_stream(request.method().as_str(), request.uri().path()) {
+        return with_time_limit(next.run(request)).await;
+    }
     let route = request.extensions().get::<MatchedPath>();
     let route = route.map_or_else(String::new, |route| route.as_str().to_owned());
     let Some(bytes_max) = bodies::body_max(request.method(), &route) else {
@@ -116,6 +120,14 @@ pub(super) fn too_many(requests_max: usize) -> ApiError {
         codes::TOO_MANY,
         format!("{requests_max} requests of this kind are being processed; this one is refused"),
         "try again in a moment",
+    )
+}
+
+pub(super) fn too_many_streams(streams_max: usize, what: &str) -> ApiError {
+    ApiError::new(
+        codes::TOO_MANY,
+        format!("{streams_max} {what} are open; this one is refused"),
+        "close one of them, or use one for several values",
     )
 }
 

@@ -95,12 +95,12 @@ impl Service {
     }
 }
 
-fn no_names(id: u64) -> ApiError {
+pub(super) fn no_names(id: u64) -> ApiError {
     let message = format!("command #{id} was never ready, so its ports and inputs are not known");
     ApiError::new(codes::WRONG_STATE, message, "`rcc-cli state` shows why")
 }
 
-fn refused(faults: &rcc_config::diagnostic::Faults) -> ApiError {
+pub(super) fn refused(faults: &rcc_config::diagnostic::Faults) -> ApiError {
     let diagnostics = findings(faults);
     let errors = diagnostics
         .iter()

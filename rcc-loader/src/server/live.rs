@@ -1,0 +1,131 @@
+//! Answers that last as long as their client wishes: a worker thread makes pieces, the serving thread passes them on. The
+//! pieces that a client has not taken are bounded; beyond, further ones are refused, and their maker counts them.
+
+use std::convert::Infallible;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+
+use axum::body::{Body, Bytes};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use hyper::body::Frame;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+
+/// Maximum number of pieces that a client has not taken.
+pub const PIECES_MAX: usize = 64;
+/// Maximum size of the pieces that a client has not taken, bytes.
+pub const BYTES_MAX: usize = 256 << 10;
+
+/// The maker's end; the answer ends when it is dropped.
+#[derive(Debug)]
+pub struct LiveSender {
+    pieces: mpsc::Sender<Piece>,
+    room: Arc<Semaphore>,
+}
+
+#[derive(Debug)]
+struct Piece {
+    bytes: Bytes,
+    _room: Option<OwnedSemaphorePermit>,
+}
+
+/// The piece does not fit, because the client takes them too slowly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Full;
+
+impl LiveSender {
+    /// Sends a piece, unless the client has too many.
+    ///
+    /// # Errors
+    /// Returns [`Full`] if it has, and the piece is lost; nothing if it is gone.
+    pub fn send(&self, piece: String) -> Result<(), Full> {
+        let room = Arc::clone(&self.room)
+            .try_acquire_many_owned(share(&piece))
+            .map_err(|_| Full)?;
+        let (bytes, _room) = (piece.into(), Some(room));
+        match self.pieces.try_send(Piece { bytes, _room }) {
+            Err(mpsc::error::TrySendError::Full(_)) => Err(Full),
+            // A client that is gone is found by `is_over`.
+            Ok(()) | Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
+        }
+    }
+
+    /// Sends the last piece, and waits for room. Not for the serving thread.
+    pub fn finish(self, piece: String) {
+        // The last piece is short, and takes no room.
+        let (bytes, _room) = (piece.into(), None);
+        // On an error the client is gone.
+        let _ = self.pieces.blocking_send(Piece { bytes, _room });
+    }
+
+    /// Returns true if the client is gone.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.pieces.is_closed()
+    }
+}
+
+/// A piece that alone is longer than all room takes all of it.
+fn share(piece: &str) -> u32 {
+    piece.len().min(BYTES_MAX) as u32
+}
+
+/// Creates an answer of this content type, and its sender. `guard` is dropped with the answer.
+pub fn answer(content_type: &'static str, guard: OwnedSemaphorePermit) -> (LiveSender, Response) {
+    let (pieces, taken) = mpsc::channel(PIECES_MAX);
+    let room = Arc::new(Semaphore::new(BYTES_MAX));
+    let body = Body::new(LiveBody {
+        taken,
+        _guard: guard,
+    });
+    let headers = [
+        (header::CONTENT_TYPE, content_type),
+        (header::CACHE_CONTROL, "no-store"),
+    ];
+    let response = (headers, body).into_response();
+    (LiveSender { pieces, room }, response)
+}
+
+struct LiveBody {
+    taken: mpsc::Receiver<Piece>,
+    _guard: OwnedSemaphorePermit,
+}
+
+impl hyper::body::Body for LiveBody {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        let piece = self.taken.poll_recv(context);
+        piece.map(|piece| piece.map(|piece| Ok(Frame::data(piece.bytes))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_client_that_takes_nothing_is_sent_a_bounded_number_of_bytes_and_pieces() {
+        let places = Arc::new(Semaphore::new(1));
+        let guard = Arc::clone(&places).try_acquire_owned();
+        let (sender, response) = answer("text/plain", guard.expect("a place"));
+        let sent = (0..1000).filter(|_| sender.send("x".repeat(4096)).is_ok());
+        assert_eq!(sent.count(), BYTES_MAX / 4096);
+        let (small, other) = answer(
+            "text/plain",
+            Arc::new(Semaphore::new(1))
+                .try_acquire_owned()
+                .expect("a place"),
+        );
+        let sent = (0..1000).filter(|_| small.send("x".to_owned()).is_ok());
+        assert_eq!(sent.count(), PIECES_MAX);
+        assert!(!sender.is_over() && places.available_permits() == 0);
+        drop((response, other));
+        assert!(sender.is_over() && places.available_permits() == 1);
+    }
+}

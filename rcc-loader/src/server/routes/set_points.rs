@@ -1,0 +1,143 @@
+//! The route of set-point channels: a request whose body is lines of input values, sent while they arise, and whose
+//! answer is lines about them. Run by the serving thread, which copies lines and parses nothing.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use axum::extract::{Path, Query, State};
+use axum::response::Response;
+use http_body_util::BodyExt;
+use rcc_api::bodies::ErrorBody;
+use rcc_api::codes;
+use rcc_api::error::ApiError;
+use rcc_api::streams::ChannelEnd;
+use serde::Deserialize;
+
+use super::ServerState;
+use super::requests::{blocking, too_many_streams};
+use crate::server::bodies::SET_TEXT_MAX;
+use crate::server::error::ErrorResponse;
+use crate::server::live;
+use crate::server::service::LineQueue;
+
+/// Maximum number of set-point channels; each may use one of the eight requests that the executor takes in a cycle.
+pub const CHANNELS_MAX: usize = 4;
+/// Time after which a channel without a line is closed.
+pub const CHANNEL_IDLE_MAX: Duration = Duration::from_secs(60);
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ChannelQuery {
+    /// The sets of values that are answered.
+    #[serde(default)]
+    answers: AnswerKind,
+}
+
+#[derive(Clone, Copy, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+enum AnswerKind {
+    #[default]
+    Errors,
+    All,
+}
+
+/// Set-point channel: sets inputs of a ready or active net at up to the rate of the cell, over one connection. Each line
+/// of the body is a mapping from inputs to values, as for `PUT /commands/{name}/inputs`; the newest value of each input
+/// takes effect in the next cycle, and older ones that no cycle has seen are superseded. Send the body in chunks
+/// (`transfer-encoding: chunked`), and end it to close the channel. The answer begins at once and has lines of JSON:
+/// `{id, net}` first, `{line, error}` for each line that was refused, and at last what became of all lines.
+#[utoipa::path(post, path = "/commands/{name}/inputs/stream", operation_id = "openSetPointChannel", tag = "values",
+    params(("name" = String, Path, description = "id or name"),
+        ("answers" = Option<String>, Query,
+            description = "`errors` (default), or `all`: also `{line, cycle}` for each set of values that took effect")),
+    request_body(content = String, content_type = "application/x-ndjson",
+        description = "lines such as `{\"speed\": 0.2, \"lamp\": true}`"),
+    responses(
+        (status = 200, description = "lines of JSON; the last one as shown", body = ChannelEnd,
+            content_type = "application/x-ndjson"),
+        (status = 404, description = "no such command", body = ErrorBody),
+        (status = 409, description = "the command takes no values", body = ErrorBody),
+        (status = 429, description = "too many channels", body = ErrorBody)))]
+pub(super) async fn set_points(
+    State(state): State<ServerState>,
+    Path(name): Path<String>,
+    Query(query): Query<ChannelQuery>,
+    body: Body,
+) -> Result<Response, ErrorResponse> {
+    let place = Arc::clone(&state.channels).try_acquire_owned();
+    let place = place.map_err(|_| too_many_streams(CHANNELS_MAX, "set-point channels"))?;
+    let opened = move |service: &crate::server::service::Service| service.open_channel(&name);
+    let channel = blocking(state.clone(), opened).await?;
+    let (client, response) = live::answer("application/x-ndjson", place);
+    let lines = Arc::new(LineQueue::default());
+    let taken = Arc::clone(&lines);
+    let tells_all = query.answers == AnswerKind::All;
+    // It ends when the body ends, at the latest when the connection does.
+    tokio::task::spawn_blocking(move || {
+        channel.serve(&state.service, &taken, client, tells_all);
+    });
+    tokio::spawn(read_lines(body, ClosingQueue(lines)));
+    Ok(response)
+}
+
+/// Closes the queue when it is dropped, however the reading ends.
+struct ClosingQueue(Arc<LineQueue>);
+
+impl Drop for ClosingQueue {
+    fn drop(&mut self) {
+        self.0.close();
+    }
+}
+
+/// Reads the body until it ends, the command takes no more values, a line is too long, or no line has come for too
+/// long.
+async fn read_lines(mut body: Body, lines: ClosingQueue) {
+    let lines = &lines.0;
+    let mut begun = Vec::new();
+    loop {
+        let frame = tokio::select! {
+            frame = tokio::time::timeout(CHANNEL_IDLE_MAX, body.frame()) => frame,
+            () = lines.closed() => return,
+        };
+        let bytes = match frame {
+            Ok(Some(Ok(frame))) => frame.into_data().unwrap_or_default(),
+            Ok(None) => return push(lines, begun),
+            // The client is gone.
+            Ok(Some(Err(_))) => return,
+            Err(_) => return lines.fail(idle()),
+        };
+        let mut parts = bytes.split(|byte| *byte == b'\n');
+        begun.extend_from_slice(parts.next().unwrap_or_default());
+        for part in parts {
+            push(lines, std::mem::replace(&mut begun, part.to_vec()));
+        }
+        if begun.len() > SET_TEXT_MAX {
+            return lines.fail(too_long());
+        }
+    }
+}
+
+fn push(lines: &LineQueue, line: Vec<u8>) {
+    if line.len() > SET_TEXT_MAX {
+        lines.fail(too_long());
+    } else if !line.trim_ascii().is_empty() {
+        lines.push(Bytes::from(line));
+    }
+}
+
+fn too_long() -> ApiError {
+    ApiError::new(
+        codes::TOO_LARGE,
+        format!("the line is too long: the maximum is {SET_TEXT_MAX} bytes"),
+        "end each set of values with a line feed",
+    )
+}
+
+fn idle() -> ApiError {
+    ApiError::new(
+        codes::TOO_SLOW,
+        format!("no line came for {CHANNEL_IDLE_MAX:?}"),
+        "open the channel again when there are values",
+    )
+}

@@ -1,0 +1,71 @@
+//! The route of streams: values, states and events as server-sent events, for as long as the client reads. Run by the
+//! serving thread.
+
+use std::sync::Arc;
+
+use axum::extract::{Query, State};
+use axum::response::Response;
+use rcc_api::bodies::ErrorBody;
+use rcc_api::streams::StreamValues;
+use serde::Deserialize;
+
+use super::requests::{blocking, too_many_streams};
+use super::{ServerState, ValuesQuery};
+use crate::server::error::ErrorResponse;
+use crate::server::live;
+use crate::server::service::{Service, StreamRequest};
+
+/// Maximum number of streams.
+pub const STREAMS_MAX: usize = 8;
+/// Rate of a stream that names none, samples per second.
+const RATE_DEFAULT: f64 = 10.0;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StreamQuery {
+    /// Patterns, separated by commas.
+    #[serde(default)]
+    ports: Option<String>,
+    #[serde(default)]
+    rate: Option<f64>,
+    #[serde(default)]
+    states: bool,
+    #[serde(default)]
+    events: bool,
+}
+
+/// Stream: values of ports of up to eight nets at a rate, changes of states, and events, as server-sent events over one
+/// connection: `ports` (types and units, before the first values of a command), `values` (as shown), `state`, `event`,
+/// and `lost` (how many samples and events the client was too slow for). A name stands for the newest command of that
+/// name, also for one that is loaded later. A net is sent only if it was evaluated since the last sample.
+#[utoipa::path(get, path = "/stream", operation_id = "openStream", tag = "values",
+    params(("ports" = Option<String>, Query, description = "patterns such as `belt/soft.out,line/ik.*`"),
+        ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to 250; 10 by default"),
+        ("states" = Option<bool>, Query, description = "also the state of each command, now and at each change"),
+        ("events" = Option<bool>, Query, description = "also the events of the event log from now on")),
+    responses(
+        (status = 200, description = "server-sent events; the data of `values` as shown", body = StreamValues,
+            content_type = "text/event-stream"),
+        (status = 400, description = "no subject, or no possible rate", body = ErrorBody),
+        (status = 404, description = "no such net or port", body = ErrorBody),
+        (status = 429, description = "too many streams", body = ErrorBody)))]
+pub(super) async fn stream(
+    State(state): State<ServerState>,
+    Query(query): Query<StreamQuery>,
+) -> Result<Response, ErrorResponse> {
+    let place = Arc::clone(&state.streams).try_acquire_owned();
+    let place = place.map_err(|_| too_many_streams(STREAMS_MAX, "streams"))?;
+    let ports = ValuesQuery { ports: query.ports };
+    let request = StreamRequest {
+        ports: ports.patterns(),
+        rate: query.rate.unwrap_or(RATE_DEFAULT),
+        states: query.states,
+        events: query.events,
+    };
+    let opened = move |service: &Service| service.open_stream(&request);
+    let stream = blocking(state.clone(), opened).await?;
+    let (client, response) = live::answer("text/event-stream", place);
+    // It ends when the connection does.
+    tokio::task::spawn_blocking(move || stream.serve(&state.service, &client));
+    Ok(response)
+}

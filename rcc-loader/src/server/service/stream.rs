@@ -1,0 +1,477 @@
+//! A stream of values, states and events for one client, as server-sent events. Run by a worker thread of its own for each
+//! stream, with a port of its own to the executor; nothing of it reaches the real-time thread but reads, at the rate of
+//! the stream.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::{Duration, Instant};
+
+use rcc_api::codes;
+use rcc_api::error::ApiError;
+use rcc_api::streams::{StreamLoss, StreamPort, StreamPorts, StreamState, StreamValues};
+use rcc_ipc::events::EventReader;
+use rcc_protocol::control::{Answer, Call};
+use rcc_protocol::events::Event;
+use serde::Serialize;
+
+use super::Service;
+use super::values::{SelectedPort, no_names, select, view};
+use crate::server::executor::{ExecutorConnection, ExecutorPort};
+use crate::server::live::LiveSender;
+use crate::server::store::CommandStore;
+
+/// Maximum rate of a stream, samples per second: each sample of a net is one request to the executor.
+pub const STREAM_RATE_MAX: f64 = 250.0;
+/// Minimum rate of a stream, samples per second.
+pub const STREAM_RATE_MIN: f64 = 0.1;
+/// Maximum number of nets of a stream.
+pub const STREAM_NETS_MAX: usize = 8;
+/// Interval at which states and events are looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Time without a piece after which a comment shows that the stream is alive.
+const SILENCE_MAX: Duration = Duration::from_secs(5);
+/// Maximum number of events that wait for a client.
+const EVENTS_MAX: usize = 256;
+
+/// What a client wants to see.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StreamRequest {
+    /// Patterns of ports: `net/primitive.port`.
+    pub ports: Vec<String>,
+    /// Samples per second.
+    pub rate: f64,
+    /// States of commands.
+    pub states: bool,
+    /// Events of the event log.
+    pub events: bool,
+}
+
+/// An open stream.
+pub struct EventStream {
+    subscriptions: Vec<Subscription>,
+    period: Duration,
+    port: Option<ExecutorPort>,
+    states: Option<BTreeMap<u64, StateKey>>,
+    reader: Option<EventReader>,
+    waiting: VecDeque<Event>,
+    loss: StreamLoss,
+    spoke: Instant,
+}
+
+/// Ports of one net. A name means the newest command of that name, preferably an active one.
+struct Subscription {
+    net: String,
+    patterns: Vec<String>,
+    target: Option<Target>,
+}
+
+/// The command that a subscription reads now.
+struct Target {
+    id: u64,
+    net: String,
+    selected: Vec<SelectedPort>,
+    is_announced: bool,
+    /// Number of the evaluation that was sent last.
+    evaluations: Option<u64>,
+}
+
+/// What a change of state changes: the row's state and reason, whether it is being loaded, and the net's name.
+type StateKey = (u32, u32, bool, String);
+
+impl Service {
+    /// Opens a stream.
+    ///
+    /// # Errors
+    /// Returns an error if the request has no or too many subjects or no possible rate, if there is no such net or
+    /// port, or if the executor has no room for another client.
+    pub fn open_stream(&self, request: &StreamRequest) -> Result<EventStream, ApiError> {
+        let mut subscriptions = subscriptions(request)?;
+        let (attached, store) = self.attach()?;
+        for subscription in &mut subscriptions {
+            subscription.target = Some(self.target(&attached, &store, subscription)?);
+        }
+        let has_ports = !subscriptions.is_empty();
+        let port = has_ports.then(|| self.executor.open_port()).transpose()?;
+        let reader = request.events.then(|| {
+            let mut reader = EventReader::open(self.executor.cell());
+            // Events from now on; an error shows again when the log is read.
+            let _ = reader.poll();
+            reader
+        });
+        Ok(EventStream {
+            subscriptions,
+            period: Duration::from_secs_f64(1.0 / request.rate),
+            port,
+            states: request.states.then(BTreeMap::new),
+            reader,
+            waiting: VecDeque::new(),
+            loss: StreamLoss::default(),
+            spoke: Instant::now(),
+        })
+    }
+
+    /// Finds the command that a subscription reads, and its ports.
+    fn target(
+        &self,
+        attached: &ExecutorConnection,
+        store: &CommandStore,
+        subscription: &Subscription,
+    ) -> Result<Target, ApiError> {
+        let active = |state: rcc_core::message::CommandState| state.is_active();
+        let id = self.resolve(attached, store, &subscription.net, active)?;
+        let names = store.names(id).ok_or_else(|| no_names(id))?;
+        Ok(Target {
+            id,
+            selected: select(&names, &subscription.patterns)?,
+            net: names.net,
+            is_announced: false,
+            evaluations: None,
+        })
+    }
+}
+
+/// Checks a request, and sorts its ports by net.
+fn subscriptions(request: &StreamRequest) -> Result<Vec<Subscription>, ApiError> {
+    let refused = |message: String, help: &str| ApiError::new(codes::BAD_REQUEST, message, help);
+    if request.ports.is_empty() && !request.states && !request.events {
+        let help = "add `ports=NET/PRIMITIVE.PORT`, `states=true` or `events=true`";
+        return Err(refused("the stream has no subject".to_owned(), help));
+    }
+    if !(STREAM_RATE_MIN..=STREAM_RATE_MAX).contains(&request.rate) {
+        let message = format!(
+            "rate: {} is not between {STREAM_RATE_MIN} and {STREAM_RATE_MAX} samples per second",
+            request.rate
+        );
+        return Err(refused(message, "a `Monitor` in the net shows every cycle"));
+    }
+    let mut all: Vec<Subscription> = Vec::new();
+    for port in &request.ports {
+        let Some((net, pattern)) = port.split_once('/') else {
+            let message = format!("`{port}` names no net");
+            return Err(refused(
+                message,
+                "write NET/PRIMITIVE.PORT, such as `belt/soft.out`",
+            ));
+        };
+        match all.iter_mut().find(|known| known.net == net) {
+            Some(known) => known.patterns.push(pattern.to_owned()),
+            None => all.push(Subscription {
+                net: net.to_owned(),
+                patterns: vec![pattern.to_owned()],
+                target: None,
+            }),
+        }
+    }
+    if all.len() > STREAM_NETS_MAX {
+        let message = format!("the ports are of {} nets", all.len());
+        let help = format!("a stream reads at most {STREAM_NETS_MAX} nets: open another one");
+        return Err(refused(message, &help));
+    }
+    Ok(all)
+}
+
+impl EventStream {
+    /// Serves the client until it is gone.
+    pub fn serve(mut self, service: &Service, client: &LiveSender) {
+        let (mut sample, mut look) = (Instant::now(), Instant::now());
+        while !client.is_over() {
+            let now = Instant::now();
+            if now >= look {
+                look = now + LOOK_EVERY;
+                self.look(service, client);
+            }
+            if !self.subscriptions.is_empty() && now >= sample {
+                let late = now.duration_since(sample).as_nanos() / self.period.as_nanos().max(1);
+                let missed = u32::try_from(late).unwrap_or(u32::MAX);
+                self.loss.samples += u64::from(missed);
+                sample = match missed {
+                    0 => sample + self.period,
+                    _ => now + self.period,
+                };
+                self.sample(service, client);
+            }
+            if self.spoke.elapsed() > SILENCE_MAX {
+                self.spoke = Instant::now();
+                // Full: the client has something to read.
+                let _ = client.send(":\n\n".to_owned());
+            }
+            let next = match self.subscriptions.is_empty() {
+                true => look,
+                false => sample.min(look),
+            };
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        }
+    }
+
+    /// Sends an event; false if the client has no room for it.
+    fn send(&mut self, client: &LiveSender, event: &str, data: &impl Serialize) -> bool {
+        if self.loss != StreamLoss::default() && client.send(frame("lost", &self.loss)).is_ok() {
+            self.loss = StreamLoss::default();
+        }
+        let is_sent = client.send(frame(event, data)).is_ok();
+        if is_sent {
+            self.spoke = Instant::now();
+        }
+        is_sent
+    }
+
+    /// Sends the values of all nets that were evaluated since the last sample.
+    fn sample(&mut self, service: &Service, client: &LiveSender) {
+        let mut subscriptions = std::mem::take(&mut self.subscriptions);
+        for subscription in &mut subscriptions {
+            if let Some(values) = self.read(service, client, subscription) {
+                let is_sent = self.send(client, "values", &values);
+                self.loss.samples += u64::from(!is_sent);
+            }
+        }
+        self.subscriptions = subscriptions;
+    }
+
+    /// Reads the ports of one net; `None` if it is not there, was not evaluated since, or cannot be announced yet.
+    fn read(
+        &mut self,
+        service: &Service,
+        client: &LiveSender,
+        subscription: &mut Subscription,
+    ) -> Option<StreamValues> {
+        let (attached, store) = service.attach().ok()?;
+        let active = |state: rcc_core::message::CommandState| state.is_active();
+        let id = service.resolve(&attached, &store, &subscription.net, active);
+        let id = id.ok()?;
+        let known = subscription.target.as_ref();
+        if known.is_none_or(|target| target.id != id) {
+            // A net of this name without these ports, or that is still being loaded, shows nothing.
+            subscription.target = service.target(&attached, &store, subscription).ok();
+        }
+        let target = subscription.target.as_mut()?;
+        let points = target.selected.iter().map(|port| port.point).collect();
+        let answer = self.port.as_ref()?.call(&Call::Read { id, points });
+        let values = match answer {
+            Ok(Answer::Values(values)) => values,
+            // For example, it has not been started.
+            Ok(_) => return None,
+            Err(_) => {
+                self.port = None;
+                return None;
+            }
+        };
+        if values.evaluations == 0 || target.evaluations == Some(values.evaluations) {
+            return None;
+        }
+        if !target.is_announced {
+            target.is_announced = self.send(client, "ports", &announcement(target));
+            if !target.is_announced {
+                self.loss.samples += 1;
+                return None;
+            }
+        }
+        target.evaluations = Some(values.evaluations);
+        let period_ns = attached.status().period_ns;
+        let view = view(id, &target.net, period_ns, &target.selected, &values);
+        let values = view.values.into_iter();
+        Some(StreamValues {
+            id,
+            net: view.net,
+            cycle: view.cycle,
+            net_cycle: view.net_cycle,
+            time_s: view.time_s,
+            values: values.map(|value| (value.port, value.value)).collect(),
+        })
+    }
+
+    /// Sends changed states and new events, and finds a restarted executor.
+    fn look(&mut self, service: &Service, client: &LiveSender) {
+        if self.port.is_none() && !self.subscriptions.is_empty() {
+            self.port = service.executor.open_port().ok();
+            if self.port.is_some() {
+                self.subscriptions
+                    .iter_mut()
+                    .for_each(|one| one.target = None);
+            }
+        }
+        if let Some(mut known) = self.states.take() {
+            self.look_at_states(service, client, &mut known);
+            self.states = Some(known);
+        }
+        if let Some(reader) = &mut self.reader {
+            // The log may be out of reach for a moment: the events come later.
+            for event in reader.poll().unwrap_or_default() {
+                if self.waiting.len() >= EVENTS_MAX {
+                    self.waiting.pop_front();
+                    self.loss.events += 1;
+                }
+                self.waiting.push_back(event);
+            }
+        }
+        while let Some(event) = self.waiting.pop_front() {
+            if !self.send(client, "event", &event) {
+                self.waiting.push_front(event);
+                return;
+            }
+        }
+    }
+
+    /// Sends the states that changed; one for which there is no room is sent later, as it is then.
+    fn look_at_states(
+        &mut self,
+        service: &Service,
+        client: &LiveSender,
+        known: &mut BTreeMap<u64, StateKey>,
+    ) {
+        let Ok((attached, store)) = service.attach() else {
+            return;
+        };
+        let rows = attached.tables().commands;
+        for row in &rows {
+            let is_loading = service.loading().contains_key(&row.id);
+            let same =
+                |key: &StateKey| (key.0, key.1, key.2) == (row.state, row.reason, is_loading);
+            if known.get(&row.id).is_some_and(same) {
+                continue;
+            }
+            let view = service.view(&store, row);
+            let state = StreamState {
+                id: row.id,
+                net: view.net.clone(),
+                state: view.state,
+                reason: view.reason,
+                outcome: view.outcome,
+                fault: view.fault,
+            };
+            if self.send(client, "state", &state) {
+                known.insert(row.id, (row.state, row.reason, is_loading, view.net));
+            }
+        }
+        let is_gone = |id: &u64| rows.iter().all(|row| row.id != *id);
+        let gone: Vec<u64> = known.keys().copied().filter(is_gone).collect();
+        for id in gone {
+            let net = known.get(&id).map(|key| key.3.clone());
+            let state = StreamState {
+                id,
+                net: net.unwrap_or_default(),
+                state: "unloaded".to_owned(),
+                ..StreamState::default()
+            };
+            if self.send(client, "state", &state) {
+                known.remove(&id);
+            }
+        }
+    }
+}
+
+fn announcement(target: &Target) -> StreamPorts {
+    let ports = target.selected.iter().map(|port| StreamPort {
+        port: port.port.clone(),
+        ty: port.ty.clone(),
+        unit: port.unit.clone(),
+    });
+    StreamPorts {
+        id: target.id,
+        net: target.net.clone(),
+        ports: ports.collect(),
+    }
+}
+
+/// Formats a server-sent event; JSON has no line feed.
+fn frame(event: &str, data: &impl Serialize) -> String {
+    // Serializing numbers and texts cannot fail.
+    let data = serde_json::to_string(data).unwrap_or_default();
+    format!("event: {event}\ndata: {data}\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::server::live;
+    use http_body_util::BodyExt;
+    use std::sync::Arc;
+    use tokio::sync::Semaphore;
+
+    fn request(ports: &[&str], rate: f64) -> StreamRequest {
+        StreamRequest {
+            ports: ports.iter().map(|port| (*port).to_owned()).collect(),
+            rate,
+            ..StreamRequest::default()
+        }
+    }
+
+    #[test]
+    fn ports_are_sorted_by_net_and_fragments_stay_in_the_pattern() {
+        let ports = ["belt/soft.out", "line#7/a/filter.out[1]", "belt/speed.*"];
+        let found = subscriptions(&request(&ports, 10.0)).map(|found| {
+            let rows = found.into_iter().map(|one| (one.net, one.patterns));
+            rows.collect::<Vec<_>>()
+        });
+        let belt = ["soft.out", "speed.*"].map(str::to_owned).to_vec();
+        let line = vec!["a/filter.out[1]".to_owned()];
+        assert_eq!(
+            found,
+            Ok(vec![("belt".to_owned(), belt), ("line#7".to_owned(), line)])
+        );
+    }
+
+    #[test]
+    fn a_stream_without_subject_net_or_possible_rate_is_refused() {
+        let many: Vec<String> = (0..=STREAM_NETS_MAX)
+            .map(|net| format!("n{net}/a.b"))
+            .collect();
+        let many: Vec<&str> = many.iter().map(String::as_str).collect();
+        for (ports, rate) in [
+            (&[][..], 10.0),
+            (&["soft.out"], 10.0),
+            (&["belt/soft.out"], 0.0),
+            (&["belt/soft.out"], STREAM_RATE_MAX * 1.01),
+            (&["belt/soft.out"], f64::NAN),
+            (&many, 10.0),
+        ] {
+            let refused = subscriptions(&request(ports, rate)).map(|_| ());
+            assert_eq!(
+                refused.map_err(|error| error.code),
+                Err(codes::BAD_REQUEST),
+                "{ports:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
+        let place = Arc::new(Semaphore::new(1)).try_acquire_owned();
+        let (client, response) = live::answer("text/event-stream", place.expect("a place"));
+        let mut stream = EventStream {
+            subscriptions: Vec::new(),
+            period: Duration::from_millis(10),
+            port: None,
+            states: None,
+            reader: None,
+            waiting: VecDeque::new(),
+            loss: StreamLoss::default(),
+            spoke: Instant::now(),
+        };
+        let mut send = |id| {
+            let values = StreamValues {
+                id,
+                ..StreamValues::default()
+            };
+            let is_sent = stream.send(&client, "values", &values);
+            stream.loss.samples += u64::from(!is_sent);
+            is_sent
+        };
+        assert_eq!((0..1000).filter(|id| send(*id)).count(), live::PIECES_MAX);
+        let runtime = tokio::runtime::Builder::new_current_thread().build();
+        let runtime = runtime.expect("a runtime");
+        let mut body = response.into_body();
+        let mut take = || {
+            let frame = runtime
+                .block_on(body.frame())
+                .expect("open")
+                .expect("a piece");
+            let bytes = frame.into_data().unwrap_or_default();
+            String::from_utf8_lossy(&bytes).into_owned()
+        };
+        (0..live::PIECES_MAX).for_each(|_| assert!(take().starts_with("event: values\n")));
+        assert!(send(1000), "there is room again");
+        let lost = 1000 - live::PIECES_MAX;
+        let told = format!("event: lost\ndata: {{\"samples\":{lost},\"events\":0}}\n\n");
+        assert_eq!(take(), told);
+        assert!(take().contains("\"id\":1000"));
+    }
+}
