@@ -16,12 +16,13 @@ use rcc_core::primitive::{Role, Spec};
 use rcc_core::primitives;
 use rcc_protocol::control::{InputValue, Refusal};
 use rcc_protocol::rehearsal::{
-    LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, ShortenedBlend,
+    LegPosition, LimitPeak, PredictedViolation, RehearsalEnd, RehearsalReport, ShortenedBlend,
 };
 
 use crate::net::{Evaluation, Net};
 
 mod arm_monitor;
+mod slower;
 
 use arm_monitor::ArmMonitor;
 
@@ -66,10 +67,11 @@ pub fn rehearse(
         Some(mut virtual_devices) => {
             // Values that are refused here were also refused when they were set.
             let _ = net.set(scene.values);
-            let result = virtual_devices.run(net, scene);
+            let result = virtual_devices.run(net, scene, 1.0);
             net.reset();
             net.inputs_mut().discard_staged();
-            result
+            let peaks = virtual_devices.peaks();
+            result.map_err(|violation| slower::tried(net, scene, peaks, violation))
         }
         None => Ok(elsewhere_report()),
     };
@@ -168,18 +170,22 @@ impl VirtualDevices {
         })
     }
 
+    /// Runs the net from its start. `speed` is the part of a period that passes for it in each cycle: below 1 everything
+    /// in it takes longer, and the set-points of the same path lie closer together.
     fn run(
         &mut self,
         net: &mut Net,
         scene: &RehearsalScene<'_>,
+        speed: f64,
     ) -> Result<RehearsalReport, PredictedViolation> {
-        let steps = steps_max(net, scene.dt_s);
-        let waits = (WAITS_S / scene.dt_s) as u64;
+        let net_dt_s = speed * scene.dt_s;
+        let steps = steps_max(net, net_dt_s);
+        let waits = (WAITS_S / net_dt_s) as u64;
         let (mut end, mut step, mut still) = (RehearsalEnd::TooLong, 0, 0);
         let mut first: Option<(PredictedViolation, ActiveMotion)> = None;
         while step < steps {
             let time_s = step as f64 * scene.dt_s;
-            let (evaluation, at) = self.evaluate(net, scene);
+            let (evaluation, at) = self.evaluate(net, scene.models, net_dt_s);
             if let Evaluation::Fault(code) = evaluation {
                 first = first.or(Some((arm_monitor::fault(code, time_s), at)));
                 break;
@@ -199,7 +205,7 @@ impl VirtualDevices {
                     .map(|broken| arm_monitor::foreseen(broken, time_s));
                 first = first.or(broken.map(|broken| (broken, at)));
             }
-            self.follow(net, scene.dt_s);
+            self.follow(net, net_dt_s);
             step += 1;
             still = if moved { 0 } else { still + 1 };
             if evaluation == Evaluation::Terminated {
@@ -211,10 +217,9 @@ impl VirtualDevices {
                 break;
             }
         }
-        let peaks = arm_monitor::peaks(&self.monitors);
+        let peaks = self.peaks();
         match first {
             Some((foreseen, at)) => Err(PredictedViolation {
-                speed: arm_monitor::speed(&peaks),
                 near: arm_monitor::near(&self.monitors).filter(|_| computes_joints_from_poses(net)),
                 place: at.map(|(place, s)| self.with_fraction(place, s)),
                 ..foreseen
@@ -243,11 +248,17 @@ impl VirtualDevices {
         }
     }
 
+    /// The greatest use of each limit so far.
+    fn peaks(&self) -> [LimitPeak; 3] {
+        arm_monitor::peaks(&self.monitors)
+    }
+
     /// Evaluates one cycle; also returns the position of the active motion.
     fn evaluate(
         &mut self,
         net: &mut Net,
-        scene: &RehearsalScene<'_>,
+        models: &[DeviceModel],
+        dt_s: f64,
     ) -> (Evaluation, ActiveMotion) {
         let mut at: ActiveMotion = None;
         let (inputs, last_path_parameters) = (&self.inputs, &mut self.last_path_parameters);
@@ -267,7 +278,7 @@ impl VirtualDevices {
                 at = Some((place, state.path.s));
             }
         };
-        let evaluation = net.evaluate_observed(scene.models, inputs, scene.dt_s, seen);
+        let evaluation = net.evaluate_observed(models, inputs, dt_s, seen);
         (evaluation, at)
     }
 

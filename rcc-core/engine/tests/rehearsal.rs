@@ -16,12 +16,17 @@ use rcc_engine::net::Net;
 use rcc_engine::queue::EngineRequest;
 use rcc_engine::rehearsal::{RehearsalScene, TIME_MAX_S, rehearse};
 use rcc_protocol::control::{Answer, PlanData, Refusal};
-use rcc_protocol::rehearsal::{PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule};
+use rcc_protocol::rehearsal::{
+    PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule, SlowerMotion,
+};
 
 const DT_S: f64 = 1e-3;
 /// Slots of `line_net`: y of its goal, and the limits of velocity, acceleration and jerk.
 const GOAL_Y: usize = 11;
 const LIMITS: usize = 24;
+/// Slots of `line_net`: distance travelled, and the last joint position.
+const DISTANCE: u32 = 7;
+const JOINT_7: u32 = 36;
 
 fn build(plan: PlanData, models: &[DeviceModel]) -> Box<Net> {
     Net::build(plan, models, 5, &[Some(HOLD)], DT_S).expect("a good plan")
@@ -55,19 +60,17 @@ fn line(metres: f64, limits: [f64; 3]) -> PlanData {
 
 const SLOW: [f64; 3] = [0.2, 1.0, 10.0];
 
-/// Device model for building the motion: an arm a hundred times as fast. A violation by what a net does to joints after
-/// a motion is then found only by the rehearsal.
-fn faster() -> DeviceModel {
-    let mut faster = model();
-    let limits = &mut faster.limits;
-    for values in [
-        &mut limits.velocity_max,
-        &mut limits.acceleration_max,
-        &mut limits.jerk_max,
-    ] {
-        *values = values.map(|value| 100.0 * value);
-    }
-    faster
+/// A line of 0.3 m while joint 7 turns by 8 rad/m: too fast for that joint only, which the rehearsal alone finds.
+fn turning_line(limits: [f64; 3]) -> PlanData {
+    let mut plan = TestPlan {
+        data: line(0.3, limits),
+    };
+    let behind = plan.data.runs.split_off(3);
+    let [gain, hold, turn] = [8.0, HOLD[6], f64::NAN].map(|value| plan.reals(&[value]));
+    plan.add("Multiply", &[DISTANCE, gain, turn]);
+    plan.add("Add", &[hold, turn, JOINT_7]);
+    plan.data.runs.extend(behind);
+    plan.data
 }
 
 #[test]
@@ -108,8 +111,8 @@ fn a_rehearsal_restores_the_state_of_the_net() {
 #[test]
 fn a_joint_that_would_be_too_fast_is_reported_with_position_and_possible_speed() {
     let models = [model()];
-    let fast = [3.0, 20.0, 400.0];
-    let foreseen = rehearsed(&mut build(line(0.3, fast), &[faster()]), &models).unwrap_err();
+    let fast = [0.5, 4.0, 80.0];
+    let foreseen = rehearsed(&mut build(turning_line(fast), &models), &models).unwrap_err();
     assert!(
         matches!(
             foreseen.rule,
@@ -124,15 +127,53 @@ fn a_joint_that_would_be_too_fast_is_reported_with_position_and_possible_speed()
         (place.distance_m - 0.3 * place.fraction).abs() < 1e-6,
         "{place:?}"
     );
-    let part = foreseen.speed;
+    let SlowerMotion::KeepsLimits { speed: part } = foreseen.slower else {
+        panic!("{foreseen:?}");
+    };
     assert!(part > 0.05 && part < 1.0, "{foreseen:?}");
     let slower = [
         fast[0] * part,
         fast[1] * part.powi(2),
         fast[2] * part.powi(3),
     ];
-    let told = rehearsed(&mut build(line(0.3, slower), &[faster()]), &models);
+    let told = rehearsed(&mut build(turning_line(slower), &models), &models);
     assert_eq!(told.unwrap().unwrap().end, RehearsalEnd::Finished);
+}
+
+/// Commands joint 1 to a constant that is `step` (rad) from its hold position, after a cycle at the hold position.
+fn stepping_net(step: f64) -> PlanData {
+    let mut plan = TestPlan::new();
+    let no = plan.bool(0);
+    let [from, to, out] = [HOLD[0], HOLD[0] + step, f64::NAN].map(|value| plan.reals(&[value]));
+    let first = plan.bool(2);
+    let joints = plan.reals(&HOLD[..7]);
+    plan.add("FirstCycle", &[first]);
+    plan.add("Select", &[first, from, to, out]);
+    plan.add("Copy", &[out, joints]);
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
+    plan.add("Termination", &[no]);
+    plan.data
+}
+
+#[test]
+fn a_set_point_that_jumps_is_not_told_to_go_slower() {
+    let models = [model()];
+    for step in [1e-4, 1e-3, 0.1] {
+        let foreseen = rehearsed(&mut build(stepping_net(step), &models), &models).unwrap_err();
+        assert_eq!(foreseen.slower, SlowerMotion::Jumps, "{step}: {foreseen:?}");
+    }
+    // A velocity that jumps is too fast only as far as its speed is.
+    let foreseen = rehearsed(&mut build(drift_net(HOLD[0], 1e-2), &models), &models).unwrap_err();
+    let SlowerMotion::KeepsLimits { speed } = foreseen.slower else {
+        panic!("{foreseen:?}");
+    };
+    assert!(
+        rehearsed(
+            &mut build(drift_net(HOLD[0], 1e-2 * speed), &models),
+            &models
+        )
+        .is_ok()
+    );
 }
 
 /// Joint 1 follows a goal that moves away from its hold position at 0.1 rad/s and changes in each cycle.
@@ -190,7 +231,7 @@ fn a_joint_beyond_its_range_is_reported_with_the_limit() {
     assert_eq!(foreseen.limit, HOLD[0] + 1e-5);
     assert!((foreseen.time_s - 10.0).abs() < 0.01, "{foreseen:?}");
     assert_eq!(foreseen.place, None, "no motion is under way");
-    assert_eq!(foreseen.speed, 1.0, "slower does not help");
+    assert_eq!(foreseen.slower, SlowerMotion::Unknown);
 }
 
 #[test]

@@ -91,12 +91,25 @@ pub struct PredictedViolation {
     pub time_s: f64,
     /// Position of the motion at that time, if one is in progress.
     pub place: Option<LegPosition>,
-    /// Fraction of its speed at which the motion would keep all limits of velocity, acceleration and jerk; 1 if speed
-    /// is not the reason.
-    pub speed: f64,
+    /// Effect of going slower.
+    pub slower: SlowerMotion,
     /// The singular position that an arm came closest to in the whole rehearsal; `None` if unknown, or if the net
     /// computes no joints from poses, so that a singular position cannot be the reason.
     pub near: Option<NearestSingularity>,
+}
+
+/// Whether a net would keep the limits of velocity, acceleration and jerk if everything in it took longer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum SlowerMotion {
+    /// Another limit is violated, or it was not tried.
+    Unknown,
+    /// It would, as a second rehearsal showed.
+    KeepsLimits {
+        /// Fraction of its speed, less than 1.
+        speed: f64,
+    },
+    /// It would not at any useful speed: the set-point jumps from one cycle to the next.
+    Jumps,
 }
 
 /// A singular position.

@@ -6,7 +6,7 @@ use rcc_core::message::FaultCode;
 use rcc_language::names::Names;
 use rcc_protocol::ending::why_at_once;
 use rcc_protocol::rehearsal::{
-    LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
+    LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule, SlowerMotion,
 };
 
 use super::violation::angle;
@@ -87,7 +87,10 @@ impl NameResolver<'_> {
             "{net} would violate a limit {:.3} s after START{location}: {what}",
             foreseen.time_s
         );
-        (codes::FORESEEN, message, help(foreseen))
+        let names = (self.names)(id);
+        let mut types = names.primitives.iter().map(|it| it.type_name.as_str());
+        let has_inverse = types.any(|name| name.starts_with("InverseKinematics"));
+        (codes::FORESEEN, message, help(foreseen, has_inverse))
     }
 
     fn broken(&self, foreseen: &PredictedViolation) -> String {
@@ -237,30 +240,59 @@ fn singular(foreseen: &PredictedViolation) -> Option<String> {
     Some(format!("{kind}: {:.3}", near.distance))
 }
 
-fn help(foreseen: &PredictedViolation) -> String {
-    let slower = format!(
-        "at {:.0} % of its speed it would stay within the limits",
-        (100.0 * foreseen.speed).floor().max(1.0)
-    );
-    match foreseen.rule {
-        RehearsalRule::Velocity | RehearsalRule::Acceleration | RehearsalRule::Jerk => match singular(foreseen) {
-            Some(singular) => format!(
-                "the path passes close to a singularity ({singular}), where joints are fast and the flange is slow: use \
-                 another goal, branch or arm angle, or go around; {slower}"
-            ),
-            // The joints of a motion are smooth: only a net that computes them itself can ask for a step.
-            None if foreseen.rule == RehearsalRule::Jerk && foreseen.place.is_none() => format!(
+const JUMPS: &str = "going slower does not help: the set-point jumps from one cycle to the next; move to it with `JointGoal` (joints), \
+                     `PoseGoal` or `ScalarGoal`, which limit velocity, acceleration and jerk, or with `RateLimit` if its velocity alone \
+                     is the reason; `initial` of `ScalarGoal` and `RateLimit` is where the arm rests";
+
+/// What helps against a joint that is too fast.
+fn too_fast(foreseen: &PredictedViolation) -> String {
+    let slower = match foreseen.slower {
+        SlowerMotion::KeepsLimits { speed } => Some(format!(
+            "at {:.0} % of its speed it would stay within the limits",
+            (100.0 * speed).floor()
+        )),
+        SlowerMotion::Jumps => return JUMPS.to_owned(),
+        SlowerMotion::Unknown => None,
+    };
+    match (singular(foreseen), slower) {
+        (Some(singular), slower) => format!(
+            "the path passes close to a singularity ({singular}), where joints are fast and the flange is slow: use \
+             another goal, branch or arm angle, or go around{}",
+            slower.map_or(String::new(), |slower| format!("; {slower}"))
+        ),
+        // The joints of a motion are smooth: only a net that computes them itself can ask for a step.
+        (None, Some(slower))
+            if foreseen.rule == RehearsalRule::Jerk && foreseen.place.is_none() =>
+        {
+            format!(
                 "the set-points have a step in velocity or acceleration: use JointMotion or JointGoal, smooth them \
                  (WindowMean, SecondOrderLowPass), or go slower: {slower}"
-            ),
-            None => format!("go slower: {slower}"),
-        },
+            )
+        }
+        (None, Some(slower)) => format!("go slower: {slower}"),
+        (None, None) => {
+            "`rcc-cli plot` shows the set-points of this net against the limits".to_owned()
+        }
+    }
+}
+
+/// The remedy; `has_inverse`: the net computes joint positions from poses.
+fn help(foreseen: &PredictedViolation, has_inverse: bool) -> String {
+    match foreseen.rule {
+        RehearsalRule::Velocity | RehearsalRule::Acceleration | RehearsalRule::Jerk => {
+            too_fast(foreseen)
+        }
         RehearsalRule::Position => "start with another branch or arm angle, or split the motion and turn the joint back in between"
             .to_owned(),
         RehearsalRule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),
         RehearsalRule::Singularity => "start with another branch or arm angle, go around, or give the device a smaller `singularity` in its `workspace:`"
             .to_owned(),
         RehearsalRule::Impedance { .. } => impedance::STAY_WITHIN.to_owned(),
+        RehearsalRule::LetsGo | RehearsalRule::NotFinite if !has_inverse => {
+            "the set-point became null: `rcc-cli explain` shows which values can be null and why; replace null before the command \
+             (`OrElse`, `LastKnown`), or let the arm come to rest first"
+                .to_owned()
+        }
         RehearsalRule::LetsGo | RehearsalRule::NotFinite => {
             "a pose on the path cannot be reached, or only with a joint beyond its limits (`reason` and `joint` of \
              InverseKinematics say which: monitor them and `rcc-cli simulate`): choose another start, goal or arm angle"

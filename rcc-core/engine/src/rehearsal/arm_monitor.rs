@@ -5,7 +5,9 @@ use rcc_core::guard::Guard;
 use rcc_core::impedance::Impedance;
 use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
 use rcc_core::workspace::{WorkspaceGuard, WorkspaceViolation};
-use rcc_protocol::rehearsal::{LimitPeak, NearestSingularity, PredictedViolation, RehearsalRule};
+use rcc_protocol::rehearsal::{
+    LimitPeak, NearestSingularity, PredictedViolation, RehearsalRule, SlowerMotion,
+};
 
 /// Relative tolerance for velocity and acceleration limits, as in the guard.
 const RELATIVE_TOLERANCE: f64 = 1e-9;
@@ -294,7 +296,7 @@ pub fn fault(code: FaultCode, time_s: f64) -> PredictedViolation {
         limit: 0.0,
         time_s,
         place: None,
-        speed: 1.0,
+        slower: SlowerMotion::Unknown,
         near: None,
     }
 }
@@ -316,7 +318,7 @@ pub fn foreseen(violation: RuleViolation, time_s: f64) -> PredictedViolation {
         limit,
         time_s,
         place: None,
-        speed: 1.0,
+        slower: SlowerMotion::Unknown,
         near: None,
     }
 }
@@ -340,10 +342,17 @@ pub fn near(monitors: &[ArmMonitor]) -> Option<NearestSingularity> {
     all.min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// The speed factor at which a motion on the same path would keep the limits: velocity scales with it, acceleration
-/// with its square, jerk with its cube. Reduced slightly, because cycles then fall on other positions of the path.
-pub fn speed(peaks: &[LimitPeak; 3]) -> f64 {
+/// The speed factor at which a smooth motion on the same path would keep the limits: velocity scales with it,
+/// acceleration with its square, jerk with its cube.
+pub fn smooth_speed(peaks: &[LimitPeak; 3]) -> f64 {
     let [v, a, j] = peaks.map(|peak| peak.share.max(1.0));
-    let part = (1.0 / v).min(1.0 / a.sqrt()).min(1.0 / j.cbrt());
-    if part < 1.0 { 0.98 * part } else { 1.0 }
+    (1.0 / v).min(1.0 / a.sqrt()).min(1.0 / j.cbrt())
+}
+
+/// The speed factor at which a motion whose velocity jumps would keep the limits: all scale with it.
+pub fn abrupt_speed(peaks: &[LimitPeak; 3]) -> f64 {
+    let highest = peaks
+        .iter()
+        .fold(1.0_f64, |most, peak| most.max(peak.share));
+    1.0 / highest
 }

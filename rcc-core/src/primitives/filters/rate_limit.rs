@@ -1,12 +1,12 @@
 //! `RateLimit`: follows a number with a limited rate.
 //!
-//! In each cycle `out += min(max(in - out, -rate·dt), rate·dt)`. The output starts at the first known input, so that a
-//! net does not start with an arbitrary ramp.
+//! In each cycle `out += min(max(in - out, -rate·dt), rate·dt)`. The output starts at `initial`; without it at the first
+//! known input, so that a net does not start with an arbitrary ramp.
 
 use crate::frame::Frame;
 use crate::primitive::{
-    CatalogueEntry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Real, Slot, Spec,
-    StateSpec, Step, UnitRule, operands,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Real,
+    Slot, Spec, StateSpec, Step, UnitRule, operands,
 };
 use crate::types::{NULL_REAL, Type};
 
@@ -18,26 +18,45 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: "a null input gives null and holds the state: it then continues from the last output",
         undefined: "overflow",
         formula: "out += in - out, limited to ±rate · dt",
-        examples: &[Example::new(
-            "10 per second, every 0.1 s; starts at the first value",
-            "{rate: 10}",
-            "in | out
+        examples: &[
+            Example::new(
+                "10 per second, every 0.1 s; starts at the first value",
+                "{rate: 10}",
+                "in | out
                  5 | 5
                  7.5 | 6
                  7.5 | 7
                  7.5 | 7.5
                  null | null
                  0 | 6.5",
-        )
-        .every_ms(100)],
+            )
+            .every_ms(100),
+            Example::new(
+                "the same, from 3: a step at the start is limited, too",
+                "{rate: 10, initial: 3}",
+                "in | out
+                 5 | 4
+                 5 | 5
+                 5 | 5",
+            )
+            .every_ms(100),
+        ],
         inputs: &[Port::real("in", UnitRule::Var(0), "number to follow")],
         outputs: &[Port::real("out", UnitRule::Var(0), "followed number")],
-        parameters: &[Parameter::new(
-            "rate",
-            ParameterKind::Value(PortType::Is(Type::Real), UnitRule::PerSecond(0)),
-            "largest change per second",
-        )
-        .above(0.0)],
+        parameters: &[
+            Parameter::new(
+                "rate",
+                ParameterKind::Value(PortType::Is(Type::Real), UnitRule::PerSecond(0)),
+                "largest change per second",
+            )
+            .above(0.0),
+            Parameter::new(
+                "initial",
+                ParameterKind::Start(Type::Real, UnitRule::Var(0)),
+                "output before the first cycle; null: starts at the first known input",
+            )
+            .default(DefaultValue::Null),
+        ],
         state: StateSpec {
             reals: 1,
             ..StateSpec::NONE
@@ -98,6 +117,14 @@ mod tests {
         bench.set_real("in", 0.0025);
         let out: [f64; 4] = core::array::from_fn(|_| bench.step().real("out"));
         assert_eq!(out, [0.001, 0.002, 0.0025, 0.0025]);
+    }
+
+    #[test]
+    fn starts_at_its_initial_value() {
+        let mut bench = PrimitiveHarness::new("RateLimit");
+        bench.start_real(0.5).set_real("rate", 1.0);
+        assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
+        assert_eq!(bench.set_real("in", 2.0).step().real("out"), 0.501);
     }
 
     #[test]
