@@ -180,3 +180,29 @@ fn type_and_unit_errors_are_reported_by_element() {
         );
     }
 }
+
+#[test]
+fn a_list_of_constants_is_a_list_of_values_where_one_is_expected() {
+    let mut harness = run(
+        "  count: {type: Counter, inputs: {in: true}}
+  speed: {type: Multiplexer, inputs: {index: count.out, in: [0.1 m/s, 0.2 m/s, 0.3 m/s]}}
+  whole: {type: Multiplexer, inputs: {index: count.out, in: [10, 20, 30]}}
+  axis: {type: Multiplexer, inputs: {index: count.out, in: [[1.0, 0.0], [0.0, 1.0]]}}
+  none: {type: Multiplexer, inputs: {index: count.out, in: [null, 1.5, null]}}
+  twice: {type: Add, inputs: {a: whole.out, b: count.out}}",
+        "speed.out, axis.out, none.out, twice.out",
+    );
+    harness.step();
+    assert_eq!(harness.values("speed.out"), [0.2]);
+    assert_eq!(harness.values("axis.out"), [0.0, 1.0]);
+    assert_eq!(harness.values("none.out"), [1.5]);
+    harness.step();
+    assert_eq!(harness.values("speed.out"), [0.3]);
+    assert!(harness.values("none.out")[0].is_nan());
+    for wrong in ["5.0", "[]"] {
+        let text = format!("  a: {{type: Multiplexer, inputs: {{index: 0, in: {wrong}}}}}");
+        assert!(!codes(&text, "a.out").is_empty(), "{wrong}");
+    }
+    let mixed = "  a: {type: Multiplexer, inputs: {index: 0, in: [true, 1.5]}}";
+    assert_eq!(codes(mixed, "a.out"), ["RCC1102"]);
+}

@@ -389,9 +389,12 @@ impl TypeSolver<'_, '_> {
                 // A link determines a type, but a number may still be of another one, so Real comes last.
                 let mut types: Vec<(ListPosition, Type)> = types.collect();
                 types.sort_by_key(|(_, ty)| *ty == Type::Real);
-                let whole = types
-                    .iter()
-                    .find_map(|(position, ty)| place_in(*position, *ty));
+                let mut types = types.into_iter();
+                let whole = match port.ty {
+                    // Each element is a value of its own.
+                    PortType::Many(_) => types.next().map(|(_, ty)| ty),
+                    _ => types.find_map(|(position, ty)| place_in(position, ty)),
+                };
                 Some((port.ty, whole?))
             }
             _ => None,

@@ -4,14 +4,14 @@
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::Key;
 use rcc_core::plan::OUTCOMES_MAX;
-use rcc_core::primitive::{Port, Role, Spec};
+use rcc_core::primitive::{Port, PortType, Role, Spec};
 
 use super::{
     IdTarget, InputSource, ListElement, OutputId, ResolvedLink, ResolvedList, ResolvedOutcomes,
     Resolver, suggest,
 };
 use crate::codes;
-use crate::syntax::literal::LiteralShape;
+use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::part::ListPosition;
 use crate::syntax::reference::Reference;
 use crate::syntax::{Link, List, Outcomes, Primitive, Source};
@@ -149,8 +149,11 @@ impl<'a> Resolver<'a, '_> {
         match source {
             Source::Refused => InputSource::Refused,
             Source::Outcomes(outcomes) => self.resolve_outcomes(outcomes, port, Role::Plain),
-            Source::Literal(literal) => match &literal.shape {
-                LiteralShape::Text(text) => {
+            Source::Literal(literal) => match (&literal.shape, port.ty) {
+                (LiteralShape::List(values), PortType::Many(_)) if !values.is_empty() => {
+                    InputSource::List(list_of_constants(values, literal.span))
+                }
+                (LiteralShape::Text(text), _) => {
                     let message =
                         format!("`{}` cannot be connected to the text `{text}`", port.name);
                     self.error(codes::WRONG_SHAPE, literal.span, message, None);
@@ -315,5 +318,20 @@ impl<'a> Resolver<'a, '_> {
             self.error(codes::BAD_DISCARD, reference.span, message, help);
         }
         discarded
+    }
+}
+
+/// Returns a list of values in which every value is a constant. Where one value is expected, such a list is an array.
+fn list_of_constants(values: &[Literal], span: Span) -> ResolvedList<'_> {
+    // Longer lists are refused when they are read.
+    let count = values.len() as u32;
+    let positions = (0..count).filter_map(|index| ListPosition::default().inside(index, count));
+    let elements = values.iter().zip(positions);
+    ResolvedList {
+        elements: elements
+            .map(|(value, position)| ListElement::Literal(value, position))
+            .collect(),
+        count,
+        span,
     }
 }

@@ -193,9 +193,8 @@ impl NetUnderConstruction {
             let constant = |word: &String| {
                 word.starts_with("{xyz") || word.starts_with("{rpy") || word.starts_with('[')
             };
-            // A list of constants only is an array, not a list of values.
-            let link = |word: &String| word.starts_with('p');
-            if words.iter().any(constant) || !words.iter().any(link) {
+            // A list of nulls has no type.
+            if words.iter().any(constant) || words.iter().all(|word| word == "null") {
                 return None;
             }
             return Some(format!("[{}]", words.join(", ")));

@@ -20,7 +20,7 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 "in",
                 PortType::Many(Dim::Var(0)),
                 UnitRule::Var(0),
-                "the values, as a list of links: `[a.pose, b.pose]`",
+                "the values, as a list of links and constants: `[a.pose, b.pose]`",
             ),
         ],
         outputs: &[Port::new(
