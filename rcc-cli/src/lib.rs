@@ -7,6 +7,7 @@ pub mod arguments;
 pub mod cells;
 pub mod client;
 pub mod context;
+pub mod csv;
 pub mod demo;
 pub mod doctor;
 pub mod duration;

@@ -74,7 +74,7 @@ macro_rules! verbs {
 
 verbs! {
     "Write and check nets" {
-        /// Check nets offline
+        /// Check nets, libraries, cells and robots offline
         Check = check;
         /// Format nets, keeping comments
         Fmt = fmt;
@@ -90,7 +90,7 @@ verbs! {
         Convert = convert;
         /// List the primitives, or explain one
         Primitives = primitives;
-        /// Print the JSON Schema of nets, for editors
+        /// Print the JSON Schema of nets, cells or robots, for editors
         Schema = schema;
         /// Show the execution cost of each primitive on this machine
         Costs = costs;

@@ -100,13 +100,20 @@ fn a_folder_gets_one_summary_line_and_its_errors() {
     let folder = Folder::new();
     folder.write("a.yaml", GOOD);
     folder.write("deep/er/b.yaml", GOOD);
-    folder.write("library.yaml", "fragments: {}\n");
+    folder.write("other.json", "{\"name\": \"net\"}\n");
     folder.write("notes.txt", "net: no\n");
     let (code, out, err) = run(&["check", folder.path()]);
-    assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert!(out.starts_with("2 nets: all valid; "), "{out}");
+    let lines: Vec<&str> = err.lines().collect();
+    assert_eq!(lines.len(), 2, "{err}");
     assert!(
-        out.starts_with("2 nets: all valid; 1 file skipped (not a net); "),
-        "{out}"
+        lines[0].contains("other.json") && lines[0].contains("no key `net`"),
+        "{err}"
+    );
+    assert!(
+        lines[1].contains("1 file") && lines[1].contains(".txt"),
+        "{err}"
     );
     folder.write("c.yaml", BAD);
     let (code, out, err) = run(&["check", folder.path()]);
@@ -116,6 +123,86 @@ fn a_folder_gets_one_summary_line_and_its_errors() {
         "{out}"
     );
     assert!(err.contains("RCC1202") && err.contains("RCC1201"), "{err}");
+}
+
+#[test]
+fn nets_of_every_notation_are_found_in_a_folder() {
+    let folder = Folder::new();
+    folder.write("mark.yaml", &format!("\u{feff}{GOOD}"));
+    folder.write("blank.yaml", &GOOD.replace("net: ", "net : "));
+    folder.write("tab.yaml", &GOOD.replace("net: ", "net:\t"));
+    folder.write(
+        "compact.json",
+        r#"{"primitives":{"cancel":{"type":"Cancel"},"end":{"type":"Termination","inputs":{"done":"cancel.requested"}}},"net":"good"}"#,
+    );
+    let (code, out, err) = run(&["check", folder.path()]);
+    assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+    assert!(out.starts_with("4 nets: all valid; "), "{out}");
+    let (_, unnamed) = GOOD.split_once('\n').expect("two lines");
+    folder.write("unnamed.yaml", unnamed);
+    folder.write("indented.yaml", &GOOD.replace("  end", "\tend"));
+    let (code, out, err) = run(&["check", folder.path()]);
+    assert_eq!(code, Some(3), "{out}{err}");
+    assert!(out.starts_with("6 nets: 4 valid, 2 not"), "{out}");
+    assert!(err.contains("the net has no name"), "{err}");
+    assert!(err.contains("not with tabs"), "{err}");
+}
+
+#[test]
+fn cells_robots_and_libraries_have_checks_of_their_own() {
+    let kind = |arguments: &[&str]| {
+        let (code, out, err) = run(&[&["check"], arguments].concat());
+        assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+        out
+    };
+    let out = kind(&["configs/cells/demo.yaml"]);
+    assert!(
+        out.contains("cell demo is valid, 2 devices: lwr, io"),
+        "{out}"
+    );
+    let out = kind(&["configs/robots/lwr4plus.yaml"]);
+    assert!(
+        out.contains("robot KUKA LWR 4+ is valid, 7 joints"),
+        "{out}"
+    );
+    let out = kind(&["configs/cells", "configs/robots"]);
+    assert!(out.starts_with("6 cells and 7 robots: all valid"), "{out}");
+
+    let folder = Folder::new();
+    folder.write("cell.yaml", "cell: a\nperiod: 1\ndevices: {}\n");
+    folder.write(
+        "robot.yaml",
+        "robot: a\nkinematics: {type: srs}\njoints: {}\n",
+    );
+    folder.write("library.yaml", "library: a\nfragmens: {}\n");
+    let (code, out, err) = run(&["check", folder.path(), "--json"]);
+    assert_eq!(code, Some(3), "{out}{err}");
+    let found: Vec<Value> = out
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect();
+    for (verdict, (kind, code)) in found.iter().zip([
+        ("cell", "RCC2006"),
+        ("library", "RCC1101"),
+        ("robot", "RCC2003"),
+    ]) {
+        assert_eq!(verdict["kind"], kind, "{verdict}");
+        assert_eq!(verdict["diagnostics"][0]["code"], code, "{verdict}");
+    }
+    assert_eq!(found.len(), 3, "{out}");
+}
+
+#[test]
+fn a_verb_for_nets_refuses_the_file_of_a_cell_with_one_error() {
+    for verb in ["simulate", "graph"] {
+        let (code, out, err) = run(&[verb, "configs/cells/demo.yaml"]);
+        assert_eq!(code, Some(3), "{out}{err}");
+        assert_eq!(err.matches("RCC").count(), 1, "{err}");
+        assert!(
+            err.contains("expected a net, found the configuration of a cell"),
+            "{err}"
+        );
+    }
 }
 
 #[test]

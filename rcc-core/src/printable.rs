@@ -15,6 +15,11 @@ pub const fn is_printable(character: char) -> bool {
         '\0'..='\x1f' | '\x7f'..='\u{9f}' => false,
         // Soft hyphen, Arabic letter mark, Mongolian vowel separator, byte order mark, interlinear annotations.
         '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' => false,
+        // Letters and marks without a shape: grapheme joiner, Hangul fillers, Khmer inherent vowels, Mongolian variants.
+        '\u{34f}' | '\u{115f}' | '\u{1160}' | '\u{3164}' | '\u{ffa0}' => false,
+        '\u{17b4}' | '\u{17b5}' | '\u{180b}'..='\u{180d}' | '\u{180f}' => false,
+        // Musical formatting, and variants beyond those of emoji.
+        '\u{1d173}'..='\u{1d17a}' | '\u{e0100}'..='\u{e01ef}' => false,
         // Zero-width characters and directional marks; line and paragraph separators and embeddings; joiners, invisible
         // operators and isolates.
         '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' => false,
@@ -45,6 +50,28 @@ impl Display for Printable<'_> {
             rest = behind.get(character.len_utf8()..).unwrap_or("");
         }
         f.write_str(rest)
+    }
+}
+
+/// As [`Printable`], but also escapes line feeds and tabs: for a name or message within a line, which must not begin
+/// another line that looks like one of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OneLine<'a>(pub &'a str);
+
+impl Display for OneLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut rest = self.0;
+        while let Some(at) = rest.find(['\n', '\t']) {
+            let (clean, behind) = rest.split_at(at);
+            Printable(clean).fmt(f)?;
+            f.write_str(if behind.starts_with('\n') {
+                "\\n"
+            } else {
+                "\\t"
+            })?;
+            rest = behind.get(1..).unwrap_or("");
+        }
+        Printable(rest).fmt(f)
     }
 }
 
@@ -116,6 +143,14 @@ mod tests {
     fn lines_tabs_and_letters_of_all_scripts_stay() {
         let text = "two\nlines\tgrün 日本 עברית 🤖 – ✹";
         assert_eq!(Printable(text).to_string(), text);
+    }
+
+    #[test]
+    fn a_text_within_a_line_begins_no_other_line() {
+        assert_eq!(
+            OneLine("a\n\terror RCC1: \u{202e}b\r\n").to_string(),
+            "a\\n\\terror RCC1: \\u202eb\\u000d\\n"
+        );
     }
 
     #[test]

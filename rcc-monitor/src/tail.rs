@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use rcc_core::counted::Counted;
 use rcc_core::message::MonitorRecord;
-use rcc_core::printable::Printable;
+use rcc_core::printable::{OneLine, Printable};
 use serde_json::{Value, json};
 
 use crate::names::{CommandNames, MonitorInfo};
@@ -247,6 +247,7 @@ impl<'a> Printer<'a> {
         let first = *self.first_stamp_ns.get_or_insert(record.stamp_ns);
         let seconds = record.stamp_ns.saturating_sub(first) as f64 / 1e9;
         let kind = ElementType::of(&monitor.ty);
+        let name = OneLine(name).to_string();
         let mut line = format!("{seconds:10.3} s  {name:<24}");
         for element in elements {
             line.push_str(&format!(" {:>11}", kind.human(*element)));

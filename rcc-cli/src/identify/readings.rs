@@ -7,6 +7,7 @@ use serde_json::Value;
 use thiserror::Error;
 
 use super::Reading;
+use crate::csv;
 
 /// Selects the values that are the wrench and the rotation; `None` selects the only value of its length.
 #[derive(Clone, Debug, Default)]
@@ -123,8 +124,8 @@ fn table(text: &str) -> Result<ReadingTable, ReadingsError> {
     };
     let (_, head) = lines.next().ok_or_else(|| form(0, "the file is empty"))?;
     let mut names: Vec<(String, usize)> = Vec::new();
-    let columns: Vec<usize> = head
-        .split(',')
+    let columns: Vec<usize> = csv::cells(head)
+        .iter()
         .map(|cell| {
             // Strips the unit and the index of the element.
             let name = cell.split(" [").next().unwrap_or(cell).trim();

@@ -7,6 +7,7 @@ use rcc_core::message::{MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::types::Store;
 use rcc_language::names::{MonitorNames, Names};
 
+use crate::csv;
 use crate::plot::{PlotCurve, PlotPanel};
 
 /// Number of buckets of a series from which pairs are merged; at least two per pixel of a plot.
@@ -151,14 +152,14 @@ impl MonitorTrace {
     /// # Errors
     /// Returns the writer's error.
     pub fn write_head(&self, out: &mut dyn Write) -> io::Result<()> {
-        write!(out, "time [s]")?;
+        let mut heads = vec!["time [s]".to_owned()];
         for MonitorColumn { name, unit, .. } in &self.columns {
-            match unit.as_str() {
-                "" => write!(out, ",{name}")?,
-                unit => write!(out, ",{name} [{unit}]")?,
-            }
+            heads.push(match unit.as_str() {
+                "" => name.clone(),
+                unit => format!("{name} [{unit}]"),
+            });
         }
-        writeln!(out)
+        writeln!(out, "{}", csv::line(&heads))
     }
 
     /// Writes one line with the values of a cycle: null is `null`, and values not due are empty.

@@ -19,6 +19,7 @@ use serde_json::{Map, Value, json};
 
 use super::incidents::reason;
 use crate::context::{Context, OutputFormat};
+use crate::csv;
 use crate::failure::Failure;
 use crate::incident::{IncidentNet, ShownSlots, text, value_of};
 use crate::output::{print_line, print_note, print_record};
@@ -325,7 +326,7 @@ impl ValuePrinter {
                 )
             };
             let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-            writeln!(file, "{}", heads.join(",")).map_err(failed)?;
+            writeln!(file, "{}", csv::line(&heads)).map_err(failed)?;
             show.csv = Some(file);
         }
         Ok(show)

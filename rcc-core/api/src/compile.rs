@@ -3,6 +3,7 @@
 
 use rcc_config::CellConfig;
 use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, DrawingStyle, Faults, Severity, render};
+use rcc_config::file_kind::root_entries;
 use rcc_core::message::DEVICES_MAX;
 use rcc_core::plan::Resource;
 use rcc_language::devices::DeviceTable;
@@ -140,13 +141,9 @@ fn finding(row: DiagnosticRow) -> Finding {
 /// Returns the net's name in a text, as far as it can be found in a text with errors; empty otherwise.
 #[must_use]
 pub fn name_of(text: &str) -> String {
-    let named = text.lines().find_map(|line| {
-        let line = line.trim_start_matches(['{', ' ']).replace('"', "");
-        let value = line.strip_prefix("net:")?.trim();
-        let end = value.find([' ', ',', '}']).unwrap_or(value.len());
-        Some(value[..end].trim().to_owned())
-    });
-    let mut name = named.unwrap_or_default();
+    let entries = root_entries(text);
+    let named = entries.iter().find(|(key, _)| *key == "net");
+    let mut name = named.map_or("", |(_, value)| value).to_owned();
     if !is_net_name(&name) {
         // An invalid name is neither printed nor looked up: it may be an id, or control a terminal.
         name.clear();
@@ -162,6 +159,11 @@ mod tests {
     fn the_name_is_found_in_broken_texts_too() {
         assert_eq!(name_of("# x\nnet: line # a line\nprimitives: [\n"), "line");
         assert_eq!(name_of("{\"net\": \"line\", \"primitives\": {"), "line");
+        assert_eq!(
+            name_of("{\"primitives\":{\"a\":{}},\"net\":\"line\"}"),
+            "line"
+        );
+        assert_eq!(name_of("\u{feff}net : line\n"), "line");
         assert_eq!(name_of("nothing"), "");
         assert_eq!(name_of("net: \"1\"\n"), "");
         assert_eq!(name_of("net: left#7\n"), "");

@@ -11,7 +11,7 @@ use crate::ports;
 use crate::reader::{ConfigReader, Fields, error};
 use crate::yaml::{Entry, Node};
 
-const KEYS: [&str; 2] = ["group", "tcp"];
+pub(crate) const KEYS: [&str; 2] = ["group", "tcp"];
 const TCP_KEYS: [&str; 3] = ["listen", "token_file", "allow_remote"];
 
 /// Access to a cell for others than its owner.

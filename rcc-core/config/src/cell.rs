@@ -16,6 +16,15 @@ use crate::recorder::RecorderConfig;
 mod clock;
 mod read;
 
+/// The keys of each mapping, for the test of the schema.
+#[cfg(test)]
+pub(crate) mod keys {
+    pub use super::read::{
+        DEVICE_KEYS as DEVICE, EXECUTOR_KEYS as EXECUTOR, KEYS as CELL,
+        SIMULATOR_KEYS as SIMULATOR, SUPERVISION_KEYS as SUPERVISION,
+    };
+}
+
 /// Configuration that all processes of one cell must agree on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellConfig {
@@ -160,6 +169,15 @@ impl CellConfig {
     ) -> Result<CellConfig, Faults> {
         let (name, text) = (file.to_owned(), text.to_owned());
         read::cell(&SourceFile { name, text }, base, PortNumbers::Chosen(ports))
+    }
+
+    /// Like [`CellConfig::parse`], for programs that open no port and only check or compile: automatic ports are 0.
+    ///
+    /// # Errors
+    /// Returns all faults of the text and of the files that it names.
+    pub fn parse_offline(text: &str, file: &str, base: &Path) -> Result<CellConfig, Faults> {
+        let (name, text) = (file.to_owned(), text.to_owned());
+        read::cell(&SourceFile { name, text }, base, PortNumbers::Offline)
     }
 
     fn read(path: &Path, numbers: PortNumbers<'_>) -> Result<CellConfig, Faults> {

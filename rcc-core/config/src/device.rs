@@ -11,6 +11,8 @@ use crate::robot::{NO_JOINTS, RobotConfig};
 
 mod read;
 
+#[cfg(test)]
+pub(crate) use read::KEYS as CHANNEL_KEYS;
 pub(crate) use read::channels;
 
 /// Configuration of one device.

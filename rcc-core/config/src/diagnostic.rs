@@ -2,18 +2,24 @@
 //! the command line and every reader of a configuration, never by the real-time thread.
 
 mod drawing;
+mod similar;
 
 use std::fmt;
 
+use rcc_core::counted::Counted;
 use serde::{Deserialize, Serialize};
 
 use drawing::LineIndex;
 pub use drawing::{DrawingStyle, render};
+pub use similar::{NameSearch, closest};
 
 /// Maximum number of diagnostics that are drawn; further ones are only counted.
 pub const DRAWN_MAX: usize = 100;
 /// Maximum number of diagnostics that are kept; more than this usually repeats one mistake.
 pub const KEPT_MAX: usize = 1000;
+
+/// Maximum length of a message, label or remedy, bytes: names in it may be as long as the text.
+pub const WORDS_MAX: usize = 600;
 
 /// A range of bytes in a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -121,6 +127,19 @@ impl Diagnostic {
         Diagnostic { help, ..self }
     }
 
+    /// Cuts texts that are longer than people read.
+    pub(crate) fn shorten(&mut self) {
+        let used_at = self.used_at.as_mut().map(|used_at| &mut used_at.label);
+        let texts = [&mut self.message, &mut self.label].into_iter();
+        for text in texts.chain(&mut self.help).chain(used_at) {
+            if text.len() > WORDS_MAX {
+                let cut = text.split_off(text.floor_char_boundary(WORDS_MAX));
+                let count = Counted::of(cut.chars().count(), "more character");
+                text.push_str(&format!("… ({count})"));
+            }
+        }
+    }
+
     /// Removes the position: the diagnostic concerns the whole text.
     #[must_use]
     pub fn anywhere(self) -> Diagnostic {
@@ -193,7 +212,8 @@ pub struct DiagnosticPosition {
 }
 
 impl Faults {
-    /// Collects the diagnostics of one text, sorted by position; at most [`KEPT_MAX`], preferring errors.
+    /// Collects the diagnostics of one text, sorted by position; at most [`KEPT_MAX`], preferring errors. The last one then
+    /// counts the others. Texts beyond [`WORDS_MAX`] are cut with a count.
     pub fn new(
         name: impl Into<String>,
         text: impl Into<String>,
@@ -203,11 +223,14 @@ impl Faults {
             name: name.into(),
             text: text.into(),
         };
+        let mut others = None;
         if diagnostics.len() > KEPT_MAX {
             diagnostics.sort_by_key(|fault| fault.severity == Severity::Warning);
-            diagnostics.truncate(KEPT_MAX);
+            others = Some(not_listed(&diagnostics.split_off(KEPT_MAX)));
         }
         diagnostics.sort_by_key(|fault| (fault.file, fault.place.unwrap_or_default(), fault.code));
+        diagnostics.extend(others.flatten());
+        diagnostics.iter_mut().for_each(Diagnostic::shorten);
         Faults {
             sources: vec![source],
             diagnostics,
@@ -295,6 +318,30 @@ impl Faults {
     }
 }
 
+/// Returns a diagnostic that counts others; its code and severity are those of the first of them.
+fn not_listed(others: &[Diagnostic]) -> Option<Diagnostic> {
+    let first = others.first()?;
+    let of = |severity| {
+        let same = others.iter().filter(|fault| fault.severity == severity);
+        same.count()
+    };
+    let counts = [
+        (of(Severity::Error), "more error"),
+        (of(Severity::Warning), "more warning"),
+    ];
+    let counts = counts.into_iter().filter(|(count, _)| *count > 0);
+    let counts: Vec<String> = counts
+        .map(|(count, what)| Counted::of(count, what).to_string())
+        .collect();
+    let are = if others.len() == 1 { "is" } else { "are" };
+    let message = format!("{} {are} not listed", counts.join(" and "));
+    let fault = Diagnostic {
+        severity: first.severity,
+        ..Diagnostic::error(first.code, Span::default(), message)
+    };
+    Some(fault.anywhere().help("correct those that are listed first"))
+}
+
 impl fmt::Display for Faults {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.render(false))
@@ -302,27 +349,6 @@ impl fmt::Display for Faults {
 }
 
 impl std::error::Error for Faults {}
-
-/// Returns the known name that is most similar to `name`, if any is similar enough.
-pub fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let lower = name.to_lowercase();
-    let rated = known.into_iter().map(|candidate| {
-        let other = candidate.to_lowercase();
-        let rating = strsim::jaro_winkler(&lower, &other)
-            .max(strsim::normalized_damerau_levenshtein(&lower, &other));
-        (rating, candidate)
-    });
-    // `max_by` returns the last of equal elements; the strict comparison keeps the first one.
-    let best = rated.fold(None, |best: Option<(f64, &str)>, (rating, candidate)| {
-        if best.is_none_or(|(highest, _)| rating > highest) {
-            Some((rating, candidate))
-        } else {
-            best
-        }
-    });
-    best.filter(|(rating, _)| *rating >= 0.75)
-        .map(|(_, candidate)| candidate)
-}
 
 #[cfg(test)]
 mod tests {
@@ -424,6 +450,43 @@ mod tests {
     }
 
     #[test]
+    fn diagnostics_beyond_the_limit_are_counted() {
+        let fault = |number: usize| {
+            let place = Span::new(number, number + 1);
+            match number % 2 {
+                0 => Diagnostic::error("RCC1203", place, "a"),
+                _ => Diagnostic::warning("RCC1901", place, "b"),
+            }
+        };
+        let faults = Faults::new("a", "x".repeat(50_000), (0..50_000).map(fault).collect());
+        assert_eq!(faults.diagnostics.len(), KEPT_MAX + 1);
+        let last = faults.diagnostics.last().unwrap();
+        assert_eq!(
+            last.message,
+            "24000 more errors and 25000 more warnings are not listed"
+        );
+        assert_eq!(last.severity, Severity::Error);
+        assert!(faults.render(false).len() < 100_000);
+    }
+
+    #[test]
+    fn a_text_of_a_megabyte_is_cut_with_a_count() {
+        let long = "ä".repeat(1_000_000);
+        let fault = Diagnostic::error("RCC1203", Span::new(0, 1), format!("`{long}`"))
+            .label(&*long)
+            .help(&*long);
+        let faults = Faults::new("a", "x", vec![fault]);
+        let shown = faults.render(false);
+        assert!(shown.len() < 5_000, "{} bytes", shown.len());
+        let message = &faults.diagnostics[0].message;
+        assert!(message.ends_with("more characters)"), "{message}");
+        assert!(
+            shown.contains("more") && shown.contains("characters)"),
+            "{shown}"
+        );
+    }
+
+    #[test]
     fn rows_survive_json_and_draw_the_same() {
         let faults = faults("in: a.b\n", Span::new(4, 7));
         let text = serde_json::to_string(&faults.rows()).unwrap();
@@ -459,12 +522,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn the_closest_name_is_near_or_none() {
-        assert_eq!(closest("postion", ["position", "torque"]), Some("position"));
-        assert_eq!(closest("greater", ["Greater", "Less"]), Some("Greater"));
-        assert_eq!(closest("xyz", ["position", "torque"]), None);
     }
 }

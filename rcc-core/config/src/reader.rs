@@ -9,6 +9,7 @@ use rcc_core::unit::Unit;
 
 use crate::codes::{self, Code};
 use crate::diagnostic::{Diagnostic, Span, closest};
+use crate::file_kind::FileKind;
 use crate::quantity::{self, QuantityError};
 use crate::yaml::{Entry, Key, Node, Value};
 
@@ -117,6 +118,20 @@ impl ConfigReader {
     /// Adds a diagnostic.
     pub fn report(&mut self, fault: Diagnostic) {
         self.faults.push(fault);
+    }
+
+    /// Refuses a file of another kind with one fault, instead of one for each key that it lacks.
+    pub fn expect_kind(&mut self, root: &Node, wanted: FileKind) -> Option<()> {
+        let Some((kind, span)) = FileKind::of_tree(root).filter(|(kind, _)| *kind != wanted) else {
+            return Some(());
+        };
+        let message = format!(
+            "expected {}, found {}",
+            wanted.described(),
+            kind.described()
+        );
+        self.report(error(codes::WRONG_SHAPE, span, message).help(kind.usage()));
+        None
     }
 
     /// Reads a mapping with these keys; reports others.

@@ -9,7 +9,7 @@ use crate::codes;
 use crate::reader::{ConfigReader, Fields, QuantityRange, error};
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 4] = ["seconds", "memory", "files", "folder"];
+pub(crate) const KEYS: [&str; 4] = ["seconds", "memory", "files", "folder"];
 const SECONDS: [f64; 2] = [1.0, 600.0];
 const MEMORY_MB: [i64; 2] = [1, 4096];
 const FILES: [i64; 2] = [1, 1000];

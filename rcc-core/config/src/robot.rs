@@ -7,8 +7,13 @@ use rcc_core::kinematics::Arm;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::unit::Unit;
 
+use crate::diagnostic::Faults;
+use crate::file::SourceFile;
+
 mod read;
 
+#[cfg(test)]
+pub(crate) use read::keys;
 pub(crate) use read::robot as read;
 
 /// An arm: kinematics and limits.
@@ -44,6 +49,22 @@ pub struct JointConfig {
 }
 
 impl RobotConfig {
+    /// Parses the text of a robot's file; `file` is its name in diagnostics.
+    ///
+    /// # Errors
+    /// Returns all faults of the text.
+    pub fn parse(text: &str, file: &str) -> Result<RobotConfig, Faults> {
+        let source = SourceFile {
+            name: file.to_owned(),
+            text: text.to_owned(),
+        };
+        let (root, mut reader) = crate::file::tree(&source)?;
+        let robot = read(&mut reader, &root, file);
+        source.faults(reader)?;
+        // A reader that returns no robot has reported a fault. An empty list is still a refusal.
+        robot.ok_or_else(|| Faults::new(file, text, Vec::new()))
+    }
+
     /// Returns the limits that the guard enforces; elements beyond the joints are 0.
     #[must_use]
     pub fn limits(&self) -> JointLimits {

@@ -145,8 +145,10 @@ struct TextParser<'t> {
 }
 
 impl<'t> TextParser<'t> {
+    /// A parser behind the byte order mark, if there is one.
     fn new(text: &'t str) -> TextParser<'t> {
-        TextParser { text, at: 0 }
+        let at = if text.starts_with('\u{feff}') { 3 } else { 0 };
+        TextParser { text, at }
     }
 
     fn peek(&self) -> Option<u8> {

@@ -2,6 +2,7 @@
 //! range. Runs on blocking threads of the server; not real-time.
 
 use rcc_config::diagnostic::{Diagnostic, Faults, Severity, closest};
+use rcc_config::words::with_article;
 use rcc_config::yaml::{self, Entry, Value};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
@@ -111,8 +112,8 @@ fn unknown(entry: &Entry, names: &Names) -> Diagnostic {
         .find(|primitive| primitive.id == *name);
     let message = match other {
         Some(other) => format!(
-            "`{name}` of `{net}` is a {}: only an Input can be set",
-            other.type_name
+            "`{name}` of `{net}` is {}: only an Input can be set",
+            with_article(&other.type_name)
         ),
         None => format!("`{net}` has no Input `{name}`"),
     };

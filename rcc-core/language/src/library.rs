@@ -6,13 +6,13 @@ use std::collections::{HashSet, VecDeque};
 use std::io::{self, Read as _};
 use std::path::Path;
 
-use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_config::diagnostic::{Diagnostic, Faults, Severity, Span};
 use rcc_config::yaml::{self, Key};
 
 use crate::codes;
 use crate::parse::read_library;
 use crate::source_map::SourceMap;
-use crate::syntax::fragment::Fragment;
+use crate::syntax::fragment::{Fragment, Library};
 
 /// Most libraries of a net.
 pub const LIBRARIES_MAX: usize = 64;
@@ -116,6 +116,34 @@ pub fn read_libraries(
         }
     }
     fragments
+}
+
+/// Reads a library and the libraries that it uses. Links are not checked: they depend on the nets that use the library.
+///
+/// # Errors
+/// Returns the diagnostics if one of them has errors.
+pub fn check_library(
+    text: &str,
+    file: &str,
+    libraries: &dyn LibrarySource,
+) -> Result<Library, Faults> {
+    let mut sources = SourceMap::new(file, text);
+    let (root, mut diagnostics) = yaml::read(text);
+    let library = root.and_then(|root| read_library(&root, &mut diagnostics));
+    if let Some(library) = &library {
+        read_libraries(
+            &library.uses,
+            file,
+            libraries,
+            &mut sources,
+            &mut diagnostics,
+        );
+    }
+    let is_error = |diagnostic: &Diagnostic| diagnostic.severity == Severity::Error;
+    match library.filter(|_| !diagnostics.iter().any(is_error)) {
+        Some(library) => Ok(library),
+        None => Err(sources.finish(diagnostics)),
+    }
 }
 
 fn read_one(

@@ -35,6 +35,36 @@ fn cell() -> DeviceTable {
     DeviceTable::from(&CellConfig::load(&path, &ports).unwrap())
 }
 
+#[test]
+fn the_schemas_of_cells_and_robots_accept_the_shipped_files_and_refuse_wrong_keys() {
+    let broken = |files: &BTreeMap<String, serde_json::Value>, key: &str| {
+        let files = files.iter().map(|(name, file)| {
+            let mut file = file.clone();
+            let root = file.as_object_mut().unwrap();
+            let value = root.remove(key).unwrap();
+            root.insert(format!("{key}s"), value);
+            (name.clone(), file)
+        });
+        files.collect::<BTreeMap<_, _>>()
+    };
+    for (folder, schema, key) in [
+        ("configs/cells", rcc_config::schema::cell(), "period"),
+        ("configs/robots", rcc_config::schema::robot(), "kinematics"),
+    ] {
+        let good = nets(folder);
+        assert!(good.len() >= 3, "{folder}");
+        for (name, errors) in errors(&schema, &good, key).into_iter().flatten() {
+            assert!(errors.is_empty(), "{name}: {errors:?}");
+        }
+        for (name, errors) in errors(&schema, &broken(&good, key), key)
+            .into_iter()
+            .flatten()
+        {
+            assert!(!errors.is_empty(), "{name}");
+        }
+    }
+}
+
 /// Returns the YAML nets by name.
 fn nets(folder: &str) -> BTreeMap<String, serde_json::Value> {
     let Ok(files) = fs::read_dir(root().join(folder)) else {

@@ -7,6 +7,8 @@ use std::io::{self, Read};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
+const MEGABYTE: u64 = 1 << 20;
+
 /// Reason to refuse a file that the system would let us read; wrapped in the [`io::Error`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FileRefused {
@@ -27,6 +29,9 @@ impl fmt::Display for FileRefused {
         match self {
             FileRefused::NotRegular { kind } => {
                 write!(formatter, "it is {kind}, not a regular file")
+            }
+            FileRefused::TooLarge { max } if *max >= MEGABYTE => {
+                write!(formatter, "it is larger than {} MB", max / MEGABYTE)
             }
             FileRefused::TooLarge { max } => write!(formatter, "it is larger than {max} bytes"),
         }
@@ -84,13 +89,18 @@ pub fn read_text(path: &Path, max: u64) -> io::Result<String> {
     text(read(path, max)?)
 }
 
-/// Reads a text of at most `max` bytes that a person names on the command line. Waits for a pipe, because `<(…)` is
-/// one.
+/// Reads a text of at most `max` bytes that a person names on the command line. A file that is longer is not read. Waits
+/// for a pipe, because `<(…)` is one.
 ///
 /// # Errors
 /// Returns [`FileRefused::TooLarge`], [`io::ErrorKind::InvalidData`] if it is not UTF-8, or the error from the system.
 pub fn read_given(path: &Path, max: u64) -> io::Result<String> {
-    read_stream(File::open(path)?, max)
+    let file = File::open(path)?;
+    let found = file.metadata()?;
+    if found.is_file() && found.len() > max {
+        return Err(FileRefused::TooLarge { max }.into());
+    }
+    read_stream(file, max)
 }
 
 /// Reads a text of at most `max` bytes from a stream.
@@ -220,6 +230,19 @@ mod tests {
         let endless = said(read_given(Path::new("/dev/zero"), 100));
         assert_eq!(endless, "it is larger than 100 bytes");
         assert!(said(read_given(folder.path(), 100)).contains("directory"));
+        Ok(())
+    }
+
+    #[test]
+    fn a_file_given_on_the_command_line_is_refused_by_its_length_and_not_read() -> io::Result<()> {
+        let folder = folder();
+        let path = folder.path().join("large");
+        // Sparse; to read as much as is allowed would take 64 GB of memory.
+        File::create(&path)?.set_len(100 << 30)?;
+        assert_eq!(
+            said(read_given(&path, 64 << 30)),
+            "it is larger than 65536 MB"
+        );
         Ok(())
     }
 

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use rcc_core::counted::Counted;
 use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 
 use super::violation::angle;
@@ -29,7 +30,7 @@ pub(super) fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> 
             "give `to` (as many joints as the arm has) or `pose`".to_owned(),
         ),
         MotionFault::Legs { count } => (
-            format!("the path has {count} legs"),
+            format!("the path has {}", Counted(u64::from(count), "leg")),
             format!("give 1 to {LEGS_MAX} legs; each point of a spline counts as one"),
         ),
         MotionFault::JointCount { joints } => (

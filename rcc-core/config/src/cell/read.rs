@@ -14,6 +14,7 @@ use crate::codes;
 use crate::device::{DeviceConfig, channels};
 use crate::diagnostic::{Faults, Span};
 use crate::file::{self, SourceFile};
+use crate::file_kind::FileKind;
 use crate::ports::{self, PortNumbers};
 use crate::reader::{CELL_NAME, ConfigReader, DEVICE_NAME, Fields, QuantityRange, error};
 use crate::recorder;
@@ -21,7 +22,7 @@ use crate::robot::{self, RobotConfig};
 use crate::workspace;
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 11] = [
+pub const KEYS: [&str; 11] = [
     "cell",
     "period",
     "stale_after",
@@ -34,15 +35,15 @@ const KEYS: [&str; 11] = [
     "simulators",
     "devices",
 ];
-const EXECUTOR_KEYS: [&str; 5] = ["priority", "core", "late_in_a_row_max", "rt", "budget"];
-const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
-const SIMULATOR_KEYS: [&str; 3] = ["program", "arguments", "device"];
+pub const EXECUTOR_KEYS: [&str; 5] = ["priority", "core", "late_in_a_row_max", "rt", "budget"];
+pub const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
+pub const SIMULATOR_KEYS: [&str; 3] = ["program", "arguments", "device"];
 /// A key of older files, and its remedy.
 const CONTROL: (&str, &str) = (
     "control",
     "remove this line, and the port that only it uses: a simulator with `device` has its control port in the cell's folder",
 );
-const DEVICE_KEYS: [&str; 9] = [
+pub const DEVICE_KEYS: [&str; 9] = [
     "driver",
     "robot",
     "settings",
@@ -133,6 +134,7 @@ pub(super) fn cell(
 
 impl CellFileReader<'_> {
     fn cell(&mut self, root: &Node, source: PathBuf) -> Option<CellConfig> {
+        self.reader.expect_kind(root, FileKind::Cell)?;
         let fields = self.reader.fields(root, root.span, "a cell", &KEYS)?;
         let name = self.reader.require(&fields, "cell");
         let name = name.and_then(|node| self.name(node, "a cell"));

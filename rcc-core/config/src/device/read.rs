@@ -8,9 +8,10 @@ use super::{CHANNEL_KINDS, ChannelConfig, OnRelease, is_digital, is_output, kind
 use crate::codes;
 use crate::diagnostic::Span;
 use crate::reader::{ConfigReader, Fields, ID, QuantityRange, display_value, error};
+use crate::words::with_article;
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 7] = [
+pub(crate) const KEYS: [&str; 7] = [
     "kind",
     "address",
     "unit",
@@ -132,7 +133,10 @@ fn address(reader: &mut ConfigReader, node: &Node) -> Option<serde_json::Value> 
 fn refuse_keys_of_other_kinds(reader: &mut ConfigReader, fields: &Fields<'_>, kind: ChannelKind) {
     let mut refuse = |key: &str, reason: &str| {
         if let Some(entry) = fields.entry(key) {
-            let message = format!("`{key}` has no meaning for a {}", kind_name(kind));
+            let message = format!(
+                "`{key}` has no meaning for {}",
+                with_article(kind_name(kind))
+            );
             let fault = error(codes::KEY_OF_OTHER_KIND, entry.key.span, message);
             reader.report(fault.help(format!("remove it: {reason}")));
         }

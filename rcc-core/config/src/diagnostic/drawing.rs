@@ -5,7 +5,7 @@ use std::fmt::{self, Write as _};
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteSpanContents, SourceSpan};
 use rcc_core::counted::Counted;
-use rcc_core::printable::Printable;
+use rcc_core::printable::{OneLine, Printable};
 use textwrap::{WordSeparator, WordSplitter};
 
 use super::{DRAWN_MAX, DiagnosticPosition, DiagnosticRow, Severity, SourceText, Span};
@@ -127,7 +127,7 @@ pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], style: DrawingStyl
 
 /// Returns the row with all texts escaped for printing.
 fn printable(row: &DiagnosticRow) -> DiagnosticRow {
-    let clean = |text: &str| Printable(text).to_string();
+    let clean = |text: &str| OneLine(text).to_string();
     DiagnosticRow {
         code: clean(&row.code),
         message: clean(&row.message),
@@ -230,7 +230,7 @@ impl<'a> LineIndex<'a> {
             text.push_str(CUT);
         }
         Some(Excerpt {
-            name: Printable(&row.file).to_string(),
+            name: OneLine(&row.file).to_string(),
             text,
             label: (label, length),
             line: row.line - 1,

@@ -1,5 +1,6 @@
 //! Reads the file of a robot. Run at start-up by programs that read the cell's file.
 
+use rcc_core::counted::Counted;
 use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use rcc_core::unit::Unit;
@@ -7,6 +8,7 @@ use rcc_core::unit::Unit;
 use super::{JointConfig, RobotConfig};
 use crate::codes;
 use crate::diagnostic::Span;
+use crate::file_kind::FileKind;
 use crate::reader::{ConfigReader, Fields, JOINT_NAME, QuantityRange, error};
 use crate::yaml::{Entry, Node, Value};
 
@@ -46,6 +48,14 @@ const IMPEDANCE_KEYS: [&str; 8] = [
 const IMPEDANCE_RATE: f64 = 2.0;
 const JOINT_KEYS: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 
+/// The keys of each mapping, for the test of the schema.
+#[cfg(test)]
+pub(crate) mod keys {
+    pub const ROBOT: [&str; 4] = super::KEYS;
+    pub const JOINT: [&str; 4] = super::JOINT_KEYS;
+    pub const IMPEDANCE: [&str; 8] = super::IMPEDANCE_KEYS;
+}
+
 const AT_LEAST_0: QuantityRange = QuantityRange {
     unit: Unit::METRE,
     least: 0.0,
@@ -72,6 +82,7 @@ const KINEMATICS_TYPES: [(&str, KinematicsType); 2] = [
 
 /// Reads the tree of a robot's file; `source` is the path of the file as written in the cell's file.
 pub(crate) fn robot(reader: &mut ConfigReader, root: &Node, source: &str) -> Option<RobotConfig> {
+    reader.expect_kind(root, FileKind::Robot)?;
     let fields = reader.fields(root, root.span, "a robot", &KEYS)?;
     let name = reader.require(&fields, "robot");
     let name = name.and_then(|node| reader.text(node, "a robot's name"));
@@ -248,8 +259,12 @@ fn joints(
             Arm::OrthoParallel(_) => "ortho-parallel",
         };
         let message = format!(
-            "{} joints are listed, but kinematics of type {kind} has {}",
-            entries.len(),
+            "{} listed, but kinematics of type {kind} has {}",
+            format_args!(
+                "{} {}",
+                Counted::of(entries.len(), "joint"),
+                if entries.len() == 1 { "is" } else { "are" }
+            ),
             arm.joints()
         );
         let help = "list every joint once, from the base to the flange";

@@ -3,6 +3,7 @@
 //! loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
+use rcc_config::words::with_article;
 use rcc_core::types::Type;
 
 use crate::codes;
@@ -25,7 +26,8 @@ pub fn inputs_match_fragment_declarations(net: Typed<'_>, diagnostics: &mut Vec<
             && have != want
         {
             let message = format!(
-                "type mismatch: `{input}` is declared as {want}, but feeds `{id}.{name}`, which is a {have}"
+                "type mismatch: `{input}` is declared as {want}, but feeds `{id}.{name}`, which is {}",
+                with_article(have)
             );
             diagnostics.push(Diagnostic::error(codes::TYPE_MISMATCH, span, message));
             continue;
@@ -52,10 +54,10 @@ pub fn conditions_are_truth_values(net: Typed<'_>, diagnostics: &mut Vec<Diagnos
                 let name = net.graph.output_name(link.from);
                 match (ty, output) {
                     (Some(Type::Bool), _) | (None, None) => continue,
-                    (Some(ty), _) => (link.span, format!("but `{name}` is a {ty}")),
+                    (Some(ty), _) => (link.span, format!("but `{name}` is {}", with_article(ty))),
                     (None, Some(ty)) => (
                         link.span,
-                        format!("but `{name}` is a {ty} without this element"),
+                        format!("but `{name}` is {} without this element", with_article(ty)),
                     ),
                 }
             }

@@ -1,6 +1,7 @@
 //! Rules about values that are set from outside. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
+use rcc_config::words::with_article;
 use rcc_core::plan::INPUT_ELEMENTS_MAX;
 use rcc_core::primitive::Role;
 use rcc_core::types::Type;
@@ -30,8 +31,9 @@ pub fn bounds_are_numeric(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
         for (name, literal) in bounds.map(|name| (name, item.given(name))) {
             if let (Some(literal), false) = (literal, ordered) {
                 let message = format!(
-                    "`{}.{name}` is a bound of a {ty}, which has no order",
-                    item.id()
+                    "`{}.{name}` is a bound of {}, which has no order",
+                    item.id(),
+                    with_article(ty)
                 );
                 let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, literal.span, message);
                 diagnostics.push(
@@ -89,8 +91,9 @@ pub fn units_are_given_for_numbers_only(net: Typed<'_>, diagnostics: &mut Vec<Di
             continue;
         };
         let message = format!(
-            "`{}` is a {ty}, to which `unit: {unit}` does not apply",
-            item.id()
+            "`{}` is {}, to which `unit: {unit}` does not apply",
+            item.id(),
+            with_article(ty)
         );
         let diagnostic = Diagnostic::error(codes::UNIT_MISMATCH, item.primitive.id.span, message);
         diagnostics.push(diagnostic.help("remove `unit`: the type implies its unit, or has none"));

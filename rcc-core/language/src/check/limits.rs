@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_config::words::with_article;
 use rcc_core::message::MONITOR_WIDTH_MAX;
 use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX, TOPICS_MAX};
 use rcc_core::primitive::{CYCLES_MAX, ChannelKind, ParameterKind, Role};
@@ -134,8 +135,10 @@ pub fn monitors_are_possible(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) 
             let Some(ty) = ty.filter(|ty| ty.width() as usize > MONITOR_WIDTH_MAX) else {
                 continue;
             };
-            let message =
-                format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, found a {ty}");
+            let message = format!(
+                "a monitor shows at most {MONITOR_WIDTH_MAX} elements, found {}",
+                with_article(ty)
+            );
             let span = source_span(input_source).unwrap_or(item.primitive.id.span);
             let diagnostic = Diagnostic::error(codes::TOO_WIDE, span, message);
             diagnostics

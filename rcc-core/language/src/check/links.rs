@@ -1,6 +1,8 @@
 //! Rules about the types and units of links and of lists of links. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
+use rcc_config::words::with_article;
+use rcc_core::counted::Counted;
 use rcc_core::primitive::PortType;
 use rcc_core::types::Type;
 
@@ -24,18 +26,24 @@ pub fn elements_exist(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
         let name = net.graph.output_name(link.from);
         let (message, help) = match (parts_of(ty), part) {
             (None, _) => (
-                format!("`{name}` is a {ty}, which has no elements or members"),
+                format!(
+                    "`{name}` is {}, which has no elements or members",
+                    with_article(ty)
+                ),
                 "only arrays such as Real[7], matrices and composites have elements or members"
                     .to_string(),
             ),
             (Some(help), ValuePart::Element(_)) if ty.element().is_some() => (
                 format!(
-                    "`{name}` has {} elements, so {part} is out of range",
-                    ty.width()
+                    "`{name}` has {}, so {part} is out of range",
+                    Counted(u64::from(ty.width()), "element")
                 ),
                 help,
             ),
-            (Some(help), _) => (format!("`{name}` is a {ty} and has no `{part}`"), help),
+            (Some(help), _) => (
+                format!("`{name}` is {} and has no `{part}`", with_article(ty)),
+                help,
+            ),
         };
         diagnostics.push(Diagnostic::error(codes::BAD_ELEMENT, link.port_span, message).help(help));
     }
@@ -102,9 +110,7 @@ pub fn lists_fit(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
                 ),
                 (InputSource::Literal(literal), PortType::Many(_)) => (
                     literal.span,
-                    format!(
-                        "type mismatch: `{input}` expects a list of values with at least one link"
-                    ),
+                    format!("type mismatch: `{input}` expects a list of values, found {literal}"),
                     format!("write `{}: [a.out, b.out]`", port.name),
                 ),
                 (InputSource::List(list), _) => match list_mismatch(list, port.ty, ty) {
@@ -144,7 +150,7 @@ fn list_example(ty: Type) -> String {
         (Type::Matrix(rows, columns), _) => {
             format!("write {rows} rows of {columns} numbers, or {rows} links to Real[{columns}]")
         }
-        (_, Some((count, item))) => format!("write a list of {count}, each a {item}"),
+        (_, Some((count, item))) => format!("write a list of {count}, each {}", with_article(item)),
         (Type::Pose | Type::Rotation, None) => {
             "a pose is made of a position and a rotation by a primitive".to_string()
         }
@@ -160,9 +166,9 @@ fn other_type(
     want: Type,
 ) -> Diagnostic {
     let output = net.graph.output_name(link.from);
-    let message = format!("type mismatch: `{input}` expects {want}, but `{output}` is a {have}");
-    let diagnostic =
-        Diagnostic::error(codes::TYPE_MISMATCH, link.span, message).label(format!("a {have}"));
+    let found = with_article(have);
+    let message = format!("type mismatch: `{input}` expects {want}, but `{output}` is {found}");
+    let diagnostic = Diagnostic::error(codes::TYPE_MISMATCH, link.span, message).label(found);
     let is_element = link.part.is_none() && have.element() == Some(want);
     diagnostic.help_if(match (have, want) {
         _ if is_element => Some(format!("pick an element: `{output}[0]`")),

@@ -2,6 +2,7 @@
 //! loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
+use rcc_core::counted::Counted;
 use rcc_core::frame::DeviceModel;
 use rcc_core::path::leg_row;
 use rcc_core::primitive::{ParameterKind, Role};
@@ -102,9 +103,9 @@ pub fn turns_have_a_bit_for_each_joint(net: Typed<'_>, diagnostics: &mut Vec<Dia
                 continue;
             }
             let message = format!(
-                "`turn` of `{}` is {turn}: `{name}` has {} joints, so it is at most {most}",
+                "`turn` of `{}` is {turn}: `{name}` has {}, so it is at most {most}",
                 item.id(),
-                model.joints
+                Counted(u64::from(model.joints), "joint")
             );
             let diagnostic = Diagnostic::error(codes::OUT_OF_RANGE, literal.span, message);
             diagnostics.push(diagnostic.help("bit i is set if joint i + 1 is negative at the end"));

@@ -1,6 +1,7 @@
 //! Rules about the types, lengths and units of the ports of one primitive. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
+use rcc_config::words::with_article;
 use rcc_core::primitive::{ParameterKind, PortType, UnitRule};
 use rcc_core::unit::Unit;
 
@@ -75,7 +76,8 @@ pub fn types_suit_their_primitives(net: Typed<'_>, diagnostics: &mut Vec<Diagnos
                 PortType::Array(..) => "arrays of single values",
                 _ => "single numbers or truth values",
             };
-            let message = format!("type mismatch: {} takes {wanted}, not a {ty}", spec.name);
+            let found = with_article(ty);
+            let message = format!("type mismatch: {} takes {wanted}, not {found}", spec.name);
             let place = item
                 .primitive
                 .inputs

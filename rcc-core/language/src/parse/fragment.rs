@@ -1,12 +1,15 @@
 //! Fragments and libraries. Runs on the loader's threads.
 
+use rcc_config::FileKind;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{Entry, Key, Node, Value};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use super::primitive::{read_discard, read_primitive};
-use super::shape::{entries_of, read_description, report_bad_id, report_unknown_keys, shape};
+use super::shape::{
+    entries_of, expect_kind, read_description, report_bad_id, report_unknown_keys, shape,
+};
 use super::{literal, reference};
 use crate::codes;
 use crate::syntax::declaration::{TYPES, UNITS, parse_type, si_unit};
@@ -29,6 +32,7 @@ const OUTPUT_KEYS: &[&str] = &["from", "description"];
 
 /// Reads a library from the tree of its text.
 pub fn read_library(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Library> {
+    expect_kind(root, FileKind::Library, diagnostics)?;
     if root.map().is_none() {
         let message = format!(
             "expected a library, a mapping with the keys `library` and `fragments`, found {}",

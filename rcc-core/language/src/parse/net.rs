@@ -1,10 +1,11 @@
 //! The keys of a net. Runs on the loader's threads.
 
+use rcc_config::FileKind;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{Key, Node, Value};
 
 use super::primitive::{read_discard, read_primitive};
-use super::shape::{read_description, report_unknown_keys, shape};
+use super::shape::{expect_kind, read_description, report_unknown_keys, shape};
 use super::{fragment, literal};
 use crate::codes;
 use crate::syntax::{Net, Primitive, Timing, bad_net_name};
@@ -24,6 +25,7 @@ const NET_KEYS: &[&str] = &[
 
 /// Reads a net from the tree of its text.
 pub fn read_net(root: &Node, diagnostics: &mut Vec<Diagnostic>) -> Option<Net> {
+    expect_kind(root, FileKind::Net, diagnostics)?;
     if root.map().is_none() {
         let message = format!(
             "expected a net, a mapping with the keys `net` and `primitives`, found {}",

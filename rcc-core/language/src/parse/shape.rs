@@ -1,5 +1,6 @@
 //! Checks of keys, ids and shapes that nets, fragments and constants have in common. Runs on the loader's threads.
 
+use rcc_config::FileKind;
 use rcc_config::diagnostic::{Diagnostic, closest};
 use rcc_config::yaml::{Entry, Key, Node, Value};
 
@@ -10,6 +11,21 @@ use crate::syntax::NAME_MAX;
 pub fn shape(node: &Node, what: &str, wanted: &str) -> Diagnostic {
     let message = format!("{what} must be {wanted}, not {}", node.kind());
     Diagnostic::error(codes::WRONG_SHAPE, node.span, message)
+}
+
+/// Refuses a file of another kind with one diagnostic, instead of one for each key that it lacks.
+pub fn expect_kind(root: &Node, wanted: FileKind, diagnostics: &mut Vec<Diagnostic>) -> Option<()> {
+    let Some((kind, span)) = FileKind::of_tree(root).filter(|(kind, _)| *kind != wanted) else {
+        return Some(());
+    };
+    let message = format!(
+        "expected {}, found {}",
+        wanted.described(),
+        kind.described()
+    );
+    let diagnostic = Diagnostic::error(codes::WRONG_SHAPE, span, message);
+    diagnostics.push(diagnostic.help(kind.usage()));
+    None
 }
 
 pub fn report_unknown_keys(

@@ -3,6 +3,7 @@
 
 use rcc_config::device::{CHANNEL_KINDS, kind_name};
 use rcc_config::diagnostic::Span;
+use rcc_config::words::with_article;
 use rcc_core::primitive::{ChannelKind, Parameter, ParameterKind, Spec};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
@@ -213,8 +214,7 @@ impl<'a> Resolver<'a, '_> {
         });
         let names = channels.iter().map(|channel| channel.name.as_str());
         let what = format!("{}s of `{}`", kind_name(kind), device.name);
-        let other =
-            other.map(|kind| format!("a {}", kind_name(kind)).replace("a analog", "an analog"));
+        let other = other.map(|kind| with_article(kind_name(kind)));
         let help = self.suggestions.word(name, &what, names, other.as_deref());
         let message = format!("`{}` has no {} `{name}`", device.name, kind_name(kind));
         self.error(codes::UNKNOWN_CHANNEL, span, message, Some(help));

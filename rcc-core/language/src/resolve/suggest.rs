@@ -1,21 +1,18 @@
 //! Suggestions for unknown names: "did you mean …?". Runs on the loader's threads.
 
-use rcc_config::diagnostic::closest;
+use rcc_config::diagnostic::NameSearch;
 use rcc_core::primitive::{PortType, Spec, UnitRule};
 use rcc_core::primitives::CATALOGUE;
 
 use crate::syntax::reference::Reference;
 
-/// Limit of comparisons, after which no further search begins: a text may have a hundred thousand names and as many
-/// typing errors.
-const COMPARISONS_MAX: usize = 200_000;
 /// Most names that are listed.
 const LISTED_MAX: usize = 16;
 
 /// Finds similar names, with a limited total cost.
 #[derive(Debug, Default)]
 pub struct Suggestions {
-    compared: usize,
+    search: NameSearch,
 }
 
 impl Suggestions {
@@ -25,11 +22,7 @@ impl Suggestions {
         name: &str,
         known: impl Iterator<Item = &'n str>,
     ) -> Option<&'n str> {
-        if self.compared >= COMPARISONS_MAX {
-            return None;
-        }
-        let compared = &mut self.compared;
-        closest(name, known.inspect(|_| *compared += 1))
+        self.search.near(name, known)
     }
 
     /// Returns a similar name, or where the name is known, or all names.
@@ -106,7 +99,8 @@ fn describe(spec: &Spec, output: &str) -> String {
 }
 
 fn list<'n>(what: &str, names: impl Iterator<Item = &'n str>) -> String {
-    let names: Vec<&str> = names.collect();
+    // There may be as many names as errors that list them.
+    let names: Vec<&str> = names.take(LISTED_MAX + 1).collect();
     match names.len() {
         0 => format!("{what}: none"),
         count if count > LISTED_MAX => {

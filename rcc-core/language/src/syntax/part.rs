@@ -3,6 +3,7 @@
 
 use std::fmt;
 
+use rcc_config::words::with_article;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
@@ -54,7 +55,9 @@ pub fn parts_of(ty: Type) -> Option<String> {
     let members = MEMBERS.iter().filter(|row| row.1 == ty);
     let members: Vec<String> = members.map(|row| format!("`.{}`", row.0)).collect();
     match ty {
-        _ if !members.is_empty() => Some(format!("a {ty} has {}", members.join(", "))),
+        _ if !members.is_empty() => {
+            Some(format!("{} has {}", with_article(ty), members.join(", ")))
+        }
         Type::Matrix(rows, columns) => Some(format!(
             "rows are counted from 0 to {}, columns to {}: `[0,0]`, a row `[0,..]`",
             i32::from(rows) - 1,
