@@ -10,6 +10,7 @@ mod limits;
 mod links;
 mod loops;
 mod motions;
+mod nulls;
 mod topics;
 mod types;
 
@@ -50,6 +51,7 @@ const CHECKS: &[Check] = &[
     motions::goals_are_within_range,
     motions::motion_outputs_are_read,
     motions::commands_are_not_null,
+    nulls::commands_can_become_known,
     motions::axes_have_a_direction,
     fragments::inputs_match_fragment_declarations,
     fragments::conditions_are_truth_values,

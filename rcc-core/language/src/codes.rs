@@ -107,6 +107,8 @@ descriptions! {
         "remove one of the two `delayed: true`";
     NEVER_NULL = "RCC1411", "A constant or input in a region is read outside of it.",
         "read it only within the region";
+    ALWAYS_NULL = "RCC1412", "A command is null in every cycle.",
+        "give the first primitive of the chain a value, or replace null: `{type: OrElse, inputs: {in: …, other: …}}`";
     NO_TERMINATION = "RCC1501", "The net has no Termination.",
         "add `end: {type: Termination, inputs: {done: …}}`";
     MANY_TERMINATIONS = "RCC1502", "The net has more than one Termination.",

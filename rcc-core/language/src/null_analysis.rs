@@ -5,6 +5,7 @@
 //! *Can be null* means: for some input values. The analysis does not understand a net that tests with `IsNull` and
 //! selects accordingly. It ignores overflow, because otherwise every sum could be null.
 
+mod always_null;
 mod clause;
 
 use std::collections::VecDeque;
@@ -16,6 +17,7 @@ use crate::resolve::{
 };
 use crate::syntax::literal::{Literal, LiteralShape};
 
+pub use always_null::{AlwaysNull, find_always_null};
 pub use clause::clauses;
 
 /// Why the outputs of a primitive can be null.

@@ -198,6 +198,7 @@ const CODES_WITH_FULL_NAMES: &[&str] = &[
     codes::LOOP_WITHOUT_DELAY,
     codes::LOOP_WITHOUT_INITIAL,
     codes::LOOP_STAYS_NULL,
+    codes::ALWAYS_NULL,
     codes::CLAIMED_TWICE,
     codes::OWN_TOPIC,
     codes::MANY_TERMINATIONS,

@@ -11,9 +11,9 @@ use rcc_config::CellConfig;
 use rcc_language::compile;
 use rcc_language::devices::DeviceTable;
 use rcc_language::expand::expand;
-use rcc_language::null_analysis::{NullAnalysis, NullCause, analyse_nulls};
+use rcc_language::null_analysis::{NullAnalysis, NullCause, analyse_nulls, find_always_null};
 use rcc_language::parse::parse;
-use rcc_language::resolve::{NetGraph, resolve};
+use rcc_language::resolve::{NetGraph, OutputId, resolve};
 use rcc_language::source_map::SourceMap;
 
 /// Position of the arm, near the start of the example nets.
@@ -199,9 +199,44 @@ fn never_null(text: &str) -> Vec<String> {
     })
 }
 
+/// Returns the outputs that are always null.
+fn always_null(text: &str) -> Vec<String> {
+    look(text, |graph, _| {
+        let nulls = find_always_null(graph);
+        let items = graph.items.iter().enumerate();
+        let outputs = items.flat_map(|(item, primitive)| {
+            (0..primitive.spec().outputs.len()).map(move |port| OutputId { item, port })
+        });
+        outputs
+            .filter(|output| nulls.output(*output))
+            .map(|output| graph.output_name(output))
+            .collect()
+    })
+}
+
+#[test]
+fn what_is_always_null_is_found_behind_constants_clauses_and_regions() {
+    let found = always_null(
+        "net: test
+primitives:
+  state: {type: JointState, parameters: {device: lwr}}
+  none:  {type: Constant, parameters: {value: null}}
+  sum:   {type: Add, inputs: {a: 'state.position[0]', b: none.out}}
+  kept:  {type: OrElse, inputs: {in: sum.out, other: 0 rad}}
+  empty: {type: OrElse, inputs: {in: sum.out, other: none.out}}
+  ratio: {type: Divide, inputs: {a: 1, b: 0}}
+  wire:  {type: Add, inputs: {a: {from: sum.out, delayed: true, initial: 0 rad}, b: 0 rad}}
+  angle: {type: ArmAngle, parameters: {device: lwr}, inputs: {joints: state.position}}
+  asked: {type: Input, parameters: {type: Real}}
+",
+    );
+    assert_eq!(found, ["none.out", "sum.out", "empty.out", "ratio.out"]);
+}
+
 /// Runs a net with its devices and then without them, and asserts that these outputs are never null.
 fn run(text: &str) {
     let never = never_null(text);
+    let always = always_null(text);
     let cell = harness::cell("configs/cells/demo.yaml");
     let net = compile(text, "net", &cell).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
     let mut harness = NetHarness::new(net, &cell, HOLD);
@@ -214,6 +249,13 @@ fn run(text: &str) {
         }
         harness.cancel = cycle >= 50;
         harness.step();
+        for name in &always {
+            let values = harness.values(name);
+            assert!(
+                values.iter().all(|value| value.is_nan()),
+                "{name} in {cycle}: {text}"
+            );
+        }
         for name in &never {
             let values = harness.values(name);
             assert!(
@@ -346,4 +388,44 @@ fn the_age_of_an_input_is_null_until_it_is_set_even_with_an_initial_value() {
         why[1..],
         ["it has never been set: speed", "it was set to null: speed"]
     );
+}
+
+#[test]
+fn an_arm_angle_of_six_joints_cannot_reach_a_command() {
+    let net = |arm: &str| {
+        let cell = format!(
+            "cell: a\nperiod: 1 ms\ndevices:\n  arm: {{driver: ideal-arm, robot: robots/{arm}.yaml}}\n"
+        );
+        let cell = CellConfig::parse_offline(&cell, "cell.yaml", &folder("configs")).unwrap();
+        compile(
+            "net: near
+primitives:
+  state: {type: JointState, parameters: {device: arm}}
+  flange: {type: ForwardKinematics, parameters: {device: arm}, inputs: {joints: state.position}}
+  angle: {type: ArmAngle, parameters: {device: arm}, inputs: {joints: state.position}}
+  ik: {type: InverseKinematicsNear, parameters: {device: arm}, inputs: {pose: flange.pose, arm_angle: angle.angle, hint: state.position}}
+  robot: {type: JointPositionCommand, parameters: {device: arm}, inputs: {position: ik.joints}}
+  cancel: {type: Cancel}
+  end: {type: Termination, inputs: {done: cancel.requested}}
+discard: [state.hold]
+",
+            "near.yaml",
+            &cell,
+        )
+    };
+    let faults = net("kr6_r900_2").unwrap_err();
+    let fault = faults
+        .diagnostics
+        .iter()
+        .find(|fault| fault.code == "RCC1412");
+    let fault = fault.unwrap_or_else(|| panic!("{faults}"));
+    assert!(
+        fault
+            .message
+            .ends_with("the arm has six joints: angle → ik → robot"),
+        "{}",
+        fault.message
+    );
+    let seven = net("iiwa7").map_or_else(|faults| faults.to_string(), |_| String::new());
+    assert!(!seven.contains("RCC1412"), "{seven}");
 }

@@ -78,9 +78,12 @@ fn describe_signature((ty, unit): TopicSignature) -> String {
 
 /// Requires that a net does not subscribe to its own topics: within a net there are links.
 pub fn no_net_subscribes_to_itself(net: Typed<'_>, diagnostics: &mut Vec<Diagnostic>) {
+    let mut publishers = BTreeMap::new();
+    for (item, topic) in items(net, Role::Publish) {
+        publishers.entry(topic).or_insert(item);
+    }
     for (item, topic) in items(net, Role::Input) {
-        let own = items(net, Role::Publish).find(|(_, own)| *own == topic);
-        if let Some((own, _)) = own {
+        if let Some(own) = publishers.get(topic) {
             let message = format!(
                 "`{}` subscribes to `{topic}`, which `{}` of the same net publishes",
                 item.id(),

@@ -13,11 +13,46 @@ pub fn clauses(
     graph: &NetGraph<'_>,
     item: &ResolvedPrimitive<'_>,
 ) -> impl Iterator<Item = &'static str> {
+    truths(graph, item)
+        .filter(|(_, truth)| *truth != ClauseTruth::Never)
+        .map(|(clause, _)| clause)
+}
+
+/// Whether a clause is true for one primitive of a net.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClauseTruth {
+    /// It cannot become true.
+    Never,
+    /// It is true for some values, or not understood.
+    Sometimes,
+    /// It is true in every cycle in which the inputs are known.
+    Always,
+}
+
+/// Returns the clauses of an item's spec, except overflow, with what constants and ranges tell of them.
+pub fn truths(
+    graph: &NetGraph<'_>,
+    item: &ResolvedPrimitive<'_>,
+) -> impl Iterator<Item = (&'static str, ClauseTruth)> {
     let clauses = item.spec().undefined.split("; ").map(str::trim);
-    clauses.filter(|clause| {
-        !clause.is_empty()
-            && !clause.starts_with(OVERFLOW)
-            && comparison(graph, item, clause).unwrap_or(true)
+    let clauses = clauses.filter(|clause| !clause.is_empty() && !clause.starts_with(OVERFLOW));
+    clauses.map(|clause| {
+        let truth = match clause {
+            SIX_JOINTS => six_joints(graph, item),
+            clause => comparison(graph, item, clause),
+        };
+        (clause, truth.unwrap_or(ClauseTruth::Sometimes))
+    })
+}
+
+/// The clause about arms without an arm angle.
+const SIX_JOINTS: &str = "the arm has six joints";
+
+fn six_joints(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>) -> Option<ClauseTruth> {
+    let device = graph.cell.devices.get(item.device?)?;
+    Some(match device.model.joints {
+        6 => ClauseTruth::Always,
+        _ => ClauseTruth::Never,
     })
 }
 
@@ -26,8 +61,12 @@ type Range = [f64; 2];
 
 const ANY: Range = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// Returns false if a comparison between ports and numbers cannot be true; `None` if the clause is not a comparison.
-fn comparison(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>, clause: &str) -> Option<bool> {
+/// Returns the truth of a comparison between ports and numbers; `None` if the clause is none.
+fn comparison(
+    graph: &NetGraph<'_>,
+    item: &ResolvedPrimitive<'_>,
+    clause: &str,
+) -> Option<ClauseTruth> {
     let mut words = clause.split_whitespace();
     let (left, operator, right) = (words.next()?, words.next()?, words.next()?);
     if words.next().is_some() {
@@ -38,14 +77,22 @@ fn comparison(graph: &NetGraph<'_>, item: &ResolvedPrimitive<'_>, clause: &str) 
         Ok(number) => [number, number],
         Err(_) => range(graph, item, right)?,
     };
-    match operator {
-        "=" => Some(least <= high && low <= greatest),
-        "<" => Some(least < high),
-        "<=" => Some(least <= high),
-        ">" => Some(greatest > low),
-        ">=" => Some(greatest >= low),
-        _ => None,
-    }
+    let (can_be, is_always) = match operator {
+        "=" => (
+            least <= high && low <= greatest,
+            least == greatest && greatest == low && low == high,
+        ),
+        "<" => (least < high, greatest < low),
+        "<=" => (least <= high, greatest <= low),
+        ">" => (greatest > low, least > high),
+        ">=" => (greatest >= low, least >= high),
+        _ => return None,
+    };
+    Some(match (can_be, is_always) {
+        (_, true) => ClauseTruth::Always,
+        (true, false) => ClauseTruth::Sometimes,
+        (false, false) => ClauseTruth::Never,
+    })
 }
 
 /// Returns the range of an input or of a numeric parameter.
