@@ -12,7 +12,7 @@ mod units;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use rcc_config::diagnostic::{Diagnostic, Span, closest};
+use rcc_config::diagnostic::{Diagnostic, NameSearch, Span};
 use rcc_config::yaml::Key;
 use rcc_core::unit::Unit;
 use rcc_language::codes;
@@ -25,8 +25,8 @@ use super::flatten::{FlatNet, FlatSource};
 use super::table::{Counterpart, TypeEntry};
 use super::values;
 
-/// Most suggestions, over all errors: a broken text of a megabyte must not take minutes.
-const SUGGESTIONS_MAX: usize = 200;
+/// Most elements that all changed and sliced arrays of a net may have together: each has its own list of up to 1024.
+const ARRAY_ELEMENTS_MAX: usize = 1 << 20;
 
 /// The conversion of an output of the predecessor.
 #[derive(Clone, Debug)]
@@ -100,9 +100,13 @@ struct Conversion<'t, 'f> {
     delayed: Vec<(usize, Option<BuiltValue>)>,
     /// Outputs of the text that something reads.
     read: HashSet<(usize, String)>,
-    suggestions: usize,
+    search: NameSearch,
     /// Devices that are reported as unknown.
-    absent: Vec<String>,
+    absent: HashSet<String>,
+    /// Values of parameters that are reported as malformed; one may be read more than once.
+    misread: HashSet<Option<Span>>,
+    /// Number of elements in lists made of arrays.
+    array_elements: usize,
     /// Index of the primitive of the text that is being converted.
     current: usize,
 }
@@ -127,8 +131,10 @@ pub fn build(
         keys: Vec::new(),
         delayed: Vec::new(),
         read: flat.reads(),
-        suggestions: 0,
-        absent: Vec::new(),
+        search: NameSearch::default(),
+        absent: HashSet::new(),
+        misread: HashSet::new(),
+        array_elements: 0,
         current: 0,
     };
     for primitive in &flat.primitives {
@@ -162,11 +168,8 @@ impl<'t> Conversion<'t, '_> {
         name: &str,
         known: impl IntoIterator<Item = &'k str>,
     ) -> Option<String> {
-        self.suggestions += 1;
-        if self.suggestions > SUGGESTIONS_MAX {
-            return None;
-        }
-        Some(format!("did you mean `{}`?", closest(name, known)?))
+        let near = self.search.near(name, known)?;
+        Some(format!("did you mean `{near}`?"))
     }
 
     /// Converts a primitive of the text.
@@ -312,8 +315,7 @@ impl<'t> Conversion<'t, '_> {
         match read {
             Ok(literal) => Some(literal),
             Err(diagnostic) => {
-                // The same parameter may be read more than once.
-                if !self.diagnostics.contains(&diagnostic) {
+                if self.misread.insert(diagnostic.place) {
                     self.diagnostics.push(*diagnostic);
                 }
                 None

@@ -1,19 +1,17 @@
 //! Flattens fragments: every primitive gets its path, and every link is followed through fragment boundaries to its
 //! source. Handles names only, no types. Runs on the loader's threads.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use rcc_config::diagnostic::{Diagnostic, Span, closest};
+use rcc_config::diagnostic::{Diagnostic, NameSearch, Span};
 use rcc_config::yaml::Key;
 use rcc_language::codes;
+use rcc_language::syntax::NAME_MAX;
 
 use super::text::{self, AstArgument, AstFragment, AstItem, AstValue};
 
 /// Most fragment boundaries that one link may cross; beyond that it is a cycle.
 const BORDERS_MAX: usize = 4 * text::DEPTH_MAX;
-
-/// Most suggestions, over all errors.
-const SUGGESTIONS_MAX: usize = 100;
 
 /// A net without fragments.
 #[derive(Debug, Default)]
@@ -29,8 +27,9 @@ pub struct FlatNet<'t> {
 /// A primitive of the text.
 #[derive(Debug)]
 pub struct FlatPrimitive<'t> {
-    /// Names of the enclosing fragments and its own name.
-    pub path: Vec<String>,
+    /// Names of the enclosing fragments and its own name, joined by `.`; at most [`NAME_MAX`] bytes, because an id has no
+    /// more, and a long name may have many primitives in it.
+    pub path: String,
     /// Span of its name.
     pub span: Span,
     /// Its type.
@@ -79,11 +78,12 @@ pub enum FlatSource<'t> {
 /// A fragment at its place in the net.
 struct FragmentScope<'t> {
     parent: Option<usize>,
-    path: Vec<String>,
-    names: HashMap<&'t str, (NameTarget, Span)>,
-    outputs: HashMap<&'t str, (&'t text::AstPrimitive, &'t Key)>,
-    arguments: &'t [AstArgument],
-    active: Option<&'t AstArgument>,
+    path: String,
+    /// Sorted, so that the first of several similar names is always the same.
+    names: BTreeMap<&'t str, (NameTarget, Span)>,
+    outputs: BTreeMap<&'t str, (&'t text::AstPrimitive, &'t Key)>,
+    /// The first argument of each name.
+    arguments: HashMap<&'t str, &'t AstArgument>,
 }
 
 #[derive(Clone, Copy)]
@@ -98,8 +98,7 @@ struct Flattener<'t, 'f> {
     flat: FlatNet<'t>,
     /// Arguments of each primitive with the scope that contains them.
     arguments: Vec<(usize, &'t [AstArgument])>,
-    /// Number of errors with a suggestion.
-    suggestions: usize,
+    search: NameSearch,
     /// Primitives and fragments without a name, by the address of their node in the tree.
     inline: HashMap<*const text::AstPrimitive, NameTarget>,
 }
@@ -111,10 +110,10 @@ pub fn flatten<'t>(root: &'t AstFragment, diagnostics: &mut Vec<Diagnostic>) -> 
         scopes: Vec::new(),
         flat: FlatNet::default(),
         arguments: Vec::new(),
-        suggestions: 0,
+        search: NameSearch::default(),
         inline: HashMap::new(),
     };
-    flattener.scope(None, Vec::new(), root, &[]);
+    flattener.scope(None, String::new(), root, &[]);
     for number in 0..flattener.arguments.len() {
         flattener.links(number);
     }
@@ -133,18 +132,23 @@ impl<'t> Flattener<'t, '_> {
     fn scope(
         &mut self,
         parent: Option<usize>,
-        path: Vec<String>,
+        path: String,
         fragment: &'t AstFragment,
         arguments: &'t [AstArgument],
     ) -> usize {
         let number = self.scopes.len();
+        let mut by_name = HashMap::new();
+        for argument in arguments {
+            by_name
+                .entry(argument.name.name.as_str())
+                .or_insert(argument);
+        }
         self.scopes.push(FragmentScope {
             parent,
             path,
-            names: HashMap::new(),
-            outputs: HashMap::new(),
-            arguments,
-            active: arguments.iter().find(|it| it.name.name == "inActive"),
+            names: BTreeMap::new(),
+            outputs: BTreeMap::new(),
+            arguments: by_name,
         });
         self.values(parent, number, arguments);
         for item in &fragment.items {
@@ -240,8 +244,7 @@ impl<'t> Flattener<'t, '_> {
         primitive: &'t text::AstPrimitive,
         name: &Key,
     ) -> NameTarget {
-        let mut path = self.scope_of(scope).path.clone();
-        path.push(name.name.clone());
+        let path = path_of(&self.scope_of(scope).path, &name.name);
         match primitive {
             text::AstPrimitive::Fragment(fragment, arguments, _) => {
                 NameTarget::Scope(self.scope(Some(scope), path, fragment, arguments))
@@ -261,8 +264,11 @@ impl<'t> Flattener<'t, '_> {
                     if let AstValue::Link(inner, _) = &argument.value
                         && !matches!(**inner, text::AstPrimitive::Named(_))
                     {
+                        let mut inner_name = shortened(&name.name).to_owned();
+                        inner_name.push('_');
+                        inner_name.push_str(shortened(&argument.name.name));
                         let name = Key {
-                            name: format!("{}_{}", name.name, argument.name.name),
+                            name: inner_name,
                             span: argument.name.span,
                         };
                         self.define_inline(scope, inner, &name);
@@ -282,16 +288,10 @@ impl<'t> Flattener<'t, '_> {
         };
         let mut parameters = Vec::new();
         let mut inputs: Vec<(&'t Key, FlatSource<'t>)> = Vec::new();
+        let mut given = HashSet::new();
         for argument in arguments {
             self.flat.debug.extend(argument.debug);
-            let mut earlier = parameters.iter().map(|(key, ..): &(&Key, _, _)| *key);
-            let earlier = earlier
-                .find(|key| key.name == argument.name.name)
-                .or_else(|| {
-                    let mut inputs = inputs.iter().map(|(key, _)| *key);
-                    inputs.find(|key| key.name == argument.name.name)
-                });
-            if earlier.is_some() {
+            if !given.insert(argument.name.name.as_str()) {
                 let message = format!("`{}` is given twice", argument.name.name);
                 let span = argument.name.span;
                 self.diagnostics
@@ -323,7 +323,8 @@ impl<'t> Flattener<'t, '_> {
         while let Some(number) = next {
             let scope = self.scope_of(number);
             next = scope.parent;
-            if let (Some(active), Some(parent)) = (scope.active, scope.parent)
+            let active = scope.arguments.get("inActive");
+            if let (Some(active), Some(parent)) = (active, scope.parent)
                 && let AstValue::Link(primitive, port) = &active.value
             {
                 conditions.extend(self.follow(parent, primitive, port));
@@ -348,8 +349,7 @@ impl<'t> Flattener<'t, '_> {
                     let Some(parent) = here.parent else {
                         return self.not_there(&name.span, "the net as a whole has no inputs");
                     };
-                    let mut arguments = here.arguments.iter();
-                    match arguments.find(|argument| argument.name.name == port.name) {
+                    match here.arguments.get(port.name.as_str()).copied() {
                         Some(AstArgument {
                             value: AstValue::Link(outer, outer_port),
                             ..
@@ -402,18 +402,10 @@ impl<'t> Flattener<'t, '_> {
         Some(FlatSource::Refused)
     }
 
-    fn suggest(&mut self, name: &str, mut known: Vec<&str>) -> Option<String> {
-        self.suggestions += 1;
-        if self.suggestions > SUGGESTIONS_MAX {
-            return None;
-        }
-        known.sort_unstable();
-        Some(format!("did you mean `{}`?", closest(name, known)?))
-    }
-
     fn unknown(&mut self, scope: usize, name: &Key) -> Option<FlatSource<'t>> {
-        let names = self.scope_of(scope).names.keys().copied().collect();
-        let help = self.suggest(&name.name, names);
+        let known = self.scopes.get(scope).map(|scope| scope.names.keys());
+        let known = known.into_iter().flatten().copied();
+        let help = suggested(self.search.near(&name.name, known));
         let message = format!("this fragment has no primitive `{}`", name.name);
         self.diagnostics
             .push(Diagnostic::error(codes::UNKNOWN_PRIMITIVE, name.span, message).help_if(help));
@@ -421,11 +413,33 @@ impl<'t> Flattener<'t, '_> {
     }
 
     fn no_output(&mut self, scope: usize, port: &Key) -> Option<FlatSource<'t>> {
-        let names = self.scope_of(scope).outputs.keys().copied().collect();
-        let help = self.suggest(&port.name, names);
+        let known = self.scopes.get(scope).map(|scope| scope.outputs.keys());
+        let known = known.into_iter().flatten().copied();
+        let help = suggested(self.search.near(&port.name, known));
         let message = format!("the fragment has no output `{}`", port.name);
         self.diagnostics
             .push(Diagnostic::error(codes::UNKNOWN_OUTPUT, port.span, message).help_if(help));
         Some(FlatSource::Refused)
+    }
+}
+
+fn suggested(near: Option<&str>) -> Option<String> {
+    near.map(|near| format!("did you mean `{near}`?"))
+}
+
+/// Returns the beginning of a name, which is ASCII: at most [`NAME_MAX`] bytes.
+fn shortened(name: &str) -> &str {
+    name.get(..NAME_MAX).unwrap_or(name)
+}
+
+fn path_of(scope: &str, name: &str) -> String {
+    let name = shortened(name);
+    match scope {
+        "" => name.to_owned(),
+        scope => {
+            let mut path = format!("{scope}.{name}");
+            path.truncate(NAME_MAX);
+            path
+        }
     }
 }

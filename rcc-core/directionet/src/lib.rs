@@ -9,6 +9,8 @@ pub mod text;
 pub mod values;
 pub mod write;
 
+use std::collections::HashMap;
+
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_language::devices::DeviceTable;
 use rcc_language::parse::Notation;
@@ -37,26 +39,22 @@ pub fn compiler(cell: &DeviceTable) -> Compiler<'_> {
 pub struct Options {
     /// Name of the net.
     pub name: String,
-    /// Names of devices in the text, and their names in the cell.
-    pub devices: Vec<(String, String)>,
-    /// Channels: device in the text, type and port (`InBool.8`), and the name of the channel in the cell.
-    pub channels: Vec<(String, String, String)>,
+    /// Names of devices in the cell, by their names in the text.
+    pub devices: HashMap<String, String>,
+    /// Names of channels in the cell, by the device in the text, with type and port (`InBool.8`).
+    pub channels: HashMap<(String, String), String>,
     /// Keys of values sent to the application that end the net when they are true, with their spans.
     pub end: Vec<(String, Span)>,
 }
 
 impl Options {
     fn device<'a>(&'a self, name: &'a str) -> &'a str {
-        let mut devices = self.devices.iter();
-        devices
-            .find(|(foreign, _)| foreign == name)
-            .map_or(name, |(_, rcc_name)| rcc_name)
+        self.devices.get(name).map_or(name, String::as_str)
     }
 
     fn channel(&self, device: &str, foreign: &str) -> Option<&str> {
-        let mut channels = self.channels.iter();
-        let found = channels.find(|(of, number, _)| of == device && number == foreign);
-        found.map(|(.., name)| name.as_str())
+        let key = (device.to_owned(), foreign.to_owned());
+        self.channels.get(&key).map(String::as_str)
     }
 }
 
@@ -146,11 +144,15 @@ fn options(header: &text::HeaderLines, file: &str, diagnostics: &mut Vec<Diagnos
                         .and_then(|(foreign, _)| foreign.split_once('.'));
                     match (pair.clone(), channel) {
                         (Some((foreign, rcc_name)), _) if key.name == "devices" => {
-                            options.devices.push((foreign.to_string(), rcc_name));
+                            // The first mapping of a name counts.
+                            options
+                                .devices
+                                .entry(foreign.to_string())
+                                .or_insert(rcc_name);
                         }
                         (Some((_, rcc_name)), Some((device, number))) => {
-                            let row = (device.to_string(), number.to_string(), rcc_name);
-                            options.channels.push(row);
+                            let key = (device.to_string(), number.to_string());
+                            options.channels.entry(key).or_insert(rcc_name);
                         }
                         _ => {
                             let message = format!("invalid mapping `{part}`");

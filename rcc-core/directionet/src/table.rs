@@ -6,7 +6,7 @@ mod devices;
 mod generic;
 mod world;
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use super::text::{self, AstFragment};
@@ -239,10 +239,10 @@ pub fn rows() -> [(&'static str, &'static [ConversionRow]); 4] {
 
 /// Returns all types, by full name.
 #[must_use]
-pub fn all() -> &'static HashMap<String, TypeEntry> {
-    static ALL: OnceLock<HashMap<String, TypeEntry>> = OnceLock::new();
+pub fn all() -> &'static BTreeMap<String, TypeEntry> {
+    static ALL: OnceLock<BTreeMap<String, TypeEntry>> = OnceLock::new();
     ALL.get_or_init(|| {
-        let mut all = HashMap::new();
+        let mut all = BTreeMap::new();
         for row in generic::ROWS {
             for (prefix, ty) in FAMILIES {
                 insert(&mut all, format!("{prefix}{}", row.name), row, *ty);
@@ -259,7 +259,7 @@ pub fn all() -> &'static HashMap<String, TypeEntry> {
 }
 
 fn insert(
-    all: &mut HashMap<String, TypeEntry>,
+    all: &mut BTreeMap<String, TypeEntry>,
     name: String,
     row: &'static ConversionRow,
     any: ForeignType,

@@ -1,7 +1,9 @@
-//! What tests and benchmarks of several packages repeat: arms, random numbers and temporary folders. Any thread.
+//! What tests and benchmarks of several packages repeat: arms, random numbers, temporary folders, and the growth of work
+//! with the size of an input. Any thread.
 
 pub mod arms;
 pub mod random;
+pub mod work;
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use rcc_api::bodies::{Finding, RehearsalView};
 use rcc_api::compile::findings;
-use rcc_config::diagnostic::Faults;
+use rcc_config::diagnostic::{DrawingStyle, Faults};
 use rcc_config::{CellConfig, RobotConfig};
 use rcc_language::Compiler;
 use rcc_language::devices::DeviceTable;
@@ -154,7 +154,7 @@ fn cell(text: &str, name: &str, found: &mut Vec<Finding>) -> Result<String, Faul
             severity: "error".to_owned(),
             message: refused.body.message.clone(),
             help: refused.body.help.clone(),
-            rendered: refused.human(false),
+            rendered: refused.human(DrawingStyle::default()),
             ..Finding::default()
         });
     }

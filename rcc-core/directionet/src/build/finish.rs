@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
+use rcc_core::counted::Counted;
 use rcc_language::codes;
 use rcc_language::syntax::literal::{Literal, LiteralShape};
 use rcc_language::syntax::part::ValuePart;
@@ -37,7 +38,7 @@ impl Conversion<'_, '_> {
     /// Returns the id for a primitive of the text, derived from its path.
     pub(super) fn id_of(&self, number: usize) -> String {
         let primitive = self.flat.primitives.get(number);
-        id(&primitive.map(|it| it.path.join("_")).unwrap_or_default())
+        id(primitive.map_or("", |it| &it.path))
     }
 
     pub(super) fn finish(mut self) -> Net {
@@ -147,9 +148,12 @@ impl Conversion<'_, '_> {
             FlatSource::Output { port, .. } => port.span,
             FlatSource::Refused => key.span,
         };
+        let mut sent = HashMap::new();
+        for (key, value) in &self.keys {
+            sent.entry(key.clone()).or_insert_with(|| value.clone());
+        }
         for (end, place) in &self.options.end {
-            let found = self.keys.iter().find(|(key, _)| key == end);
-            let Some((_, value)) = found.cloned() else {
+            let Some(value) = sent.get(end).cloned() else {
                 self.unknown_key(end, *place);
                 continue;
             };
@@ -188,13 +192,10 @@ impl Conversion<'_, '_> {
 
     fn unknown_key(&mut self, end: &str, place: Span) {
         let message = format!("the net sends no value with the key `{end}` to the application");
-        let keys: Vec<&str> = self.keys.iter().map(|(key, _)| key.as_str()).collect();
-        let help = match rcc_config::diagnostic::closest(end, keys.iter().copied()) {
+        let keys = self.keys.iter().map(|(key, _)| key.as_str());
+        let help = match self.search.near(end, keys.clone()) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => format!(
-                "keys: {}",
-                keys.iter().take(10).copied().collect::<Vec<_>>().join(", ")
-            ),
+            None => format!("keys: {}", keys.take(10).collect::<Vec<_>>().join(", ")),
         };
         self.diagnostics
             .push(Diagnostic::error(codes::WRONG_SHAPE, place, message).help(help));
@@ -206,8 +207,8 @@ impl Conversion<'_, '_> {
         };
         let count = self.flat.debug.len();
         let message = format!(
-            "a debug history is requested here and at {} other inputs, but is not kept",
-            count - 1
+            "a debug history is requested here and at {}, but is not kept",
+            Counted::of(count - 1, "other input")
         );
         let diagnostic = Diagnostic::warning(codes::NO_HISTORY, *first, message);
         self.diagnostics.push(diagnostic.help(

@@ -15,8 +15,7 @@ impl<'t> Conversion<'t, '_> {
     ) -> Option<&'static TypeEntry> {
         let Some(entry) = table::all().get(&primitive.ty.name) else {
             let message = format!("the predecessor has no type `{}`", primitive.ty.name);
-            let mut names: Vec<&str> = table::all().keys().map(String::as_str).collect();
-            names.sort_unstable();
+            let names = table::all().keys().map(String::as_str);
             let help = self.suggest(&primitive.ty.name, names);
             self.error(codes::UNKNOWN_TYPE, primitive.ty.span, message, help);
             return None;

@@ -91,7 +91,7 @@ impl Conversion<'_, '_> {
             .iter()
             .rev()
             .take(NAMED_MAX)
-            .filter_map(|number| Some(self.flat.primitives.get(*number)?.path.join(".")))
+            .filter_map(|number| Some(self.flat.primitives.get(*number)?.path.clone()))
             .collect();
         let more = if circle.len() > NAMED_MAX {
             " → …"

@@ -20,8 +20,9 @@ impl Conversion<'_, '_> {
         match conversion {
             // Its value is known from the beginning, so it may be read before it is converted.
             SpecialConversion::Pre => {
-                let mut delayed = self.delayed.iter_mut();
-                if let Some(pre) = delayed.find(|pre| pre.0 == number) {
+                // They are in the order of the text.
+                let place = self.delayed.binary_search_by_key(&number, |pre| pre.0);
+                if let Some(pre) = place.ok().and_then(|place| self.delayed.get_mut(place)) {
                     pre.1 = active.cloned();
                 }
             }
@@ -50,14 +51,14 @@ impl Conversion<'_, '_> {
     }
 
     /// Returns the first `length` elements of an array of the text.
-    fn elements(&mut self, value: BuiltValue, length: u32, span: Span) -> Vec<BuiltValue> {
+    fn elements(&mut self, value: &BuiltValue, length: u32, span: Span) -> Vec<BuiltValue> {
         let index = |index: u32| {
             BuiltValue::Constant(Literal::new(LiteralShape::Int(i64::from(index)), span))
         };
         (0..length)
             .map(|it| match value {
                 BuiltValue::Refused => BuiltValue::Refused,
-                _ => self.element(value.clone(), &index(it), span),
+                value => self.element(value, &index(it), span),
             })
             .collect()
     }
@@ -88,15 +89,22 @@ impl Conversion<'_, '_> {
         let Some(index) = self.count(number, entry, name) else {
             return;
         };
+        if conversion != SpecialConversion::ArrayGet {
+            self.array_elements = self.array_elements.saturating_add(size as usize);
+            if self.array_elements > super::ARRAY_ELEMENTS_MAX {
+                self.put(number, "outArray", BuiltValue::Refused);
+                return self.too_many_elements(span);
+            }
+        }
         match conversion {
             SpecialConversion::ArrayGet => {
                 let literal = Literal::new(LiteralShape::Int(i64::from(index)), span);
-                let value = self.element(array, &BuiltValue::Constant(literal), at);
+                let value = self.element(&array, &BuiltValue::Constant(literal), at);
                 self.put(number, "outValue", value);
             }
             SpecialConversion::ArraySet => {
                 let (value, _) = self.argument(number, entry, "inValue");
-                let mut elements = self.elements(array, size, at);
+                let mut elements = self.elements(&array, size, at);
                 match elements.get_mut(index as usize) {
                     Some(element) => *element = value,
                     None => {
@@ -111,9 +119,18 @@ impl Conversion<'_, '_> {
             _ => {
                 // Both are u32; an index out of range is reported with the missing element.
                 let end = index.saturating_add(size);
-                let elements = self.elements(array, end, at).split_off(index as usize);
+                let elements = self.elements(&array, end, at).split_off(index as usize);
                 self.put(number, "outArray", BuiltValue::List(elements));
             }
+        }
+    }
+
+    /// Reports once that the arrays of a net are too large together.
+    fn too_many_elements(&mut self, span: Span) {
+        let most = super::ARRAY_ELEMENTS_MAX;
+        if self.misread.insert(None) {
+            let message = format!("the net's changed arrays have more than {most} elements");
+            self.error(codes::NET_TOO_LARGE, span, message, None);
         }
     }
 
@@ -351,7 +368,7 @@ impl Conversion<'_, '_> {
             if self.is_read(number, foreign) {
                 let made = self.of_robot(ty, name, &device, span);
                 let all = self.built_output(made, port);
-                let value = self.element(all, &index, span);
+                let value = self.element(&all, &index, span);
                 self.put(number, foreign, value);
             }
         }

@@ -99,7 +99,7 @@ impl Conversion<'_, '_> {
                 };
                 let (of, _) = self.source(place, of);
                 let (index, at) = self.source(place, index);
-                (self.element(of, &index, at), span)
+                (self.element(&of, &index, at), span)
             }
             AstPrimitive::Typed(ty, arguments) => {
                 let name = format!("{}", place.made.len() + 1);
@@ -118,7 +118,12 @@ impl Conversion<'_, '_> {
     }
 
     /// Returns element `index` of an array or vector.
-    pub(super) fn element(&mut self, of: BuiltValue, index: &BuiltValue, span: Span) -> BuiltValue {
+    pub(super) fn element(
+        &mut self,
+        of: &BuiltValue,
+        index: &BuiltValue,
+        span: Span,
+    ) -> BuiltValue {
         let index = match index {
             BuiltValue::Constant(literal) => match literal.shape {
                 LiteralShape::Int(index) => u32::try_from(index).ok(),
@@ -129,7 +134,7 @@ impl Conversion<'_, '_> {
         let Some(index) = index else {
             return BuiltValue::Refused;
         };
-        let known = match &of {
+        let known = match of {
             BuiltValue::List(elements) => elements.get(index as usize).cloned(),
             BuiltValue::Constant(Literal {
                 shape: LiteralShape::List(elements),
@@ -293,8 +298,7 @@ impl Conversion<'_, '_> {
         if fits {
             return Some(mapped);
         }
-        if !self.absent.iter().any(|it| it == name) {
-            self.absent.push(name.to_string());
+        if self.absent.insert(name.to_string()) {
             let wanted = if is_arm { "arm" } else { "device" };
             let devices = self.cell.devices.iter();
             let names: Vec<&str> = devices

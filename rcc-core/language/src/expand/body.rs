@@ -24,6 +24,8 @@ pub struct Body<'a> {
     pub discard: &'a [Reference],
     members: HashMap<&'a str, &'a Primitive>,
     inputs: HashMap<&'a str, &'a FragmentInput>,
+    /// The first output of each name.
+    outputs: HashMap<&'a str, &'a FragmentOutput>,
 }
 
 /// The target of a reference.
@@ -60,7 +62,12 @@ impl<'a> Body<'a> {
     ) -> Body<'a> {
         let inputs = fragment.map_or(&[][..], |fragment| &fragment.inputs);
         let members = primitives.iter();
+        let mut outputs = HashMap::new();
+        for output in fragment.map_or(&[][..], |fragment| &fragment.outputs) {
+            outputs.entry(output.name.name.as_str()).or_insert(output);
+        }
         Body {
+            outputs,
             fragment,
             primitives,
             discard,
@@ -207,9 +214,9 @@ impl<'a> Bodies<'a> {
                 ReferenceTarget::Primitive
             }
             (Some(instance), _) => {
-                let output = self.fragment_of(instance).and_then(|(number, fragment)| {
-                    let mut outputs = fragment.outputs.iter();
-                    let output = outputs.find(|output| output.name.name == *port)?;
+                let output = self.fragment_of(instance).and_then(|(number, _)| {
+                    let (body, _) = self.fragments.get(number)?;
+                    let output = *body.outputs.get(port.as_str())?;
                     let is_bad = self.unresolved_outputs.contains(&(number, port.as_str()));
                     (!is_bad).then_some(output)
                 });
