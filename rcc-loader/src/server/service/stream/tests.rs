@@ -1,0 +1,96 @@
+//! Tests of streams without an executor. Run by the test harness.
+
+use super::*;
+use crate::server::live;
+use http_body_util::BodyExt;
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+
+fn request(ports: &[&str], rate: f64) -> StreamRequest {
+    StreamRequest {
+        ports: ports.iter().map(|port| (*port).to_owned()).collect(),
+        rate,
+        ..StreamRequest::default()
+    }
+}
+
+#[test]
+fn ports_are_sorted_by_net_and_fragments_stay_in_the_pattern() {
+    let ports = ["belt/soft.out", "line#7/a/filter.out[1]", "belt/speed.*"];
+    let found = subscriptions(&request(&ports, 10.0)).map(|found| {
+        let rows = found.into_iter().map(|one| (one.net, one.patterns));
+        rows.collect::<Vec<_>>()
+    });
+    let belt = ["soft.out", "speed.*"].map(str::to_owned).to_vec();
+    let line = vec!["a/filter.out[1]".to_owned()];
+    assert_eq!(
+        found,
+        Ok(vec![("belt".to_owned(), belt), ("line#7".to_owned(), line)])
+    );
+}
+
+#[test]
+fn a_stream_without_subject_net_or_possible_rate_is_refused() {
+    let many: Vec<String> = (0..=STREAM_NETS_MAX)
+        .map(|net| format!("n{net}/a.b"))
+        .collect();
+    let many: Vec<&str> = many.iter().map(String::as_str).collect();
+    for (ports, rate) in [
+        (&[][..], 10.0),
+        (&["soft.out"], 10.0),
+        (&["belt/soft.out"], 0.0),
+        (&["belt/soft.out"], STREAM_RATE_MAX * 1.01),
+        (&["belt/soft.out"], f64::NAN),
+        (&many, 10.0),
+    ] {
+        let refused = subscriptions(&request(ports, rate)).map(|_| ());
+        assert_eq!(
+            refused.map_err(|error| error.code),
+            Err(codes::BAD_REQUEST),
+            "{ports:?}"
+        );
+    }
+}
+
+#[test]
+fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
+    let place = Arc::new(Semaphore::new(1)).try_acquire_owned();
+    let (client, response) = live::answer("text/event-stream", place.expect("a place"));
+    let mut stream = EventStream {
+        subscriptions: Vec::new(),
+        period: Duration::from_millis(10),
+        port: None,
+        states: None,
+        reader: None,
+        waiting: VecDeque::new(),
+        loss: StreamLoss::default(),
+        spoke: Instant::now(),
+    };
+    let mut send = |id| {
+        let values = StreamValues {
+            id,
+            ..StreamValues::default()
+        };
+        let is_sent = stream.send(&client, "values", &values);
+        stream.loss.samples += u64::from(!is_sent);
+        is_sent
+    };
+    assert_eq!((0..1000).filter(|id| send(*id)).count(), live::PIECES_MAX);
+    let runtime = tokio::runtime::Builder::new_current_thread().build();
+    let runtime = runtime.expect("a runtime");
+    let mut body = response.into_body();
+    let mut take = || {
+        let frame = runtime
+            .block_on(body.frame())
+            .expect("open")
+            .expect("a piece");
+        let bytes = frame.into_data().unwrap_or_default();
+        String::from_utf8_lossy(&bytes).into_owned()
+    };
+    (0..live::PIECES_MAX).for_each(|_| assert!(take().starts_with("event: values\n")));
+    assert!(send(1000), "there is room again");
+    let lost = 1000 - live::PIECES_MAX;
+    let told = format!("event: lost\ndata: {{\"samples\":{lost},\"events\":0}}\n\n");
+    assert_eq!(take(), told);
+    assert!(take().contains("\"id\":1000"));
+}
