@@ -466,7 +466,7 @@ fn a_singular_position_is_no_reason_for_joints_that_are_computed_without_a_pose(
     let broken = rehearsed(&mut net, &models).unwrap_err();
     assert_eq!(broken.near, None, "{broken:?}");
     // A line computes joints from poses.
-    let mut net = build(line(0.1, SLOW), &[faster()]);
+    let mut net = build(line(0.1, SLOW), &[model()]);
     let models = [DeviceModel {
         limits: rcc_core::guard::JointLimits {
             jerk_max: [1e-3; 8],
