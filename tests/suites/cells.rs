@@ -250,7 +250,12 @@ fn down_ends_a_cell_as_ctrl_c_does() {
 #[test]
 fn a_cell_that_is_not_here_is_answered_with_the_cells_that_are() {
     let cell = TestCell::demo();
-    let (_, words) = cell.cli_exits(4, &["--cell", "nobody", "ls"]);
+    let mut look = Command::new(program("rcc-cli"));
+    look.args(["--cell", "nobody", "ls"])
+        .env("RCC_RUNTIME_DIR", cell.folder());
+    let output = look.output().expect("rcc-cli runs");
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(4), "{words}");
     assert!(words.contains("cell `nobody` not found"), "{words}");
     assert!(
         words.contains("running cells: ") && words.contains(" (yours, "),

@@ -88,15 +88,12 @@ fn read_list(node: &Node, nodes: &[Node], depth: u32, diagnostics: &mut Vec<Diag
 fn read_outcomes(node: &Node, entries: &[Entry], diagnostics: &mut Vec<Diagnostic>) -> Source {
     let rows = entries.iter().map(|entry| {
         report_bad_id(&entry.key, "the name of an outcome", diagnostics);
-        let source = match read_source(&entry.value, diagnostics) {
-            Source::List(_) | Source::Outcomes(_) => {
-                let what = format!("the outcome `{}`", entry.key.name);
-                let wanted = "a condition such as `move.done`";
-                diagnostics.push(shape(&entry.value, &what, wanted));
-                Source::Refused
-            }
-            source => source,
-        };
+        let source = read_source(&entry.value, diagnostics);
+        if matches!(source, Source::List(_) | Source::Outcomes(_)) {
+            let what = format!("the outcome `{}`", entry.key.name);
+            let wanted = "a condition such as `move.done`";
+            diagnostics.push(shape(&entry.value, &what, wanted));
+        }
         (entry.key.clone(), source)
     });
     Source::Outcomes(Outcomes {

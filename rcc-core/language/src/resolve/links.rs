@@ -121,6 +121,11 @@ impl<'a> Resolver<'a, '_> {
         }
         let mut conditions = Vec::with_capacity(count);
         for condition in outcomes.sources() {
+            if matches!(condition, Source::List(_) | Source::Outcomes(_)) {
+                // Reported when it was read.
+                self.count_elements_as_read(std::slice::from_ref(condition));
+                continue;
+            }
             match self.resolve_source(condition, port) {
                 InputSource::Link(link) => conditions.push(ListElement::Link(link)),
                 InputSource::Literal(literal) => {
