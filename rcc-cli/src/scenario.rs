@@ -12,16 +12,19 @@ use rcc_core::message::EndReason;
 use rcc_language::names::Names;
 use rcc_protocol::control::PlanData;
 
+use self::inputs::{ScenarioInputs, wrong};
 use crate::context::Context;
 use crate::duration::duration;
 use crate::failure::{Failure, draw};
 use crate::follow::read_net;
 use crate::output::{print_diagnostics, print_note};
 use crate::result_file::not_written;
-use crate::simulate::script::ScriptStep;
+use crate::simulate::script::{ArmOption, ScriptStep};
 use crate::simulate::settings::first_invalid_setting;
 use crate::simulate::{SimulateError, SimulationOptions};
 use crate::supervisor::paths;
+
+mod inputs;
 
 /// Default limit of logical time.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -40,9 +43,33 @@ pub struct SimulationScenario {
     /// Cancel after this time; a net without Cancel is aborted
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub cancel_at: Option<Duration>,
-    /// Set a device input: io.door_closed=true@2s, io.temperature=300K; without a time, from the start
-    #[arg(long, value_name = "DEVICE.CHANNEL=VALUE[@TIME]")]
+    /// Set an input, without a time from the start: of a device (io.door_closed=true@2s, io.temperature=300K), what an
+    /// arm measures (lwr.fz=20@1s), by the name of the primitive that reads it (ft.fz=20@1s, door.out=true), or an
+    /// Input of the net (speed=0.1@2s)
+    #[arg(long, value_name = "NAME=VALUE[@TIME]")]
     pub input: Vec<String>,
+    /// Place a wall in an arm's way: a point (m), the normal to the free side, stiffness (N/m), damping (N·s/m)
+    #[arg(
+        long,
+        value_name = "[DEVICE:]PX,PY,PZ,NX,NY,NZ[,K,D][@TIME]",
+        allow_hyphen_values = true
+    )]
+    pub wall: Vec<String>,
+    /// Push the flange of an arm: force (N) and torque (N·m), axes of the base
+    #[arg(
+        long,
+        value_name = "[DEVICE:]FX,FY,FZ[,TX,TY,TZ][@TIME]",
+        allow_hyphen_values = true
+    )]
+    pub force: Vec<String>,
+    /// Load the flange of an arm with a mass (kg) that its controller does not know about; its centre is in the flange
+    /// frame (m)
+    #[arg(
+        long,
+        value_name = "[DEVICE:]KG[,X,Y,Z][@TIME]",
+        allow_hyphen_values = true
+    )]
+    pub load: Vec<String>,
 }
 
 /// A scenario whose files have been read.
@@ -95,12 +122,17 @@ impl SimulationScenario {
         };
         let config = load_config(&path)?;
         require_valid_settings(&config)?;
-        let options = self.options(&config)?;
         let source = read_net(&self.file)?;
         let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
             let what = format!("{} is invalid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
+        let inputs = ScenarioInputs {
+            config: &config,
+            source: &source,
+            names: &compiled.names,
+        };
+        let options = self.options(&inputs)?;
         print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::drawing()));
         Ok(PreparedScenario {
             config,
@@ -110,22 +142,27 @@ impl SimulationScenario {
         })
     }
 
-    fn options(&self, config: &CellConfig) -> Result<SimulationOptions, Failure> {
+    fn options(&self, inputs: &ScenarioInputs<'_>) -> Result<SimulationOptions, Failure> {
         let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
-        let steps = self
-            .input
-            .iter()
-            .map(|text| ScriptStep::parse(text, config));
-        let steps = steps.collect::<Result<_, _>>().map_err(|error| {
-            let help = "see `rcc-cli simulate --help`";
-            Failure::new(codes::BAD_REQUEST, error.to_string(), help)
-        })?;
-        Ok(SimulationOptions {
+        let mut options = SimulationOptions {
             limit_ns: ns(self.limit.unwrap_or(LIMIT)),
             cancel_at_ns: self.cancel_at.map(ns),
-            steps,
-            despite_refusal: false,
-        })
+            ..SimulationOptions::default()
+        };
+        for text in &self.input {
+            inputs.add(text, &mut options)?;
+        }
+        for (option, texts) in [
+            (ArmOption::Wall, &self.wall),
+            (ArmOption::Force, &self.force),
+            (ArmOption::Load, &self.load),
+        ] {
+            for text in texts {
+                let step = ScriptStep::of_arm(option, text, inputs.config);
+                options.steps.push(step.map_err(|error| wrong(&error))?);
+            }
+        }
+        Ok(options)
     }
 }
 

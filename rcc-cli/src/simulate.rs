@@ -11,13 +11,16 @@ use rcc_engine::net::Net;
 use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
 use rcc_language::names::Names;
-use rcc_protocol::control::{Answer, PlanData, Refusal};
+use rcc_protocol::control::{Answer, InputValue, PlanData, Refusal};
 use rcc_protocol::rehearsal::RehearsalReport;
 use thiserror::Error;
 
 mod arguments;
 pub mod arm;
+pub mod contact;
 pub mod device;
+pub mod dynamics;
+pub mod reading;
 pub mod script;
 pub mod settings;
 pub mod trace;
@@ -33,6 +36,9 @@ const ID: u64 = 1;
 /// Tickets of LOAD's second half and of START.
 const INSTALL: u64 = 1;
 const START: u64 = 2;
+const SET: u64 = 3;
+/// Number of tickets whose answers are read.
+const TICKETS: usize = 4;
 
 /// Events and limits of a simulation.
 #[derive(Clone, Debug, Default)]
@@ -41,8 +47,10 @@ pub struct SimulationOptions {
     pub limit_ns: u64,
     /// Logical time of CANCEL (ABORT for a net without Cancel), ns.
     pub cancel_at_ns: Option<u64>,
-    /// Inputs to set.
+    /// Events of devices.
     pub steps: Vec<ScriptStep>,
+    /// Values of the net's inputs, and the logical times at which they are set, ns.
+    pub values: Vec<(u64, InputValue)>,
     /// Run the net even if its rehearsal breaks a limit, to show how.
     pub despite_refusal: bool,
 }
@@ -64,8 +72,8 @@ pub struct SimulationResult {
     pub foreseen: Option<Refusal>,
 }
 
-/// Called with the time since START (s) and the engine after each cycle.
-pub type CycleObserver<'w> = &'w mut dyn FnMut(f64, &Engine);
+/// Called with the time since START (s), the engine and the devices after each cycle.
+pub type CycleObserver<'w> = &'w mut dyn FnMut(f64, &Engine, &[SimulatedDevice]);
 
 /// Reason why a net cannot be simulated.
 #[derive(Debug, Error)]
@@ -88,7 +96,7 @@ struct VirtualCell {
     devices: Vec<SimulatedDevice>,
     now_ns: u64,
     period_ns: u64,
-    answers: [Option<Answer>; 3],
+    answers: [Option<Answer>; TICKETS],
 }
 
 impl VirtualCell {
@@ -112,7 +120,7 @@ impl VirtualCell {
             devices: devices.collect(),
             now_ns: 0,
             period_ns,
-            answers: [None, None, None],
+            answers: [const { None }; TICKETS],
         }
     }
 
@@ -160,7 +168,7 @@ impl VirtualCell {
         })
     }
 
-    /// Returns the refusal of LOAD or START, if any.
+    /// Returns the refusal of LOAD, START or SET, if any.
     fn refusal(&self) -> Option<Refusal> {
         self.answers.iter().find_map(|answer| match answer {
             Some(Answer::Refused(refusal)) => Some(*refusal),
@@ -201,6 +209,7 @@ pub fn run(
         id: ID,
         net,
     })?;
+    cell.set(&options.values, 0, 0)?;
     cell.order(EngineRequest::Start {
         ticket: START,
         id: ID,
@@ -221,7 +230,7 @@ pub fn run(
         records.clear();
         records.extend(std::iter::from_fn(|| cell.ends.records.pop().ok()));
         let time_s = past_ns as f64 / 1e9;
-        watch(time_s, &cell.engine);
+        watch(time_s, &cell.engine, &cell.devices);
         if trace.record(time_s, &records)
             && let Some(out) = &mut table
         {
@@ -236,6 +245,7 @@ pub fn run(
             cell.cancel()?;
         }
         apply(&options.steps, past_ns + 1, next_ns, &mut cell.devices);
+        cell.set(&options.values, past_ns + 1, next_ns)?;
         past_ns = next_ns;
     }
     if let Some(out) = &mut table {
@@ -286,6 +296,29 @@ impl VirtualCell {
             dt_s: self.period_ns as f64 / 1e9,
         };
         rehearse(net, &scene)
+    }
+
+    /// Sets the inputs of the net whose time is in the closed range `from_ns` to `to_ns`; the last value of an input
+    /// applies.
+    fn set(
+        &mut self,
+        values: &[(u64, InputValue)],
+        from_ns: u64,
+        to_ns: u64,
+    ) -> Result<(), SimulateError> {
+        let due = values
+            .iter()
+            .filter(|(at_ns, _)| (from_ns..=to_ns).contains(at_ns));
+        let mut values: Vec<InputValue> = Vec::new();
+        for (_, value) in due {
+            values.retain(|known| known.input != value.input);
+            values.push(value.clone());
+        }
+        if values.is_empty() {
+            return Ok(());
+        }
+        let (ticket, id) = (SET, ID);
+        self.order(EngineRequest::Set { ticket, id, values })
     }
 
     fn cancel(&mut self) -> Result<(), SimulateError> {

@@ -26,6 +26,8 @@ impl Unit {
     pub const ONE: Unit = unit(0, 0, 0, 0, 0, 0);
     /// Length.
     pub const METRE: Unit = unit(1, 0, 0, 0, 0, 0);
+    /// Mass.
+    pub const KILOGRAM: Unit = unit(0, 1, 0, 0, 0, 0);
     /// Time.
     pub const SECOND: Unit = unit(0, 0, 1, 0, 0, 0);
     /// Angle.
@@ -138,8 +140,8 @@ pub const UNIT_NAMES: &[UnitName] = &[
     named("m", 1.0, Unit::METRE),
     named("mm", 1e-3, Unit::METRE),
     named("um", 1e-6, Unit::METRE),
-    named("kg", 1.0, unit(0, 1, 0, 0, 0, 0)),
-    named("g", 1e-3, unit(0, 1, 0, 0, 0, 0)),
+    named("kg", 1.0, Unit::KILOGRAM),
+    named("g", 1e-3, Unit::KILOGRAM),
     named("s", 1.0, Unit::SECOND),
     named("ms", 1e-3, Unit::SECOND),
     named("us", 1e-6, Unit::SECOND),

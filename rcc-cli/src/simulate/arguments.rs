@@ -2,6 +2,9 @@
 
 use rcc_config::{DeviceConfig, SimulatorConfig};
 
+/// Driver whose arm needs no simulator; its settings give the start position.
+pub(super) const IDEAL_ARM: &str = "ideal-arm";
+
 /// Returns the arguments of the simulators of a device.
 pub(super) fn arguments_of<'a>(
     config: &DeviceConfig,
@@ -20,4 +23,12 @@ pub(super) fn value_of<'a>(arguments: &[&'a str], option: &str) -> Option<&'a st
         .iter()
         .filter_map(|argument| argument.strip_prefix(option));
     values.next()
+}
+
+/// Parses finite numbers that are separated by commas; `None` if one of them is not.
+pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
+    let parts = text.split(',').map(|part| part.trim().parse::<f64>().ok());
+    parts
+        .map(|number| number.filter(|number| number.is_finite()))
+        .collect()
 }

@@ -5,15 +5,14 @@ use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease, RobotConfig, SimulatorConfig};
 use rcc_core::guard::Guard;
 use rcc_core::impedance::{ControlMode, Impedance, ImpedanceLimits};
-use rcc_core::kinematics::Arm as Kinematics;
 use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
-use rcc_core::vector::{self, Vector};
 use rcc_motion::StopLimits;
 
-use super::arguments::{arguments_of, value_of};
+use super::arguments::{IDEAL_ARM, arguments_of, value_of};
 use super::arm::FollowingArm;
-use super::wall::ElasticWall;
+use super::contact::FlangeContact;
+use super::reading::Reading;
 
 /// A connection from an output to an input of the device; indices among the channels of their kinds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,9 +25,6 @@ pub struct OutputWire {
     offset: f64,
 }
 
-/// Driver whose arm needs no simulator; its settings give the start position.
-pub(super) const IDEAL_ARM: &str = "ideal-arm";
-
 /// Value of an output that is not commanded; `None` keeps the last value.
 type ReleaseValue = Option<f64>;
 
@@ -36,12 +32,13 @@ type ReleaseValue = Option<f64>;
 #[derive(Debug)]
 pub struct SimulatedDevice {
     arm: Option<FollowingArm>,
-    kinematics: Option<Kinematics>,
-    wall: Option<ElasticWall>,
+    contact: Option<FlangeContact>,
     limits: Option<ImpedanceLimits>,
     /// Current impedance of the arm.
     impedance: Impedance,
     measurement: Measurement,
+    /// Readings that a script has set; they replace those of the model.
+    scripted: Vec<(Reading, f64)>,
     wires: Vec<OutputWire>,
     digital: u64,
     analog: Vec<f64>,
@@ -85,11 +82,11 @@ impl SimulatedDevice {
         let analog_release = release(ChannelKind::AnalogOutput);
         SimulatedDevice {
             arm: arm(config, &arguments, period_ns),
-            kinematics: config.model().arm,
-            wall: ElasticWall::of(&arguments),
+            contact: FlangeContact::of(config, &arguments),
             limits: config.model().impedance,
             impedance: Impedance::NONE,
             measurement,
+            scripted: Vec::new(),
             wires: wires(config, &arguments),
             digital: 0,
             analog: vec![0.0; analog_release.len()],
@@ -124,22 +121,13 @@ impl SimulatedDevice {
             (m.position, m.hold) = (*arm.position(), *arm.position());
             (m.played_ns, m.settled_ns) = (arm.played_ns(), arm.settled_ns());
         }
-        self.update_contact();
-    }
-
-    /// Computes the contact force of the flange with the wall.
-    fn update_contact(&mut self) {
-        let m = &mut self.measurement;
-        if let (Some(arm), Some(wall)) = (&self.kinematics, &mut self.wall) {
-            let flange = arm.forward(&m.position);
-            let [fx, fy, fz] = match springs(arm, &m.position, &self.impedance, wall.normal()) {
-                None => wall.force(flange.position, m.period_ns as f64 / 1e9),
-                Some(FlangeCompliance { compliance, shift }) => {
-                    let unpressed = vector::add(flange.position, shift);
-                    wall.force_of_springs(unpressed, compliance)
-                }
-            };
-            m.wrench = [fx, fy, fz, 0.0, 0.0, 0.0];
+        if let Some(contact) = &mut self.contact {
+            contact.measure(&self.impedance, m);
+        }
+        for (reading, value) in &self.scripted {
+            if let Some(place) = reading.place(m) {
+                *place = *value;
+            }
         }
     }
 
@@ -171,6 +159,17 @@ impl SimulatedDevice {
     #[must_use]
     pub fn hold(&self) -> Option<Joints> {
         self.arm.as_ref().map(|arm| *arm.position())
+    }
+
+    /// Returns what touches and loads the flange; `None` without an arm.
+    pub fn contact_mut(&mut self) -> Option<&mut FlangeContact> {
+        self.contact.as_mut()
+    }
+
+    /// Sets what a sensor reads from now on, SI units, instead of what the model gives; NaN is null.
+    pub fn set_reading(&mut self, reading: Reading, value: f64) {
+        self.scripted.retain(|(known, _)| *known != reading);
+        self.scripted.push((reading, value));
     }
 
     /// Sets a digital input; `None` makes it unknown.
@@ -218,44 +217,6 @@ impl SimulatedDevice {
             }
         }
     }
-}
-
-/// Compliance of a flange on springs.
-struct FlangeCompliance {
-    /// Compliance along a direction, m/N.
-    compliance: f64,
-    /// Displacement by the added force, m, base axes.
-    shift: Vector,
-}
-
-/// Returns the compliance of the flange along `normal` for an arm at `joints` (rad); `None` in position control.
-fn springs(
-    arm: &Kinematics,
-    joints: &Joints,
-    impedance: &Impedance,
-    normal: Vector,
-) -> Option<FlangeCompliance> {
-    // Displacement of the flange per displacement of each spring.
-    let columns: Vec<Vector> = match ControlMode::from_number(impedance.strategy)? {
-        ControlMode::Position => return None,
-        ControlMode::CartesianImpedance => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        ControlMode::JointImpedance => {
-            let jacobian = arm.jacobian(joints);
-            let column = |joint: usize| [0, 1, 2].map(|row| jacobian[row][joint]);
-            (0..arm.joints()).map(column).collect()
-        }
-    };
-    let mut yielding = FlangeCompliance {
-        compliance: 0.0,
-        shift: [0.0; 3],
-    };
-    for (element, column) in columns.into_iter().enumerate() {
-        let k = impedance.stiffness[element];
-        yielding.compliance += vector::dot(normal, column).powi(2) / k;
-        let moved = vector::scale(column, impedance.added[element] / k);
-        yielding.shift = vector::add(yielding.shift, moved);
-    }
-    Some(yielding)
 }
 
 /// Control strategies as named by `--strategy=`.

@@ -3,8 +3,9 @@
 
 use rcc_config::{CellConfig, DeviceConfig, RobotConfig};
 
-use super::arguments::{arguments_of, value_of};
-use super::device::{IDEAL_ARM, STRATEGIES};
+use super::arguments::{IDEAL_ARM, arguments_of, value_of};
+use super::device::STRATEGIES;
+use super::dynamics::FlangeLoad;
 use super::wall::ElasticWall;
 
 /// Settings of `ideal-arm`.
@@ -68,6 +69,13 @@ fn invalid_simulator_argument(arguments: &[&str], robot: &RobotConfig) -> Option
     {
         return Some(format!(
             "`--wall={wall}` must be PX,PY,PZ,NX,NY,NZ,K,D: a point (m), a direction to the free side, N/m and N·s/m, 0 or more"
+        ));
+    }
+    if let Some(load) =
+        value_of(arguments, "--load=").filter(|load| FlangeLoad::parse(load).is_none())
+    {
+        return Some(format!(
+            "`--load={load}` must be KG or KG,X,Y,Z: a mass, 0 or more, and its centre in the flange frame, m"
         ));
     }
     let strategy = value_of(arguments, "--strategy=")?;
@@ -135,6 +143,10 @@ mod tests {
                 "{}",
                 message_for(wall)
             );
+        }
+        for load in ["--load=-1", "--load=1,2", "--load=x"] {
+            let message = message_for(load);
+            assert!(message.contains("KG or KG,X,Y,Z"), "{message}");
         }
         assert!(message_for("--strategy=joint-imp").contains("one of position"));
     }

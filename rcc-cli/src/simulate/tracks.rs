@@ -6,6 +6,7 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::message::Joints;
 use rcc_engine::engine::Engine;
 
+use super::device::SimulatedDevice;
 use crate::plot::{PlotCurve, PlotPanel};
 
 /// Set-points of one arm.
@@ -18,6 +19,8 @@ struct ArmTrack {
     /// Intervals in which it is commanded: time (s) and set-point (rad) per cycle.
     segments: Vec<Vec<(f64, Joints)>>,
     commanded: bool,
+    /// Time (s), force on the flange (N, base axes) and joint torques (N·m), per cycle.
+    felt: Vec<(f64, [f64; 3], Joints)>,
 }
 
 /// All arms of a cell.
@@ -50,6 +53,7 @@ impl ArmTracks {
                 model: row.model(),
                 segments: Vec::new(),
                 commanded: false,
+                felt: Vec::new(),
             })
         });
         ArmTracks {
@@ -58,9 +62,14 @@ impl ArmTracks {
         }
     }
 
-    /// Records the set-points of this cycle.
-    pub fn record(&mut self, time_s: f64, engine: &Engine) {
+    /// Records set-points and measurements of this cycle.
+    pub fn record(&mut self, time_s: f64, engine: &Engine, devices: &[SimulatedDevice]) {
         for track in &mut self.tracks {
+            if let Some(device) = devices.get(track.device) {
+                let m = device.measurement();
+                let [fx, fy, fz, ..] = m.wrench;
+                track.felt.push((time_s, [fx, fy, fz], m.torque));
+            }
             let image = engine.image(track.device);
             let point = image.and_then(|image| image.at(image.head.sequence));
             let point = point.filter(|point| point.has_position == 1);
@@ -109,7 +118,48 @@ impl ArmTrack {
         let mut panels = self.flange_panels(dt_s);
         panels.push(self.positions());
         panels.extend(DERIVATIVES.map(|(name, order)| self.rates(name, order, dt_s)));
+        if let Some(force) = self.force() {
+            panels.push(force);
+            panels.extend(self.torques());
+        }
         panels
+    }
+
+    /// Returns a panel of the force on the flange; `None` if there is none at any time.
+    fn force(&self) -> Option<PlotPanel> {
+        let felt = |(_, force, _): &(f64, [f64; 3], Joints)| force.iter().any(|part| *part != 0.0);
+        if !self.felt.iter().any(felt) {
+            return None;
+        }
+        let curve = |(axis, name): (usize, &str)| PlotCurve {
+            name: name.to_owned(),
+            segments: segments(
+                self.felt
+                    .iter()
+                    .map(|(time_s, force, _)| (*time_s, force[axis])),
+            ),
+            colour: axis,
+        };
+        let curves = ["fx", "fy", "fz"].into_iter().enumerate().map(curve);
+        let title = "force on the flange [N]".to_owned();
+        Some(PlotPanel::over_time(title, curves.collect()))
+    }
+
+    /// Returns a panel of the measured joint torques; `None` if the robot's file has no dynamics.
+    fn torques(&self) -> Option<PlotPanel> {
+        let curve = |(joint, name): (usize, &String)| PlotCurve {
+            name: name.clone(),
+            segments: segments(
+                self.felt
+                    .iter()
+                    .map(|(time_s, _, torque)| (*time_s, torque[joint])),
+            ),
+            colour: joint,
+        };
+        let curves: Vec<PlotCurve> = self.joints.iter().enumerate().map(curve).collect();
+        let is_known = curves.iter().any(|curve| !curve.segments.is_empty());
+        let title = "measured torque [N·m]".to_owned();
+        is_known.then(|| PlotPanel::over_time(title, curves))
     }
 
     /// Returns panels of the flange's path and speed.
@@ -249,4 +299,22 @@ impl ArmTrack {
             ..PlotPanel::over_time(title.to_owned(), curves.collect())
         }
     }
+}
+
+/// Splits values at nulls.
+fn segments(values: impl Iterator<Item = (f64, f64)>) -> Vec<Vec<(f64, f64)>> {
+    let mut segments: Vec<Vec<(f64, f64)>> = Vec::new();
+    let mut is_open = false;
+    for (time_s, value) in values {
+        if value.is_nan() {
+            is_open = false;
+            continue;
+        }
+        match segments.last_mut() {
+            Some(segment) if is_open => segment.push((time_s, value)),
+            _ => segments.push(vec![(time_s, value)]),
+        }
+        is_open = true;
+    }
+    segments
 }

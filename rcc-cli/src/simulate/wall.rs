@@ -3,7 +3,12 @@
 
 use rcc_core::vector::{self, Vector};
 
-use super::arguments::value_of;
+use super::arguments::{numbers, value_of};
+
+/// Stiffness of a wall without one, N/m.
+pub const WALL_STIFFNESS: f64 = 5000.0;
+/// Damping of a wall without one, N·s/m.
+pub const WALL_DAMPING: f64 = 20.0;
 
 /// A plane that pushes back and never pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,15 +26,26 @@ pub struct ElasticWall {
 }
 
 impl ElasticWall {
-    /// Parses `--wall=PX,PY,PZ,NX,NY,NZ,K,D` among a simulator's arguments; `None` if absent or invalid.
+    /// Reads `--wall=` among a simulator's arguments; `None` if absent or invalid.
     #[must_use]
     pub fn of(arguments: &[&str]) -> Option<ElasticWall> {
         let given = value_of(arguments, "--wall=")?;
-        let numbers: Result<Vec<f64>, _> =
-            given.split(',').map(|part| part.trim().parse()).collect();
-        let [px, py, pz, nx, ny, nz, stiffness, damping] = numbers.ok()?.try_into().ok()?;
-        let sound = |value: f64| value.is_finite() && value >= 0.0;
-        (sound(stiffness) && sound(damping)).then_some(ElasticWall {
+        // Like `lwr-sim`, which requires all eight numbers.
+        (given.split(',').count() == 8)
+            .then(|| ElasticWall::parse(given))
+            .flatten()
+    }
+
+    /// Parses `PX,PY,PZ,NX,NY,NZ` or `PX,PY,PZ,NX,NY,NZ,K,D`; `None` if it is invalid. Without stiffness and damping
+    /// the wall has those of `rcc-cli fault DEVICE wall`.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<ElasticWall> {
+        let (px, py, pz, nx, ny, nz, stiffness, damping) = match numbers(text)?[..] {
+            [px, py, pz, nx, ny, nz] => (px, py, pz, nx, ny, nz, WALL_STIFFNESS, WALL_DAMPING),
+            [px, py, pz, nx, ny, nz, k, d] => (px, py, pz, nx, ny, nz, k, d),
+            _ => return None,
+        };
+        (stiffness >= 0.0 && damping >= 0.0).then_some(ElasticWall {
             point: [px, py, pz],
             normal: vector::normalized([nx, ny, nz])?,
             stiffness,

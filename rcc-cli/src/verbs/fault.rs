@@ -255,6 +255,10 @@ mod tests {
                 "lwr loss 5 --direction to-pc",
                 json!({"network": {"to_pc": {"lost": 0.05}, "from_pc": {}}}),
             ),
+            (
+                "lwr load 2 --centre 0 0 0.1",
+                json!({"load": {"mass": 2.0, "centre": [0.0, 0.0, 0.1]}}),
+            ),
             ("lwr freeze 200ms", json!({"freeze_ms": 200})),
             ("lwr drives off", json!({"drives": {"on": false}})),
             ("io exception 6", json!({"exception": 6})),

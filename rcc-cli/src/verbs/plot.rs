@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use rcc_api::codes::{self, exit};
 use rcc_core::message::EndReason;
+use rcc_engine::engine::Engine;
 use rcc_protocol::control::Refusal;
 use serde::Serialize;
 
@@ -13,6 +14,7 @@ use crate::failure::Failure;
 use crate::plot::Plot;
 use crate::result_file::write_plot;
 use crate::scenario::{PreparedScenario, SimulationScenario, failure, with_names};
+use crate::simulate::device::SimulatedDevice;
 use crate::simulate::tracks::ArmTracks;
 use crate::simulate::{self, SimulationOptions};
 
@@ -55,8 +57,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         ..options
     };
     let mut tracks = ArmTracks::new(&config);
-    let mut watch =
-        |time_s: f64, engine: &rcc_engine::engine::Engine| tracks.record(time_s, engine);
+    let mut watch = |time_s: f64, engine: &Engine, devices: &[SimulatedDevice]| {
+        tracks.record(time_s, engine, devices);
+    };
     let simulated = simulate::run(&config, plan, &names, &options, None, &mut watch)
         .map_err(|error| failure(&error, &names, &config, None))?;
     let cancel_s = options.cancel_at_ns.map(|ns| ns as f64 / 1e9);

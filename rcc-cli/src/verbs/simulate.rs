@@ -69,7 +69,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut csv = arguments.csv.as_deref().map(create).transpose()?;
     let table = csv.as_mut().map(|file| file as &mut dyn Write);
     let started = Instant::now();
-    let simulated = simulate::run(&config, plan, &names, &options, table, &mut |_, _| ())
+    let simulated = simulate::run(&config, plan, &names, &options, table, &mut |_, _, _| ())
         .map_err(|error| failure(&error, &names, &config, arguments.csv.as_deref()))?;
     let took = started.elapsed();
     let report = report(&names, &simulated, &config);

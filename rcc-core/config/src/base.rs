@@ -24,7 +24,13 @@ pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Pos
     Some(Pose::from_xyz_rpy(xyz?, rpy?))
 }
 
-fn three(reader: &mut ConfigReader, node: &Node, what: &str, unit: Unit) -> Option<[f64; 3]> {
+/// Reads three numbers of one unit.
+pub(crate) fn three(
+    reader: &mut ConfigReader,
+    node: &Node,
+    what: &str,
+    unit: Unit,
+) -> Option<[f64; 3]> {
     let [x, y, z] = reader.array(node, what)?;
     let mut read = |node| reader.quantity(node, what, QuantityRange::any(unit));
     let (x, y, z) = (read(x), read(y), read(z));

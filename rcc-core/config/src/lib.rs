@@ -28,4 +28,4 @@ pub use device::{ChannelConfig, DeviceConfig, OnRelease};
 pub use file_kind::FileKind;
 pub use ports::{Protocol, auto_ports, free_port};
 pub use recorder::RecorderConfig;
-pub use robot::{JointConfig, RobotConfig};
+pub use robot::{JointConfig, LinkDynamics, RobotConfig};

@@ -10,8 +10,10 @@ use rcc_core::unit::Unit;
 use crate::diagnostic::Faults;
 use crate::file::SourceFile;
 
+mod dynamics;
 mod read;
 
+pub use dynamics::LinkDynamics;
 #[cfg(test)]
 pub(crate) use read::keys;
 pub(crate) use read::robot as read;
@@ -27,6 +29,8 @@ pub struct RobotConfig {
     pub joints: Vec<JointConfig>,
     /// Limits of impedance set-points; `None` if its controller has position control only.
     pub impedance: Option<ImpedanceLimits>,
+    /// Mass and friction of each joint's link, for simulators; empty if the file has none.
+    pub dynamics: Vec<LinkDynamics>,
     /// Path of the file, as written in the cell's file.
     pub source: String,
 }

@@ -55,6 +55,7 @@ pub fn robot() -> Value {
         "kinematics": kinematics(),
         "joints": by_name(JOINT_NAME, "Joints from the base to the flange.", joint),
         "impedance": impedance(),
+        "dynamics": by_name(JOINT_NAME, "Mass and friction of each joint's link, for simulators.", link()),
     });
     file(
         "A robot of RCC",
@@ -333,6 +334,19 @@ fn impedance() -> Value {
     )
 }
 
+fn link() -> Value {
+    object(
+        "Mass of the body that moves with a joint, and friction of the joint.",
+        &["mass", "centre", "friction", "damping"],
+        json!({
+            "mass": quantity("Mass: `2 kg`."),
+            "centre": list("Centre of mass while all joints are 0, base frame.", 3, &quantity("Length.")),
+            "friction": quantity("Dry friction: `0.4 N·m`."),
+            "damping": quantity("Viscous friction: `0.4 N·m·s/rad`."),
+        }),
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -382,6 +396,7 @@ mod tests {
             (&[][..], &crate::robot::keys::ROBOT[..]),
             (&["joints"], &crate::robot::keys::JOINT),
             (&["impedance"], &crate::robot::keys::IMPEDANCE),
+            (&["dynamics"], &crate::robot::keys::LINK),
         ] {
             assert_eq!(keys(&schema, path), sorted(known), "{path:?}");
         }

@@ -5,6 +5,7 @@
 pub mod arm;
 pub mod command_stream;
 pub mod control;
+pub mod dynamics;
 pub mod environment;
 pub mod fault;
 pub mod impedance;

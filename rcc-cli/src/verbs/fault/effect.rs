@@ -6,6 +6,8 @@ use nix::sys::signal::Signal;
 use rcc_core::counted::Counted;
 use serde_json::{Value, json};
 
+use crate::simulate::wall::{WALL_DAMPING, WALL_STIFFNESS};
+
 /// Fault to inject.
 #[derive(clap::Subcommand, Clone, Debug, PartialEq)]
 pub enum FaultEffect {
@@ -18,11 +20,19 @@ pub enum FaultEffect {
         #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required = true)]
         normal: Vec<f64>,
         /// Stiffness, N/m
-        #[arg(long, default_value_t = 5000.0)]
+        #[arg(long, default_value_t = WALL_STIFFNESS)]
         stiffness: f64,
         /// Damping, N s/m
-        #[arg(long, default_value_t = 20.0)]
+        #[arg(long, default_value_t = WALL_DAMPING)]
         damping: f64,
+    },
+    /// Load the flange with a mass that the controller does not know about
+    Load {
+        /// Mass, kg
+        mass: f64,
+        /// Centre of mass in the flange frame, m
+        #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+        centre: Option<Vec<f64>>,
     },
     /// Push the flange with a force and torque in base axes
     Force {
@@ -172,6 +182,13 @@ fn command(effect: &FaultEffect) -> (Value, String) {
             json!({"wall": {"point": point, "normal": normal, "stiffness": stiffness, "damping": damping}}),
             format!("has a wall at {point:?}"),
         ),
+        FaultEffect::Load { mass, centre } => {
+            let centre = centre.clone().unwrap_or_else(|| vec![0.0; 3]);
+            (
+                json!({"load": {"mass": mass, "centre": centre}}),
+                format!("carries {mass} kg"),
+            )
+        }
         FaultEffect::Force { force, torque } => {
             let torque = torque.clone().unwrap_or_else(|| vec![0.0; 3]);
             (

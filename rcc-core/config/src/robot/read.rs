@@ -5,14 +5,14 @@ use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use rcc_core::unit::Unit;
 
-use super::{JointConfig, RobotConfig};
+use super::{JointConfig, RobotConfig, dynamics};
 use crate::codes;
 use crate::diagnostic::Span;
 use crate::file_kind::FileKind;
 use crate::reader::{ConfigReader, Fields, JOINT_NAME, QuantityRange, error};
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 4] = ["robot", "kinematics", "joints", "impedance"];
+const KEYS: [&str; 5] = ["robot", "kinematics", "joints", "impedance", "dynamics"];
 /// Keys of all types of kinematics; the keys of each type follow below.
 const KINEMATICS_KEYS: [&str; 10] = [
     "type",
@@ -51,9 +51,10 @@ const JOINT_KEYS: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 /// The keys of each mapping, for the test of the schema.
 #[cfg(test)]
 pub(crate) mod keys {
-    pub const ROBOT: [&str; 4] = super::KEYS;
+    pub const ROBOT: [&str; 5] = super::KEYS;
     pub const JOINT: [&str; 4] = super::JOINT_KEYS;
     pub const IMPEDANCE: [&str; 8] = super::IMPEDANCE_KEYS;
+    pub const LINK: [&str; 4] = super::dynamics::KEYS;
 }
 
 const AT_LEAST_0: QuantityRange = QuantityRange {
@@ -96,11 +97,17 @@ pub(crate) fn robot(reader: &mut ConfigReader, root: &Node, source: &str) -> Opt
         Some(node) => Some(self::impedance(reader, node, place)?),
         None => None,
     };
+    let joints = joints?;
+    let dynamics = match fields.get("dynamics") {
+        Some(node) => dynamics::read(reader, node, fields.place_of("dynamics"), &joints)?,
+        None => Vec::new(),
+    };
     Some(RobotConfig {
         name: name?.to_owned(),
         arm: arm?,
-        joints: joints?,
+        joints,
         impedance,
+        dynamics,
         source: source.to_owned(),
     })
 }

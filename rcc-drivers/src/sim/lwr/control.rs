@@ -3,6 +3,7 @@
 //!
 //! `{"state":null}` · `{"wrench":{"force":[0,0,15],"torque":[0,0,0]}}` ·
 //! `{"wall":{"point":[0,0,0.3],"normal":[0,0,1],"stiffness":5000,"damping":20}}` · `{"wall":null}` · `{"estop":null}` ·
+//! `{"load":{"mass":2,"centre":[0,0,0.1]}}` · `{"load":null}` ·
 //! `{"ack":null}` · `{"drives":{"on":false}}` · `{"freeze_ms":200}` · `{"drop":{"percent":10}}` ·
 //! `{"network":{"to_pc":{"lost":0.1},"from_pc":{"corrupted":0.1}}}` · `{"clear":null}` ·
 //! `{"set_bool":{"number":3,"value":true}}` · `{"set_real":{"number":1,"value":2.5}}` ·
@@ -13,6 +14,7 @@
 //! requested fault, and acknowledges. A command without content may also be a bare name, `"state"`.
 //! Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
+use super::dynamics::{FlangeLoad, LoadError};
 use super::environment::{Wall, WallError};
 use super::krc::Krc;
 use super::network::{NetworkRates, impossible};
@@ -33,6 +35,8 @@ pub enum KrcCommand {
     Wrench(InjectedWrench),
     /// Replaces or removes the obstacle.
     Wall(Option<Wall>),
+    /// Replaces or removes the load at the flange.
+    Load(Option<FlangeLoad>),
     /// Presses the emergency stop.
     Estop,
     /// Releases the emergency stop and acknowledges the fault.
@@ -45,7 +49,7 @@ pub enum KrcCommand {
     Drop(DropRate),
     /// Loses, delays, duplicates, reorders, truncates and corrupts datagrams, from now on.
     Network(NetworkRates),
-    /// Ends all faults that were requested: network, wrench, wall, emergency stop, drives.
+    /// Ends all faults that were requested: network, wrench, wall, load, emergency stop, drives.
     Clear,
     /// Sets `$FRI_TO_BOOL[number]`.
     SetBool(KrlVariable<bool>),
@@ -120,6 +124,9 @@ pub enum ControlError {
     /// The wall is invalid.
     #[error(transparent)]
     Wall(#[from] WallError),
+    /// The load is invalid.
+    #[error(transparent)]
+    Load(#[from] LoadError),
     /// No KRL variable has this number.
     #[error("KRL variable {0} does not exist: write a number from 1 to 16")]
     Number(usize),
@@ -169,6 +176,9 @@ impl Krc {
             KrcCommand::Wall(wall) => {
                 self.environment.wall = wall.map(Wall::checked).transpose()?
             }
+            KrcCommand::Load(load) => {
+                self.environment.load = load.map(FlangeLoad::checked).transpose()?
+            }
             KrcCommand::Estop => self.press_emergency_stop(),
             KrcCommand::Ack if !self.acknowledge() => return Err(ControlError::Moving),
             KrcCommand::Ack => {}
@@ -190,6 +200,7 @@ impl Krc {
                 self.withhold(0.0);
                 self.environment.injected = [0.0; 6];
                 self.environment.wall = self.settings.wall;
+                self.environment.load = self.settings.load;
                 self.switch_drives(true);
                 if !self.acknowledge() {
                     return Err(ControlError::Moving);
@@ -247,6 +258,7 @@ impl Krc {
             flange_rotation: self.geometry.rotation,
             wrench: self.wrench,
             wall: self.environment.wall,
+            load: self.environment.load,
             answer_rate: figures.answered as f64 / super::quality::WINDOW as f64,
             latency_s: figures.latency_s,
             jitter_s: figures.jitter_s,
@@ -312,7 +324,7 @@ mod tests {
             .flat_map(|line| line.split('`'))
             .filter(|part| part.starts_with('{'))
             .collect();
-        assert_eq!(lines.len(), 20, "{lines:?}");
+        assert_eq!(lines.len(), 22, "{lines:?}");
         for line in lines {
             let command: Result<KrcCommand, _> = serde_json::from_str(line);
             assert!(command.is_ok(), "{line}: {command:?}");

@@ -1,7 +1,8 @@
-//! The environment of the flange: an elastic wall, and an injected wrench.
+//! The environment of the flange: an elastic wall, a load, and an injected wrench.
 //! Pure; run by the clock thread.
 
 use super::Joints;
+use super::dynamics::FlangeLoad;
 use super::model::Geometry;
 
 /// An elastic plane. In position control the arm feels it but does not yield; in impedance control it yields.
@@ -69,6 +70,8 @@ impl Wall {
 pub struct Environment {
     /// The wall; its normal has length 1.
     pub wall: Option<Wall>,
+    /// Load that the controller does not know about.
+    pub load: Option<FlangeLoad>,
     /// Injected wrench: force N and torque Nm, base axes, at the flange.
     pub injected: [f64; 6],
 }
@@ -77,6 +80,11 @@ impl Environment {
     /// Returns the wrench on the flange: force N and torque Nm, base axes.
     pub fn wrench(&self, geometry: &Geometry, joint_velocity: &Joints) -> [f64; 6] {
         let mut wrench = self.injected;
+        if let Some(load) = &self.load {
+            for (sum, part) in wrench.iter_mut().zip(load.wrench(geometry)) {
+                *sum += part;
+            }
+        }
         if let Some(wall) = &self.wall {
             let force = wall.force(
                 &geometry.position,

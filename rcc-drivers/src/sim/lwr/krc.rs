@@ -87,6 +87,7 @@ impl Krc {
             impedance: ImpedanceSettings::default_for(settings.strategy),
             environment: Environment {
                 wall: settings.wall,
+                load: settings.load,
                 injected: [0.0; 6],
             },
             geometry: geometry(&start),

@@ -1,6 +1,7 @@
 //! The measurement datagram of the simulated controller.
 //! Pure; run by the clock thread once per tick.
 
+use super::dynamics::{friction_torque, gravity_torque};
 use super::environment::wire_wrench;
 use super::krc::Krc;
 use super::model::geometry;
@@ -10,13 +11,17 @@ use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
 
 impl Krc {
-    /// The torques (only the external wrench: no gravity, no inertia) and the temperature (constant) are
-    /// approximations; mass matrix and gravity are zero.
+    /// The torques (external wrench, weight of the links and friction, no inertia) and the temperature (constant) are
+    /// approximations; the mass matrix is zero.
     pub(super) fn datagram(&self) -> MeasurementDatagram {
         let figures = self.quality.figures();
         let (base, desired) = (geometry(&self.base), geometry(&self.desired));
-        let torque = self.geometry.joint_torque(&self.wrench).map(|t| t as f32);
         let narrow = |values: &Joints| values.map(|value| value as f32);
+        let external = self.geometry.joint_torque(&self.wrench);
+        let gravity = gravity_torque(&self.arm.position);
+        let friction = friction_torque(&self.arm.velocity);
+        let measured: Joints =
+            std::array::from_fn(|joint| external[joint] + gravity[joint] + friction[joint]);
         let answered = figures.answered as f32 / WINDOW as f32;
         MeasurementDatagram {
             send_sequence: self.sequence(),
@@ -54,12 +59,12 @@ impl Krc {
             }),
             commanded_pose: base.pose(),
             commanded_pose_offset: desired.offset_from(&base),
-            measured_torque: torque,
-            external_torque: torque,
+            measured_torque: narrow(&measured),
+            external_torque: narrow(&external),
             external_tcp_wrench: wire_wrench(&self.wrench),
             jacobian: self.geometry.wire_jacobian(),
             mass_matrix: [0.0; 49],
-            gravity: [0.0; JOINTS],
+            gravity: narrow(&gravity),
         }
     }
 }

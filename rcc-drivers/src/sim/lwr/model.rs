@@ -24,23 +24,16 @@ pub struct Geometry {
 
 /// Forward kinematics and Jacobian: `A_i = Rz(q_i) Tz(d_i) Rx(α_i)`, column `[z × (p − o); z]`.
 pub fn geometry(q: &Joints) -> Geometry {
-    let mut rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let mut position = [0.0; 3];
-    let (mut axes, mut origins) = ([[0.0; 3]; JOINTS], [[0.0; 3]; JOINTS]);
-    for joint in 0..JOINTS {
-        axes[joint] = column(&rotation, 2);
-        origins[joint] = position;
-        for (p, z) in position.iter_mut().zip(axes[joint]) {
-            *p += D[joint] * z;
-        }
-        rotation = multiply(&rotation, &joint_rotation(q[joint], TWIST_SINE[joint]));
-    }
+    let links = link_frames(q);
+    let LinkFrame {
+        rotation, position, ..
+    } = links[JOINTS - 1];
     let mut jacobian = [[0.0; JOINTS]; 6];
-    for joint in 0..JOINTS {
-        let linear = cross(&axes[joint], &difference(&position, &origins[joint]));
+    for (joint, link) in links.iter().enumerate() {
+        let linear = cross(&link.axis, &difference(&position, &link.origin));
         for row in 0..3 {
             jacobian[row][joint] = linear[row];
-            jacobian[row + 3][joint] = axes[joint][row];
+            jacobian[row + 3][joint] = link.axis[row];
         }
     }
     Geometry {
@@ -48,6 +41,38 @@ pub fn geometry(q: &Joints) -> Geometry {
         position,
         jacobian,
     }
+}
+
+/// A link at one joint position, base frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkFrame {
+    /// Direction of its joint's axis.
+    pub axis: [f64; 3],
+    /// A point of that axis, m.
+    pub origin: [f64; 3],
+    /// Rotation from link to base coordinates.
+    pub rotation: Matrix,
+    /// Origin of the link's frame, m.
+    pub position: [f64; 3],
+}
+
+/// Returns the link behind each joint.
+pub fn link_frames(q: &Joints) -> [LinkFrame; JOINTS] {
+    let mut rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut position = [0.0; 3];
+    std::array::from_fn(|joint| {
+        let (axis, origin) = (column(&rotation, 2), position);
+        for (p, z) in position.iter_mut().zip(axis) {
+            *p += D[joint] * z;
+        }
+        rotation = multiply(&rotation, &joint_rotation(q[joint], TWIST_SINE[joint]));
+        LinkFrame {
+            axis,
+            origin,
+            rotation,
+            position,
+        }
+    })
 }
 
 /// Decodes a pose in FRI's format; the Jacobian is 0.

@@ -1,6 +1,7 @@
 //! The command line of `lwr-sim`. Thresholds that KUKA does not publish are our own, and marked as such.
 //! Read once, by the main thread.
 
+use super::dynamics::FlangeLoad;
 use super::environment::{Wall, WallError};
 use super::settings::{
     Acknowledge, KrlLoopback, KrlProgram, KrlStrategy, QualityThresholds, Settings,
@@ -104,6 +105,10 @@ pub struct Options {
     /// An obstacle: a point of its plane (m), the normal to the free side, stiffness (N/m), damping (N s/m)
     #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ,K,D", allow_hyphen_values = true)]
     pub wall: Option<NumberList<8>>,
+    /// A load at the flange that the controller does not know about: its mass (kg), and its centre in the flange frame
+    /// (m)
+    #[arg(long, value_name = "KG[,X,Y,Z]", allow_hyphen_values = true)]
+    pub load: Option<FlangeLoad>,
     /// Appends every exchanged pair of datagrams to this file as comma-separated values
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
@@ -238,6 +243,7 @@ impl Options {
             boolean_wires: self.wire_bool.clone(),
             real_wires: self.wire_real.clone(),
             wall: self.wall.map(wall).transpose()?,
+            load: self.load,
             seed: self.seed,
             ..Settings::default()
         })

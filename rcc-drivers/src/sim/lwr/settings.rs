@@ -5,6 +5,7 @@
 //! those values are **our own**. The supervised limits are values that users have read from a controller's files.
 
 use super::Joints;
+use super::dynamics::FlangeLoad;
 use super::environment::Wall;
 
 /// How the KRL program of the simulated controller enters and leaves command mode.
@@ -136,6 +137,8 @@ pub struct Settings {
     pub real_wires: Vec<KrlLoopback>,
     /// Obstacle at the start.
     pub wall: Option<Wall>,
+    /// Load at the start.
+    pub load: Option<FlangeLoad>,
     /// Seed of the random numbers for answers that are dropped on request.
     pub seed: u64,
 }
@@ -164,6 +167,7 @@ impl Default for Settings {
             boolean_wires: Vec::new(),
             real_wires: Vec::new(),
             wall: None,
+            load: None,
             seed: 1,
         }
     }

@@ -2,6 +2,7 @@
 //! Plain data; written by the clock thread, converted to JSON by the control port's threads.
 
 use super::Joints;
+use super::dynamics::FlangeLoad;
 use super::environment::Wall;
 use super::network::NetworkCounts;
 use super::settings::KrlStrategy;
@@ -120,6 +121,8 @@ pub struct Snapshot {
     pub wrench: [f64; 6],
     /// The obstacle.
     pub wall: Option<Wall>,
+    /// The load at the flange.
+    pub load: Option<FlangeLoad>,
     /// Answered share of the last 100 cycles.
     pub answer_rate: f64,
     /// Mean delay of the answers, s.

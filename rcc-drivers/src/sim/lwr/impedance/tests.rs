@@ -36,8 +36,8 @@ fn soft(strategy: KrlStrategy) -> ImpedanceSettings {
 
 fn pushed(wrench: [f64; 6]) -> Environment {
     Environment {
-        wall: None,
         injected: wrench,
+        ..Environment::default()
     }
 }
 
@@ -99,7 +99,7 @@ fn against_a_wall_two_springs_share_the_depth() {
     };
     let around = Environment {
         wall: Some(wall),
-        injected: [0.0; 6],
+        ..Environment::default()
     };
     let arm = settled(CARTESIAN, &impedance, &around, 4.0);
     let force = around.wrench(&geometry(&arm.position), &[0.0; JOINTS])[2];

@@ -2,6 +2,7 @@
 //! Runs in the test harness.
 
 use super::*;
+use crate::sim::lwr::dynamics::{GRAVITY, gravity_torque};
 
 #[test]
 fn wrong_datagrams_are_counted_and_change_nothing() {
@@ -73,6 +74,30 @@ fn a_wall_pushes_the_tool_and_is_sent_in_kukas_order() {
         .geometry
         .joint_torque(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])[0];
     assert!((f64::from(pc.seen.external_torque[0]) - power).abs() < 1e-5);
+}
+
+#[test]
+fn torques_contain_the_weight_of_the_links_and_external_ones_that_of_a_load() {
+    let mut pc = Pc::new(Settings::default());
+    pc.mirror_for(1);
+    assert_eq!(pc.seen.external_torque, [0.0; JOINTS]);
+    let weight = gravity_torque(&pc.krc.arm.position);
+    assert!(weight[1].abs() > 5.0, "{weight:?}");
+    for joint in 0..JOINTS {
+        let torque = f64::from(pc.seen.measured_torque[joint]);
+        assert!((torque - weight[joint]).abs() < 1e-4, "{torque} {weight:?}");
+        assert!((f64::from(pc.seen.gravity[joint]) - weight[joint]).abs() < 1e-4);
+    }
+    pc.execute(r#"{"load":{"mass":2}}"#);
+    pc.mirror_for(1);
+    assert!((f64::from(pc.seen.external_tcp_wrench[2]) + 2.0 * GRAVITY).abs() < 1e-4);
+    let external = pc.krc.geometry.joint_torque(&pc.krc.wrench);
+    assert!((f64::from(pc.seen.external_torque[1]) - external[1]).abs() < 1e-4);
+    let both = external[1] + weight[1];
+    assert!((f64::from(pc.seen.measured_torque[1]) - both).abs() < 1e-4);
+    pc.execute(r#"{"load":null}"#);
+    pc.mirror_for(1);
+    assert_eq!(pc.seen.external_torque, [0.0; JOINTS]);
 }
 
 #[test]
