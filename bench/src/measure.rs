@@ -56,6 +56,13 @@ impl Effort {
         stretches: 15,
         stretch: Duration::from_millis(1),
     };
+
+    /// One stretch, to find out whether a program still runs; its figures mean nothing.
+    pub const SHORT: Effort = Effort {
+        rounds: 1,
+        stretches: 1,
+        stretch: Duration::from_micros(100),
+    };
 }
 
 /// Measures all subjects in turns and returns the results in their order. Every stretch starts with warm caches.

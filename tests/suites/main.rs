@@ -25,6 +25,7 @@ mod memory;
 mod outcomes;
 mod output;
 mod plans;
+mod programs;
 mod readme;
 mod rt_calls;
 mod services;

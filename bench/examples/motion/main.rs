@@ -26,6 +26,11 @@ $ bench/topp/compare --json target/topp.json                  # where toppra is 
 $ cargo build --profile deploy -p rcc-bench --example motion\n\
 $ chrt -f 10 taskset -c 1 target/deploy/examples/motion --kinematics target/kinematics.json \\\n    --topp target/topp.json\n";
 
+/// Number of states from which new goals are planned.
+const REPLANNED: usize = 200_000;
+/// The same for a single round, which only tries the program.
+const REPLANNED_SHORT: usize = 200;
+
 /// Command-line arguments.
 struct Arguments {
     effort: Effort,
@@ -38,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments = arguments()?;
     let machine = machine::section("Performance of motion", CONSOLE, &arguments.effort)?;
     let cycles = cycles(arguments.effort);
-    let replan = replanning();
+    let replan = replanning(arguments.effort);
     let others = others::section(arguments.kinematics.as_deref())?;
     let optimum = optimum::section(arguments.topp.as_deref())?;
     fs::write(
@@ -62,6 +67,10 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
     };
     let mut given = std::env::args().skip(1);
     while let Some(name) = given.next() {
+        if name == "--short" {
+            arguments.effort = Effort::SHORT;
+            continue;
+        }
         let value = given
             .next()
             .ok_or_else(|| format!("{name} needs a value"))?;
@@ -72,7 +81,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
             "--output" => arguments.output = value.into(),
             _ => {
                 return Err(format!(
-                    "unknown option `{name}`: use --rounds, --kinematics, --topp or --output"
+                    "unknown option `{name}`: use --rounds, --kinematics, --topp, --output or --short"
                 )
                 .into());
             }
@@ -116,16 +125,20 @@ fn cycles(effort: Effort) -> String {
     text
 }
 
-fn replanning() -> String {
+fn replanning(effort: Effort) -> String {
     eprintln!("motion: replanning");
-    let rows = replan::measure().into_iter().map(|spread| {
+    let cases = match effort.rounds {
+        0..=1 => REPLANNED_SHORT,
+        _ => REPLANNED,
+    };
+    let rows = replan::measure(cases).into_iter().map(|spread| {
         let times = spread.ns.map(|ns| ns.to_string());
         [spread.name.to_owned()].into_iter().chain(times).collect()
     });
     format!(
         "## New goals while an arm moves\n\n\
          Seven joints of an LWR 4+, each planned with its limits of velocity, acceleration and jerk (`JointGoal`): the \
-         duration, ns, that this share of 200,000 cases did not exceed, including reading the clock. The last column \
+         duration, ns, that this share of {cases} cases did not exceed, including reading the clock. The last column \
          and most of the one before it are caused by interruptions of the machine, not by the code, in which every \
          loop has a constant bound.\n\n{}",
         table(

@@ -5,17 +5,17 @@ use std::error::Error;
 use std::fmt::Write;
 
 use rcc_bench::instance::cell;
-use rcc_bench::measure::{MeasuredSubject, alternate};
+use rcc_bench::measure::{Effort, MeasuredSubject, alternate};
 use rcc_engine::net::Net;
 use rcc_language::compile_for;
 
 use crate::table::{digits, spread, table};
-use crate::{EFFORT, PERIOD_S, RunningNet, devices};
+use crate::{PERIOD_S, RunningNet, devices};
 
 const SIZE: usize = 500;
 
 /// Returns the section of the page; see the module.
-pub fn section() -> Result<String, Box<dyn Error>> {
+pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     eprintln!("nets: fragments");
     let cases = [
         ("without the fragment", None, false),
@@ -61,7 +61,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
             }
         })
     });
-    let figures = alternate(&mut subjects.collect::<Vec<_>>(), EFFORT);
+    let figures = alternate(&mut subjects.collect::<Vec<_>>(), effort);
     let without = figures.first().map_or(0.0, |figure| figure.median);
     let rows = cases.iter().zip(&figures).map(|((name, ..), figure)| {
         vec![

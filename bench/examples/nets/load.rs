@@ -7,32 +7,30 @@ use std::time::Instant;
 
 use rcc_bench::graph::{Graph, SIZES};
 use rcc_bench::instance::cell;
-use rcc_bench::measure::median;
+use rcc_bench::measure::{Effort, median};
 use rcc_bench::net::net;
 use rcc_language::compile_for;
 
 use crate::table::{digits, table, verdict};
 
-/// Number of times that each text is loaded.
-const ROUNDS: usize = 7;
 /// Texts from this size on, bytes, have a goal for the loading time, ms: well under a second.
 const MEGABYTE: usize = 1_000_000;
 const GOAL_MS: f64 = 500.0;
 const CHAINS: [usize; 6] = [500, 1000, 2000, 4000, 8000, 20_000];
 
 /// Returns the section of the page; see the module.
-pub fn section() -> Result<String, Box<dyn Error>> {
-    let mut rows = Vec::new();
+pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
+    let (mut rows, rounds) = (Vec::new(), effort.rounds);
     for size in CHAINS {
-        rows.push(row(format!("chain of {size}"), size, &chain(size))?);
+        rows.push(row(format!("chain of {size}"), size, &chain(size), rounds)?);
     }
     for size in SIZES {
         let text = net(&Graph::load("full", size)?).text;
-        rows.push(row(format!("mixed graph of {size}"), size, &text)?);
+        rows.push(row(format!("mixed graph of {size}"), size, &text, rounds)?);
     }
     Ok(format!(
         "## Loading\n\n\
-         From the text to the checked plan, fastest and median of {ROUNDS}; the time per primitive shows whether the \
+         From the text to the checked plan, fastest and median of {rounds}; the time per primitive shows whether the \
          loading time grows faster than the text.\n\n{}",
         table(
             &[
@@ -49,10 +47,15 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     ))
 }
 
-fn row(name: String, size: usize, text: &str) -> Result<Vec<String>, Box<dyn Error>> {
+fn row(
+    name: String,
+    size: usize,
+    text: &str,
+    rounds: usize,
+) -> Result<Vec<String>, Box<dyn Error>> {
     eprintln!("nets: loading {name}");
     let mut times = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         let begun = Instant::now();
         let compiled = compile_for(text, "net.yaml", &cell())?;
         let plan = compiled.plan.plan();

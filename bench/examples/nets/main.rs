@@ -1,4 +1,5 @@
-//! Measures typical nets and writes docs/performance-nets.md: `cargo run --profile deploy -p rcc-bench --example nets`. One
+//! Measures typical nets and writes docs/performance-nets.md: `cargo run --profile deploy -p rcc-bench --example nets -- [--output
+//! FILE] [--short]`. One
 //! thread; subjects that are compared are measured in turns in one run.
 
 mod fragment;
@@ -19,7 +20,7 @@ use rcc_core::message::{Joints, Measurement};
 use rcc_engine::net::{Evaluation, Net};
 
 /// Many short stretches: on a busy machine some of them fall between two disturbances.
-const EFFORT: Effort = Effort {
+const USUAL: Effort = Effort {
     rounds: 9,
     stretches: 15,
     stretch: Duration::from_millis(1),
@@ -28,21 +29,29 @@ const EFFORT: Effort = Effort {
 const PERIOD_S: f64 = 1e-3;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let head = head()?;
+    let (mut effort, mut output) = (USUAL, root().join("docs/performance-nets.md"));
+    let mut given = std::env::args().skip(1);
+    while let Some(name) = given.next() {
+        match name.as_str() {
+            "--short" => effort = Effort::SHORT,
+            "--output" => output = given.next().ok_or("--output needs a file")?.into(),
+            _ => return Err(format!("unknown option `{name}`: use --output or --short").into()),
+        }
+    }
+    let head = head(&effort)?;
     let sections = [
-        load::section()?,
-        fragment::section()?,
-        reading::section()?,
-        predecessor::section()?,
+        load::section(effort)?,
+        fragment::section(effort)?,
+        reading::section(effort)?,
+        predecessor::section(effort)?,
     ];
     let text = format!("{head}\n{}", sections.join("\n"));
-    let output = root().join("docs/performance-nets.md");
     std::fs::write(&output, text)?;
     eprintln!("nets: wrote {}", output.display());
     Ok(())
 }
 
-fn head() -> Result<String, Box<dyn Error>> {
+fn head(effort: &Effort) -> Result<String, Box<dyn Error>> {
     let print = |program: &str, arguments: &[&str]| -> Result<String, Box<dyn Error>> {
         let output = Command::new(program).args(arguments).output()?;
         Ok(String::from_utf8(output.stdout)?.trim().to_owned())
@@ -58,9 +67,9 @@ fn head() -> Result<String, Box<dyn Error>> {
         print("git", &["rev-parse", "--short", "HEAD"])?,
         print("rustc", &["--version"])?,
         load.split(' ').next().unwrap_or("unknown"),
-        EFFORT.rounds,
-        EFFORT.stretches,
-        EFFORT.stretch.as_millis(),
+        effort.rounds,
+        effort.stretches,
+        effort.stretch.as_millis(),
     ))
 }
 

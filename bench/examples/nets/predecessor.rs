@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use rcc_bench::measure::{MeasuredSubject, TimeStats, alternate};
+use rcc_bench::measure::{Effort, MeasuredSubject, TimeStats, alternate};
 use rcc_config::CellConfig;
 use rcc_core::message::Joints;
 use rcc_directionet::compiler;
@@ -10,7 +10,7 @@ use rcc_engine::net::Net;
 use rcc_language::devices::DeviceTable;
 
 use crate::table::{digits, spread, table};
-use crate::{EFFORT, PERIOD_S, RunningNet, devices, root};
+use crate::{PERIOD_S, RunningNet, devices, root};
 
 const FOLDER: &str = "tests/data/directionet/flat";
 /// Header lines that map their names to a cell of ours.
@@ -19,7 +19,7 @@ const HEADER: &str = "# devices: io0=io, iiwa=lwr\n# channels: io.InBool.8=door_
 const HOLD: Joints = [0.3, 0.4, 0.0, -1.4, 0.0, 1.1, 0.0, 0.0];
 
 /// Returns the section of the page; see the module.
-pub fn section() -> Result<String, Box<dyn Error>> {
+pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     eprintln!("nets: the predecessor's");
     let cell = CellConfig::load_offline(&root().join("configs/cells/demo.yaml"))?;
     let mut names = Vec::new();
@@ -54,7 +54,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
             }
         })
     });
-    let mut figures = alternate(&mut runs.collect::<Vec<_>>(), EFFORT).into_iter();
+    let mut figures = alternate(&mut runs.collect::<Vec<_>>(), effort).into_iter();
     let rows = names.iter().zip(sizes).map(|(name, (types, primitives))| {
         row(
             name,

@@ -5,7 +5,7 @@ use std::error::Error;
 
 use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
-use rcc_bench::measure::{MeasuredSubject, alternate};
+use rcc_bench::measure::{Effort, MeasuredSubject, alternate};
 use rcc_bench::net::net;
 use rcc_core::plan::ValuePoint;
 use rcc_engine::net::Net;
@@ -13,13 +13,13 @@ use rcc_engine::queue::ValueReading;
 use rcc_language::compile_for;
 
 use crate::table::{digits, spread, table};
-use crate::{EFFORT, PERIOD_S, RunningNet, devices};
+use crate::{PERIOD_S, RunningNet, devices};
 
 /// Numbers of ports that are read; the last is the maximum of one reading.
 const PORTS: [usize; 5] = [0, 1, 10, 100, 1024];
 
 /// Returns the section of the page; see the module.
-pub fn section() -> Result<String, Box<dyn Error>> {
+pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     eprintln!("nets: reading values");
     let text = net(&Graph::load("full", 2000)?).text;
     let compiled = compile_for(&text, "graph.json", &cell())?;
@@ -59,7 +59,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
             }
         })
     });
-    let figures = alternate(&mut runs.collect::<Vec<_>>(), EFFORT);
+    let figures = alternate(&mut runs.collect::<Vec<_>>(), effort);
     let without = figures.first().map_or(0.0, |figure| figure.median);
     let rows = PORTS.iter().zip(&figures).map(|(ports, figure)| {
         vec![

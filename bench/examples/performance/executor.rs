@@ -9,6 +9,8 @@ use rcc_bench::instance::cell;
 use rcc_bench::kernel_nets;
 use rcc_bench::measure::{Effort, MeasuredSubject, alternate};
 use rcc_bench::net::net;
+use rcc_core::kinematics::Arm;
+use rcc_core::pose::Pose;
 use rcc_language::compile_for;
 use rcc_language::devices::{CellDevice, DeviceTable};
 
@@ -16,18 +18,8 @@ use crate::table::{digits, spread, table, verdict};
 
 /// Maximum duration of a cycle with one net of 50 nodes, ns.
 const GOAL_NS: f64 = 1000.0;
-/// A line motion that takes hours, longer than the measurement.
-const LINE: &str = r#"
-net: line
-primitives:
-  stop: {type: Cancel}
-  move: {type: LinearMotion, parameters: {device: arm, to: {xyz: [0.5, 0.1, 0.5], rpy: [0, deg(180), 0]},
-         velocity: 0.0001 m/s, acceleration: 0.5 m/s^2, jerk: 5 m/s^3}, inputs: {stop: stop.requested}}
-  ik: {type: InverseKinematics, parameters: {device: arm}, inputs: {pose: move.pose}}
-  robot: {type: JointPositionCommand, parameters: {device: arm}, inputs: {position: ik.joints}}
-  end: {type: Termination, inputs: {done: move.done}}
-  watch: {type: Monitor, inputs: {value: move.pose}}
-"#;
+/// Length of the line, m. It takes more than an hour, longer than the measurement.
+const LENGTH: f64 = 0.1;
 
 /// Returns the section of the page; see the module.
 pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
@@ -89,6 +81,29 @@ fn with_nets(mix: &str, nets: usize) -> Result<BenchExecutor, Box<dyn Error>> {
     Ok(executor)
 }
 
+/// Returns a net that moves the arm sideways from where it is held, and keeps its orientation: the goal is within the
+/// range of every joint wherever the arm begins.
+fn line(arm: &Arm) -> String {
+    let Pose {
+        position: [x, y, z],
+        orientation: [qx, qy, qz, qw],
+    } = arm.forward(&kernel_nets::HOLD);
+    let y = y + LENGTH;
+    format!(
+        r#"
+net: line
+primitives:
+  stop: {{type: Cancel}}
+  move: {{type: LinearMotion, parameters: {{device: arm, to: {{xyz: [{x}, {y}, {z}], quat: [{qx}, {qy}, {qz}, {qw}]}},
+         velocity: 0.00002 m/s, acceleration: 0.5 m/s^2, jerk: 5 m/s^3}}, inputs: {{stop: stop.requested}}}}
+  ik: {{type: InverseKinematics, parameters: {{device: arm}}, inputs: {{pose: move.pose}}}}
+  robot: {{type: JointPositionCommand, parameters: {{device: arm}}, inputs: {{position: ik.joints}}}}
+  end: {{type: Termination, inputs: {{done: move.done}}}}
+  watch: {{type: Monitor, inputs: {{value: move.pose}}}}
+"#
+    )
+}
+
 fn with_line() -> Result<BenchExecutor, Box<dyn Error>> {
     let device = CellDevice {
         name: "arm".into(),
@@ -103,7 +118,8 @@ fn with_line() -> Result<BenchExecutor, Box<dyn Error>> {
         period_ns: 1_000_000,
         devices: vec![device],
     };
+    let arm = kernel_nets::models()[0].arm.ok_or("no arm")?;
     let mut executor = BenchExecutor::new(table.clone(), kernel_nets::HOLD)?;
-    executor.start(compile_for(LINE, "line.yaml", &table)?.plan)?;
+    executor.start(compile_for(&line(&arm), "line.yaml", &table)?.plan)?;
     Ok(executor)
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use rcc_bench::graph::{Graph, SIZES};
 use rcc_bench::instance::cell;
-use rcc_bench::measure::median;
+use rcc_bench::measure::{Effort, median};
 use rcc_bench::net::net;
 use rcc_config::yaml;
 use rcc_engine::net::Net;
@@ -19,11 +19,11 @@ use rcc_protocol::control::PlanData;
 
 use crate::table::{digits, table};
 
-/// Number of times that each size is loaded.
-const ROUNDS: usize = 7;
 /// Total size of the nets that are created at once to measure their memory, bytes: much more than loading has left free
 /// in the heap.
 const MEASURED: usize = 512 << 20;
+/// The same for a single round, which only tries the program.
+const MEASURED_SHORT: usize = 8 << 20;
 const STAGES: [&str; 6] = [
     "text",
     "net",
@@ -34,12 +34,13 @@ const STAGES: [&str; 6] = [
 ];
 
 /// Returns the section of the page; see the module.
-pub fn section() -> Result<String, Box<dyn Error>> {
+pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     let (mut times, mut memory) = (Vec::new(), Vec::new());
     for size in SIZES {
         eprintln!("performance: loading full_{size}");
         let text = net(&Graph::load("full", size)?).text;
-        let rounds: Result<Vec<_>, _> = (0..ROUNDS).map(|_| stages(&text, &cell())).collect();
+        let rounds: Result<Vec<_>, _> =
+            (0..effort.rounds).map(|_| stages(&text, &cell())).collect();
         let rounds = rounds?;
         let stage = |number: usize| median(rounds.iter().map(|round| round[number]).collect());
         let total: f64 = (0..STAGES.len()).map(stage).sum();
@@ -55,14 +56,15 @@ pub fn section() -> Result<String, Box<dyn Error>> {
             format!("full_{size}"),
             digits(plan_bytes(&plan) as f64 / 1e3),
             digits(arena_bytes(&plan) as f64 / 1e3),
-            digits(measured(&plan)? / 1e3),
+            digits(measured(&plan, effort)? / 1e3),
         ]);
     }
+    let count = effort.rounds;
     let mut head = vec!["net", "text", "all, ms"];
     head.extend(STAGES);
     Ok(format!(
         "## Loading\n\n\
-         ms, medians of {ROUNDS}: *text* to a tree, the tree to a *net*, *names, types, rules*, lowering and sorting to a *plan*, \
+         ms, medians of {count}: *text* to a tree, the tree to a *net*, *names, types, rules*, lowering and sorting to a *plan*, \
          its *check*, and what the *executor* does off its real-time thread (check again, start values, memory).\n\n{}\n\
          Memory of a loaded net, kB: its plan, the arena that a cycle works on, and the growth of the process per net, \
          measured over many nets (a net keeps its plan, which contains the initial arena, beside the working arena).\n\n{}",
@@ -116,8 +118,12 @@ fn plan_bytes(plan: &PlanData) -> usize {
 }
 
 /// Returns the resident memory per net, bytes.
-fn measured(plan: &PlanData) -> Result<f64, Box<dyn Error>> {
-    let count = MEASURED / (plan_bytes(plan) + arena_bytes(plan));
+fn measured(plan: &PlanData, effort: Effort) -> Result<f64, Box<dyn Error>> {
+    let total = match effort.rounds {
+        0..=1 => MEASURED_SHORT,
+        _ => MEASURED,
+    };
+    let count = (total / (plan_bytes(plan) + arena_bytes(plan))).max(1);
     let (models, fingerprint) = (cell().models(), cell().fingerprint);
     let before = resident()?;
     let nets: Result<Vec<_>, _> = (0..count)

@@ -1,5 +1,5 @@
 //! Measures and writes docs/performance.md: `cargo run --profile deploy -p rcc-bench --features straight-line --example
-//! performance -- [--rounds N] [--hal FILE] [--wakeup FILE] [--output FILE]`. The files are written by `bench/hal
+//! performance -- [--rounds N] [--hal FILE] [--wakeup FILE] [--output FILE] [--short]`. The files are written by `bench/hal
 //! --json` and `bench/wakeup --json`; without a file the page says that it was not measured. One thread.
 
 mod executor;
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let graphs = graphs::section(arguments.effort)?;
     let executor = executor::section(arguments.effort)?;
     let primitives = primitives::section(arguments.effort)?;
-    let load = load::section()?;
+    let load = load::section(arguments.effort)?;
     let others = others::section(arguments.hal.as_deref(), arguments.wakeup.as_deref())?;
     let text = [machine, graphs, executor, others, primitives, load].join("\n");
     fs::write(&arguments.output, text)?;
@@ -59,6 +59,10 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
     };
     let mut given = std::env::args().skip(1);
     while let Some(name) = given.next() {
+        if name == "--short" {
+            arguments.effort = Effort::SHORT;
+            continue;
+        }
         let value = given
             .next()
             .ok_or_else(|| format!("{name} needs a value"))?;
@@ -69,7 +73,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
             "--output" => arguments.output = value.into(),
             _ => {
                 return Err(format!(
-                    "unknown option `{name}`: use --rounds, --hal, --wakeup or --output"
+                    "unknown option `{name}`: use --rounds, --hal, --wakeup, --output or --short"
                 )
                 .into());
             }

@@ -9,7 +9,6 @@ use rcc_core::path::MotionLimits;
 use rcc_motion::goal::plan;
 use rcc_testing::{Random, Rng};
 
-const ROUNDS: usize = 200_000;
 const PERIOD_S: f64 = 1e-3;
 
 /// Distribution of the durations of many cases.
@@ -52,12 +51,12 @@ fn state(random: &mut Rng, limits: &MotionLimits) -> AxisState {
     }
 }
 
-/// Runs all measurements, which takes seconds.
+/// Runs all measurements with this number of random cases; 200,000 take seconds.
 #[must_use]
-pub fn measure() -> Vec<TimeQuantiles> {
+pub fn measure(cases: usize) -> Vec<TimeQuantiles> {
     let (mut random, limits) = (Rng::with_seed(7), limits());
-    let mut random_states = Vec::with_capacity(ROUNDS);
-    for _ in 0..ROUNDS {
+    let mut random_states = Vec::with_capacity(cases);
+    for _ in 0..cases {
         let tasks = limits.map(|limits| {
             let from = state(&mut random, &limits);
             (from, random.uniform(-1.0, 1.0), limits)
@@ -68,7 +67,7 @@ pub fn measure() -> Vec<TimeQuantiles> {
             }
         }));
     }
-    let (same, new) = follow(&mut random, &limits);
+    let (same, new) = follow(&mut random, &limits, cases);
     vec![
         spread("planning alone, random states and goals", random_states),
         spread("a cycle on the way to goals as they were", same),
@@ -78,12 +77,12 @@ pub fn measure() -> Vec<TimeQuantiles> {
 
 /// Measures cycles of seven joints with new goals every 20 cycles; returns the durations of cycles without and with new
 /// goals, ns.
-fn follow(random: &mut Rng, limits: &[MotionLimits; 7]) -> (Vec<u64>, Vec<u64>) {
+fn follow(random: &mut Rng, limits: &[MotionLimits; 7], cases: usize) -> (Vec<u64>, Vec<u64>) {
     let mut joints = limits.map(|_| AxisFollower::at_rest(0.0));
     let mut words = joints.map(|joint| joint.words());
     let (mut same, mut other) = (Vec::new(), Vec::new());
     let mut goals = [0.5; 7];
-    for cycle in 0..ROUNDS {
+    for cycle in 0..cases {
         let new = cycle % 20 == 0;
         if new {
             goals = goals.map(|_| random.uniform(-1.0, 1.0));
