@@ -4,7 +4,7 @@ use rcc_language::structure::{NetStructure, PortInfo, PrimitiveInfo, PrimitiveRo
 
 use super::layout::{LayerConstraint, NodeShape};
 use super::text::{fit, lines, width};
-use super::{PortValues, constant, is_label, links, shown};
+use super::{PortValues, constant, constants, drawn_role, is_label, links, shown};
 
 /// Font size of ids.
 pub const ID_SIZE: f64 = 13.0;
@@ -199,7 +199,7 @@ fn primitive_box(
             Some(device) => format!("{} · {device}", part.type_name),
             None => part.type_name.to_owned(),
         },
-        role: part.role,
+        role: drawn_role(part),
         parameters: parameters(net, part),
         inputs: inputs.collect(),
         outputs: outputs.collect(),
@@ -218,15 +218,11 @@ fn primitive_box(
 }
 
 fn input(net: &NetStructure, port: usize, pin: &PortInfo, value: Option<String>) -> PortLabel {
-    let constants: Vec<String> = pin
-        .sources
-        .iter()
-        .filter_map(|source| match source {
-            SourceInfo::Constant(value) | SourceInfo::Default(value) => Some(value.clone()),
-            SourceInfo::Link(link) => constant(net, link),
-        })
-        .collect();
-    let linked = constants.len() < pin.sources.len();
+    let is_constant = |source: &SourceInfo| match source {
+        SourceInfo::Constant(_) | SourceInfo::Default(_) => true,
+        SourceInfo::Link(link) => constant(net, link).is_some(),
+    };
+    let linked = !pin.sources.iter().all(is_constant);
     let first = pin.sources.iter().find_map(|source| match source {
         SourceInfo::Link(link) if link.delayed => Some(link.initial.as_deref().unwrap_or("null")),
         _ => None,
@@ -234,10 +230,9 @@ fn input(net: &NetStructure, port: usize, pin: &PortInfo, value: Option<String>)
     let kind = kind(pin);
     PortLabel {
         port,
-        name: match (linked, constants.as_slice()) {
-            (false, [constant]) => format!("{} = {constant}", pin.name),
-            (false, constants) => format!("{} = [{}]", pin.name, constants.join(", ")),
-            (true, _) => pin.name.to_string(),
+        name: match constants(net, pin) {
+            Some(constants) => format!("{} = {constants}", pin.name),
+            None => pin.name.to_string(),
         },
         small: match (value, first) {
             (Some(value), _) if linked => value,

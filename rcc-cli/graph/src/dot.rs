@@ -3,9 +3,9 @@
 
 use std::fmt::Write as _;
 
-use rcc_language::structure::{NetStructure, PortInfo, PrimitiveInfo, PrimitiveRole, SourceInfo};
+use rcc_language::structure::{NetStructure, PortInfo, PrimitiveInfo, PrimitiveRole};
 
-use super::{PortValues, constant, frame_title, links};
+use super::{PortValues, constant, constants, drawn_role, frame_title, links};
 
 /// Returns the DOT source of a net.
 #[must_use]
@@ -91,7 +91,7 @@ fn node(
     let device = part.device.as_ref().map(|device| format!(" · {device}"));
     let mut rows = format!(
         "<TR><TD COLSPAN=\"2\" BGCOLOR=\"{}\"><B>{}</B><BR/>{}</TD></TR>",
-        colour(part.role),
+        colour(drawn_role(part)),
         html(&part.id),
         html(&format!("{}{}", part.type_name, device.unwrap_or_default()))
     );
@@ -144,18 +144,10 @@ fn kind(pin: &PortInfo) -> String {
 
 /// Returns the text of an input: constants with their values, links with name and type.
 fn input(net: &NetStructure, pin: &PortInfo, value: Option<String>) -> String {
-    let constants: Vec<String> = pin
-        .sources
-        .iter()
-        .filter_map(|source| match source {
-            SourceInfo::Constant(value) | SourceInfo::Default(value) => Some(value.clone()),
-            SourceInfo::Link(link) => constant(net, link),
-        })
-        .collect();
-    match (constants.len() == pin.sources.len(), value) {
-        (true, _) => format!("{} = {}", pin.name, constants.join(", ")),
-        (false, Some(value)) => format!("{} {value}", pin.name),
-        (false, None) => format!("{} {}", pin.name, kind(pin)),
+    match (constants(net, pin), value) {
+        (Some(constants), _) => format!("{} = {constants}", pin.name),
+        (None, Some(value)) => format!("{} {value}", pin.name),
+        (None, None) => format!("{} {}", pin.name, kind(pin)),
     }
 }
 

@@ -12,7 +12,9 @@ pub mod text;
 
 use std::collections::BTreeMap;
 
-use rcc_language::structure::{LinkInfo, NetStructure, PrimitiveInfo, PrimitiveRole, SourceInfo};
+use rcc_language::structure::{
+    LinkInfo, NetStructure, PortInfo, PrimitiveInfo, PrimitiveRole, SourceInfo,
+};
 
 /// Values of a running net, as text, by `primitive.port`.
 pub type PortValues = BTreeMap<String, String>;
@@ -65,6 +67,15 @@ pub fn shown<'n>(net: &'n NetStructure, part: &'n PrimitiveInfo) -> Option<&'n L
     }
 }
 
+/// Returns the role that gives a box its colour: goals, which may change in any cycle, move like motions along a path.
+#[must_use]
+pub fn drawn_role(part: &PrimitiveInfo) -> PrimitiveRole {
+    match part.role {
+        PrimitiveRole::Plain if part.type_name.ends_with("Goal") => PrimitiveRole::Moves,
+        role => role,
+    }
+}
+
 /// Returns the title of an instance's frame: its name, and its condition if it is not always active.
 #[must_use]
 pub fn frame_title(net: &NetStructure, path: &str) -> String {
@@ -84,4 +95,26 @@ pub fn constant(net: &NetStructure, link: &LinkInfo) -> Option<String> {
         .first()
         .filter(|_| part.role == PrimitiveRole::Constant)?;
     Some(format!("{value} ({})", part.id))
+}
+
+/// Returns the constants of an input as text: `2 s`, or `[0.1, ·, 0.3]` for a list in which `·` is a link. `None` if it
+/// reads links only.
+#[must_use]
+pub fn constants(net: &NetStructure, pin: &PortInfo) -> Option<String> {
+    let values: Vec<Option<String>> = pin
+        .sources
+        .iter()
+        .map(|source| match source {
+            SourceInfo::Constant(value) | SourceInfo::Default(value) => Some(value.clone()),
+            SourceInfo::Link(link) => constant(net, link),
+        })
+        .collect();
+    match values.as_slice() {
+        [single] => single.clone(),
+        list if list.iter().any(Option::is_some) => {
+            let shown = list.iter().map(|value| value.as_deref().unwrap_or("·"));
+            Some(format!("[{}]", shown.collect::<Vec<_>>().join(", ")))
+        }
+        _ => None,
+    }
 }

@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use rcc_language::structure::{NetStructure, PrimitiveRole, SourceInfo};
+use rcc_language::structure::{NetStructure, PrimitiveRole};
 
-use super::{PortValues, constant, frame_title, links};
+use super::{PortValues, constant, constants, drawn_role, frame_title, links};
 
 /// Returns the Mermaid source of a net.
 #[must_use]
@@ -45,7 +45,7 @@ pub fn mermaid(net: &NetStructure, values: Option<&PortValues>) -> String {
         if net
             .primitives
             .iter()
-            .any(|part| name(part.role) == Some(class))
+            .any(|part| name(drawn_role(part)) == Some(class))
         {
             let _ = writeln!(out, "  classDef {class} {colours}");
         }
@@ -111,20 +111,15 @@ fn node(out: &mut String, net: &NetStructure, number: usize) {
         escaped(&device)
     );
     for pin in &part.inputs {
-        let constants = pin.sources.iter().filter_map(|source| match source {
-            SourceInfo::Constant(value) | SourceInfo::Default(value) => Some(value.clone()),
-            SourceInfo::Link(link) => constant(net, link),
-        });
-        let constants: Vec<String> = constants.collect();
-        if constants.len() == pin.sources.len() {
+        if let Some(constants) = constants(net, pin) {
             let _ = write!(
                 label,
                 "<br/>{}",
-                escaped(&format!("{} = {}", pin.name, constants.join(", ")))
+                escaped(&format!("{} = {constants}", pin.name))
             );
         }
     }
-    let class = name(part.role).map_or_else(String::new, |class| format!(":::{class}"));
+    let class = name(drawn_role(part)).map_or_else(String::new, |class| format!(":::{class}"));
     let _ = writeln!(out, "  n{number}[\"{label}\"]{class}");
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use rcc_config::CellConfig;
 use rcc_graph::layout::PlanePoint;
 use rcc_graph::scene::{NetScene, scene};
-use rcc_graph::{dot::dot, is_label, links, mermaid::mermaid, shown, svg::svg};
+use rcc_graph::{dot::dot, drawn_role, is_label, links, mermaid::mermaid, shown, svg::svg};
 use rcc_language::Compiler;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::FileLibraries;
@@ -252,6 +252,38 @@ fn a_net_with_too_many_boxes_is_refused() {
     let net = structure(&text, "large");
     assert_eq!(scene(&net, None).map_err(|many| many.boxes), Err(502));
     assert_eq!(dot(&net, None).matches(" -> ").count(), 501);
+}
+
+#[test]
+fn goals_have_the_colour_of_motions_and_lists_show_their_constants() {
+    let text = "net: choose
+primitives:
+  share: {type: AnalogInput, parameters: {device: lwr, channel: wire_speed_measured}}
+  pick:  {type: Multiplexer, inputs: {index: 1, in: [1 m/s, share.out, 2 m/s]}}
+  watch: {type: Monitor, inputs: {value: pick.out}}
+  state: {type: JointState, parameters: {device: lwr}}
+  goal:  {type: JointGoal, parameters: {device: lwr}, inputs: {goal: state.position}}
+  robot: {type: JointPositionCommand, parameters: {device: lwr}, inputs: {position: goal.position}}
+  end:   {type: Termination, inputs: {done: goal.done}}
+";
+    let net = structure(text, "choose");
+    let goal = net
+        .primitives
+        .iter()
+        .find(|part| part.id == "goal")
+        .unwrap();
+    assert_eq!(drawn_role(goal), PrimitiveRole::Moves);
+    let text = mermaid(&net, None);
+    let line = text.lines().find(|line| line.contains("JointGoal"));
+    assert!(
+        line.is_some_and(|line| line.ends_with(":::moves")),
+        "{text}"
+    );
+    for drawn in [dot(&net, None), text] {
+        assert!(drawn.contains("1 m/s, ·, 2 m/s"), "{drawn}");
+    }
+    let drawn = svg(&net, &scene(&net, None).unwrap());
+    assert!(drawn.contains("1 m/s, ·"), "{drawn}");
 }
 
 const NESTED: &str = "net: nested
