@@ -105,11 +105,13 @@ pub fn cell_failure(error: &rcc_ipc::CellError) -> Failure {
     let code = match error {
         CellError::NotOurs { .. } | CellError::Writable { .. } => codes::NOT_PERMITTED,
         CellError::BadName { .. } | CellError::PathTooLong { .. } => codes::BAD_REQUEST,
-        CellError::Folder { source, .. } if source.kind() == io::ErrorKind::PermissionDenied => {
+        CellError::Folder { source, .. } | CellError::State { source, .. }
+            if source.kind() == io::ErrorKind::PermissionDenied =>
+        {
             codes::NOT_PERMITTED
         }
         CellError::MadeAnew { .. } => codes::CELL_LIVES,
-        CellError::Folder { .. } => codes::PROCESS_FAILED,
+        CellError::Folder { .. } | CellError::State { .. } => codes::PROCESS_FAILED,
     };
     Failure::new(code, error.to_string(), "")
 }

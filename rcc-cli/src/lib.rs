@@ -11,6 +11,7 @@ pub mod csv;
 pub mod demo;
 pub mod doctor;
 pub mod duration;
+pub mod evidence;
 pub mod failure;
 pub mod follow;
 pub mod identify;

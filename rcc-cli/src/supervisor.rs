@@ -1,7 +1,8 @@
 //! Supervisor of a cell in development: starts its processes, restarts dead ones (never a motion), and ends all of them
-//! without leaving a process or a file behind. Run by one thread; the children die with that thread.
+//! without leaving a process or a file behind, except for the evidence in the state folder. Run by one thread; the children die with that thread.
 
 pub mod child;
+mod logs;
 pub mod notify;
 pub mod paths;
 pub mod policy;
@@ -79,7 +80,6 @@ pub struct Supervisor {
     /// Processes that have failed permanently, with their causes and remedies.
     failures: Vec<(String, String)>,
     executor_failed: bool,
-    logs: PathBuf,
     // Held until the end, so that a second supervisor of this cell is refused.
     presence: Announced,
 }
@@ -99,15 +99,15 @@ impl Supervisor {
         paths::program("rcc-janitor")?;
         let cell = Cell::new(name).map_err(|error| cell_failure(&error))?;
         let presence = claim(&cell, &prepared.config)?;
-        let logs = cell.runtime_dir().join("logs");
-        let client = set_up(&cell, &prepared, &logs).inspect_err(|_| {
+        let (client, logs) = set_up(&cell, &prepared).inspect_err(|_| {
             // Removes our own files; what remains, the next `up` removes.
-            let _ = std::fs::remove_dir_all(&logs);
             let _ = ownership::release(&cell, &presence);
         })?;
+        let sockets = cell.supervisor_dir();
         let supervision = &prepared.config.supervision;
         let children = specs.into_iter().enumerate();
-        let children = children.map(|(number, spec)| Child::new(spec, number, supervision, &logs));
+        let children =
+            children.map(|(number, spec)| Child::new(spec, number, supervision, [&logs, &sockets]));
         let files = FileWatch::new(prepared.config.clone(), prepared.ports.clone());
         let mut supervisor = Supervisor {
             children: children.collect(),
@@ -125,7 +125,6 @@ impl Supervisor {
             polled_at: Instant::now(),
             failures: Vec::new(),
             executor_failed: false,
-            logs,
             presence,
         };
         supervisor.poll();
@@ -235,12 +234,6 @@ impl Supervisor {
                 .filter_map(|child| child.notifications.as_mut());
             sockets.for_each(notify::NotifySocket::reset_watchdog);
         }
-    }
-
-    /// Returns the folder for logs and other files that are removed with the cell.
-    #[must_use]
-    pub fn logs(&self) -> &std::path::Path {
-        &self.logs
     }
 
     /// Returns the process id of a child, by its name.
@@ -469,19 +462,27 @@ impl Supervisor {
     }
 }
 
-/// Creates the files that the processes of a cell expect.
-fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<LoaderClient, Failure> {
+/// Creates the files that the processes of a cell expect; returns a client of the loader and the folder of their logs.
+fn set_up(cell: &Cell, prepared: &PreparedCell) -> Result<(LoaderClient, PathBuf), Failure> {
     shm_space::require(CELL_SHM_BYTES + DEVICE_SHM_BYTES * prepared.config.devices.len() as u64)
         .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
-    std::fs::DirBuilder::new()
-        .recursive(true)
-        .mode(0o700)
-        .create(logs)
-        .map_err(|error| Failure::unreadable(&logs.display().to_string(), &error))?;
+    let recorder = &prepared.config.recorder;
+    cell.make_state(recorder.folder.as_deref())
+        .map_err(|error| cell_failure(&error))?;
+    let logs = logs::begin_run(&cell.state(), recorder.keep)?;
+    let sockets = cell.supervisor_dir();
+    private_folder(&sockets)
+        .map_err(|error| Failure::unreadable(&sockets.display().to_string(), &error))?;
     let config = prepared.path.display().to_string();
     events::begin_log(cell, &config, &prepared.ports);
     running::write(cell, prepared)?;
-    LoaderClient::new(cell.name(), &cell.socket(), ANSWER_TIMEOUT)
+    let client = LoaderClient::new(cell.name(), &cell.socket(), ANSWER_TIMEOUT)?;
+    Ok((client, logs))
+}
+
+fn private_folder(path: &Path) -> std::io::Result<()> {
+    let mut folder = std::fs::DirBuilder::new();
+    folder.recursive(true).mode(0o700).create(path)
 }
 
 /// Claims the cell for this process unless somebody else has it; then nothing is changed.

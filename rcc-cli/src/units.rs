@@ -135,11 +135,12 @@ impl CellUnits<'_> {
     fn executor(&self) -> UnitFile {
         let executor = &self.config.executor;
         let service = format!(
-            "{}{}LimitRTPRIO={}\n{}",
+            "{}{}LimitRTPRIO={}\n{}{}",
             self.environment(""),
             times(&self.config.supervision, NETS_END_MS),
             executor.priority,
             self.affinity(),
+            self.state_folder(),
         );
         let unit = format!("rcc-executor@{}.service", self.cell);
         self.file(
@@ -150,10 +151,11 @@ impl CellUnits<'_> {
 
     fn loader(&self) -> UnitFile {
         let service = format!(
-            "{}{}{}{}",
+            "{}{}{}{}{}",
             self.environment(""),
             times(&self.config.supervision, 0),
             self.affinity(),
+            self.state_folder(),
             listeners(&self.config.access),
         );
         let unit = format!("rcc-loader@{}.service", self.cell);
@@ -182,10 +184,11 @@ impl CellUnits<'_> {
             }
         );
         let service = format!(
-            "{}{}LimitRTPRIO={priority}\n{}{}",
+            "{}{}LimitRTPRIO={priority}\n{}{}{}",
             self.environment(&more),
             times(&self.config.supervision, 0),
             self.affinity(),
+            self.state_folder(),
             addresses::allowed(&device.settings),
         );
         let unit = format!("rcc-driver@{cell}.{}.service", device.name);
@@ -252,6 +255,16 @@ impl CellUnits<'_> {
             false => format!(" \"RCC_PORTS={}\"", ports.join(",")),
         };
         format!("Environment={path}{more}{ports}\n")
+    }
+
+    /// Makes the folder that the configuration names for event log and incidents writable.
+    fn state_folder(&self) -> String {
+        let folder = self.config.recorder.folder.as_ref();
+        folder.map_or(String::new(), |folder| {
+            // If it does not exist, the programs say so, with the remedy.
+            let path = quoted(&format!("-{}", folder.display()));
+            format!("ReadWritePaths={path}\n")
+        })
     }
 
     fn affinity(&self) -> String {

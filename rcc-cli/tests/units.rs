@@ -296,3 +296,31 @@ fn the_unit_of_a_removed_device_is_removed() {
         .collect();
     assert!(left.is_empty(), "{left:?}");
 }
+
+#[test]
+fn services_keep_their_evidence_and_a_configured_folder_is_writable() {
+    let root = Root::new();
+    let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
+    let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/robots");
+    let robots = robots.canonicalize().unwrap();
+    let text = fs::read_to_string(demo).unwrap();
+    let text = text.replace("../robots", robots.to_str().unwrap());
+    let config = root.0.path().join("cell.yaml");
+    fs::write(&config, text + "\nrecorder: {folder: /data/my rcc}\n").unwrap();
+    succeeds(&root.install(config.to_str().unwrap(), &DEMO));
+    let files = root.files();
+    for unit in ["executor@", "loader@", "driver@"] {
+        let shipped = &files[&format!("etc/systemd/system/rcc-{unit}.service")];
+        assert!(shipped.contains("\nStateDirectory=rcc\n"), "{shipped}");
+    }
+    for unit in [
+        "executor@demo",
+        "loader@demo",
+        "driver@demo.lwr",
+        "driver@demo.io",
+    ] {
+        let drop_in = &files[&format!("etc/systemd/system/rcc-{unit}.service.d/50-cell.conf")];
+        let writable = "\nReadWritePaths=\"-/data/my rcc\"\n";
+        assert!(drop_in.contains(writable), "{drop_in}");
+    }
+}

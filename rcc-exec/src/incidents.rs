@@ -29,6 +29,8 @@ use tracing::{info, warn};
 
 /// Interval at which the thread checks for a frozen recording.
 const POLL_EVERY: Duration = Duration::from_millis(20);
+/// Interval at which the size of the evidence is checked, besides after each incident: logs grow, too.
+const KEEP_EVERY: Duration = Duration::from_secs(60);
 /// Interval at which unneeded plans are dropped.
 const PRUNE_EVERY: Duration = Duration::from_secs(1);
 /// Maximum number of plans of unloaded commands. They are kept as long as a recording may contain them, but never more
@@ -116,7 +118,7 @@ pub struct IncidentContext {
     pub devices: Vec<String>,
     /// Their models.
     pub models: Vec<DeviceModel>,
-    /// Configuration of the flight recorder: what it keeps, and the folder of its files.
+    /// Configuration of the flight recorder: what it records and what is kept.
     pub recorder: rcc_config::RecorderConfig,
 }
 
@@ -151,10 +153,7 @@ impl IncidentWriter {
         helper: FlightRecorderHelper,
     ) -> (IncidentWriter, Sender<PreparedNet>, RecordingResults) {
         let (sender, prepared) = channel();
-        let folder = context.recorder.folder.clone();
-        // Several cells may share one folder: each has a subfolder in it.
-        let folder = folder.map(|folder| folder.join(context.cell.name()));
-        let folder = folder.unwrap_or_else(|| context.cell.incidents_dir());
+        let folder = context.cell.state().incidents_dir();
         let incident_writer = IncidentWriter {
             context,
             folder,
@@ -179,6 +178,8 @@ impl IncidentWriter {
     /// Runs until it is asked to end; recordings frozen by then are still written.
     pub fn run(mut self, helper: &Helper) {
         self.remove_partial_files();
+        self.remove_oldest();
+        let mut kept_at = Instant::now();
         while !helper.is_over() {
             helper.turn();
             match self.prepared.recv_timeout(POLL_EVERY) {
@@ -192,8 +193,29 @@ impl IncidentWriter {
                 self.prune_plans();
             }
             self.write_pending(helper);
+            if kept_at.elapsed() > KEEP_EVERY {
+                kept_at = Instant::now();
+                self.remove_oldest();
+            }
         }
         self.write_pending(helper);
+    }
+
+    /// Removes the oldest evidence beyond the configured size.
+    fn remove_oldest(&self) {
+        let is_incident = |path: &Path| writer_of(path).is_some();
+        let keep = self.context.recorder.keep;
+        match self.context.cell.state().remove_oldest(keep, is_incident) {
+            Ok(removed) => {
+                for path in removed {
+                    info!(
+                        "removed, because more than `keep` was kept: {}",
+                        path.display()
+                    );
+                }
+            }
+            Err(error) => warn!("cannot remove the oldest files of the state folder: {error}"),
+        }
     }
 
     fn keep_plan(&mut self, (id, origin): PreparedNet) {
@@ -314,7 +336,6 @@ impl IncidentWriter {
     ) -> io::Result<PathBuf> {
         let mut folder = DirBuilder::new();
         folder.recursive(true).mode(0o700).create(&self.folder)?;
-        self.link_to_folder()?;
         self.make_room()?;
         let wanted = |plan: &&KeptPlan| head.nets.contains(&plan.id);
         let plans: Vec<&KeptPlan> = self.plans.iter().filter(wanted).collect();
@@ -353,16 +374,8 @@ impl IncidentWriter {
             return Err(error);
         }
         File::open(&self.folder)?.sync_all()?;
+        self.remove_oldest();
         Ok(path)
-    }
-
-    /// Links the configured folder into the cell's runtime folder, where programs look for incidents.
-    fn link_to_folder(&self) -> io::Result<()> {
-        let link_to_folder = self.context.cell.incidents_dir();
-        if self.folder == link_to_folder || link_to_folder.exists() {
-            return Ok(());
-        }
-        std::os::unix::fs::symlink(&self.folder, link_to_folder)
     }
 
     /// Removes incomplete files whose writer is dead: an executor that was killed while writing.

@@ -69,6 +69,7 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let signals = Stop::prepare(arguments.parent_death)?;
     let config = &arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
+    cell.make_state(config.recorder.folder.as_deref())?;
     let costs = costs();
     let session = Session::join(&cell, Role::Executor, EXECUTOR_LABEL)?;
     let mut grants = Grants::default();

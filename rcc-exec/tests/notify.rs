@@ -62,6 +62,7 @@ impl SupervisedExecutor {
             .env("RCC_CONFIG", config)
             .env("RCC_PORTS", "fri=1,io=3")
             .env("RCC_RUNTIME_DIR", &folder)
+            .env("RCC_STATE_DIR", folder.join("state"))
             .env("NOTIFY_SOCKET", path)
             .env("WATCHDOG_USEC", WATCHDOG.as_micros().to_string())
             .stderr(Stdio::piped());
@@ -128,7 +129,7 @@ impl SupervisedExecutor {
     }
 
     fn events(&self) -> String {
-        fs::read_to_string(self.folder.join("demo/events.jsonl")).unwrap_or_default()
+        fs::read_to_string(self.folder.join("state/cells/demo/events.jsonl")).unwrap_or_default()
     }
 
     /// Asserts that no heartbeat arrives for the watchdog's time.
@@ -310,7 +311,7 @@ fn incomplete_incidents_of_dead_executors_are_removed_at_the_start() {
         "halves",
         |text| format!("{text}\nrecorder: {{folder: {folder}}}\n"),
         |_, _| {
-            incidents = path.join("demo");
+            incidents = path.join("demo/incidents");
             fs::create_dir_all(&incidents).unwrap();
             for name in gone.iter().chain(&stay) {
                 fs::write(incidents.join(name), "half").unwrap();

@@ -70,6 +70,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     }
     let config = arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
+    cell.make_state(config.recorder.folder.as_deref())?;
     let session = Session::join(&cell, Role::Loader, "loader")?;
     // Announce first, because only one process can hold the announcement; then open the socket.
     let helpers = Helpers::default();

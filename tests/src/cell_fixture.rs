@@ -65,7 +65,8 @@ impl CellFixture {
         let config = base.join("cell.yaml");
         fs::write(&config, text).expect("the configuration can be written");
         CellFixture {
-            cell: Cell::at(NAME, &base.join(NAME)).expect("a short path"),
+            cell: Cell::in_folders(NAME, &base.join(NAME), base.join("state/cells").join(NAME))
+                .expect("a short path"),
             base,
             config,
             ports,
@@ -88,6 +89,11 @@ impl CellFixture {
         &self.base
     }
 
+    /// Returns the folder for what outlives the cell (`RCC_STATE_DIR`).
+    pub fn state_dir(&self) -> PathBuf {
+        self.base.join("state")
+    }
+
     /// Returns the number of a named port of the configuration.
     pub fn port(&self, name: &str) -> u16 {
         self.ports[name]
@@ -104,6 +110,7 @@ impl CellFixture {
         command
             .args(["--cell", NAME])
             .env("RCC_RUNTIME_DIR", &self.base)
+            .env("RCC_STATE_DIR", self.state_dir())
             .env("NO_COLOR", "1")
             .stdin(Stdio::null());
         command
@@ -285,7 +292,11 @@ impl CellFixture {
     /// Returns the last 30 lines of each log of the cell.
     pub fn logs(&self) -> String {
         let mut text = String::new();
-        for folder in [self.base.clone(), self.cell.runtime_dir().join("logs")] {
+        let runs = fs::read_dir(self.cell.state().logs_dir())
+            .into_iter()
+            .flatten();
+        let newest = runs.flatten().map(|entry| entry.path()).max();
+        for folder in std::iter::once(self.base.clone()).chain(newest) {
             let entries = fs::read_dir(folder).into_iter().flatten().flatten();
             let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
             paths.sort();

@@ -101,15 +101,12 @@ impl Census {
     }
 }
 
-/// Files of the runtime folder, without what grows or comes by design and is bounded: logs, the event log, incident files,
-/// and what each driver knows about its device, which it writes once a second.
+/// Files of the runtime folder, without what comes and goes by design: the sockets of `rcc-cli up`, and what each driver
+/// knows about its device, which it writes once a second.
 pub fn runtime_files(folder: &Path) -> u64 {
     let by_design = |path: &Path| {
         let below = path.strip_prefix(folder).unwrap_or(path);
-        below.starts_with("logs")
-            || below.starts_with("incidents")
-            || below.starts_with("drivers")
-            || below.to_string_lossy().starts_with("events.")
+        below.starts_with("up") || below.starts_with("drivers")
     };
     let files = files_below(folder);
     files.iter().filter(|path| !by_design(path)).count() as u64

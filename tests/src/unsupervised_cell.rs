@@ -62,7 +62,8 @@ impl UnsupervisedCell {
             .args(&simulator.arguments)
             .arg("--control")
             .arg(self.cell().simulator_socket(name))
-            .env("RCC_RUNTIME_DIR", self.folder());
+            .env("RCC_RUNTIME_DIR", self.folder())
+            .env("RCC_STATE_DIR", self.state_dir());
         self.spawn(name, command);
     }
 

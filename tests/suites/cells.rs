@@ -115,10 +115,10 @@ fn a_dead_cell_is_cleaned_by_the_next_up() {
 fn ctrl_c_in_motion_cancels_waits_for_rest_and_leaves_nothing() {
     let demo = repository().join("configs/cells/demo.yaml");
     let cell = TestCell::start(&demo, |text| text);
-    // Below the folder of the simulator's socket; it is removed together with the logs.
-    let trace = cell.cell().runtime_dir().join("logs/trace.csv");
+    // Below the folder of the simulator's socket; it is removed with the cell.
+    let trace = cell.cell().runtime_dir().join("up/trace.csv");
     let mut arm = cell.simulator("lwr-sim");
-    let answer = arm.ask(&serde_json::json!({"trace": {"path": "logs/trace.csv"}}));
+    let answer = arm.ask(&serde_json::json!({"trace": {"path": "up/trace.csv"}}));
     assert_eq!(answer["ok"], true, "{answer}");
     cell.run(&nets::line("line", 0.2, 0.1));
     cell.run(&nets::lamp("lamp"));
@@ -201,6 +201,7 @@ fn too_little_shared_memory_is_refused_before_anything_is_created() {
         .args(["--cell", "test", "up"])
         .arg(place.config())
         .env("RCC_RUNTIME_DIR", place.folder())
+        .env("RCC_STATE_DIR", place.state_dir())
         .output()
         .expect("unshare runs");
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -223,6 +224,7 @@ fn too_little_shared_memory_is_refused_before_anything_is_created() {
         .args(["--cell", "test", "--config"])
         .arg(place.config())
         .env("RCC_RUNTIME_DIR", place.folder())
+        .env("RCC_STATE_DIR", place.state_dir())
         .output()
         .expect("unshare runs");
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -63,7 +63,9 @@ fn assert_not_started(place: &CellFixture, id: u64, code: &str) {
 
 /// Returns each reported mismatch of configurations in the event log: the role that reports it, and the other process.
 fn mismatch_reports(place: &CellFixture) -> Vec<(EventOrigin, String)> {
-    let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
+    let events: Vec<Event> = EventReader::open(&place.cell().state())
+        .poll()
+        .expect("the log");
     let reports = events.into_iter().filter_map(|event| match event.what {
         EventKind::ConfigurationMismatch { process, .. } => Some((event.source.role, process)),
         _ => None,
@@ -216,7 +218,9 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     let before = cell.load(&nets::lamp("before"));
     swap_lamp_and_clamp(&cell);
     await_some("the loader to report the changed file", || {
-        let events = EventReader::open(cell.cell()).poll().expect("the log");
+        let events = EventReader::open(&cell.cell().state())
+            .poll()
+            .expect("the log");
         let reported = events.into_iter().any(|event| {
             matches!(event.what, EventKind::ConfigurationChanged { differs, .. } if differs == "io: channels lamp, clamp")
         });
@@ -302,7 +306,9 @@ fn assert_names_builds(words: &str) {
 /// Waits until a process reports that another one comes from another build; returns the sentence.
 fn await_other_build(place: &CellFixture, reporter: EventOrigin, of: &str) -> String {
     await_some(&format!("{reporter:?} to report {of}"), || {
-        let events: Vec<Event> = EventReader::open(place.cell()).poll().expect("the log");
+        let events: Vec<Event> = EventReader::open(&place.cell().state())
+            .poll()
+            .expect("the log");
         events.into_iter().find_map(|event| match &event.what {
             EventKind::BuildMismatch { process, .. }
                 if event.source.role == reporter && process == of =>

@@ -31,6 +31,7 @@ fn report(place: &CellFixture, exit: i32) -> Value {
     let file = place.config().to_str().expect("plain").to_owned();
     let output = Command::new(program("rcc-cli"))
         .env("RCC_RUNTIME_DIR", place.folder())
+        .env("RCC_STATE_DIR", place.state_dir())
         .env_remove("RCC_CELL")
         .stdin(Stdio::null())
         .args(["--cell", &file, "--output", "json", "doctor", "fri", "lwr"])

@@ -132,15 +132,15 @@ fn a_cell_without_a_recorder_refuses_to_record() {
 
 #[test]
 fn a_recording_that_cannot_be_written_is_an_error() {
-    let cell = TestCell::changed(|text| {
-        // Nobody can create a folder below a file, not even root.
-        format!("{text}\nrecorder: {{folder: /proc/version/incidents}}\n")
-    });
+    let cell = TestCell::demo();
+    // A file in its place: nobody can create a folder there, not even root.
+    let blocked = cell.cell().state().incidents_dir();
+    fs::write(&blocked, "").expect("a file");
     let reply = cell.rest("POST", "/incidents", "");
     assert_eq!(reply.status, 500, "{:?}", reply.body);
     assert_eq!(reply.body["code"], "RCC4008", "{:?}", reply.body);
     let words = reply.body["message"].as_str().unwrap_or_default();
-    assert!(words.contains("/proc/version/incidents"), "{words}");
+    assert!(words.contains(&blocked.display().to_string()), "{words}");
     cell.stop();
 
     let cell = TestCell::demo();

@@ -15,6 +15,7 @@ mod endurance;
 mod errors_at_start;
 mod errors_in_motion;
 mod events;
+mod evidence;
 mod examples;
 mod flood;
 mod handover;

@@ -1,7 +1,7 @@
 //! A cell has exactly one supervisor, however many are started at the same moment, and whatever an earlier one left
 //! behind. Each test has a cell of its own.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::process::{Child, Stdio};
 
 use nix::sys::signal::Signal;
@@ -94,9 +94,12 @@ fn assert_whole(place: &CellFixture) {
         );
     }
     let cell = place.cell();
-    assert!(cell.running_file().is_file() && cell.events_file().is_file());
-    let logs = cell.runtime_dir().join("logs");
-    assert!(logs.join("executor.log").is_file(), "{}", place.logs());
+    assert!(cell.running_file().is_file() && cell.state().events_file().is_file());
+    let runs = fs::read_dir(cell.state().logs_dir())
+        .expect("logs")
+        .flatten();
+    let newest = runs.map(|entry| entry.path()).max().expect("logs of a run");
+    assert!(newest.join("executor.log").is_file(), "{}", place.logs());
 }
 
 fn end(mut winner: Child, place: &CellFixture) {

@@ -67,7 +67,7 @@ impl DemoRunner<'_> {
     ) -> Result<NetRun, Failure> {
         let late = self.late()?;
         self.wait_until_ready()?;
-        let path = self.supervisor.logs().join("trace.csv");
+        let path = self.supervisor.cell.supervisor_dir().join("trace.csv");
         let trace = self
             .simulator
             .begin_trace(&path)

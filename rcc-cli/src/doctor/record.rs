@@ -1,11 +1,12 @@
 //! Stores the last grade for `status`: it belongs to the machine and outlives cells. Run by the main thread.
 //!
-//! Stored in `$RCC_STATE_DIR`, else `/var/lib/rcc` for root, else `$XDG_STATE_HOME/rcc`, else `~/.local/state/rcc`.
+//! Stored in the user's state folder ([`state_base`]).
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use rcc_ipc::state_folder::state_base;
 use rcc_os::{file, wall};
 use serde::{Deserialize, Serialize};
 
@@ -70,11 +71,9 @@ impl GradeRecord {
     /// Stores the record; returns its file.
     ///
     /// # Errors
-    /// Fails if there is no folder for it or if it cannot be written.
+    /// Fails if it cannot be written.
     pub fn store(&self) -> io::Result<PathBuf> {
-        let folder =
-            state_dir().ok_or_else(|| io::Error::other("no home folder: set RCC_STATE_DIR"))?;
-        self.store_in(&folder)
+        self.store_in(&state_base())
     }
 
     fn store_in(&self, folder: &Path) -> io::Result<PathBuf> {
@@ -90,10 +89,8 @@ impl GradeRecord {
     /// Returns the last record of this user, or else of root.
     #[must_use]
     pub fn last() -> Option<GradeRecord> {
-        let folders = state_dir()
-            .into_iter()
-            .chain([PathBuf::from(ROOT_STATE_DIR)]);
-        folders.filter_map(|folder| read(&folder)).next()
+        let folders = [state_base(), PathBuf::from(ROOT_STATE_DIR)];
+        folders.iter().find_map(|folder| read(folder))
     }
 
     /// Describes the record in one line.
@@ -144,23 +141,6 @@ fn read(folder: &Path) -> Option<GradeRecord> {
     serde_json::from_str(&text)
         .ok()
         .filter(|record: &GradeRecord| record.schema == SCHEMA)
-}
-
-fn state_dir() -> Option<PathBuf> {
-    let variable = |name| {
-        std::env::var_os(name)
-            .filter(|value| !value.is_empty())
-            .map(PathBuf::from)
-    };
-    if let Some(folder) = variable("RCC_STATE_DIR") {
-        return Some(folder);
-    }
-    if nix::unistd::getuid().is_root() {
-        return Some(PathBuf::from(ROOT_STATE_DIR));
-    }
-    variable("XDG_STATE_HOME")
-        .or_else(|| variable("HOME").map(|home| home.join(".local/state")))
-        .map(|folder| folder.join("rcc"))
 }
 
 fn now() -> u64 {

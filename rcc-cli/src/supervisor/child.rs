@@ -52,25 +52,29 @@ pub struct Child {
     pub hung: Option<(Duration, Instant)>,
     watchdog: Duration,
     log: PathBuf,
+    /// Length of the log before the process was started, bytes: predecessors wrote that part.
+    log_begin: u64,
     output: PathBuf,
     notify_path: PathBuf,
 }
 
 impl Child {
-    /// Creates a process that is not started yet; its output goes to files in `logs`.
+    /// Creates a process that is not started yet; its output goes to files in the first folder, its notifications to a
+    /// socket in the second.
     #[must_use]
     pub fn new(
         spec: ProcessSpec,
         number: usize,
         supervision: &SupervisionConfig,
-        logs: &Path,
+        [logs, sockets]: [&Path; 2],
     ) -> Child {
         let file = spec.name.replace('/', "-");
         Child {
             log: logs.join(format!("{file}.log")),
             output: logs.join(format!("{file}.out")),
             // Shorter than the cell's own socket path, whose length was checked.
-            notify_path: logs.join(format!("n{number}")),
+            notify_path: sockets.join(format!("n{number}")),
+            log_begin: 0,
             state: ProcessState::Down(Duration::ZERO),
             restarts: RestartPolicy::new(supervision),
             notifications: None,
@@ -92,10 +96,15 @@ impl Child {
             // Append mode, so that emptying the file leaves no hole.
             let mut options = OpenOptions::new();
             let options = options.create(true).append(true).mode(0o600).open(path);
-            let file = options.map_err(|error| named(path, error))?;
-            file.set_len(0).map_err(|error| named(path, error))?;
-            Ok::<File, io::Error>(file)
+            options.map_err(|error| named(path, error))
         };
+        let log = create(&self.log)?;
+        self.log_begin = log.metadata().map_or(0, |found| found.len());
+        let output = create(&self.output)?;
+        // Whether the process is ready is read from it.
+        output
+            .set_len(0)
+            .map_err(|error| named(&self.output, error))?;
         let mut command = Command::new(&self.spec.program);
         // If set for the supervisor itself, these are not meant for its children.
         for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
@@ -117,8 +126,8 @@ impl Child {
         let process = command
             .args(&self.spec.arguments)
             .stdin(Stdio::null())
-            .stdout(create(&self.output)?)
-            .stderr(create(&self.log)?)
+            .stdout(output)
+            .stderr(log)
             .process_group(0)
             .spawn()
             .map_err(|error| named(&self.spec.program, error))?;
@@ -155,7 +164,7 @@ impl Child {
                 .notifications
                 .as_ref()
                 .is_some_and(NotifySocket::is_ready),
-            ReadySignal::Line => tail(&self.output).contains('\n'),
+            ReadySignal::Line => tail(&self.output, 0).contains('\n'),
         }
     }
 
@@ -191,7 +200,7 @@ impl Child {
     /// Returns the last lines of its stderr.
     #[must_use]
     pub fn last_log_lines(&self) -> Vec<String> {
-        let text = tail(&self.log);
+        let text = tail(&self.log, self.log_begin);
         let lines: Vec<&str> = text.lines().filter(|line| !line.is_empty()).collect();
         let skipped = lines.len().saturating_sub(LOG_LINES_SHOWN);
         lines[skipped..]
@@ -244,12 +253,14 @@ pub fn describe(status: ExitStatus) -> String {
     }
 }
 
-/// Returns the end of a file, at most 8 KiB; empty if it cannot be read.
-fn tail(path: &Path) -> String {
+/// Returns the end of a file, at most 8 KiB and not before `begin`; empty if it cannot be read.
+fn tail(path: &Path, begin: u64) -> String {
     let read = || -> io::Result<Vec<u8>> {
         let mut file = File::open(path)?;
         let length = file.metadata()?.len();
-        file.seek(SeekFrom::Start(length.saturating_sub(8192)))?;
+        // It was emptied since if it is shorter.
+        let begin = if begin <= length { begin } else { 0 };
+        file.seek(SeekFrom::Start(begin.max(length.saturating_sub(8192))))?;
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes)?;
         Ok(bytes)

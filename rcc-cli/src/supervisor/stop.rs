@@ -1,4 +1,5 @@
-//! Ends a cell: cancels commands, waits until devices are at rest, ends the processes in order, and removes all files.
+//! Ends a cell: cancels commands, waits until devices are at rest, ends the processes in order, and removes all files but
+//! the evidence.
 //! Run by the supervisor's thread.
 
 use std::time::{Duration, Instant};
@@ -7,7 +8,7 @@ use nix::sys::signal::Signal;
 use rcc_api::bodies::{CommandView, DeviceView, StatusView};
 use rcc_ipc::clean::WipeError;
 use rcc_ipc::ownership;
-use rcc_protocol::events::EventKind;
+use rcc_protocol::events::{EventKind, event_text};
 
 use super::child::{self, ProcessState};
 use super::processes::ProcessKind;
@@ -24,7 +25,7 @@ const LEAVE_TIMEOUT: Duration = Duration::from_secs(2);
 
 impl Supervisor {
     /// Ends the cell: cancels the nets, waits for rest, stops executor, loader, drivers and simulators, and removes all
-    /// files. A second Ctrl-C skips the waiting. Returns true if nothing was left behind and no process had to be
+    /// files but the event log, incidents and logs. A second Ctrl-C skips the waiting. Returns true if nothing was left behind and no process had to be
     /// killed.
     pub fn stop(mut self, interrupts: &Interrupts) -> bool {
         self.record(EventKind::CellStopping {
@@ -130,8 +131,6 @@ impl Supervisor {
     }
 
     fn remove_files(mut self) -> bool {
-        // The logs are kept only while the cell exists.
-        let _ = std::fs::remove_dir_all(&self.logs);
         let limit = Instant::now() + LEAVE_TIMEOUT;
         // The cell stays claimed until its files are gone, so that nobody can claim it in between and lose files.
         let mut removed = ownership::release(&self.cell, &self.presence);
@@ -141,7 +140,17 @@ impl Supervisor {
             removed = ownership::release(&self.cell, &self.presence);
         }
         // Once released, the cell may already have a new owner, whose files are not ours.
-        let Err(error) = &removed else { return true };
+        let Err(error) = &removed else {
+            let kept = self.cell.state().path().display().to_string();
+            self.record(EventKind::CellEnded {
+                kept: event_text(&kept),
+            });
+            self.report(
+                "cell",
+                &format!("ended; events, incidents and logs stay in {kept}"),
+            );
+            return true;
+        };
         self.report("cell", &error.to_string());
         for path in self.cell.leftovers().unwrap_or_default() {
             self.report("cell", &format!("left behind: {}", path.display()));

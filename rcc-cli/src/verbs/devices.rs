@@ -1,12 +1,13 @@
 //! `devices`: lists the devices, why one is not ready, and the quality of their connections in the last minute.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use rcc_api::bodies::DeviceView;
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventReader;
 use rcc_os::clock::monotonic_ns;
-use rcc_protocol::events::EventKind;
+use rcc_protocol::events::{Event, EventKind, wall_time_before};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -70,11 +71,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns the last loss of each device in the event log.
+/// Returns the last loss of each device in this run of the cell.
 fn losses(cell: &Cell) -> BTreeMap<String, LastLoss> {
     let mut last = BTreeMap::new();
     // An unreadable log counts as empty: the device list is still useful without it.
-    for event in EventReader::open(cell).poll().unwrap_or_default() {
+    let mut events = EventReader::open(&cell.state()).poll().unwrap_or_default();
+    let started = |event: &Event| matches!(event.what, EventKind::CellStarted { .. });
+    let begin = events.iter().rposition(started).unwrap_or(0);
+    // The log of services has no such event, and goes back beyond the machine's start.
+    let boot = wall_time_before(Duration::from_nanos(monotonic_ns()));
+    for event in events.drain(begin..).filter(|event| event.time >= boot) {
         if let EventKind::DeviceLost { device, reason, .. } = event.what {
             let lost = LastLoss {
                 cycle: event.cycle,

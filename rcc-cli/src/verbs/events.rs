@@ -1,17 +1,17 @@
-//! `events`: shows the cell's event log: process deaths, lost devices, ended nets and their causes. Reads a file, so it
-//! works while every process of the cell is dead.
+//! `events`: shows the cell's event log: process deaths, lost devices, ended nets and their causes. Reads files of the
+//! state folder, so it works while every process of the cell is dead, after its end and after a restart of the machine.
 
 use std::collections::HashMap;
 use std::time::Duration;
 
 use rcc_api::codes;
-use rcc_ipc::Cell;
 use rcc_ipc::events::EventReader;
 use rcc_protocol::events::{
     CommandNames, Event, EventKind, EventOrigin, EventSeverity, wall_time_before,
 };
 
-use crate::context::{Context, OutputFormat, cell_failure};
+use crate::context::{Context, OutputFormat};
+use crate::evidence::Evidence;
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use crate::output::{print_line, print_note, print_record};
@@ -23,9 +23,12 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Arguments of `events`.
 #[derive(clap::Args, Debug, Default)]
 pub struct Arguments {
-    /// Keep printing new events until Ctrl-C
+    /// Keep printing new events until Ctrl-C or the end of the cell
     #[arg(long, short)]
     follow: bool,
+    /// Also the events of earlier runs of the cell
+    #[arg(long)]
+    all: bool,
     /// Only events younger than this time (500ms, 10s, 10min) or from this executor cycle on
     #[arg(long, value_name = "TIME|CYCLE")]
     since: Option<String>,
@@ -40,41 +43,57 @@ pub struct Arguments {
 /// Runs the verb.
 ///
 /// # Errors
-/// Fails if the cell does not exist, if its log cannot be read, or if Ctrl-C ended the verb.
+/// Fails if nothing is kept of such a cell, if its log cannot be read, or if Ctrl-C ended the verb.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let name = context.cell_name();
-    let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
-    let cell = cell.ok_or_else(|| {
-        Failure::new(
+    let evidence = Evidence::find(context)?;
+    if arguments.follow && evidence.cell.is_none() {
+        return Err(Failure::new(
             codes::NO_LOADER,
-            format!(
-                "cell `{name}` not found; its event log is removed when the cell ends normally"
-            ),
-            "start it with `rcc-cli up FILE`, or name another cell with --cell (RCC_CELL)",
-        )
-    })?;
+            format!("cell `{}` is not up: no events come", context.cell_name()),
+            "leave out --follow to see the events that are kept of it, or start it with `rcc-cli up FILE`",
+        ));
+    }
+    evidence.note(context, "its events are");
     let interrupts = Interrupts::listen()?;
     let mut view = EventView::new(context.format, &arguments)?;
-    let mut reader = EventReader::open(&cell);
-    let unreadable = |error| Failure::unreadable(&cell.events_file().display().to_string(), &error);
+    let mut reader = EventReader::open(&evidence.state);
+    let path = evidence.state.events_file();
+    let unreadable = |error| Failure::unreadable(&path.display().to_string(), &error);
     let mut batch = reader.poll().map_err(unreadable)?;
     // Sorts the events of several processes by time.
     batch.sort_by(|a, b| a.time.cmp(&b.time));
     view.prepare(&batch);
+    if !arguments.all && view.since == Since::Always {
+        let earlier = newest_run(&batch);
+        if earlier > 0 {
+            print_note(&format!(
+                "{} events of earlier runs are not shown (--all)",
+                grouped(earlier as u64)
+            ));
+        }
+        batch.drain(..earlier);
+    }
+    let mut over = false;
     loop {
         batch.iter().for_each(|event| view.show(event));
-        if !arguments.follow {
+        over |= batch.iter().any(is_end);
+        if !arguments.follow || over {
             break;
         }
         if interrupts.asked() {
             return Err(Failure::interrupted());
         }
-        if !cell.runtime_dir().is_dir() {
-            print_line("the cell has ended and removed its log");
-            break;
-        }
+        // Without a cell nobody writes any more; what came last is read once more.
+        let gone = evidence.cell.as_ref();
+        over = gone.is_none_or(|cell| !cell.runtime_dir().is_dir());
         std::thread::sleep(POLL_INTERVAL);
         batch = reader.poll().map_err(unreadable)?;
+    }
+    if arguments.follow {
+        print_note(&format!(
+            "the cell has ended; its events stay in {}",
+            evidence.state.path().display()
+        ));
     }
     if reader.unreadable() > 0 {
         print_note(&format!(
@@ -83,6 +102,20 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         ));
     }
     Ok(())
+}
+
+fn is_end(event: &Event) -> bool {
+    matches!(event.what, EventKind::CellEnded { .. })
+}
+
+/// Returns the index of the first event of the newest run under `rcc-cli up`, together with runs before it that did not
+/// end in order: they may be the reason for looking. Services write no such event; then all events are of one run.
+fn newest_run(events: &[Event]) -> usize {
+    let start = |event: &Event| match &event.what {
+        EventKind::CellStarted { previous, .. } => previous.is_none(),
+        _ => false,
+    };
+    events.iter().rposition(start).unwrap_or(0)
 }
 
 /// Start of the shown events.
@@ -407,6 +440,27 @@ mod tests {
         assert!(view.matches(&event(EventOrigin::Driver, "lwr", None, stopping())));
         assert!(view.matches(&event(EventOrigin::Supervisor, "up", None, died)));
         assert!(!view.matches(&event(EventOrigin::Driver, "io", None, stopping())));
+    }
+
+    #[test]
+    fn the_newest_run_includes_runs_before_it_that_died() {
+        let start = |died: bool| {
+            let last = rcc_protocol::events::LastEvent {
+                who: "loader".into(),
+                time: String::new(),
+                words: String::new(),
+            };
+            let what = EventKind::CellStarted {
+                config: "cell.yaml".into(),
+                ports: std::collections::BTreeMap::new(),
+                previous: died.then_some(last),
+            };
+            event(EventOrigin::Supervisor, "up", None, what)
+        };
+        assert_eq!(newest_run(&[]), 0);
+        assert_eq!(newest_run(&[loaded(), lost()]), 0);
+        let all = [start(false), lost(), start(false), lost(), start(true)];
+        assert_eq!(newest_run(&all), 2);
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! `incidents`: lists the files of the flight recorder; `incidents record`: records one now. The list is read from
-//! files, so it works while every process of the cell is dead.
+//! `incidents`: lists the files of the flight recorder; `incidents record`: records one now. The list is read from files
+//! of the state folder, so it works while every process of the cell is dead, and after its end.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use rcc_api::bodies::WrittenIncident;
 use rcc_api::codes;
 use rcc_engine::incident::{EXTENSION, IncidentError, IncidentHead, read_head};
-use rcc_ipc::Cell;
 use serde::Serialize;
 
-use crate::context::{Context, cell_failure};
+use crate::context::Context;
+use crate::evidence::Evidence;
 use crate::failure::Failure;
 use crate::incident::IncidentNet;
 use crate::output::print_note;
@@ -67,20 +67,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Returns the cell's folder of incidents.
-fn incidents_dir(context: &Context) -> Result<PathBuf, Failure> {
-    let name = context.cell_name();
-    let cell = Cell::find(name).map_err(|error| cell_failure(&error))?;
-    let cell = cell.ok_or_else(|| {
-        Failure::new(
-            codes::NO_LOADER,
-            format!(
-                "cell `{name}` not found; its incidents are removed when the cell ends normally"
-            ),
-            "name another folder with --folder; `recorder: {folder: …}` in the configuration keeps incidents",
-        )
-    })?;
-    Ok(cell.incidents_dir())
+/// Returns the cell's folder of incidents; says where it is if the cell is not up.
+pub(super) fn incidents_dir(context: &Context) -> Result<PathBuf, Failure> {
+    let evidence = Evidence::find(context)?;
+    evidence.note(context, "its incidents are");
+    Ok(evidence.state.incidents_dir())
+}
+
+/// Returns the newest incident file of a folder.
+pub(super) fn newest(folder: &Path) -> Result<Option<PathBuf>, Failure> {
+    Ok(rows(folder)?.pop().map(|row| row.file))
 }
 
 /// Returns the incidents of a folder, oldest first. Skips other files; reports files that cannot be read.

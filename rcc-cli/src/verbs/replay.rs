@@ -1,4 +1,4 @@
-//! `replay FILE`: evaluates the nets of an incident again with the recorded inputs and compares every cycle. Needs only
+//! `replay [FILE]`: evaluates the nets of an incident again with the recorded inputs and compares every cycle. Needs only
 //! the file: neither a cell nor the machine that recorded it.
 
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use rcc_protocol::pattern::Pattern;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::incidents::reason;
+use super::incidents::{incidents_dir, newest, reason};
 use crate::context::{Context, OutputFormat};
 use crate::csv;
 use crate::failure::Failure;
@@ -29,8 +29,8 @@ use crate::table::{self, counted, grouped};
 /// Arguments of `replay`.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Incident file; `rcc-cli incidents` lists them
-    file: PathBuf,
+    /// Incident file, or its name in the list of `rcc-cli incidents`; without it the newest one of the cell
+    file: Option<PathBuf>,
     /// Stop after this executor cycle
     #[arg(long, value_name = "CYCLE")]
     until: Option<u64>,
@@ -64,8 +64,9 @@ struct ReplayResult {
 /// # Errors
 /// Fails if the file cannot be replayed, if the replay differs, or if there is nothing to compare.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let path = arguments.file.display().to_string();
-    let incident = Incident::read(&arguments.file).map_err(|error| unusable(&path, error))?;
+    let file = find(context, arguments.file.as_deref())?;
+    let path = file.display().to_string();
+    let incident = Incident::read(&file).map_err(|error| unusable(&path, error))?;
     let named: BTreeMap<u64, IncidentNet> = incident
         .nets
         .keys()
@@ -109,6 +110,31 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         print_note(&WrittenFile::of(path)?.words());
     }
     print_results(context, &incident, &results, &named)
+}
+
+/// Returns the file to replay: a path, the name of one of the cell's incidents, or the newest of them.
+fn find(context: &Context, given: Option<&Path>) -> Result<PathBuf, Failure> {
+    if let Some(given) = given {
+        let bare = given.components().count() == 1 && !given.exists();
+        let kept = if bare {
+            incidents_dir(context).ok()
+        } else {
+            None
+        };
+        let kept = kept
+            .map(|folder| folder.join(given))
+            .filter(|path| path.exists());
+        return Ok(kept.unwrap_or_else(|| given.to_owned()));
+    }
+    let folder = incidents_dir(context)?;
+    newest(&folder)?.ok_or_else(|| {
+        let (name, folder) = (context.cell_name(), folder.display());
+        Failure::new(
+            codes::NO_INCIDENT,
+            format!("cell `{name}` has no incidents in {folder}"),
+            "`rcc-cli incidents record` records one now; --cell names another cell",
+        )
+    })
 }
 
 fn unusable(path: &str, error: IncidentError) -> Failure {

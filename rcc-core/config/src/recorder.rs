@@ -1,5 +1,5 @@
-//! Settings of the flight recorder: recorded time, memory and incident files; by default 10 s, 64 MB and the runtime
-//! folder. Read at start-up by the executor.
+//! Settings of the flight recorder and of the state folder: recorded time, memory, and what is kept; by default 10 s,
+//! 64 MB of memory, and at most 16 incident files and 200 MB in the user's state folder. Read at start-up.
 
 use std::path::{Path, PathBuf};
 
@@ -9,11 +9,12 @@ use crate::codes;
 use crate::reader::{ConfigReader, Fields, QuantityRange, error};
 use crate::yaml::{Entry, Node, Value};
 
-pub(crate) const KEYS: [&str; 4] = ["seconds", "memory", "files", "folder"];
+pub(crate) const KEYS: [&str; 5] = ["seconds", "memory", "files", "folder", "keep"];
 const SECONDS: [f64; 2] = [1.0, 600.0];
-const MEMORY_MB: [i64; 2] = [1, 4096];
+const MEMORY_MB: [u64; 2] = [1, 4096];
+const KEEP_MB: [u64; 2] = [1, 1 << 20];
 const FILES: [i64; 2] = [1, 1000];
-const MB: usize = 1 << 20;
+const MB: u64 = 1 << 20;
 
 /// Settings of the flight recorder of a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,17 +25,22 @@ pub struct RecorderConfig {
     pub memory: usize,
     /// Maximum number of incident files; the oldest is removed.
     pub files: usize,
-    /// Folder of the incident files; `None`: the runtime folder of the cell, which an orderly end removes.
+    /// Folder of event log, incident files and logs, with one folder for each cell in it; `None`: the state folder of
+    /// the user.
     pub folder: Option<PathBuf>,
+    /// Maximum size of all of them, bytes; the oldest are removed. By default 200 MB, or `memory` if that is more; never
+    /// less than `memory`.
+    pub keep: u64,
 }
 
 impl Default for RecorderConfig {
     fn default() -> Self {
         RecorderConfig {
             span_ns: 10_000_000_000,
-            memory: 64 * MB,
+            memory: 64 << 20,
             files: 16,
             folder: None,
+            keep: 200 * MB,
         }
     }
 }
@@ -64,9 +70,11 @@ pub(crate) fn read(
         recorder.span_ns = seconds.map_or(0, |seconds| (seconds * 1e9).round() as u64);
     }
     if let Some(node) = fields.get("memory") {
-        let memory = memory(reader, node);
+        let memory = size(reader, node, "memory", MEMORY_MB);
         valid &= memory.is_some();
-        recorder.memory = memory.unwrap_or(0);
+        recorder.memory = memory
+            .and_then(|memory| memory.try_into().ok())
+            .unwrap_or(0);
     }
     if let Some(node) = fields.get("files") {
         let [least, most] = FILES;
@@ -79,27 +87,54 @@ pub(crate) fn read(
         valid &= folder.is_some();
         recorder.folder = folder.map(|folder| base.join(folder));
     }
+    let memory = recorder.memory as u64;
+    match fields.get("keep") {
+        None => recorder.keep = recorder.keep.max(memory),
+        Some(node) => match size(reader, node, "keep", KEEP_MB) {
+            Some(keep) if keep < memory => {
+                let message = format!(
+                    "keep is {} MB, but must be at least `memory`, {} MB: an incident file may have half of that",
+                    keep / MB,
+                    memory / MB
+                );
+                reader.report(error(codes::OUT_OF_RANGE, node.span, message));
+                valid = false;
+            }
+            keep => {
+                valid &= keep.is_some();
+                recorder.keep = keep.unwrap_or(recorder.keep);
+            }
+        },
+    }
     valid.then_some(recorder)
 }
 
-/// Reads `64 MB`, or `0 MB`.
-fn memory(reader: &mut ConfigReader, node: &Node) -> Option<usize> {
+/// Reads a size in bytes from `64 MB` or `2 GB`. `memory` may be 0.
+fn size(
+    reader: &mut ConfigReader,
+    node: &Node,
+    name: &str,
+    [least, most]: [u64; 2],
+) -> Option<u64> {
     let number = match &node.value {
-        Value::Text(text) => text.strip_suffix("MB").map(str::trim_end),
-        Value::Int(0) => Some("0"),
+        Value::Text(text) => [("MB", 1), ("GB", 1024)].iter().find_map(|(unit, factor)| {
+            let number = text.strip_suffix(unit)?.trim_end().parse::<u64>().ok()?;
+            number.checked_mul(*factor)
+        }),
+        Value::Int(0) => Some(0),
         _ => None,
     };
-    let Some(number) = number.and_then(|number| number.parse::<i64>().ok()) else {
-        reader.wrong_type(node, "memory", "whole megabytes (`64 MB`)");
+    let Some(number) = number else {
+        reader.wrong_type(node, name, "whole megabytes or gigabytes (`64 MB`, `2 GB`)");
         return None;
     };
-    let [least, most] = MEMORY_MB;
-    if number != 0 && !(least..=most).contains(&number) {
-        let message = format!(
-            "memory is {number} MB, but must be from {least} MB to {most} MB, or 0 MB for none"
-        );
+    let none = name == "memory";
+    if !(least..=most).contains(&number) && !(none && number == 0) {
+        let or_none = if none { ", or 0 MB for none" } else { "" };
+        let message =
+            format!("{name} is {number} MB, but must be from {least} MB to {most} MB{or_none}");
         reader.report(error(codes::OUT_OF_RANGE, node.span, message));
         return None;
     }
-    Some(usize::try_from(number).ok()? * MB)
+    number.checked_mul(MB)
 }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::prefix;
 use crate::shm_space::SHM;
+use crate::state_folder::{self, StateFolder};
 
 /// Maximum length of a cell name, characters.
 const NAME_LENGTH_MAX: usize = 32;
@@ -19,13 +20,19 @@ const SOCKET_PATH_MAX: usize = 107;
 const SIMULATOR: &str = "sim-";
 /// Suffix of a socket's name.
 const SOCKET: &str = ".sock";
+/// State folder of a cell in a folder of its own.
+const OWN_STATE: &str = "state";
 
 /// One running instance of the whole system. Everything that it shares is in its runtime folder, or in `/dev/shm` under
-/// its prefix. Two cells never share a file, even if they belong to different users.
+/// its prefix; what is kept of it afterwards is in its state folder. Two cells never share a file, even if they belong to
+/// different users; only cells of one user and one name in different runtime folders share a state folder, unless
+/// `$RCC_STATE_DIR` separates them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cell {
     name: String,
     runtime_dir: PathBuf,
+    /// Folder of the evidence, or of the link to it.
+    state_anchor: PathBuf,
     prefix: String,
 }
 
@@ -53,6 +60,17 @@ pub enum CellError {
     /// The folder cannot be created or inspected.
     #[error("{path}: {source}; set RCC_RUNTIME_DIR to a folder you may write to")]
     Folder {
+        /// The folder.
+        path: PathBuf,
+        /// Error from the system.
+        source: io::Error,
+    },
+    /// The state folder cannot be created, or is not ours.
+    #[error(
+        "{path}: {source}; event log, incidents and logs are kept there: set RCC_STATE_DIR, or `recorder: {{folder: …}}` in \
+         the cell's configuration, to a folder you may write to"
+    )]
+    State {
         /// The folder.
         path: PathBuf,
         /// Error from the system.
@@ -100,7 +118,7 @@ impl Cell {
         check_name(name)?;
         let base = base_dir();
         unless_removed(|| make_private_dir(&base))?;
-        Cell::at(name, &base.join(name))
+        Cell::make(name, &base.join(name), Some(state_folder::anchor(name)))
     }
 
     /// Returns the cell `name` below the default base folder, or `None` if its folder does not exist. Creates nothing
@@ -114,15 +132,29 @@ impl Cell {
         if !runtime_dir.is_dir() {
             return Ok(None);
         }
-        Cell::at(name, &runtime_dir).map(Some)
+        Cell::make(name, &runtime_dir, Some(state_folder::anchor(name))).map(Some)
     }
 
-    /// Returns the cell `name` in exactly this folder (tests give each cell its own). Creates the folder and its
-    /// parents.
+    /// Returns the cell `name` in exactly this folder (tests give each cell its own), with its state folder in it.
+    /// Creates the folder and its parents.
     ///
     /// # Errors
     /// As [`Cell::new`].
     pub fn at(name: &str, runtime_dir: &Path) -> Result<Cell, CellError> {
+        Cell::make(name, runtime_dir, None)
+    }
+
+    /// Returns the cell `name` in exactly these folders; its evidence is in `state`, or where a link in it leads.
+    /// Creates the runtime folder and its parents.
+    ///
+    /// # Errors
+    /// As [`Cell::new`].
+    pub fn in_folders(name: &str, runtime_dir: &Path, state: PathBuf) -> Result<Cell, CellError> {
+        Cell::make(name, runtime_dir, Some(state))
+    }
+
+    /// Without `state` the state folder is in the runtime folder.
+    fn make(name: &str, runtime_dir: &Path, state: Option<PathBuf>) -> Result<Cell, CellError> {
         check_name(name)?;
         let runtime_dir = unless_removed(|| {
             make_private_dir(runtime_dir)?;
@@ -133,6 +165,7 @@ impl Cell {
         })?;
         let mut cell = Cell {
             name: name.to_owned(),
+            state_anchor: state.unwrap_or_else(|| runtime_dir.join(OWN_STATE)),
             runtime_dir,
             prefix: String::new(),
         };
@@ -185,11 +218,31 @@ impl Cell {
         self.runtime_dir.join("commands")
     }
 
-    /// Returns the default folder for incident files of the executor's flight recorder; the configuration can name
-    /// another.
+    /// Returns the folder for sockets and other files of `rcc-cli up` that are removed with the cell.
     #[must_use]
-    pub fn incidents_dir(&self) -> PathBuf {
-        self.runtime_dir.join("incidents")
+    pub fn supervisor_dir(&self) -> PathBuf {
+        self.runtime_dir.join("up")
+    }
+
+    /// Returns the folder of everything that is kept of the cell. [`Cell::make_state`] creates it.
+    #[must_use]
+    pub fn state(&self) -> StateFolder {
+        StateFolder::at(&self.state_anchor)
+    }
+
+    /// Returns the path by which [`Cell::in_folders`] finds the same state folder.
+    #[must_use]
+    pub fn state_anchor(&self) -> &Path {
+        &self.state_anchor
+    }
+
+    /// Creates the state folder, below `folder` if the cell's configuration names one (`recorder: {folder: …}`), and
+    /// leaves a link by which programs find it that do not read the configuration.
+    ///
+    /// # Errors
+    /// Returns an error if it cannot be created, belongs to another user, or can be written by others.
+    pub fn make_state(&self, folder: Option<&Path>) -> Result<(), CellError> {
+        state_folder::create(&self.state_anchor, &self.name, folder)
     }
 
     /// Returns the folder with the connection diagnosis of each driver, one JSON file per device; see `rcc-cli doctor
@@ -273,12 +326,15 @@ impl Cell {
 
     /// Creates the folders of [`Cell::at`] again: a wipe may have removed them since.
     pub(crate) fn make_folders(&self) -> Result<(), CellError> {
-        for path in [
+        let own = self.state_anchor.starts_with(&self.runtime_dir);
+        let state = own.then(|| self.state_anchor.clone());
+        let folders = [
             self.runtime_dir.clone(),
             self.processes_dir(),
             self.commands_dir(),
             self.drivers_dir(),
-        ] {
+        ];
+        for path in folders.into_iter().chain(state) {
             unless_removed(|| make_private_dir(&path))?;
         }
         Ok(())

@@ -270,6 +270,8 @@ pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanE
         .arg(cell.name())
         .arg("--runtime-dir")
         .arg(cell.runtime_dir())
+        .arg("--state-dir")
+        .arg(cell.state_anchor())
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -333,16 +335,20 @@ pub(crate) fn remove_rest(cell: &Cell, _access: &ExclusiveAccess) -> Result<(), 
         cell.config_copy(),
         cell.janitor_lock_file(),
         cell.prefix_file(),
+        cell.running_file(),
     ];
-    for path in ours.into_iter().chain(cell.life_files()) {
+    for path in ours {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;
     }
     remove_simulator_sockets(cell).map_err(|source| WipeError::File {
         path: cell.runtime_dir().to_owned(),
         source,
     })?;
-    let path = cell.incidents_dir();
-    remove_folder(&path).map_err(|source| WipeError::File { path, source })?;
+    let own_state = cell.state_anchor().to_owned();
+    let own_state = Some(own_state).filter(|state| state.starts_with(cell.runtime_dir()));
+    for path in own_state.into_iter().chain([cell.supervisor_dir()]) {
+        remove_folder(&path).map_err(|source| WipeError::File { path, source })?;
+    }
     // Remove the lock last: from now on another process may create a new lock file and own the cell.
     let path = cell.lock_file();
     remove_file(&path).map_err(|source| WipeError::File { path, source })?;

@@ -4,9 +4,9 @@
 //! Several processes write the log. A line is at most [`LINE_MAX`](rcc_protocol::events::LINE_MAX) bytes and is written
 //! by one `write` to a file opened with `O_APPEND`, so that lines of different processes never interleave (Linux holds
 //! the inode lock for the whole call). A process that is killed within that call may leave a torn line, which readers
-//! skip. A writer that finds the file full ([`FILE_MAX`]) moves it to `events.1.jsonl` under a lock. Before each line a
-//! writer checks that its open file is still the one at that path, so that no writer appends more than one line to a
-//! file that was moved.
+//! skip. A writer that finds the file full ([`FILE_MAX`]) renames it to `events.N.jsonl` under a lock, with N one more than
+//! the last one's; the oldest beyond [`ROTATED_MAX`] is removed. Before each line a writer checks that its open file is
+//! still the one at that path, so that no writer appends more than one line to a file that was renamed.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -22,6 +22,7 @@ use rcc_protocol::events::{
 use crate::cell::Cell;
 use crate::clean::CleanReport;
 use crate::lock;
+use crate::state_folder::StateFolder;
 
 mod reader;
 mod recorder;
@@ -29,48 +30,24 @@ mod recorder;
 pub use reader::EventReader;
 pub use recorder::EventRecorder;
 
-/// Size at which the file is rotated, bytes; at most two files of this size exist.
+/// Size at which the file is rotated, bytes.
 pub const FILE_MAX: u64 = 1 << 20;
+/// Maximum number of rotated files, whatever size the cell's configuration lets the evidence have: writers that do not
+/// read it keep this bound.
+pub const ROTATED_MAX: usize = 16;
 
 impl Cell {
-    /// Returns the path of the current log file.
-    #[must_use]
-    pub fn events_file(&self) -> PathBuf {
-        self.runtime_dir().join("events.jsonl")
-    }
-
-    /// Returns the path of the previous log file.
-    #[must_use]
-    pub fn events_before_file(&self) -> PathBuf {
-        self.runtime_dir().join("events.1.jsonl")
-    }
-
-    fn events_lock_file(&self) -> PathBuf {
-        self.runtime_dir().join("events.lock")
-    }
-
     /// Returns the path of the file with configuration and ports of the running cell, for programs that start later.
     #[must_use]
     pub fn running_file(&self) -> PathBuf {
         self.runtime_dir().join("cell.json")
-    }
-
-    /// Returns the files that belong to one run of the cell and are removed when it ends in order, whether they exist
-    /// or not.
-    pub(crate) fn life_files(&self) -> [PathBuf; 4] {
-        [
-            self.events_file(),
-            self.events_before_file(),
-            self.events_lock_file(),
-            self.running_file(),
-        ]
     }
 }
 
 /// Appends an event. A failure cannot be reported anywhere, so callers usually ignore it.
 ///
 /// # Errors
-/// Returns an error if the folder is gone (the cell has ended), if the disk is full, or if the event is too long.
+/// Returns an error if there is no state folder, if the disk is full, or if the event is too long.
 pub fn append(cell: &Cell, event: &Event) -> io::Result<()> {
     append_to(&mut None, cell, event)
 }
@@ -82,15 +59,17 @@ fn append_to(kept: &mut Option<File>, cell: &Cell, event: &Event) -> io::Result<
         .line()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "the event is too long"))?;
     // Try once more if the file was rotated twice between opening and writing, since then no reader sees the line.
+    let state = cell.state();
+    let path = state.events_file();
     for _ in 0..2 {
-        let mut file = match kept.take().filter(|file| is_at(file, &cell.events_file())) {
+        let mut file = match kept.take().filter(|file| is_at(file, &path)) {
             Some(file) => file,
-            None => opened(&cell.events_file())?,
+            None => opened(&path)?,
         };
         file.write_all(&line)?;
         let found = file.metadata()?;
         if found.len() > FILE_MAX {
-            rotate(cell, found.ino());
+            rotate(&state, found.ino());
         }
         if found.nlink() > 0 {
             *kept = Some(file);
@@ -130,39 +109,48 @@ fn opened(path: &Path) -> io::Result<File> {
 }
 
 /// Rotates the full file with this inode; a second caller finds another inode and does nothing.
-fn rotate(cell: &Cell, inode: u64) {
-    let path = cell.events_file();
+fn rotate(state: &StateFolder, inode: u64) {
+    let path = state.events_file();
     // Another process is rotating it.
-    let Ok(_alone) = lock::exclusive(&cell.events_lock_file()) else {
+    let Ok(_alone) = lock::exclusive(&state.events_lock_file()) else {
         return;
     };
     if fs::metadata(&path).is_ok_and(|found| found.ino() == inode) {
+        let rotated = state.rotated_events();
+        let number = rotated.last().map_or(1, |(last, _)| last.saturating_add(1));
         // A failure now is retried after the next line.
-        let _ = fs::rename(&path, cell.events_before_file());
+        let _ = fs::rename(&path, state.rotated_events_file(number));
+        let many = (rotated.len() + 1).saturating_sub(ROTATED_MAX);
+        for (_, oldest) in rotated.into_iter().take(many) {
+            // It counts again at the next rotation.
+            let _ = fs::remove_file(oldest);
+        }
     }
 }
 
-/// Begins the log of a new run of the cell: rotates the log of the previous run and reports its last event in the first
-/// event.
+/// Begins the log of a new run of the cell under `rcc-cli up`; if the previous one did not end in order, its last event
+/// is reported in the first event.
 pub fn begin_log(cell: &Cell, config: &str, ports: &BTreeMap<String, u16>) {
-    let path = cell.events_file();
-    let mut previous = None;
-    if path.exists() {
-        // An orderly end removes the log, so an existing log means that the previous run died.
-        let last = EventReader::open(cell).poll().unwrap_or_default().pop();
-        previous = last.map(|event| LastEvent {
-            time: event.time.clone(),
-            who: event.who(),
-            words: event.sentence(&|_, id| format!("#{id}")),
-        });
-        let _ = fs::rename(&path, cell.events_before_file());
-    }
+    let events = EventReader::open(&cell.state()).poll().unwrap_or_default();
+    let previous = died(&events).map(|event| LastEvent {
+        time: event.time.clone(),
+        who: event.who(),
+        words: event.sentence(&|_, id| format!("#{id}")),
+    });
     let what = EventKind::CellStarted {
         config: config.to_owned(),
         ports: ports.clone(),
         previous,
     };
     tell(cell, EventOrigin::Supervisor, "up", what);
+}
+
+/// Returns the last event of the newest run under `rcc-cli up`, unless that run ended in order.
+fn died(events: &[Event]) -> Option<&Event> {
+    let start = |event: &Event| matches!(event.what, EventKind::CellStarted { .. });
+    let run = &events[events.iter().rposition(start)?..];
+    let ended = |event: &Event| matches!(event.what, EventKind::CellEnded { .. });
+    run.last().filter(|_| !run.iter().any(ended))
 }
 
 /// Returns the dead process whose announcement is still there under this role and label, and which a newly announced

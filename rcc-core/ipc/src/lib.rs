@@ -35,6 +35,7 @@ pub mod session;
 mod shared;
 pub mod shm_space;
 pub mod spill_file;
+pub mod state_folder;
 pub mod stream;
 mod wake;
 
@@ -44,4 +45,5 @@ pub use cell::{Cell, CellError};
 pub use commands::{CommandReader, CommandWriter};
 pub use request::{AnswerError, CallError, Client, PollError, Request, RequestError, Server};
 pub use session::{Session, SessionError};
+pub use state_folder::StateFolder;
 pub use stream::{Publisher, StreamError, Subscriber};

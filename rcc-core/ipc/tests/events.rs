@@ -52,7 +52,7 @@ fn counts(events: &[Event]) -> BTreeMap<String, Vec<u64>> {
 #[test]
 fn a_thousand_lines_of_each_of_four_processes_come_whole_and_in_order() {
     let place = TestCell::new();
-    let mut reader = EventReader::open(&place);
+    let mut reader = EventReader::open(&place.state());
     let peers = WRITERS.map(|label| Peer::start(&place, "lines", label));
     let mut events = Vec::new();
     // The log is rotated meanwhile; a follower misses nothing.
@@ -72,7 +72,7 @@ fn a_thousand_lines_of_each_of_four_processes_come_whole_and_in_order() {
 #[test]
 fn killed_writers_hide_no_line_of_others() {
     let place = TestCell::new();
-    let mut reader = EventReader::open(&place);
+    let mut reader = EventReader::open(&place.state());
     for label in WRITERS {
         let peer = Peer::start(&place, "endless", label);
         let mut seen = 0;

@@ -55,6 +55,7 @@ fn run(options: &Options) -> Result<(), ExitError> {
         _ => wrong(&error),
     })?;
     let cell = Cell::new(&options.cell.cell)?;
+    cell.make_state(config.recorder.folder.as_deref())?;
     let mut host = Host::join(&cell, (&config, device), (driver, row.reasons))?;
     let health = host.health();
     let helpers = host.helpers().clone();

@@ -71,14 +71,17 @@ fn the_recorder_is_on_unless_its_memory_is_zero() {
         (usual.span_ns, usual.memory >> 20, usual.files),
         (10_000_000_000, 64, 16)
     );
-    assert_eq!(usual.folder, None);
-    let own = "recorder: {seconds: 2.5, memory: 8 MB, files: 3, folder: kept}\n";
+    assert_eq!((usual.folder, usual.keep >> 20), (None, 200));
+    let large = with("recorder: {memory: 1 GB}\n").expect("valid").recorder;
+    assert_eq!((large.memory >> 20, large.keep >> 20), (1024, 1024));
+    let own = "recorder: {seconds: 2.5, memory: 8 MB, files: 3, folder: kept, keep: 2 GB}\n";
     let own = with(own).expect("valid").recorder;
     assert_eq!(
         (own.span_ns, own.memory >> 20, own.files),
         (2_500_000_000, 8, 3)
     );
     assert!(own.folder.is_some_and(|folder| folder.ends_with("kept")));
+    assert_eq!(own.keep >> 20, 2048);
     assert_eq!(
         with("recorder: {memory: 0 MB}\n")
             .expect("valid")
@@ -90,6 +93,11 @@ fn the_recorder_is_on_unless_its_memory_is_zero() {
         ("recorder: {memory: 64}\n", 1),
         ("recorder: {memory: -1 MB, seconds: 0, files: 0}\n", 3),
         ("recorder: {memory: 64 GB}\n", 1),
+        ("recorder: {keep: 200}\n", 1),
+        ("recorder: {keep: 0 MB}\n", 1),
+        // Less than the recorder's memory: an incident file would be removed as soon as it is written.
+        ("recorder: {keep: 63 MB}\n", 1),
+        ("recorder: {memory: 8 MB, keep: 7 MB}\n", 1),
         ("recorder: {second: 3}\n", 1),
     ] {
         let faults = with(bad).expect_err("refused");

@@ -1,5 +1,5 @@
-//! `rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]`: cleans up after dead processes of one cell, and exits. A
-//! separate process, because this work may hang in iceoryx2; its parent kills it after a second.
+//! `rcc-janitor --cell NAME [--runtime-dir DIR [--state-dir DIR]] [--wipe]`: cleans up after dead processes of one cell,
+//! and exits. A separate process, because this work may hang in iceoryx2; its parent kills it after a second.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -12,25 +12,28 @@ use rcc_ipc::cell::person;
 use rcc_ipc::{Cell, clean, events};
 use rcc_protocol::version::version;
 
-const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]
+const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR [--state-dir DIR]] [--wipe]
 Removes the shared memory that dead processes of the cell left behind; with --wipe, everything of a dead cell.
 Exit code 0: success. 1: failure, with the reason. 2: invalid arguments.";
 
 struct Arguments {
     name: String,
     runtime_dir: Option<PathBuf>,
+    state_dir: Option<PathBuf>,
     wipe: bool,
 }
 
 fn arguments() -> Option<Arguments> {
     let mut name = None;
     let mut runtime_dir = None;
+    let mut state_dir = None;
     let mut wipe = false;
     let mut given = std::env::args_os().skip(1);
     while let Some(argument) = given.next() {
         match argument.to_str() {
             Some("--cell") => name = Some(given.next()?.into_string().ok()?),
             Some("--runtime-dir") => runtime_dir = Some(PathBuf::from(given.next()?)),
+            Some("--state-dir") => state_dir = Some(PathBuf::from(given.next()?)),
             Some("--wipe") => wipe = true,
             _ => return None,
         }
@@ -38,6 +41,7 @@ fn arguments() -> Option<Arguments> {
     Some(Arguments {
         name: name?,
         runtime_dir,
+        state_dir,
         wipe,
     })
 }
@@ -74,9 +78,10 @@ fn remark(words: &str) {
 }
 
 fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
-    let cell = match &arguments.runtime_dir {
-        Some(folder) => Cell::at(&arguments.name, folder)?,
-        None => Cell::new(&arguments.name)?,
+    let cell = match (&arguments.runtime_dir, &arguments.state_dir) {
+        (Some(folder), Some(state)) => Cell::in_folders(&arguments.name, folder, state.clone())?,
+        (Some(folder), None) => Cell::at(&arguments.name, folder)?,
+        (None, _) => Cell::new(&arguments.name)?,
     };
     if arguments.wipe {
         let report = clean::wipe(&cell)?;

@@ -4,25 +4,26 @@
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rcc_protocol::events::{Event, LINE_MAX};
 
-use crate::cell::Cell;
+use crate::state_folder::StateFolder;
 
 /// First bytes of every line; inside a JSON text the quotes would be escaped.
 const BEGINNING: &[u8] = b"{\"time\":";
 /// Maximum number of bytes taken from one file per call.
 const LOOK_MAX: u64 = 4 << 20;
 
-/// Reads the events of a cell.
+/// Reads the events that are kept of a cell.
 #[derive(Debug)]
 pub struct EventReader {
-    path: PathBuf,
-    before: PathBuf,
-    /// The previous file: a writer may still append one line to it.
+    folder: StateFolder,
+    /// The newest rotated file: a writer may still append one line to it.
     old: Option<Tail>,
     current: Option<Tail>,
+    /// Number of the newest rotated file that has been read.
+    last_rotated: u64,
     unreadable: u64,
 }
 
@@ -36,13 +37,12 @@ struct Tail {
 impl EventReader {
     /// Opens a reader at the oldest line.
     #[must_use]
-    pub fn open(cell: &Cell) -> EventReader {
-        let (path, before) = (cell.events_file(), cell.events_before_file());
+    pub fn open(folder: &StateFolder) -> EventReader {
         EventReader {
-            old: Tail::open(&before),
+            folder: folder.clone(),
+            old: None,
             current: None,
-            path,
-            before,
+            last_rotated: 0,
             unreadable: 0,
         }
     }
@@ -67,30 +67,41 @@ impl EventReader {
             current.read(&mut events, &mut unreadable)?;
         }
         let known = self.current.as_ref().map(|tail| tail.inode);
-        let inode = fs::metadata(&self.path).ok().map(|found| found.ino());
-        if inode.is_some() && inode != known {
+        let inode = fs::metadata(self.folder.events_file());
+        let inode = inode.ok().map(|found| found.ino());
+        if known.is_none() || (inode.is_some() && inode != known) {
             self.take_new(&mut events, &mut unreadable)?;
         }
         self.unreadable += unreadable;
         Ok(events)
     }
 
-    /// Switches to the new file at the path. The current file becomes the previous one, unless the log was rotated
-    /// twice.
+    /// Switches to the new file at the path, and reads the files that were rotated since the last one.
     fn take_new(&mut self, events: &mut Vec<Event>, unreadable: &mut u64) -> io::Result<()> {
         if let Some(mut moved) = self.current.take() {
             // Lines written between the last read and the rotation.
             moved.read(events, unreadable)?;
-            let before = Tail::open(&self.before).filter(|before| before.inode != moved.inode);
-            self.old = Some(match before {
-                Some(mut missed) => {
-                    missed.read(events, unreadable)?;
-                    missed
-                }
-                None => moved,
-            });
+            self.old = Some(moved);
         }
-        self.current = Tail::open(&self.path);
+        // Opened before the rotated files are listed, so that none is missed that is rotated in between.
+        self.current = Tail::open(&self.folder.events_file());
+        let current = self.current.as_ref().map(|tail| tail.inode);
+        for (number, path) in self.folder.rotated_events() {
+            if number <= self.last_rotated {
+                continue;
+            }
+            self.last_rotated = number;
+            // It may have been removed just now.
+            let Some(mut rotated) = Tail::open(&path) else {
+                continue;
+            };
+            let known = self.old.as_ref().map(|tail| tail.inode);
+            if [known, current].contains(&Some(rotated.inode)) {
+                continue;
+            }
+            rotated.read(events, unreadable)?;
+            self.old = Some(rotated);
+        }
         match &mut self.current {
             Some(current) => current.read(events, unreadable),
             None => Ok(()),

@@ -85,7 +85,7 @@ impl EventRecorder {
             tokens: BURST,
             filled: Instant::now(),
             // Open it now, while descriptors are free. If that fails, each line tries again.
-            file: opened(&cell.events_file()).ok(),
+            file: opened(&cell.state().events_file()).ok(),
         };
         let (alive, over) = sync_channel(0);
         let run = move || {

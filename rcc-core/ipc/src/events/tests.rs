@@ -24,13 +24,13 @@ impl TestLog {
     }
 
     fn read(&self) -> (Vec<Event>, u64) {
-        let mut reader = EventReader::open(&self.cell);
+        let mut reader = EventReader::open(&self.cell.state());
         let events = reader.poll().unwrap();
         (events, reader.unreadable())
     }
 
     fn raw(&self, bytes: &[u8]) {
-        opened(&self.cell.events_file())
+        opened(&self.cell.state().events_file())
             .unwrap()
             .write_all(bytes)
             .unwrap();
@@ -104,7 +104,7 @@ fn torn_and_hostile_lines_are_counted_and_hide_no_events() {
 #[test]
 fn a_line_that_comes_in_two_pieces_is_read_whole() {
     let place = TestLog::new();
-    let mut reader = EventReader::open(&place.cell);
+    let mut reader = EventReader::open(&place.cell.state());
     let event = Event::now(
         EventSource::this(EventOrigin::Cli, "x"),
         None,
@@ -120,7 +120,7 @@ fn a_line_that_comes_in_two_pieces_is_read_whole() {
 #[test]
 fn a_reader_follows_rotations_and_the_log_stays_bounded() {
     let place = TestLog::new();
-    let mut reader = EventReader::open(&place.cell);
+    let mut reader = EventReader::open(&place.cell.state());
     let why = "x".repeat(TEXT_MAX);
     let (mut read, count) = (0_u64, 6 * FILE_MAX / TEXT_MAX as u64);
     for number in 0..count {
@@ -140,10 +140,39 @@ fn a_reader_follows_rotations_and_the_log_stays_bounded() {
     }
     read += reader.poll().unwrap().len() as u64;
     assert_eq!((read, reader.unreadable()), (count, 0));
-    let size = |path: PathBuf| fs::metadata(path).unwrap().len();
     let most = FILE_MAX + LINE_MAX as u64;
-    assert!(
-        size(place.cell.events_file()) <= most && size(place.cell.events_before_file()) <= most
+    let state = place.cell.state();
+    let rotated = state.rotated_events();
+    assert!(rotated.len() > 1, "{rotated:?}");
+    let files = rotated.into_iter().map(|(_, path)| path);
+    for path in files.chain([state.events_file()]) {
+        assert!(fs::metadata(&path).unwrap().len() <= most, "{path:?}");
+    }
+    let (events, _) = place.read();
+    assert_eq!(events.len() as u64, count, "all files are read");
+}
+
+#[test]
+fn the_oldest_rotated_files_are_removed_and_numbers_are_never_used_again() {
+    let place = TestLog::new();
+    let state = place.cell.state();
+    for number in 5..5 + ROTATED_MAX as u64 {
+        fs::write(state.rotated_events_file(number), "").unwrap();
+    }
+    place.raw(&vec![b'\n'; FILE_MAX as usize]);
+    tell(&place.cell, EventOrigin::Cli, "x", stopping("rotated"));
+    tell(&place.cell, EventOrigin::Cli, "x", stopping("current"));
+    let numbers: Vec<u64> = state
+        .rotated_events()
+        .iter()
+        .map(|(number, _)| *number)
+        .collect();
+    let expected: Vec<u64> = (6..6 + ROTATED_MAX as u64).collect();
+    assert_eq!(numbers, expected);
+    let whys = place.read().0.into_iter().map(|event| event.what);
+    assert_eq!(
+        whys.collect::<Vec<_>>(),
+        ["rotated", "current"].map(stopping)
     );
 }
 
@@ -174,6 +203,28 @@ fn a_new_run_reports_the_last_event_of_one_that_died() {
     );
     let words = events[2].sentence(&|_, id| id.to_string());
     assert!(words.contains("the end"), "{words}");
+}
+
+#[test]
+fn a_run_that_ended_in_order_is_kept_and_not_reported_as_dead() {
+    let place = TestLog::new();
+    begin_log(&place.cell, "cell.yaml", &BTreeMap::new());
+    let kept = place.cell.state().path().display().to_string();
+    let ended = EventKind::CellEnded { kept };
+    tell(&place.cell, EventOrigin::Supervisor, "up", ended);
+    // A janitor or a person may write after it.
+    tell(&place.cell, EventOrigin::Cli, "cli", stopping("later"));
+    begin_log(&place.cell, "cell.yaml", &BTreeMap::new());
+    let (events, _) = place.read();
+    assert_eq!(events.len(), 4);
+    let previous = matches!(
+        events[3].what,
+        EventKind::CellStarted {
+            previous: Some(_),
+            ..
+        }
+    );
+    assert!(!previous, "{:?}", events[3]);
 }
 
 #[test]

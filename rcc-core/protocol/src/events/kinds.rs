@@ -349,6 +349,11 @@ kinds! {
         /// Source of the request.
         why: String,
     }
+    /// The cell has ended in order; the log goes on with the next run.
+    CellEnded = "cell-ended", "supervisor", Info {
+        /// Folder in which its events, incidents and logs stay.
+        kept: String,
+    }
     /// A process was started.
     ProcessStarted = "process-started", "supervisor", Info {
         /// Name of the process: executor, loader, driver/lwr, simulator/lwr-sim.

@@ -205,6 +205,9 @@ impl EventKind {
                 ),
             },
             EventKind::CellStopping { why } => format!("the cell is stopping: {why}"),
+            EventKind::CellEnded { kept } => {
+                format!("the cell has ended; events, incidents and logs stay in {kept}")
+            }
             EventKind::Cleaned {
                 half_created,
                 dead_nodes,

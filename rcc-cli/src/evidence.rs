@@ -1,0 +1,83 @@
+//! Finds what is kept of a cell – event log, incident files, logs – whether or not the cell is up. Used by the main thread
+//! of verbs that read it.
+
+use rcc_api::codes;
+use rcc_ipc::state_folder::{StateFolder, state_base};
+use rcc_ipc::{Cell, CellError};
+
+use crate::context::{Context, cell_failure};
+use crate::failure::Failure;
+use crate::output::print_note;
+
+/// Where a cell's evidence is.
+#[derive(Clone, Debug)]
+pub struct Evidence {
+    /// The cell, unless it has ended.
+    pub cell: Option<Cell>,
+    /// Its state folder.
+    pub state: StateFolder,
+}
+
+impl Evidence {
+    /// Finds the evidence of the context's cell.
+    ///
+    /// # Errors
+    /// Fails if there is no such cell and nothing is kept of one, or if it belongs to another user.
+    pub fn find(context: &Context) -> Result<Evidence, Failure> {
+        let name = context.cell_name();
+        let kept = || StateFolder::find(name);
+        match Cell::find(name) {
+            Ok(Some(cell)) => Ok(Evidence {
+                // A cell of an older build has no state folder yet.
+                state: cell.state(),
+                cell: Some(cell),
+            }),
+            Ok(None) => kept()
+                .map(|state| Evidence { cell: None, state })
+                .ok_or_else(|| nothing_kept(name)),
+            // The running cell of that name is somebody else's; the evidence may be ours.
+            Err(error @ CellError::NotOurs { .. }) => kept()
+                .map(|state| Evidence { cell: None, state })
+                .ok_or_else(|| cell_failure(&error)),
+            Err(error) => Err(cell_failure(&error)),
+        }
+    }
+
+    /// Returns true if a process of the cell is alive, or may be.
+    #[must_use]
+    pub fn is_up(&self) -> bool {
+        let announced = self.cell.as_ref().map(Cell::announced_all);
+        announced.is_some_and(|announced| {
+            // A list that cannot be read proves nothing.
+            announced.map_or(true, |all| all.iter().any(|one| !one.liveness().is_dead()))
+        })
+    }
+
+    /// Says on stderr where `what` is read if the cell is not up.
+    pub fn note(&self, context: &Context, what: &str) {
+        if !self.is_up() {
+            print_note(&format!(
+                "cell `{}` is not up; {what} kept in {}",
+                context.cell_name(),
+                self.state.path().display()
+            ));
+        }
+    }
+}
+
+fn nothing_kept(name: &str) -> Failure {
+    let names = StateFolder::names();
+    let others = match names.is_empty() {
+        true => String::new(),
+        false => format!("; kept: {}", names.join(", ")),
+    };
+    Failure::new(
+        codes::NO_LOADER,
+        format!(
+            "cell `{name}` is not up, and nothing is kept of it in {}{others}",
+            state_base().display()
+        ),
+        "name a cell with --cell (RCC_CELL); for the cells of services set RCC_RUNTIME_DIR=/run/rcc; start a cell with \
+         `rcc-cli up FILE`",
+    )
+}
