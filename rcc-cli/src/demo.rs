@@ -118,6 +118,7 @@ pub fn run(context: &Context) -> Result<(), Failure> {
         run_figures(context, &mut supervisor, (&interrupts, &printer), &prepared)
     });
     starting.set(false);
+    let kept = supervisor.cell.state_anchor().to_owned();
     let clean = supervisor.stop(&interrupts);
     // Flushed before the report, which is the demo's result: it is printed, or that is an error.
     printer.finish();
@@ -134,6 +135,8 @@ pub fn run(context: &Context) -> Result<(), Failure> {
         .flat_map(|(_, checks)| checks)
         .all(|check| check.holds);
     if holds && clean {
+        // Only a demo that failed leaves its event log and logs: each demo is a cell of its own.
+        let _ = std::fs::remove_dir_all(kept);
         Ok(())
     } else {
         Err(Failure::reported(exit::FAILED))
@@ -393,7 +396,7 @@ fn report(
         executor.grade
     ));
     let end = if clean {
-        "no process and no file left behind"
+        "no process and no shared memory left behind"
     } else {
         "some files or processes were left behind"
     };

@@ -1,5 +1,7 @@
 //! Formats events as sentences: what was lost, what ended and why, and the remedy. Pure functions.
 
+use rcc_core::counted::Counted;
+
 use super::{CommandFault, Event, EventKind, EventOrigin, Predecessor};
 use crate::ending::ending;
 
@@ -90,7 +92,8 @@ impl Event {
                     none if none.is_empty() => String::new(),
                     some => format!(", uses {some}"),
                 };
-                format!("{} loaded: {primitives} primitives{uses}", named(*command))
+                let primitives = Counted(u64::from(*primitives), "primitive");
+                format!("{} loaded: {primitives}{uses}", named(*command))
             }
             EventKind::Rejected {
                 command,
@@ -127,7 +130,14 @@ fn late_words(late: &EventKind, named: &dyn Fn(u64) -> String) -> Option<String>
     };
     let cause = match (computed_long, command) {
         (None, _) => String::new(),
+        (Some(0), _) if *count == 1 => String::new(),
         (Some(0), _) => "; all woke late".to_owned(),
+        (Some(_), None) if *count == 1 => "; computed long, without a net".to_owned(),
+        (Some(_), Some(command)) if *count == 1 => format!(
+            "; computed long, most of it {} ({:.3} ms)",
+            named(*command),
+            command_us.unwrap_or(0.0) / 1e3
+        ),
         (Some(long), None) => format!("; {long} computed long, without a net"),
         (Some(long), Some(command)) => format!(
             "; {long} computed long, most of it {} ({:.3} ms)",
@@ -135,12 +145,16 @@ fn late_words(late: &EventKind, named: &dyn Fn(u64) -> String) -> Option<String>
             command_us.unwrap_or(0.0) / 1e3
         ),
     };
-    Some(format!(
-        "{count} late cycles from cycle {first_cycle} on: woke up to {:.3} ms late, computed up to {:.3} ms\
-         {cause}",
-        worst_wake_us / 1e3,
-        worst_exec_us / 1e3
-    ))
+    let (wake_ms, exec_ms) = (worst_wake_us / 1e3, worst_exec_us / 1e3);
+    Some(match count {
+        1 => format!(
+            "1 late cycle, cycle {first_cycle}: woke up {wake_ms:.3} ms late, computed for {exec_ms:.3} ms{cause}"
+        ),
+        count => format!(
+            "{} from cycle {first_cycle} on: woke up to {wake_ms:.3} ms late, computed for up to {exec_ms:.3} ms{cause}",
+            Counted(*count, "late cycle")
+        ),
+    })
 }
 
 impl EventKind {
@@ -162,12 +176,15 @@ impl EventKind {
                 "cannot determine whether {process} is alive ({why}); it counts as alive, and the check is repeated"
             ),
             EventKind::Suppressed { count } => {
+                let were = if *count == 1 { "was" } else { "were" };
                 format!(
-                    "{count} more events were not written: too many at once, or the disk is not writable"
+                    "{} {were} not written: too many at once, or the disk is not writable",
+                    Counted(*count, "more event")
                 )
             }
             EventKind::Acknowledged { late } => {
-                format!("{late} late cycles acknowledged: latched values are cleared")
+                let late = Counted(*late, "late cycle");
+                format!("{late} acknowledged: latched values are cleared")
             }
             EventKind::IncidentWritten {
                 reason,
@@ -220,7 +237,10 @@ impl EventKind {
                     of.join(", ")
                 };
                 format!(
-                    "cleaned up after {of}: {dead_nodes} nodes, {files} files, {half_created} half-created files"
+                    "cleaned up after {of}: {}, {}, {}",
+                    Counted(*dead_nodes, "node"),
+                    Counted::of(*files, "file"),
+                    Counted::of(*half_created, "half-created file")
                 )
             }
             EventKind::FaultInjected { target, what } => {
