@@ -1,10 +1,10 @@
 //! Finds what is kept of a cell – event log, incident files, logs – whether or not the cell is up. Used by the main thread
 //! of verbs that read it.
 
-use rcc_api::codes;
 use rcc_ipc::state_folder::{StateFolder, state_base};
 use rcc_ipc::{Cell, CellError};
 
+use crate::cells;
 use crate::context::{Context, cell_failure};
 use crate::failure::Failure;
 use crate::output::print_note;
@@ -65,19 +65,14 @@ impl Evidence {
     }
 }
 
+/// Returns the failure for a cell that does not run and of which nothing is kept.
 fn nothing_kept(name: &str) -> Failure {
-    let names = StateFolder::names();
-    let others = match names.is_empty() {
-        true => String::new(),
-        false => format!("; kept: {}", names.join(", ")),
+    let mut failure = cells::not_found(name);
+    let base = state_base();
+    let kept = match StateFolder::names() {
+        none if none.is_empty() => String::new(),
+        names => format!("; kept: {}", names.join(", ")),
     };
-    Failure::new(
-        codes::NO_LOADER,
-        format!(
-            "cell `{name}` is not up, and nothing is kept of it in {}{others}",
-            state_base().display()
-        ),
-        "name a cell with --cell (RCC_CELL); for the cells of services set RCC_RUNTIME_DIR=/run/rcc; start a cell with \
-         `rcc-cli up FILE`",
-    )
+    failure.body.message += &format!(", and nothing is kept of it in {}{kept}", base.display());
+    failure
 }

@@ -32,7 +32,7 @@ fn events_incidents_and_logs_of_a_cell_that_has_ended_are_found_even_after_a_res
     cell.cli_exits(0, &["incidents", "record"]);
     cell.done(line, "abort");
     cell.await_end(line);
-    let (_, refused) = cell.cli_exits(5, &["--cell", "other", "incidents"]);
+    let (_, refused) = cell.cli_exits(4, &["--cell", "other", "incidents"]);
     assert!(
         refused.contains("nothing is kept") && refused.contains("kept: test"),
         "{refused}"
@@ -63,7 +63,7 @@ fn events_incidents_and_logs_of_a_cell_that_has_ended_are_found_even_after_a_res
         let (out, _) = place.cli_exits(0, &[&["--output", "json"][..], arguments].concat());
         assert!(out.contains("\"identical\":true"), "{out}");
     }
-    let (_, refused) = place.cli_exits(5, &["events", "--follow"]);
+    let (_, refused) = place.cli_exits(4, &["events", "--follow"]);
     assert!(
         refused.contains("not up") && refused.contains("--follow"),
         "{refused}"
