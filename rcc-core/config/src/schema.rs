@@ -158,9 +158,10 @@ fn recorder() -> Value {
         &[],
         json!({
             "seconds": quantity("Longest time that is kept before an incident: 10."),
-            "memory": {"description": "Locked memory: `64 MB`; `0 MB`: nothing is recorded.", "anyOf": [{"type": "string", "pattern": "^[0-9]+ *MB$"}, {"const": 0}]},
+            "memory": {"description": "Locked memory: `64 MB`; `0 MB`: nothing is recorded.", "anyOf": [{"type": "string", "pattern": "^[0-9]+ *[MG]B$"}, {"const": 0}]},
             "files": integer("Most incident files; the oldest is removed.", 1, 1000),
-            "folder": text("Folder of the incident files, relative to this file."),
+            "folder": text("Folder of event log, incident files and logs instead of the state folder, relative to this file."),
+            "keep": {"description": "Most that is kept of all of them, at least `memory`: `200 MB`, `2 GB`. The oldest go first.", "type": "string", "pattern": "^[0-9]+ *[MG]B$"},
         }),
     )
 }

@@ -2,7 +2,7 @@
 //! live writer.
 
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
@@ -44,6 +44,23 @@ impl EventReader {
             current: None,
             last_rotated: 0,
             unreadable: 0,
+        }
+    }
+
+    /// Opens a reader of the events from now on: the log may go back for months.
+    #[must_use]
+    pub fn open_at_end(folder: &StateFolder) -> EventReader {
+        let mut current = Tail::open(&folder.events_file());
+        if let Some(tail) = &mut current {
+            // A file that cannot be sought is read from its beginning.
+            let _ = tail.file.seek(SeekFrom::End(0));
+        }
+        // Listed after the file was opened, so that one that is rotated in between is not read again.
+        let rotated = folder.rotated_events();
+        EventReader {
+            current,
+            last_rotated: rotated.last().map_or(0, |(number, _)| *number),
+            ..EventReader::open(folder)
         }
     }
 

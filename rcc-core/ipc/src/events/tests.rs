@@ -153,6 +153,23 @@ fn a_reader_follows_rotations_and_the_log_stays_bounded() {
 }
 
 #[test]
+fn a_reader_at_the_end_sees_what_comes_and_nothing_before() {
+    let place = TestLog::new();
+    let state = place.cell.state();
+    fs::write(state.rotated_events_file(3), "").unwrap();
+    tell(&place.cell, EventOrigin::Cli, "x", stopping("before"));
+    let mut reader = EventReader::open_at_end(&state);
+    assert_eq!(reader.poll().unwrap(), []);
+    tell(&place.cell, EventOrigin::Cli, "x", stopping("one"));
+    place.raw(&vec![b'\n'; FILE_MAX as usize]);
+    tell(&place.cell, EventOrigin::Cli, "x", stopping("rotated"));
+    tell(&place.cell, EventOrigin::Cli, "x", stopping("new"));
+    let whys = reader.poll().unwrap().into_iter().map(|event| event.what);
+    let expected = ["one", "rotated", "new"].map(stopping);
+    assert_eq!(whys.collect::<Vec<_>>(), expected);
+}
+
+#[test]
 fn the_oldest_rotated_files_are_removed_and_numbers_are_never_used_again() {
     let place = TestLog::new();
     let state = place.cell.state();

@@ -91,12 +91,8 @@ impl Service {
         }
         let has_ports = !subscriptions.is_empty();
         let port = has_ports.then(|| self.executor.open_port()).transpose()?;
-        let reader = request.events.then(|| {
-            let mut reader = EventReader::open(self.executor.cell());
-            // Events from now on; an error shows again when the log is read.
-            let _ = reader.poll();
-            reader
-        });
+        let state = self.executor.cell().state();
+        let reader = request.events.then(|| EventReader::open_at_end(&state));
         Ok(EventStream {
             subscriptions,
             period: Duration::from_secs_f64(1.0 / request.rate),
