@@ -3,7 +3,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
+use rcc_tests::programs::program;
 use rcc_tests::{CellFixture, TestCell, await_some, nets, repository};
 use serde_json::Value;
 
@@ -32,7 +34,14 @@ fn events_incidents_and_logs_of_a_cell_that_has_ended_are_found_even_after_a_res
     cell.cli_exits(0, &["incidents", "record"]);
     cell.done(line, "abort");
     cell.await_end(line);
-    let (_, refused) = cell.cli_exits(4, &["--cell", "other", "incidents"]);
+    let mut other = Command::new(program("rcc-cli"));
+    other
+        .args(["--cell", "other", "incidents"])
+        .env("RCC_RUNTIME_DIR", cell.folder())
+        .env("RCC_STATE_DIR", cell.state_dir());
+    let output = other.output().expect("rcc-cli runs");
+    let refused = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(4), "{refused}");
     assert!(
         refused.contains("nothing is kept") && refused.contains("kept: test"),
         "{refused}"
@@ -99,8 +108,8 @@ fn a_follower_ends_with_the_cell_and_says_where_its_events_stay() {
     let mut command = cell.program("rcc-cli");
     let follower = command
         .args(["--output", "json", "events", "--follow"])
-        .stdout(std::process::Stdio::piped())
-        .stderr(std::process::Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
         .spawn()
         .expect("rcc-cli starts");
     let place = cell.interrupt();
