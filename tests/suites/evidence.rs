@@ -2,6 +2,7 @@
 //! oldest go first, and the configuration chooses the folder. Each test has a cell and a state folder of its own.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -106,16 +107,19 @@ fn events_incidents_and_logs_of_a_cell_that_has_ended_are_found_even_after_a_res
 fn a_follower_ends_with_the_cell_and_says_where_its_events_stay() {
     let cell = TestCell::demo();
     let mut command = cell.program("rcc-cli");
-    let follower = command
+    let mut follower = command
         .args(["--output", "json", "events", "--follow"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .expect("rcc-cli starts");
+    let mut lines = BufReader::new(follower.stdout.take().expect("a pipe")).lines();
+    assert!(lines.next().is_some(), "it follows the cell");
     let place = cell.interrupt();
+    let events: Result<Vec<String>, _> = lines.collect();
+    let events = events.expect("whole lines").join("\n");
     let output = follower.wait_with_output().expect("it ends");
     assert!(output.status.success(), "{output:?}");
-    let events = String::from_utf8_lossy(&output.stdout);
     assert!(events.contains("\"cell-stopping\""), "{events}");
     let notes = String::from_utf8_lossy(&output.stderr);
     let path = place.cell().state().path().display().to_string();
