@@ -8,6 +8,7 @@ pub mod command_summary;
 pub mod connection;
 pub mod error;
 pub mod executor;
+pub mod file_body;
 pub mod listeners;
 pub mod live;
 pub mod priority;

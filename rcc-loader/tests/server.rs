@@ -392,7 +392,7 @@ fn without_an_executor_every_route_reports_it_and_the_catalogue_is_available() {
     );
     assert_eq!(ask(&cell, "GET /openapi.json", b"").0, 200);
     assert_eq!(ask(&cell, "GET /nothing", b"").1["code"], "RCC4007");
-    assert_eq!(ask(&cell, "PUT /commands", b"").1["code"], "RCC4007");
+    assert_eq!(ask(&cell, "PUT /commands", b"").1["code"], "RCC4018");
     assert_eq!(
         ask(&cell, "POST /commands", b"\xff\xfe").1["code"],
         "RCC4011"

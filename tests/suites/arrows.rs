@@ -64,6 +64,8 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-os",
             "rcc-config",
             "rcc-protocol",
+            // Heads of incident files.
+            "rcc-engine",
             "rcc-language",
             "rcc-directionet",
         ],

@@ -246,7 +246,7 @@ fn invalid_http_requests_get_an_error_with_a_code_and_change_nothing() {
     let socket = cell.cell().socket();
     for (method, path, body, status, code) in [
         ("GET", "/nothing", "", 404, "RCC4007"),
-        ("PUT", "/commands", "", 404, "RCC4007"),
+        ("PUT", "/commands", "", 405, "RCC4018"),
         ("POST", "/commands/1/jump", "", 404, "RCC4007"),
         ("GET", "/commands/nothing", "", 404, "RCC3001"),
         ("GET", "/commands/%F0%28", "", 404, "RCC3001"),

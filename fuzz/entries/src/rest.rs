@@ -373,7 +373,10 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
         "/values?ports=move.pose[1],*.out",
     ];
     let method = *bytes.choose(&METHODS)?;
-    let address = match bytes.int_in_range(0..=9)? {
+    let address = match bytes.int_in_range(0..=12)? {
+        10 => format!("/events?after={}", word(bytes)?),
+        11 => "/incidents".to_owned(),
+        12 => format!("/incidents/{}", word(bytes)?),
         8 => "/timing".to_owned(),
         9 => "/status/acknowledge".to_owned(),
         0 => "/devices".to_owned(),

@@ -4,6 +4,10 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+mod records;
+
+pub use records::{EventPage, EventSourceView, EventView, IncidentView};
+
 /// An error, with the same codes as on the command line.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ErrorBody {

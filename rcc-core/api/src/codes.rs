@@ -122,9 +122,11 @@ codes! {
     NO_TOKEN = "RCC4015", 401, PERMISSION, "The token is missing or wrong.";
     HEAD_TOO_LARGE = "RCC4016", 431, USAGE, "The head of the request is too large.";
     TOO_SLOW = "RCC4017", 408, TIMEOUT, "The request arrived too slowly.";
+    NO_METHOD = "RCC4018", 405, USAGE, "The address does not take this method.";
     OTHER_CONFIGURATION = "RCC4020", 409, CONFLICT, "Processes were started with different configurations.";
     NOT_KEPT = "RCC4021", 507, FAILED, "The loader's storage limit is reached.";
     GIVEN_UP = "RCC4022", 504, TIMEOUT, "The client stopped waiting.";
+    UNKNOWN_INCIDENT = "RCC4029", 404, FAILED, "The incident file does not exist.";
     NO_INCIDENT = "RCC4030", 422, INVALID, "The file is not an incident that this build can replay.";
     REPLAY_DIFFERS = "RCC4031", 500, FAILED, "A replay differs from what was recorded.";
     NOT_COMPARED = "RCC4032", 422, FAILED, "The incident contains nothing that can be compared.";

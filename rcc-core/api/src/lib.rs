@@ -9,6 +9,8 @@ pub mod codes;
 pub mod command_file;
 pub mod compile;
 pub mod error;
+pub mod events;
+pub mod incidents;
 pub mod manual;
 pub mod messages;
 pub mod routes;

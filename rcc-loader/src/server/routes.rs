@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, Extension, Path, Query, State};
+use axum::extract::{DefaultBodyLimit, Extension, Path, State};
 use axum::http::StatusCode;
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
@@ -15,7 +15,7 @@ use axum::{Json, Router};
 use rcc_api::bodies::{
     Acknowledged, CommandDetail, CommandRef, CommandView, DeviceView, Done, ErrorBody, Finding,
     InputsSet, Loaded, PrimitiveView, Start, StatusView, Switch, Switched, TextLocation,
-    TimingView, TopicView, ValuesView, WrittenIncident,
+    TimingView, TopicView, ValuesView,
 };
 use rcc_api::error::ApiError;
 use rcc_api::streams::{
@@ -33,11 +33,15 @@ use super::caller::Caller;
 use super::error::ErrorResponse;
 use super::service::{Operation, Service};
 use super::stop_workers::StopWorkers;
+use interface::Query;
 use requests::{answering, blocking, constant, json, limited, reading, text_of, too_many, written};
 
 pub use set_points::{CHANNEL_IDLE_MAX, CHANNELS_MAX};
 pub use stream::STREAMS_MAX;
 
+mod document;
+mod interface;
+mod records;
 mod requests;
 mod set_points;
 mod stream;
@@ -85,7 +89,6 @@ struct ServerState {
         cancel,
         abort,
         unload,
-        incident,
         devices,
         primitives,
         schema,
@@ -93,6 +96,7 @@ struct ServerState {
         timing,
         topics,
         acknowledge,
+        openapi,
         stream::stream
     ),
     components(schemas(
@@ -114,7 +118,12 @@ struct ApiDocument;
 /// # Errors
 /// Returns an error if it cannot be serialized; a test shows that it can.
 pub fn document() -> Result<String, serde_json::Error> {
-    ApiDocument::openapi().to_pretty_json()
+    serde_json::to_string_pretty(&described()?)
+}
+
+/// Returns the OpenAPI document as a value.
+fn described() -> Result<serde_json::Value, serde_json::Error> {
+    document::complete(ApiDocument::openapi().merge_from(records::RecordsDocument::openapi()))
 }
 
 /// Creates the router with all routes, and starts the threads of CANCEL and ABORT.
@@ -154,7 +163,7 @@ fn routes(state: ServerState) -> Router {
         .route("/switch", post(switch))
         .route("/commands/{name}/cancel", post(cancel))
         .route("/commands/{name}/abort", post(abort))
-        .route("/incidents", post(incident))
+        .merge(records::router())
         .route("/devices", get(devices))
         .route("/primitives", get(primitives))
         .route("/schema", get(schema))
@@ -163,8 +172,7 @@ fn routes(state: ServerState) -> Router {
         .route("/timing", get(timing))
         .route("/topics", get(topics))
         .route("/openapi.json", get(openapi))
-        .fallback(no_route)
-        .method_not_allowed_fallback(no_route)
+        .fallback(interface::no_route)
         // `limited` has already checked the size.
         .layer(DefaultBodyLimit::disable())
         .layer(middleware::from_fn_with_state(state.clone(), limited))
@@ -180,7 +188,7 @@ struct LoadQuery {
 
 /// LOAD: the body is the text of a net, YAML or JSON. Answers at once; the command's state then changes from `loading`
 /// to `ready` or `rejected`.
-#[utoipa::path(post, path = "/commands", request_body(content = String, content_type = "application/yaml"),
+#[utoipa::path(post, path = "/commands", operation_id = "loadCommand", tag = "commands", request_body(content((Object = "application/json"), (String = "application/yaml")), description = "a net"),
     params(("file" = Option<String>, Query, description = "file name for diagnostics")),
     responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
 async fn load(
@@ -218,7 +226,7 @@ async fn load(
 }
 
 /// Lists all commands, sorted by id.
-#[utoipa::path(get, path = "/commands",
+#[utoipa::path(get, path = "/commands", operation_id = "listCommands", tag = "commands",
     responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody)))]
 async fn list(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::list).await
@@ -232,7 +240,7 @@ struct DetailQuery {
 }
 
 /// STATE: one command, by id or by the net's name (then the newest of that name).
-#[utoipa::path(get, path = "/commands/{name}",
+#[utoipa::path(get, path = "/commands/{name}", operation_id = "getCommand", tag = "commands",
     params(("name" = String, Path, description = "id or name"),
         ("brief" = Option<bool>, Query, description = "without `text` and `names`, which are long")),
     responses((status = 200, body = CommandDetail), (status = 404, body = ErrorBody)))]
@@ -261,7 +269,7 @@ async fn stop(
 /// START: the net is evaluated from the next cycle on. With `after_stopping`, those commands end between the same two
 /// cycles, and an arm that they command continues with the first set-point of this net; if that is impossible, nothing
 /// changes.
-#[utoipa::path(post, path = "/commands/{name}/start", params(("name" = String, Path, description = "id or name")),
+#[utoipa::path(post, path = "/commands/{name}/start", operation_id = "startCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
     request_body(content = Option<Start>, description = "optional"),
     responses((status = 200, body = Done), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
@@ -290,7 +298,7 @@ async fn start(
 
 /// Hand-over: some commands end and others start between the same two cycles, or nothing changes. An arm continues
 /// without a gap: the first set-point must continue from the last one.
-#[utoipa::path(post, path = "/switch", request_body(content = Switch),
+#[utoipa::path(post, path = "/switch", operation_id = "switchCommands", tag = "commands", request_body(content = Switch),
     responses((status = 200, body = Switched), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
 async fn switch(
@@ -303,7 +311,7 @@ async fn switch(
 
 /// Sets inputs of a ready or active net: a mapping from their names to constants of the language, YAML or JSON; null
 /// unsets an input. All of them take effect in the same cycle, or none.
-#[utoipa::path(put, path = "/commands/{name}/inputs", params(("name" = String, Path, description = "id or name")),
+#[utoipa::path(put, path = "/commands/{name}/inputs", operation_id = "setInputs", tag = "values", params(("name" = String, Path, description = "id or name")),
     request_body(content = Object, content_type = "application/json",
         description = "`{\"speed\": \"0.2 m/s\", \"goal\": {\"xyz\": [0.5, 0, 0.3], \"rpy\": [0, 0, 0]}}`"),
     responses((status = 200, body = InputsSet), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody),
@@ -336,7 +344,7 @@ impl ValuesQuery {
 }
 
 /// Reads values of ports of a net, all from its last evaluation.
-#[utoipa::path(get, path = "/commands/{name}/values",
+#[utoipa::path(get, path = "/commands/{name}/values", operation_id = "readValues", tag = "values",
     params(("name" = String, Path, description = "id or name"),
         ("ports" = Option<String>, Query,
             description = "patterns such as `move.pose,ik.*,a.out[2]`; without, all outputs")),
@@ -354,7 +362,7 @@ async fn values(
 }
 
 /// CANCEL: the net's `Cancel` primitive outputs true from the next cycle on.
-#[utoipa::path(post, path = "/commands/{name}/cancel", params(("name" = String, Path, description = "id or name")),
+#[utoipa::path(post, path = "/commands/{name}/cancel", operation_id = "cancelCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn cancel(
     State(state): State<ServerState>,
@@ -364,7 +372,7 @@ async fn cancel(
 }
 
 /// ABORT: the devices get no more commands, and their drivers bring them to rest.
-#[utoipa::path(post, path = "/commands/{name}/abort", params(("name" = String, Path, description = "id or name")),
+#[utoipa::path(post, path = "/commands/{name}/abort", operation_id = "abortCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn abort(
     State(state): State<ServerState>,
@@ -374,7 +382,7 @@ async fn abort(
 }
 
 /// UNLOAD: removes a command that is not active.
-#[utoipa::path(delete, path = "/commands/{name}", params(("name" = String, Path, description = "id or name")),
+#[utoipa::path(delete, path = "/commands/{name}", operation_id = "unloadCommand", tag = "commands", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn unload(
     State(state): State<ServerState>,
@@ -387,45 +395,35 @@ async fn unload(
     .await
 }
 
-/// Writes the last seconds of the flight recorder to a file.
-#[utoipa::path(post, path = "/incidents",
-    responses((status = 200, body = WrittenIncident), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
-async fn incident(
-    State(state): State<ServerState>,
-    Extension(caller): Extension<Caller>,
-) -> Result<Response, ErrorResponse> {
-    answering(state, move |service| service.freeze(&caller)).await
-}
-
 /// Lists the devices, in the order of the cell's configuration.
-#[utoipa::path(get, path = "/devices",
+#[utoipa::path(get, path = "/devices", operation_id = "listDevices", tag = "cell",
     responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
 async fn devices(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::devices).await
 }
 
 /// Lists every primitive with its ports and parameters.
-#[utoipa::path(get, path = "/primitives", responses((status = 200, body = Vec<PrimitiveView>)))]
+#[utoipa::path(get, path = "/primitives", operation_id = "listPrimitives", tag = "language", responses((status = 200, body = Vec<PrimitiveView>)))]
 async fn primitives(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| written(&catalogue::primitives())).await
 }
 
 /// Returns the JSON Schema of nets, with the names of this cell's devices and channels.
-#[utoipa::path(get, path = "/schema", responses((status = 200, body = serde_json::Value)))]
+#[utoipa::path(get, path = "/schema", operation_id = "getNetSchema", tag = "language", responses((status = 200, body = serde_json::Value)))]
 async fn schema(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, |service| Ok(service.schema())).await
 }
 
 /// Returns the executor's health and the processes of the cell.
-#[utoipa::path(get, path = "/status",
+#[utoipa::path(get, path = "/status", operation_id = "getStatus", tag = "cell",
     responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
 async fn status(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::status).await
 }
 
 /// Acknowledges late cycles: latched cycles, worst values and histograms are reset.
-#[utoipa::path(post, path = "/status/acknowledge",
+#[utoipa::path(post, path = "/status/acknowledge", operation_id = "acknowledgeLateCycles", tag = "cell",
     responses((status = 200, body = Acknowledged), (status = 503, body = ErrorBody)))]
 async fn acknowledge(
     State(state): State<ServerState>,
@@ -435,19 +433,22 @@ async fn acknowledge(
 }
 
 /// Lists the topics: who publishes each value, and who subscribes to it.
-#[utoipa::path(get, path = "/topics",
+#[utoipa::path(get, path = "/topics", operation_id = "listTopics", tag = "values",
     responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody)))]
 async fn topics(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::topics).await
 }
 
 /// Returns histograms of the cycle and the measured cost of primitives.
-#[utoipa::path(get, path = "/timing",
+#[utoipa::path(get, path = "/timing", operation_id = "getTiming", tag = "cell",
     responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
 async fn timing(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     answering(state, Service::timing).await
 }
 
+/// Returns this document.
+#[utoipa::path(get, path = "/openapi.json", operation_id = "getOpenApi", tag = "language",
+    responses((status = 200, body = serde_json::Value)))]
 async fn openapi(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
     constant(state, &WRITTEN, |_| {
@@ -461,14 +462,6 @@ async fn openapi(State(state): State<ServerState>) -> Result<Response, ErrorResp
         })
     })
     .await
-}
-
-async fn no_route() -> ErrorResponse {
-    ErrorResponse(ApiError::new(
-        codes::NO_ROUTE,
-        "unknown address or method",
-        "`GET /openapi.json` lists all",
-    ))
 }
 
 #[cfg(test)]
@@ -493,7 +486,10 @@ mod tests {
             "/commands/{name}/start",
             "/commands/{name}/values",
             "/devices",
+            "/events",
             "/incidents",
+            "/incidents/{file}",
+            "/openapi.json",
             "/primitives",
             "/schema",
             "/status",

@@ -32,7 +32,9 @@ pub use set_points::{LINES_MAX, LineQueue, SetPointChannel};
 pub use stream::{EventStream, STREAM_NETS_MAX, STREAM_RATE_MAX, StreamRequest};
 
 mod configuration;
+pub mod events;
 mod handover;
+mod incidents;
 mod load;
 mod recording;
 mod set_points;
@@ -63,6 +65,7 @@ pub struct Service {
     helpers: Helpers,
     /// Process id and incarnation of the executor that was last reported to the event log.
     reported_executor: Mutex<Option<(u32, u64)>>,
+    event_log: events::SharedEventLog,
     /// Incarnation of the executor, and its commands.
     store: Mutex<Option<(u64, Arc<CommandStore>)>>,
 }
@@ -134,6 +137,7 @@ impl Service {
             recorder: None,
             helpers: Helpers::default(),
             reported_executor: Mutex::new(None),
+            event_log: events::SharedEventLog::default(),
             store: Mutex::new(None),
         }
     }

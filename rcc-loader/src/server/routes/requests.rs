@@ -14,7 +14,7 @@ use rcc_api::error::ApiError;
 use rcc_api::routes::{TIMEOUT_HEADER, is_stream};
 use serde::Serialize;
 
-use super::{REQUEST_TIME_MAX, REQUESTS_MAX, ServerState};
+use super::{REQUEST_TIME_MAX, REQUESTS_MAX, ServerState, interface};
 use crate::server::bodies;
 use crate::server::caller::Caller;
 use crate::server::error::ErrorResponse;
@@ -26,15 +26,32 @@ pub(super) async fn limited(
     mut request: Request,
     next: Next,
 ) -> Response {
-    // Streams have limits of their own; the time until their answer begins is limited here.
-    if is_stream(request.method().as_str(), request.uri().path()) {
-        return with_time_limit(next.run(request)).await;
-    }
     let route = request.extensions().get::<MatchedPath>();
     let route = route.map_or_else(String::new, |route| route.as_str().to_owned());
+    if let Err(refused) = interface::check_method(request.method(), &route) {
+        return refused;
+    }
+    let query = interface::check_query(request.method(), &route, request.uri());
+    // Streams have limits of their own; the time until their answer begins is limited here.
+    if is_stream(request.method().as_str(), request.uri().path()) {
+        return match query {
+            Ok(()) => with_time_limit(next.run(request)).await,
+            Err(error) => ErrorResponse(error).into_response(),
+        };
+    }
     let Some(bytes_max) = bodies::body_max(request.method(), &route) else {
-        return with_time_limit(next.run(request)).await;
+        let answer = with_time_limit(next.run(request)).await;
+        // The client wanted the arm to stop: the faulty query is reported afterwards.
+        return match query {
+            Err(error) if answer.status().is_success() => {
+                ErrorResponse(interface::after_stop(error)).into_response()
+            }
+            _ => answer,
+        };
     };
+    if let Err(error) = query {
+        return ErrorResponse(error).into_response();
+    }
     let caller = match caller(request.headers()) {
         Ok(caller) => caller,
         Err(error) => return ErrorResponse(error).into_response(),

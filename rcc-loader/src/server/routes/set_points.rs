@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::{Body, Bytes};
-use axum::extract::{Path, Query, State};
+use axum::extract::{Path, State};
 use axum::response::Response;
 use http_body_util::BodyExt;
 use rcc_api::bodies::ErrorBody;
@@ -15,6 +15,7 @@ use rcc_api::streams::ChannelEnd;
 use serde::Deserialize;
 
 use super::ServerState;
+use super::interface::Query;
 use super::requests::{blocking, too_many_streams};
 use crate::server::bodies::SET_TEXT_MAX;
 use crate::server::error::ErrorResponse;

@@ -3,12 +3,13 @@
 
 use std::sync::Arc;
 
-use axum::extract::{Query, State};
+use axum::extract::State;
 use axum::response::Response;
 use rcc_api::bodies::ErrorBody;
 use rcc_api::streams::StreamValues;
 use serde::Deserialize;
 
+use super::interface::Query;
 use super::requests::{blocking, too_many_streams};
 use super::{ServerState, ValuesQuery};
 use crate::server::error::ErrorResponse;

@@ -1,0 +1,152 @@
+//! The routes of what a cell has recorded: events of its log, and incident files. Run by the one thread that serves
+//! connections.
+
+use std::io::{Seek, SeekFrom};
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{Extension, Path, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use rcc_api::bodies::{ErrorBody, EventPage, IncidentView, WrittenIncident};
+use rcc_api::codes;
+use rcc_api::error::ApiError;
+use serde::Deserialize;
+use utoipa::OpenApi;
+
+use super::ServerState;
+use super::interface::Query;
+use super::requests::{answering, blocking, reading};
+use crate::server::caller::Caller;
+use crate::server::error::ErrorResponse;
+use crate::server::file_body::FileBody;
+use crate::server::service::Service;
+
+/// The part of the OpenAPI document about these routes.
+#[derive(OpenApi)]
+#[openapi(paths(events, incidents, incident, download))]
+pub(super) struct RecordsDocument;
+
+/// Creates the router of these routes.
+pub(super) fn router() -> Router<ServerState> {
+    Router::new()
+        .route("/events", get(events))
+        .route("/incidents", get(incidents).post(incident))
+        .route("/incidents/{file}", get(download))
+}
+
+#[derive(Deserialize)]
+struct EventsQuery {
+    /// Position of an earlier answer.
+    after: Option<String>,
+    /// Maximum number of events.
+    limit: Option<usize>,
+}
+
+/// Returns the newest events of the cell's log, or those after a position: ask with the `next` of the last answer to
+/// follow the log.
+#[utoipa::path(get, path = "/events", operation_id = "listEvents", tag = "records",
+    params(("after" = Option<String>, Query, description = "`next` of an earlier answer: only the events that follow"),
+        ("limit" = Option<usize>, Query, description = "at most as many; the loader keeps the newest 4096")),
+    responses((status = 200, body = EventPage), (status = 400, body = ErrorBody)))]
+async fn events(
+    State(state): State<ServerState>,
+    Query(query): Query<EventsQuery>,
+) -> Result<Response, ErrorResponse> {
+    reading(state, move |service| {
+        service.events(query.after.as_deref(), query.limit)
+    })
+    .await
+}
+
+/// Lists the incident files, oldest first.
+#[utoipa::path(get, path = "/incidents", operation_id = "listIncidents", tag = "records",
+    responses((status = 200, body = Vec<IncidentView>), (status = 500, body = ErrorBody)))]
+async fn incidents(State(state): State<ServerState>) -> Result<Response, ErrorResponse> {
+    reading(state, Service::incidents).await
+}
+
+/// Writes the last seconds of the flight recorder to a file.
+#[utoipa::path(post, path = "/incidents", operation_id = "recordIncident", tag = "records",
+    responses((status = 200, body = WrittenIncident), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+async fn incident(
+    State(state): State<ServerState>,
+    Extension(caller): Extension<Caller>,
+) -> Result<Response, ErrorResponse> {
+    answering(state, move |service| service.freeze(&caller)).await
+}
+
+/// Downloads an incident file. `range: bytes=N-` continues a download that was interrupted.
+#[utoipa::path(get, path = "/incidents/{file}", operation_id = "downloadIncident", tag = "records",
+    params(("file" = String, Path, description = "name of the file: the last part of the path in the list")),
+    responses((status = 200, description = "The file.", body = [u8], content_type = "application/octet-stream"),
+        (status = 206, description = "The rest of the file.", body = [u8], content_type = "application/octet-stream"),
+        (status = 400, body = ErrorBody), (status = 404, body = ErrorBody)))]
+async fn download(
+    State(state): State<ServerState>,
+    Path(name): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, ErrorResponse> {
+    let from = match headers.get(header::RANGE) {
+        Some(range) => Some(first_byte(range.as_bytes()).ok_or_else(bad_range)?),
+        None => None,
+    };
+    let (file, length) = blocking(state, move |service| {
+        let (mut file, length) = service.open_incident(&name)?;
+        let start = from.unwrap_or(0);
+        if start > length || file.seek(SeekFrom::Start(start)).is_err() {
+            return Err(bad_range());
+        }
+        Ok((file, length))
+    })
+    .await?;
+    let start = from.unwrap_or(0);
+    let body = Body::new(FileBody::new(file, length - start));
+    let kind = (header::CONTENT_TYPE, "application/octet-stream".to_owned());
+    Ok(match from {
+        None => (StatusCode::OK, [kind], body).into_response(),
+        Some(_) => {
+            let last = length.saturating_sub(1);
+            let part = (
+                header::CONTENT_RANGE,
+                format!("bytes {start}-{last}/{length}"),
+            );
+            (StatusCode::PARTIAL_CONTENT, [kind, part], body).into_response()
+        }
+    })
+}
+
+/// Parses `bytes=N-` (RFC 9110, section 14.1.2).
+fn first_byte(range: &[u8]) -> Option<u64> {
+    let text = std::str::from_utf8(range).ok()?;
+    text.strip_prefix("bytes=")?.strip_suffix('-')?.parse().ok()
+}
+
+fn bad_range() -> ApiError {
+    ApiError::new(
+        codes::BAD_REQUEST,
+        "the header `range` is not `bytes=N-` with an N inside the file",
+        "omit the header to get the whole file",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_goes_from_a_byte_to_the_end() {
+        assert_eq!(first_byte(b"bytes=17-"), Some(17));
+        for range in [
+            "bytes=1-2",
+            "bytes=-5",
+            "bytes=1-,7-",
+            "17-",
+            "bytes=x-",
+            "\u{fc}",
+        ] {
+            assert_eq!(first_byte(range.as_bytes()), None, "{range}");
+        }
+    }
+}
