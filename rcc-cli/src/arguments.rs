@@ -155,7 +155,11 @@ mod tests {
                 assert!(!is_o || help.contains("say so"), "{path}: {help}");
             }
         });
-        assert_eq!(count.get(), 4, "convert, graph, plot, robot import");
+        assert_eq!(
+            count.get(),
+            5,
+            "convert, graph, incidents fetch, plot, robot import"
+        );
     }
 
     #[test]

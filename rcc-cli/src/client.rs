@@ -23,6 +23,8 @@ use tokio::runtime::{Builder, Runtime};
 
 use crate::failure::Failure;
 
+mod download;
+
 /// REST client of one cell's loader.
 #[derive(Debug)]
 pub struct LoaderClient {

@@ -48,6 +48,12 @@ impl Context {
         self.cell.as_deref().unwrap_or(DEFAULT_CELL)
     }
 
+    /// Returns true if a cell was selected, by its name or its address.
+    #[must_use]
+    pub fn is_selected(&self) -> bool {
+        self.cell.is_some() || self.remote.is_some()
+    }
+
     /// Creates a client of the cell's loader. Creates nothing on disk.
     ///
     /// # Errors

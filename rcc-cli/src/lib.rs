@@ -19,6 +19,7 @@ pub mod incident;
 pub mod interrupt;
 pub mod output;
 pub mod plot;
+pub mod reach;
 pub mod result_file;
 pub mod scenario;
 pub mod simulate;

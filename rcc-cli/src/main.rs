@@ -12,28 +12,33 @@ use rcc_cli::arguments::{self, Arguments};
 use rcc_cli::client::RemoteLoader;
 use rcc_cli::context::Context;
 use rcc_cli::output;
+use rcc_cli::reach::SelectedAddress;
 
 fn main() -> ExitCode {
     let matches = arguments::command().try_get_matches();
-    let arguments = match matches.and_then(|matches| Arguments::from_arg_matches(&matches)) {
-        Ok(arguments) => arguments,
+    let parsed = matches.and_then(|matches| {
+        let arguments = Arguments::from_arg_matches(&matches);
+        arguments.map(|arguments| (arguments, matches))
+    });
+    let (arguments, matches) = match parsed {
+        Ok(parsed) => parsed,
         Err(error) => return conclude(&error),
     };
-    let remote = arguments
-        .url
-        .as_deref()
-        .filter(|url| !url.is_empty())
-        .map(|url| {
+    let selected = SelectedAddress::of(&matches, arguments.verb.reach());
+    let connected = selected.and_then(|selected| {
+        let remote = selected.url.as_deref().map(|url| {
             // Not a command line option: every user of the machine can read the arguments of a process.
             let token = std::env::var("RCC_TOKEN").ok();
             RemoteLoader::new(url, arguments.token_file.as_deref(), token.as_deref())
         });
-    let (remote, refused) = match remote.transpose() {
-        Ok(remote) => (remote, None),
-        Err(failure) => (None, Some(failure)),
+        Ok((selected.cell, remote.transpose()?))
+    });
+    let ((cell, remote), refused) = match connected {
+        Ok(connected) => (connected, None),
+        Err(failure) => ((None, None), Some(failure)),
     };
     let context = Context {
-        cell: arguments.cell,
+        cell,
         remote,
         format: arguments.output,
         timeout: arguments.timeout,

@@ -6,9 +6,9 @@ use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Output};
 
 use rcc_api::bodies::{
-    ChannelView, CommandDetail, CommandView, DeviceView, ErrorBody, FaultView, Finding, LateView,
-    ProcessView, RehearsalView, StatusView, TextLocation, TopicEnd, TopicView, ValueView,
-    ValuesView,
+    ChannelView, CommandDetail, CommandView, DeviceView, ErrorBody, EventPage, EventSourceView,
+    EventView, FaultView, Finding, IncidentView, LateView, ProcessView, RehearsalView, StatusView,
+    TextLocation, TopicEnd, TopicView, ValueView, ValuesView,
 };
 use rcc_core::printable::first_unprintable;
 use serde::Serialize;
@@ -142,6 +142,40 @@ fn topics() -> Vec<TopicView> {
     }]
 }
 
+fn events() -> EventPage {
+    let event = EventView {
+        time: "2026-11-21T16:02:03.123456Z".into(),
+        source: EventSourceView {
+            role: "executor".into(),
+            label: text(),
+            ..EventSourceView::default()
+        },
+        severity: "info".into(),
+        kind: "stopping".into(),
+        fields: json!({"why": HOSTILE}),
+        words: text(),
+        net: Some(text()),
+        ..EventView::default()
+    };
+    EventPage {
+        events: vec![event],
+        next: "0-1".into(),
+        continues: true,
+    }
+}
+
+fn incidents() -> Vec<IncidentView> {
+    vec![IncidentView {
+        file: text(),
+        name: Some(text()),
+        cell: text(),
+        reason: text(),
+        fault: Some(text()),
+        time: text(),
+        ..IncidentView::default()
+    }]
+}
+
 fn to_json(value: &impl Serialize) -> Value {
     serde_json::to_value(value).expect("views are JSON")
 }
@@ -170,6 +204,8 @@ fn answer(line: &str, refuses: bool) -> (u16, Value) {
         }),
         (true, ["commands", _, "values"]) => to_json(&values()),
         (true, ["devices"]) => to_json(&devices()),
+        (true, ["events"]) => to_json(&events()),
+        (true, ["incidents"]) => to_json(&incidents()),
         (true, ["topics"]) => to_json(&topics()),
         (true, ["status"]) => to_json(&status()),
         (true, ["timing"]) => json!({"cycle": 1, "acknowledged_cycle": 0, "period_ns": 1_000_000,
@@ -223,10 +259,14 @@ fn start(refuses: bool) -> String {
 }
 
 fn run(url: &str, format: &str, arguments: &[&str]) -> Output {
+    run_with(&[&["--url", url, "--output", format][..], arguments].concat())
+}
+
+fn run_with(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
         .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
         .env("RCC_TOKEN", TOKEN)
-        .args(["--url", url, "--timeout", "20s", "--output", format])
+        .args(["--timeout", "20s"])
         .args(arguments)
         .output()
         .expect("rcc-cli runs")
@@ -240,6 +280,8 @@ const VERBS: &[&[&str]] = &[
     &["status"],
     &["devices"],
     &["topics"],
+    &["events"],
+    &["incidents"],
     &["top", "--once"],
     &["watch", "1", "--count", "1"],
     &["load", "configs/nets/blink.yaml"],
@@ -249,8 +291,8 @@ const VERBS: &[&[&str]] = &[
     &["abort", "1"],
     &["unload", "1"],
     &["set", "1", "a=1"],
-    &["explain", "1"],
-    &["graph", "1"],
+    &["explain", "1", "--config", "configs/cells/demo.yaml"],
+    &["graph", "1", "--config", "configs/cells/demo.yaml"],
 ];
 
 fn is_printable(output: &Output, arguments: &[&str]) -> String {
@@ -313,15 +355,15 @@ fn names_and_texts_of_files_do_not_control_the_terminal() {
         &["simulate", name],
         &["convert", name],
         &["up", name],
-        &["load", name],
-        &["run", name],
+        &["--url", "http://127.0.0.1:9", "load", name],
+        &["--url", "http://127.0.0.1:9", "run", name],
         &["replay", name],
         &["incidents", name],
         &["check", HOSTILE],
-        &["state", "x", HOSTILE],
+        &["--url", "http://127.0.0.1:9", "state", "x", HOSTILE],
         &[HOSTILE],
     ] {
-        let text = is_printable(&run("http://127.0.0.1:9", "human", arguments), arguments);
+        let text = is_printable(&run_with(arguments), arguments);
         assert!(!text.is_empty(), "{arguments:?} says nothing");
     }
 }

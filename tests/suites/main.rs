@@ -28,6 +28,7 @@ mod output;
 mod plans;
 mod programs;
 mod readme;
+mod remote;
 mod rt_calls;
 mod services;
 mod several_arms;

@@ -55,8 +55,11 @@ struct LastLoss {
 /// Fails if the loader cannot be reached.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let devices: Vec<DeviceView> = context.client()?.get("/devices")?;
-    // A cell on another machine has no folder here, and so no history.
-    let cell = Cell::find(context.cell_name()).ok().flatten();
+    // A cell on another machine has no folder here.
+    let cell = match context.remote {
+        Some(_) => None,
+        None => Cell::find(context.cell_name()).ok().flatten(),
+    };
     let history = |name: &str| Some(DriverStatus::of(cell.as_ref()?, name)?.history());
     let losses = cell.as_ref().map(losses).unwrap_or_default();
     let rows: Vec<DeviceRow> = devices

@@ -1,14 +1,14 @@
 //! `events`: shows the cell's event log: process deaths, lost devices, ended nets and their causes. Reads files of the
-//! state folder, so it works while every process of the cell is dead, after its end and after a restart of the machine.
+//! state folder, so it works while every process of the cell is dead, after its end and after a restart of the machine;
+//! with `--url` it asks the loader.
 
 mod filter;
 mod late;
+mod log;
 mod view;
 
-use std::time::Duration;
-
+use rcc_api::bodies::DeviceView;
 use rcc_api::codes;
-use rcc_ipc::events::EventReader;
 use rcc_protocol::events::{Event, EventKind, EventSeverity};
 
 use crate::context::Context;
@@ -19,10 +19,8 @@ use crate::output::print_note;
 use crate::supervisor::running;
 use crate::table::counted;
 use filter::{EventFilter, Since};
+use log::EventLog;
 use view::EventView;
-
-/// Interval between two polls of a followed log.
-const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Arguments of `events`.
 #[derive(clap::Args, Debug, Default)]
@@ -79,24 +77,33 @@ impl From<SeverityArgument> for EventSeverity {
 /// ended the verb.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut filter = EventFilter::new(&arguments)?;
-    let evidence = Evidence::find(context)?;
-    if arguments.follow && evidence.cell.is_none() {
-        return Err(Failure::new(
-            codes::NO_LOADER,
-            format!("cell `{}` is not up: no events come", context.cell_name()),
-            "leave out --follow to see the events that are kept of it, or start it with `rcc-cli up FILE`",
-        ));
+    // A cell at an address keeps its evidence there.
+    let evidence = match context.remote {
+        Some(_) => None,
+        None => Some(Evidence::find(context)?),
+    };
+    if let Some(evidence) = &evidence {
+        if arguments.follow && evidence.cell.is_none() {
+            return Err(Failure::new(
+                codes::NO_LOADER,
+                format!("cell `{}` is not up: no events come", context.cell_name()),
+                "leave out --follow to see the events that are kept of it, or start it with `rcc-cli up FILE`",
+            ));
+        }
+        evidence.note(context, "its events are");
     }
-    evidence.note(context, "its events are");
     let interrupts = Interrupts::listen()?;
-    let mut reader = EventReader::open(&evidence.state);
-    let path = evidence.state.events_file();
-    let unreadable = |error| Failure::unreadable(&path.display().to_string(), &error);
-    let mut batch = reader.poll().map_err(unreadable)?;
+    let mut log = EventLog::open(context, evidence.as_ref())?;
+    let mut batch = log.poll()?;
     // Sorts the events of several processes by time.
     batch.sort_by(|a, b| a.time.cmp(&b.time));
     filter.prepare(&batch);
-    filter.require_known(&configured_devices(&evidence), arguments.follow)?;
+    let devices = match (&evidence, &arguments.device) {
+        (Some(evidence), _) => configured_devices(evidence),
+        (None, Some(_)) => devices_of(context)?,
+        (None, None) => Vec::new(),
+    };
+    filter.require_known(&devices, arguments.follow)?;
     if !arguments.all && *filter.since() == Since::Always {
         let earlier = newest_run(&batch);
         if earlier > 0 {
@@ -117,28 +124,37 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             return Err(Failure::interrupted());
         }
         // Without a cell nobody writes any more; what came last is read once more.
-        let cell = evidence.cell.as_ref();
-        over = cell.is_none_or(|cell| !cell.runtime_dir().is_dir());
-        std::thread::sleep(POLL_INTERVAL);
-        batch = reader.poll().map_err(unreadable)?;
+        over = evidence.as_ref().is_some_and(|evidence| {
+            let cell = evidence.cell.as_ref();
+            cell.is_none_or(|cell| !cell.runtime_dir().is_dir())
+        });
+        std::thread::sleep(log.interval());
+        batch = log.poll()?;
         batch.iter().for_each(|event| view.show_new(event));
         view.flush_if_due();
         over |= batch.iter().any(is_end);
     }
     view.end();
     if arguments.follow {
+        let kept = evidence.map(|evidence| evidence.state.path().display().to_string());
         print_note(&format!(
             "the cell has ended; its events stay in {}",
-            evidence.state.path().display()
+            kept.as_deref().unwrap_or("the state folder of its machine")
         ));
     }
-    if reader.unreadable() > 0 {
+    if log.unreadable() > 0 {
         print_note(&format!(
             "skipped {} truncated or invalid lines of the log",
-            reader.unreadable()
+            log.unreadable()
         ));
     }
     Ok(())
+}
+
+/// Returns the devices of the cell at the address.
+fn devices_of(context: &Context) -> Result<Vec<String>, Failure> {
+    let devices: Vec<DeviceView> = context.client()?.get("/devices")?;
+    Ok(devices.into_iter().map(|device| device.name).collect())
 }
 
 /// Returns the devices of the cell's configuration, which may not have had an event yet.

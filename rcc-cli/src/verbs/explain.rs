@@ -51,7 +51,10 @@ pub struct TableSelection {
 /// Fails if the file does not exist or is invalid, or if the net does not exist.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let found = source::find(context, &arguments.net, arguments.config)?;
-    let room = found.client.as_ref().and_then(|client| room(client).ok());
+    let room = match &found.client {
+        Some(client) if context.remote.is_some() => Some(room(client)?),
+        client => client.as_ref().and_then(|client| room(client).ok()),
+    };
     let (costs, origin) = cache::costs(false);
     let explanation = Explanation::of(&found, &costs, costs::origin_text(&origin), room);
     context.print(&explanation, |explanation| {

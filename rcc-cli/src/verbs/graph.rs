@@ -51,6 +51,14 @@ pub enum GraphFormat {
 /// Fails if the file does not exist or is invalid, the net does not exist or is too large for SVG, or the output cannot
 /// be written.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    if context.remote.is_some() && !arguments.values && source::is_file(&arguments.net) {
+        let message = format!("`graph {}` draws a file and needs no cell", arguments.net);
+        return Err(Failure::new(
+            codes::BAD_REQUEST,
+            message,
+            "omit --url (RCC_URL)",
+        ));
+    }
     let ResolvedNet { structure, .. } = source::find(context, &arguments.net, arguments.config)?;
     let values = match arguments.values {
         true => Some(values(context, &arguments.net)?),

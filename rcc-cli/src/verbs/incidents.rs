@@ -1,20 +1,23 @@
-//! `incidents`: lists the files of the flight recorder; `incidents record`: records one now. The list is read from files
-//! of the state folder, so it works while every process of the cell is dead, and after its end.
+//! `incidents`: lists the files of the flight recorder; `incidents record`: records one now; `incidents fetch` downloads
+//! one. The list is read from files of the state folder, so it works while every process of the cell is dead, and after its
+//! end; with `--url` the loader gives it.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rcc_api::bodies::WrittenIncident;
+use rcc_api::bodies::{IncidentView, WrittenIncident};
 use rcc_api::codes;
-use rcc_engine::incident::{EXTENSION, IncidentError, IncidentHead, read_head};
-use serde::Serialize;
+use rcc_api::incidents::IncidentFolder;
+use rcc_engine::incident::IncidentHead;
 
+use self::fetch::FetchArguments;
 use crate::context::Context;
 use crate::evidence::Evidence;
 use crate::failure::Failure;
-use crate::incident::IncidentNet;
 use crate::output::print_note;
 use crate::table;
+
+mod fetch;
 
 /// Interval between two checks for the requested file.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
@@ -35,17 +38,8 @@ pub struct Arguments {
 enum IncidentsCommand {
     /// Record the last seconds to a file now
     Record,
-}
-
-/// A row of the list.
-#[derive(Clone, Debug, Serialize)]
-struct IncidentRow {
-    file: PathBuf,
-    /// Title of the net that caused it, such as `line#3`; its id is in the head.
-    name: Option<String>,
-    span_s: f64,
-    #[serde(flatten)]
-    head: IncidentHead,
+    /// Download an incident file
+    Fetch(FetchArguments),
 }
 
 /// Runs the verb.
@@ -55,16 +49,24 @@ struct IncidentRow {
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     match arguments.what {
         None => {
-            let folder = match arguments.folder {
-                Some(folder) => folder,
-                None => incidents_dir(context)?,
+            let rows = match (arguments.folder, &context.remote) {
+                (Some(folder), None) => rows(&folder)?,
+                (Some(folder), Some(_)) => return Err(local_folder(&folder)),
+                (None, None) => rows(&incidents_dir(context)?)?,
+                (None, Some(_)) => context.client()?.get("/incidents")?,
             };
-            let rows = rows(&folder)?;
             context.print(&rows, |rows| list(rows));
             Ok(())
         }
+        Some(IncidentsCommand::Fetch(arguments)) => fetch::run(context, arguments),
         Some(IncidentsCommand::Record) => record(context),
     }
+}
+
+fn local_folder(folder: &Path) -> Failure {
+    let message = format!("--folder {} is a folder of this machine", folder.display());
+    let help = "omit --url (RCC_URL), or omit --folder to list the incidents of the cell";
+    Failure::new(codes::BAD_REQUEST, message, help)
 }
 
 /// Returns the cell's folder of incidents; says where it is if the cell is not up.
@@ -76,44 +78,20 @@ pub(super) fn incidents_dir(context: &Context) -> Result<PathBuf, Failure> {
 
 /// Returns the newest incident file of a folder.
 pub(super) fn newest(folder: &Path) -> Result<Option<PathBuf>, Failure> {
-    Ok(rows(folder)?.pop().map(|row| row.file))
+    Ok(rows(folder)?.pop().map(|row| PathBuf::from(row.file)))
 }
 
-/// Returns the incidents of a folder, oldest first. Skips other files; reports files that cannot be read.
-fn rows(folder: &Path) -> Result<Vec<IncidentRow>, Failure> {
-    let entries = match std::fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(Failure::unreadable(&folder.display().to_string(), &error)),
-    };
-    let mut rows = Vec::new();
-    for path in entries.flatten().map(|entry| entry.path()) {
-        if path.extension().is_none_or(|is| is != EXTENSION) {
-            continue;
-        }
-        match read_head(&path) {
-            Ok((head, command)) => rows.push(row(path, head, command.as_deref())),
-            // The recorder has just removed one of the oldest files.
-            Err(IncidentError::Read(error)) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => print_note(&format!("{}: {error}", path.display())),
-        }
+/// Returns the incidents of a folder, oldest first; reports files that cannot be read.
+fn rows(folder: &Path) -> Result<Vec<IncidentView>, Failure> {
+    let found = IncidentFolder::read(folder)
+        .map_err(|error| Failure::unreadable(&folder.display().to_string(), &error))?;
+    for (path, error) in &found.unreadable {
+        print_note(&format!("{}: {error}", path.display()));
     }
-    rows.sort_by(|a, b| a.head.time.cmp(&b.head.time));
-    Ok(rows)
+    Ok(found.incidents)
 }
 
-fn row(file: PathBuf, head: IncidentHead, command: Option<&[u8]>) -> IncidentRow {
-    let name = head.net.map(|id| IncidentNet::of(id, command).title());
-    let cycles = (head.last_cycle + 1).saturating_sub(head.first_cycle);
-    IncidentRow {
-        file,
-        name,
-        span_s: cycles as f64 * head.period_ns as f64 * 1e-9,
-        head,
-    }
-}
-
-fn list(rows: &[IncidentRow]) -> String {
+fn list(rows: &[IncidentView]) -> String {
     if rows.is_empty() {
         return "no incidents".to_owned();
     }
@@ -131,13 +109,13 @@ fn list(rows: &[IncidentRow]) -> String {
         // The files may come from anywhere: control characters must not reach the terminal.
         let clean = |text: &str| text.replace(char::is_control, " ");
         lines.add_row([
-            clean(row.head.time.get(..19).unwrap_or(&row.head.time)),
-            clean(&row.head.cell),
-            clean(&reason(&row.head)),
+            clean(row.time.get(..19).unwrap_or(&row.time)),
+            clean(&row.cell),
+            clean(&description(&row.reason, row.fault.as_deref(), row.others)),
             clean(row.name.as_deref().unwrap_or("–")),
-            table::grouped(row.head.cycle),
+            table::grouped(row.cycle),
             format!("{:.1} s", row.span_s),
-            row.file.display().to_string(),
+            row.file.clone(),
         ]);
     }
     table::text(&lines)
@@ -145,11 +123,15 @@ fn list(rows: &[IncidentRow]) -> String {
 
 /// Describes why a recording was frozen.
 pub(super) fn reason(head: &IncidentHead) -> String {
-    let mut reason = head.reason.clone();
-    if let Some(fault) = &head.fault {
+    description(&head.reason, head.fault.as_deref(), head.others)
+}
+
+fn description(reason: &str, fault: Option<&str>, others: u64) -> String {
+    let mut reason = reason.to_owned();
+    if let Some(fault) = fault {
         reason = format!("{reason}: {fault}");
     }
-    match head.others {
+    match others {
         0 => reason,
         others => format!("{reason} (and {others} more)"),
     }
@@ -160,8 +142,10 @@ fn record(context: &Context) -> Result<(), Failure> {
     if context.remote.is_some() {
         context.print(&frozen, |frozen| {
             format!(
-                "recording frozen at cycle {}; the file is on the cell's machine",
-                table::grouped(frozen.cycle)
+                "recording frozen at cycle {}, in {} on the cell's machine; `rcc-cli incidents fetch {}` downloads it",
+                table::grouped(frozen.cycle),
+                frozen.file,
+                frozen.file,
             )
         });
         return Ok(());
@@ -170,12 +154,12 @@ fn record(context: &Context) -> Result<(), Failure> {
     let started = Instant::now();
     while started.elapsed() < WRITE_TIMEOUT {
         let written = rows(&folder)?.into_iter().find(|row| {
-            let span = row.head.first_cycle..=row.head.last_cycle;
-            row.head.executor == frozen.executor && span.contains(&frozen.cycle)
+            let span = row.first_cycle..=row.last_cycle;
+            row.executor == frozen.executor && span.contains(&frozen.cycle)
         });
         if let Some(row) = written {
             context.print(&row, |row| {
-                format!("recorded {:.1} s in {}", row.span_s, row.file.display())
+                format!("recorded {:.1} s in {}", row.span_s, row.file)
             });
             return Ok(());
         }

@@ -1,5 +1,5 @@
 //! `primitives [NAME|WORD]`: the manual: all primitives by group, one type in detail, or the types that mention a word.
-//! Needs no cell.
+//! Needs no cell; with `--url` they are those of the cell's build.
 
 use rcc_api::bodies::{ExampleView, ParameterView, PortView, PrimitiveView};
 use rcc_api::{catalogue, codes, manual};
@@ -27,9 +27,12 @@ pub struct Arguments {
 /// Runs the verb.
 ///
 /// # Errors
-/// Fails if the primitive or group does not exist.
+/// Fails if the primitive or group does not exist, or if the cell at `--url` cannot be reached.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let all = catalogue::primitives();
+    let all = match context.remote {
+        Some(_) => context.client()?.get("/primitives")?,
+        None => catalogue::primitives(),
+    };
     let found = match (&arguments.name, &arguments.group) {
         (None, None) => all.clone(),
         (None, Some(group)) => of_group(&all, group)?,

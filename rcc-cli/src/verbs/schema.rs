@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use rcc_api::codes;
 use rcc_language::devices::DeviceTable;
 use rcc_language::schema::schema;
-use serde_json::Value;
 
 use crate::context::Context;
 use crate::failure::Failure;
@@ -38,11 +37,24 @@ enum SchemaKind {
 /// Runs the verb.
 ///
 /// # Errors
-/// Fails if the configuration is invalid.
+/// Fails if the configuration is invalid, or if the given cell cannot be reached.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let is_local = arguments.config.is_some() || arguments.of != SchemaKind::Net;
+    if context.remote.is_some() && is_local {
+        let message = "only the schema of nets without --config is that of a cell";
+        let help = "omit --url (RCC_URL) for the schema of this program";
+        return Err(Failure::new(codes::BAD_REQUEST, message, help));
+    }
     let schema = match (arguments.of, arguments.config) {
         (SchemaKind::Net, Some(path)) => schema(Some(&DeviceTable::from(&load_config(&path)?))),
-        (SchemaKind::Net, None) => running(context).unwrap_or_else(|| schema(None)),
+        (SchemaKind::Net, None) => {
+            match context.client().and_then(|client| client.get("/schema")) {
+                Ok(schema) => schema,
+                Err(failure) if context.is_selected() => return Err(failure),
+                // Without a cell the schema names no devices.
+                Err(_) => schema(None),
+            }
+        }
         (SchemaKind::Cell | SchemaKind::Robot, Some(_)) => {
             let message =
                 "--config names the devices of nets; the schemas of cells and robots need none";
@@ -54,9 +66,4 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
     print_record(&text);
     Ok(())
-}
-
-/// Returns the schema of the running cell, if one runs.
-fn running(context: &Context) -> Option<Value> {
-    context.client().ok()?.get("/schema").ok()
 }

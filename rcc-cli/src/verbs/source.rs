@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use rcc_api::bodies::StatusView;
-use rcc_api::codes::exit;
+use rcc_api::codes::{self, exit};
 use rcc_api::compile::findings;
 use rcc_config::CellConfig;
 use rcc_language::devices::DeviceTable;
@@ -32,12 +32,18 @@ pub struct ResolvedNet {
     pub client: Option<LoaderClient>,
 }
 
+/// Returns true if `net` is a file or the standard input, and not the name of a loaded net.
+#[must_use]
+pub fn is_file(net: &str) -> bool {
+    net == "-" || Path::new(net).is_file()
+}
+
 /// Finds and compiles a net.
 ///
 /// # Errors
 /// Fails if the file does not exist or is invalid, or if the net does not exist.
 pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<ResolvedNet, Failure> {
-    let is_file = net == "-" || Path::new(net).is_file();
+    let is_file = is_file(net);
     // A file can be compiled without a cell.
     let client = context.client();
     let source = if is_file {
@@ -46,9 +52,13 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
         let client = client.as_ref().map_err(|failure| no_such(net, failure))?;
         (net.to_owned(), follow::state(client, net)?.text)
     };
-    let client = client.ok();
+    let client = match client {
+        Err(failure) if context.remote.is_some() => return Err(failure),
+        client => client.ok(),
+    };
     let config = match config {
         Some(path) => path,
+        None if context.remote.is_some() => return Err(no_config(context)),
         None => {
             let status = client
                 .as_ref()
@@ -83,6 +93,19 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Res
         config,
         client,
     })
+}
+
+/// Failure for a cell on another machine: its configuration is a file there.
+fn no_config(context: &Context) -> Failure {
+    let address = context
+        .remote
+        .as_ref()
+        .map_or("", |remote| &remote.authority);
+    Failure::new(
+        codes::BAD_REQUEST,
+        format!("the configuration of the cell at {address} is a file on its machine"),
+        "name a copy of it: --config FILE (`rcc-cli status` shows its path)",
+    )
 }
 
 /// Failure for a name that is not a file, with no cell to ask.

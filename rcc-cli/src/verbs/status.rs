@@ -30,10 +30,20 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let status = Status {
         cell: client.get("/status")?,
-        measured: GradeRecord::last(),
+        // The record is about this machine.
+        measured: match context.remote {
+            Some(_) => None,
+            None => GradeRecord::last(),
+        },
     };
+    let is_elsewhere = context.remote.is_some();
     context.print(&status, |status| {
-        human(&status.cell, status.measured.as_ref())
+        let machine = match (&status.measured, is_elsewhere) {
+            (Some(measured), _) => measured.summary(),
+            (None, false) => "not graded yet: run `rcc-cli doctor`".to_owned(),
+            (None, true) => "graded by `rcc-cli doctor` on the machine itself".to_owned(),
+        };
+        human(&status.cell, &machine)
     });
     Ok(())
 }
@@ -55,7 +65,7 @@ pub(super) fn acknowledged(done: &Acknowledged) -> String {
     )
 }
 
-fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
+fn human(status: &StatusView, machine: &str) -> String {
     let executor = &status.executor;
     let head = format!(
         "cell {}  {}\n{}executor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up latency {}; \
@@ -74,10 +84,7 @@ fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
         budget(executor),
         clock(&executor.clock),
         executor.grade,
-        measured.map_or_else(
-            || "not graded yet: run `rcc-cli doctor`".to_owned(),
-            GradeRecord::summary
-        )
+        machine
     );
     let mut rows = table::table(&["PROCESS", "PID", "INCARNATION", "STATE"]);
     for process in &status.processes {
