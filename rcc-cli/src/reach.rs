@@ -30,6 +30,10 @@ impl Verb {
     pub fn reach(&self) -> Reach {
         let machine = |does, instead| Reach::Machine { does, instead };
         match self {
+            Verb::Replay(arguments) if arguments.is_of_a_cell() => machine(
+                "replays incidents that are kept on this machine",
+                "`rcc-cli incidents fetch NAME` downloads one of the cell at the address; replay that file",
+            ),
             Verb::Load(_)
             | Verb::Start(_)
             | Verb::Run(_)

@@ -45,6 +45,19 @@ pub struct Arguments {
     csv: Option<PathBuf>,
 }
 
+impl Arguments {
+    /// Returns true unless an existing file is given: then the incidents of a cell are meant.
+    #[must_use]
+    pub fn is_of_a_cell(&self) -> bool {
+        self.file.as_deref().is_none_or(is_name)
+    }
+}
+
+/// Returns true for a name in the list of a cell's incidents.
+fn is_name(given: &Path) -> bool {
+    given.components().count() == 1 && !given.exists()
+}
+
 /// Result of one net.
 #[derive(Clone, Debug, Serialize)]
 struct ReplayResult {
@@ -115,8 +128,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 /// Returns the file to replay: a path, the name of one of the cell's incidents, or the newest of them.
 fn find(context: &Context, given: Option<&Path>) -> Result<PathBuf, Failure> {
     if let Some(given) = given {
-        let bare = given.components().count() == 1 && !given.exists();
-        let kept = if bare {
+        let kept = if is_name(given) {
             incidents_dir(context).ok()
         } else {
             None
