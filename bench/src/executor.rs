@@ -41,7 +41,7 @@ pub enum BenchExecutorError {
     Refused(Refusal),
     /// The engine gave an unexpected answer.
     #[error("unexpected answer of the engine: {0:?}")]
-    Answer(Option<Answer>),
+    Answer(Option<Box<Answer>>),
 }
 
 /// A driver whose device follows set-points at once.
@@ -227,14 +227,14 @@ impl BenchExecutor {
         let net = net.map_err(BenchExecutorError::Refused)?;
         let id = match self.ask(|ticket| EngineRequest::Reserve { ticket })? {
             Answer::Reserved { id } => id,
-            other => return Err(BenchExecutorError::Answer(Some(other))),
+            other => return Err(BenchExecutorError::Answer(Some(Box::new(other)))),
         };
         for answer in [
             self.ask(|ticket| EngineRequest::Install { ticket, id, net })?,
             self.ask(|ticket| EngineRequest::Start { ticket, id })?,
         ] {
             if !matches!(answer, Answer::Done { .. }) {
-                return Err(BenchExecutorError::Answer(Some(answer)));
+                return Err(BenchExecutorError::Answer(Some(Box::new(answer))));
             }
         }
         Ok(id)

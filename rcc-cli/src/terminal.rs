@@ -68,17 +68,12 @@ fn wrapped_line(line: &str, columns: usize) -> String {
 fn column_start(line: &str, limit: usize) -> usize {
     let sentence = line.trim_start_matches(' ');
     let mut start = line.len() - sentence.len();
-    let mut column = 0;
     let mut blanks = 0;
-    for (at, character) in line.char_indices() {
-        if column >= limit {
-            break;
-        }
+    for (at, character) in line.char_indices().take(limit) {
         if character != ' ' && blanks >= 2 {
             start = at;
         }
         blanks = if character == ' ' { blanks + 1 } else { 0 };
-        column += 1;
     }
     start
 }

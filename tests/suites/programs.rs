@@ -28,7 +28,7 @@ fn every_example_and_benchmark_is_run_by_ci() {
         .collect();
     let mut folders = Vec::new();
     for name in ["examples", "benches"] {
-        folders_named(&repository(), name, &mut folders);
+        folders_named(repository(), name, &mut folders);
     }
     assert!(folders.len() >= 7, "{folders:?}");
     let mut programs = 0;

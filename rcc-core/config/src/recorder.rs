@@ -129,7 +129,7 @@ fn size(
         return None;
     };
     let none = name == "memory";
-    if !(least..=most).contains(&number) && !(none && number == 0) {
+    if !((least..=most).contains(&number) || none && number == 0) {
         let or_none = if none { ", or 0 MB for none" } else { "" };
         let message =
             format!("{name} is {number} MB, but must be from {least} MB to {most} MB{or_none}");

@@ -244,10 +244,9 @@ fn check_outputs(
         if spec.null_rule == NullRule::Known && spec.undefined.is_empty() && nulls > 0 {
             return said("is null, and the spec says that it never is");
         }
-        if inputs == Inputs::Moderate && known {
-            if spec.undefined.is_empty() && nulls > 0 {
-                return said("is null although every input is known");
-            }
+        let is_defined = inputs == Inputs::Moderate && known && spec.undefined.is_empty();
+        if is_defined && nulls > 0 {
+            return said("is null although every input is known");
         }
         let (least, greatest) = (
             port.least.unwrap_or(f64::NEG_INFINITY),

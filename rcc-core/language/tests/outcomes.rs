@@ -72,9 +72,8 @@ fn one_condition_needs_no_name() {
         "button.out",
         "{from: button.out, delayed: true, initial: false}",
     ] {
-        let mut harness = begin(
-            &net(&format!("{done}")).replace("primitives:", "discard: [contact.out]\nprimitives:"),
-        );
+        let mut harness =
+            begin(&net(done).replace("primitives:", "discard: [contact.out]\nprimitives:"));
         assert!(harness.net.names.outcomes.is_empty());
         harness.inputs[1].measurement.digital = 1;
         (0..2).for_each(|_| harness.step());

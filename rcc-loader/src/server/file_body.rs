@@ -13,11 +13,14 @@ use tokio::task::JoinHandle;
 /// Length of a piece, bytes.
 const PIECE: usize = 256 << 10;
 
+/// The file and the bytes that were read from it.
+type ReadResult = io::Result<(File, Vec<u8>)>;
+
 /// The rest of a file.
 pub struct FileBody {
     /// `None` while a piece is being read, and after an error.
     file: Option<File>,
-    reading: Option<JoinHandle<io::Result<(File, Vec<u8>)>>>,
+    reading: Option<JoinHandle<ReadResult>>,
     /// Number of bytes that have not been returned.
     left: u64,
 }

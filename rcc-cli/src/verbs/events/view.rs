@@ -19,9 +19,9 @@ const DATE_LENGTH: usize = 10;
 #[derive(Clone, Debug)]
 pub(super) enum Line {
     /// One event.
-    Event(Event),
+    Event(Box<Event>),
     /// Several reports of late cycles.
-    Late(LateFold),
+    Late(Box<LateFold>),
 }
 
 impl Line {
@@ -61,7 +61,10 @@ impl EventView {
         let matching = events.iter().filter(|event| self.filter.matches(event));
         let lines = match self.format {
             OutputFormat::Human => folded(matching),
-            OutputFormat::Json => matching.cloned().map(Line::Event).collect(),
+            OutputFormat::Json => matching
+                .cloned()
+                .map(|event| Line::Event(Box::new(event)))
+                .collect(),
         };
         let skipped = most.map_or(0, |most| lines.len().saturating_sub(most));
         lines.iter().skip(skipped).for_each(|line| self.print(line));
@@ -87,7 +90,7 @@ impl EventView {
                 return;
             }
         }
-        self.print(&Line::Event(event.clone()));
+        self.print(&Line::Event(Box::new(event.clone())));
     }
 
     /// Prints late cycles that have been held back for long enough.
@@ -104,7 +107,7 @@ impl EventView {
     /// Prints late cycles that are still held back.
     pub(super) fn end(&mut self) {
         if let Some((fold, _)) = self.held.take() {
-            self.print(&Line::Late(fold));
+            self.print(&Line::Late(Box::new(fold)));
         }
     }
 
@@ -162,9 +165,9 @@ pub(super) fn folded<'a>(events: impl Iterator<Item = &'a Event>) -> Vec<Line> {
         match LateFold::begin(event) {
             Some(fold) => {
                 open = Some(lines.len());
-                lines.push(Line::Late(fold));
+                lines.push(Line::Late(Box::new(fold)));
             }
-            None => lines.push(Line::Event(event.clone())),
+            None => lines.push(Line::Event(Box::new(event.clone()))),
         }
     }
     lines
