@@ -81,6 +81,12 @@ pub fn not_written(path: &Path, error: &io::Error) -> Failure {
     Failure::new(codes::NOT_STORED, message, "name another file")
 }
 
+fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    let mut file = create(path)?;
+    let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
+    written.map_err(|error| not_written(path, &error))
+}
+
 /// Writes a plot in the format given by the file's extension.
 ///
 /// # Errors
@@ -97,17 +103,14 @@ pub fn write_plot(path: &Path, picture: &Plot) -> Result<(), Failure> {
     };
     match name {
         Some("png") => picture.png(create(path)?).map_err(failed),
-        Some("svg") => {
-            let svg = picture.svg().map_err(failed)?;
-            let written = create(path)?.write_all(svg.as_bytes());
-            written.map_err(|error| not_written(path, &error))
-        }
+        Some("svg") => write_text(path, &picture.svg()),
+        Some("html") => write_text(path, &picture.html()),
         _ => {
             let message = format!("unsupported plot format: {}", path.display());
             Err(Failure::new(
                 codes::BAD_REQUEST,
                 message,
-                "use a file name that ends in .svg or .png",
+                "use a file name that ends in .svg, .html or .png",
             ))
         }
     }

@@ -8,6 +8,7 @@ mod coordinates;
 mod layers;
 mod order;
 mod route;
+mod wrap;
 
 /// A box to be placed.
 #[derive(Clone, Debug, PartialEq)]
@@ -136,13 +137,15 @@ struct LayeredGraph {
     layer_of: Vec<usize>,
 }
 
-/// Places boxes and routes edges.
+/// Places boxes and routes edges. A drawing that is wider than `page` is wrapped; the lanes of the links that cross from
+/// one part to the next come on top of that width. An infinite page never wraps.
 #[must_use]
-pub fn layout(shapes: &[NodeShape], edges: &[Edge]) -> Layout {
+pub fn layout(shapes: &[NodeShape], edges: &[Edge], page: f64) -> Layout {
     let mut layered = layers::layered_graph(shapes, edges);
     order::reduce_crossings(&mut layered, shapes);
     let tops = coordinates::tops(&layered, shapes);
-    route::routed_layout(&layered, shapes, edges, &tops)
+    let (laid, cuts) = route::routed_layout(&layered, shapes, edges, &tops, page);
+    wrap::wrapped(laid, shapes, edges, &cuts)
 }
 
 #[cfg(test)]

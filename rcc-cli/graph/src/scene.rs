@@ -14,6 +14,8 @@ pub const BOXES_MAX: usize = 400;
 
 /// Height of a frame's title.
 const TITLE: f64 = 30.0;
+/// Width of a page, from which on a drawing is wrapped.
+pub const PAGE: f64 = 1100.0;
 /// Margin within a frame.
 const MARGIN: f64 = 18.0;
 
@@ -221,7 +223,9 @@ impl SceneBuilder<'_> {
             let edge = ends.edge(*signal, *to);
             edges.extend(edge.filter(|edge| known.insert(*edge)));
         }
-        let laid = layout(&ends.shapes, &edges);
+        // Frames stay whole: their links must end on their borders.
+        let page = if title.is_none() { PAGE } else { f64::INFINITY };
+        let laid = layout(&ends.shapes, &edges, page);
         let EdgeBuilder {
             shapes,
             incoming,

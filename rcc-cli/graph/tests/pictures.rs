@@ -255,6 +255,21 @@ fn a_net_with_too_many_boxes_is_refused() {
 }
 
 #[test]
+fn a_wide_net_is_wrapped_into_the_page() {
+    for (name, net) in nets() {
+        let scene = scene(&net, None).unwrap();
+        let wide = scene.boxes.iter().map(|(it, _)| it.width);
+        let least = wide.fold(0.0, f64::max);
+        // The lanes of links from row to row come on top.
+        assert!(
+            scene.width < rcc_graph::scene::PAGE.max(least) + 300.0,
+            "{name}: {}",
+            scene.width
+        );
+    }
+}
+
+#[test]
 fn goals_have_the_colour_of_motions_and_lists_show_their_constants() {
     let text = "net: choose
 primitives:

@@ -23,7 +23,7 @@ use crate::simulate::{self, SimulationOptions};
 pub struct Arguments {
     #[command(flatten)]
     scenario: SimulationScenario,
-    /// Write to this file, .svg or .png, and say so [default: the net's name with .svg]
+    /// Write to this file, .svg, .html (with values and zoom) or .png, and say so [default: the net's name with .svg]
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
 }

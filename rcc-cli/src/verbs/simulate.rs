@@ -30,8 +30,8 @@ pub struct Arguments {
     /// Write monitored values to this file, one line per cycle in which one is due
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Plot monitored values to this file
-    #[arg(long, value_name = "FILE.svg")]
+    /// Plot monitored values to this file: .svg, .html (values under the pointer, zoom) or .png
+    #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
 

@@ -10,7 +10,7 @@ const COLUMNS_APART_MAX: f64 = 150.0;
 /// Width of a curve relative to its height.
 const SLOPE: f64 = 0.3;
 /// Distance between two lanes, and between a box and the first lane.
-const LANE: f64 = 14.0;
+pub const LANE: f64 = 14.0;
 
 struct LayerColumn {
     left: f64,
@@ -25,13 +25,14 @@ struct BackwardEdge {
     last: usize,
 }
 
-/// Computes all positions and courses.
+/// Computes all positions and courses in one row, and where it is cut to fit into a page.
 pub fn routed_layout(
     layered: &LayeredGraph,
     shapes: &[NodeShape],
     edges: &[Edge],
     tops: &[f64],
-) -> Layout {
+    page: f64,
+) -> (Layout, Vec<f64>) {
     let mut backs: Vec<BackwardEdge> = Vec::new();
     for (edge, it) in edges.iter().enumerate() {
         if layered.dummies[edge].is_none() {
@@ -79,16 +80,17 @@ pub fn routed_layout(
         .collect();
     let mut floor = LaneAllocator::new(layered, shapes, tops);
     let width = columns.last().map_or(0.0, |column| column.right);
-    let mut turns = vec![0_u32; columns.len() + 1];
+    // Turns on the right of each layer, and on its left.
+    let mut turns = [vec![0_u32; columns.len()], vec![0; columns.len()]];
     for back in &backs {
         let (start, end) = ends(&edges[back.edge]);
         let y = floor.allocate(back.first, back.last);
-        let mut turn = |gap: usize| {
-            turns[gap] += 1;
-            f64::from(turns[gap]) * LANE
+        let mut turn = |side: usize, layer: usize| {
+            turns[side][layer] += 1;
+            f64::from(turns[side][layer]) * LANE
         };
-        let right = columns[back.last].right + turn(back.last + 1);
-        let left = columns[back.first].left - turn(back.first);
+        let right = columns[back.last].right + turn(0, back.last);
+        let left = columns[back.first].left - turn(1, back.first);
         let points = vec![
             start,
             PlanePoint {
@@ -102,11 +104,31 @@ pub fn routed_layout(
         ];
         routes[back.edge] = LinkRoute::Around(points);
     }
-    shifted_to_origin(positions, routes, width, floor.lowest())
+    let cuts = cuts(&columns, &backs, page);
+    let first = positions.first().map_or(0.0, |at| at.x);
+    let laid = shifted_to_origin(positions, routes, width, floor.lowest());
+    let shift = laid.positions.first().map_or(0.0, |at| at.x) - first;
+    (laid, cuts.into_iter().map(|cut| cut + shift).collect())
+}
+
+/// Returns where the drawing is cut so that each part is at most as wide as the page, or a single layer: in the gap
+/// before a layer, between the backward links that turn on its two sides.
+fn cuts(columns: &[LayerColumn], backs: &[BackwardEdge], page: f64) -> Vec<f64> {
+    let mut cuts = Vec::new();
+    let (mut begin, mut first) = (0.0, 0);
+    for (layer, column) in columns.iter().enumerate() {
+        if layer > first && column.right - begin > page {
+            let turns = backs.iter().filter(|back| back.last + 1 == layer).count();
+            begin = columns[layer - 1].right + (turns as f64 + 0.5) * LANE;
+            first = layer;
+            cuts.push(begin);
+        }
+    }
+    cuts
 }
 
 /// Moves everything so that the smallest x is 0.
-fn shifted_to_origin(
+pub fn shifted_to_origin(
     positions: Vec<PlanePoint>,
     routes: Vec<LinkRoute>,
     width: f64,

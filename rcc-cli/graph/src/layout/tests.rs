@@ -60,8 +60,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn boxes_never_overlap_and_links_end_at_their_ports((shapes, edges) in nets()) {
-        let laid = layout(&shapes, &edges);
+    fn boxes_never_overlap_and_links_end_at_their_ports(
+        (shapes, edges) in nets(),
+        page in prop::sample::select(vec![f64::INFINITY, 400.0, 150.0]),
+    ) {
+        let laid = layout(&shapes, &edges, page);
         for (number, a) in shapes.iter().enumerate() {
             for (other, b) in shapes.iter().enumerate().skip(number + 1) {
                 prop_assert!(!overlap((a, laid.positions[number]), (b, laid.positions[other])), "{number} {other}");
@@ -90,7 +93,7 @@ proptest! {
     fn sources_are_left_of_their_readers((shapes, edges) in nets()) {
         // Only from earlier to later boxes, so there are no cycles.
         let edges: Vec<Edge> = edges.into_iter().filter(|edge| edge.from.0 < edge.to.0).collect();
-        let laid = layout(&shapes, &edges);
+        let laid = layout(&shapes, &edges, f64::INFINITY);
         for edge in edges.iter().filter(|edge| !edge.delayed) {
             let right = laid.positions[edge.from.0].x + shapes[edge.from.0].width;
             prop_assert!(right < laid.positions[edge.to.0].x);
@@ -99,7 +102,7 @@ proptest! {
 
     #[test]
     fn the_same_net_gives_the_same_drawing((shapes, edges) in nets()) {
-        prop_assert_eq!(layout(&shapes, &edges), layout(&shapes, &edges));
+        prop_assert_eq!(layout(&shapes, &edges, f64::INFINITY), layout(&shapes, &edges, f64::INFINITY));
     }
 }
 
@@ -112,7 +115,11 @@ fn links_are_drawn_without_crossings_where_possible() {
         to: (to, 0),
         delayed: false,
     };
-    let laid = layout(&shapes, &[edge(0, 3), edge(1, 2), edge(3, 4), edge(2, 5)]);
+    let laid = layout(
+        &shapes,
+        &[edge(0, 3), edge(1, 2), edge(3, 4), edge(2, 5)],
+        f64::INFINITY,
+    );
     for chain in [[0, 3, 4], [1, 2, 5]] {
         let heights = chain.map(|shape| laid.positions[shape].y);
         assert!(
@@ -123,6 +130,35 @@ fn links_are_drawn_without_crossings_where_possible() {
 }
 
 #[test]
+fn a_long_chain_is_wrapped_into_the_width_of_the_page() {
+    let shapes = vec![shape(1); 12];
+    let edge = |from: usize, to: usize, delayed: bool| Edge {
+        from: (from, 0),
+        to: (to, 0),
+        delayed,
+    };
+    let mut edges: Vec<Edge> = (1..12).map(|to| edge(to - 1, to, false)).collect();
+    // One link far forwards and one back to the beginning.
+    edges.extend([edge(0, 11, false), edge(11, 0, true)]);
+    let flat = layout(&shapes, &edges, f64::INFINITY);
+    assert!(flat.width > 1000.0, "{}", flat.width);
+    let page = layout(&shapes, &edges, 500.0);
+    assert!(page.width < 600.0, "{}", page.width);
+    assert!(page.height > 2.0 * flat.height, "{}", page.height);
+    let rows = |laid: &Layout| {
+        let mut lefts = laid.positions.windows(2);
+        lefts.by_ref().filter(|pair| pair[1].x < pair[0].x).count() + 1
+    };
+    assert_eq!((rows(&flat), rows(&page)), (1, 4));
+    // Every link still runs along the axes or within the gap of two layers, from port to port.
+    for (edge, route) in edges.iter().zip(&page.routes) {
+        let (first, last) = (route.points()[0], route.points()[route.points().len() - 1]);
+        let (from, to) = (page.positions[edge.from.0], page.positions[edge.to.0]);
+        assert_eq!((first.x, last.x), (from.x + shapes[0].width, to.x));
+    }
+}
+
+#[test]
 fn an_empty_graph_has_an_empty_layout() {
-    assert_eq!(layout(&[], &[]), Layout::default());
+    assert_eq!(layout(&[], &[], 100.0), Layout::default());
 }
