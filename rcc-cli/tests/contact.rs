@@ -164,7 +164,7 @@ fn an_option_that_means_nothing_is_refused_with_what_there_is() {
     for (arguments, parts) in [
         (
             ["--input", "fft.fz=20@1s"],
-            vec!["fft", "did you mean `ft`"],
+            vec!["fft", "primitives that measure: ft"],
         ),
         (
             ["--input", "xyz.fz=20"],

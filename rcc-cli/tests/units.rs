@@ -220,7 +220,7 @@ fn a_dry_run_writes_nothing_and_a_second_run_changes_nothing() {
     let said = succeeds(&root.install("lwr.yaml", &["--dry-run"]));
     assert!(said.contains("rcc-driver@lwr.lwr.service.d"), "{said}");
     assert!(root.files().is_empty());
-    let (last, lines) = said.trim_end().rsplit_once('\n').unwrap();
+    let (lines, last) = said.trim_end().rsplit_once('\n').unwrap();
     assert!(
         lines.lines().all(|line| line.starts_with("would write ")),
         "{said}"

@@ -176,7 +176,7 @@ impl IncidentWriter {
     }
 
     /// Runs until it is asked to end; recordings frozen by then are still written.
-    pub fn run(mut self, helper: &Helper) {
+    pub fn run(&mut self, helper: &Helper) {
         self.remove_partial_files();
         self.remove_oldest();
         let mut kept_at = Instant::now();

@@ -439,7 +439,7 @@ fn spawn_helpers(
         }
         pump.round();
     })?;
-    if let Some(incident_writer) = incident_writer {
+    if let Some(mut incident_writer) = incident_writer {
         helpers.spawn("incidents", WRITE_MAX, move |helper| {
             incident_writer.run(helper)
         })?;

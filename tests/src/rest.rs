@@ -81,6 +81,19 @@ pub fn raw(socket: &Path, bytes: &[u8]) -> io::Result<Vec<u8>> {
     Ok(answer)
 }
 
+/// Sends a request with `connection: close` and returns the whole answer. The sending side stays open, because a client
+/// that closes it is gone.
+///
+/// # Errors
+/// Returns an error if the socket is not served.
+pub fn raw_answer(socket: &Path, request: &[u8]) -> io::Result<Vec<u8>> {
+    let mut stream = connect(socket)?;
+    stream.write_all(request)?;
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer)?;
+    Ok(answer)
+}
+
 fn connect(socket: &Path) -> io::Result<UnixStream> {
     let stream = UnixStream::connect(socket)?;
     stream.set_read_timeout(Some(Duration::from_secs(20)))?;

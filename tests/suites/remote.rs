@@ -147,7 +147,7 @@ fn an_interrupted_download_goes_on_where_it_was_interrupted() {
         "GET {address} HTTP/1.1\r\nhost: rcc\r\nconnection: close\r\nrange: bytes={from}-\r\n\r\n"
     );
     let answer =
-        rcc_tests::rest::raw(&cell.cell().socket(), request.as_bytes()).expect("an answer");
+        rcc_tests::rest::raw_answer(&cell.cell().socket(), request.as_bytes()).expect("an answer");
     let head = String::from_utf8_lossy(&answer).into_owned();
     assert!(head.starts_with("HTTP/1.1 206"), "{head}");
     assert!(answer.ends_with(&whole[from..]), "{head}");
@@ -156,7 +156,7 @@ fn an_interrupted_download_goes_on_where_it_was_interrupted() {
         "GET {address} HTTP/1.1\r\nhost: rcc\r\nconnection: close\r\nrange: bytes={beyond}-\r\n\r\n"
     );
     let answer =
-        rcc_tests::rest::raw(&cell.cell().socket(), request.as_bytes()).expect("an answer");
+        rcc_tests::rest::raw_answer(&cell.cell().socket(), request.as_bytes()).expect("an answer");
     let text = String::from_utf8_lossy(&answer).into_owned();
     assert!(
         text.starts_with("HTTP/1.1 400") && text.contains("RCC4011"),

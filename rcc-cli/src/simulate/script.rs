@@ -13,6 +13,7 @@ use super::dynamics::FlangeLoad;
 use super::reading::Reading;
 use super::wall::ElasticWall;
 use crate::duration::duration;
+use rcc_core::duration::parse_seconds;
 
 /// One event of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -164,9 +165,14 @@ impl Assignment<'_> {
 
 /// Splits `VALUE@TIME`; without a time it is 0 ns. `None` if the time is invalid.
 fn timed(text: &str) -> Option<(&str, u64)> {
-    let (value, at) = match text.rsplit_once('@') {
-        Some((value, at)) => (value, duration(at).ok()?),
-        None => (text, Duration::ZERO),
+    let Some((value, at)) = text.rsplit_once('@') else {
+        return Some((text, 0));
+    };
+    let is_start = parse_seconds(at.trim()).is_ok_and(|seconds| seconds == 0.0);
+    let at = if is_start {
+        Duration::ZERO
+    } else {
+        duration(at).ok()?
     };
     Some((value, at.as_nanos().try_into().unwrap_or(u64::MAX)))
 }
@@ -319,6 +325,9 @@ fn effect(
 fn real(value: &str, unit: Unit) -> Result<f64, String> {
     if value == "null" {
         return Ok(f64::NAN);
+    }
+    if let Some(number) = value.parse().ok().filter(|number: &f64| number.is_finite()) {
+        return Ok(number);
     }
     let quantity = quantity::parse(value).map_err(|error| error.to_string())?;
     match quantity.unit {

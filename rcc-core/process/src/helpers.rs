@@ -101,10 +101,13 @@ impl Helpers {
         &self,
         name: &'static str,
         limit: Duration,
-        work: impl FnOnce(&Helper) + Send + 'static,
+        work: impl FnMut(&Helper) + Send + 'static,
     ) -> io::Result<()> {
         let helper = self.helper(name, limit);
         let thread = move || {
+            let mut work = work;
+            // Dropped before what `work` owns: of a panic it reports this thread, not one that ends because of it.
+            let helper = helper;
             if helper.wait_for_start() {
                 work(&helper);
             }

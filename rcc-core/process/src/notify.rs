@@ -48,7 +48,7 @@ impl Notifier {
     ) -> io::Result<Notifier> {
         let supervisor = SupervisorSocket::from_environment()?;
         let (stop_request, stop_requests) = sync_channel(1);
-        let thread = NotifyThread {
+        let mut thread = NotifyThread {
             look: Box::new(look),
             heart: HeartbeatGate::default(),
             last_status: String::new(),
@@ -163,7 +163,7 @@ struct NotifyThread {
 }
 
 impl NotifyThread {
-    fn run(mut self, stop_requests: &Receiver<SyncSender<()>>, helper: &Helper) {
+    fn run(&mut self, stop_requests: &Receiver<SyncSender<()>>, helper: &Helper) {
         let every = watchdog().map_or(LOOK_EVERY, |time| (time / LOOKS).min(LOOK_EVERY));
         self.report("READY=1\n");
         while !helper.is_over() {
