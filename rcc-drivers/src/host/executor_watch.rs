@@ -52,7 +52,7 @@ impl ExecutorWatch {
     ) -> std::io::Result<Self> {
         let (event_sender, events_in) = channel();
         let (give_back, old) = channel();
-        let state = WatchState {
+        let mut state = WatchState {
             session,
             board: command_board(&own.label),
             own,
@@ -63,7 +63,9 @@ impl ExecutorWatch {
             last_error: String::new(),
             unknown_throttle: LogThrottle::default(),
         };
-        helpers.spawn("watch", TURN_MAX, move |helper| watch(state, &old, helper))?;
+        helpers.spawn("watch", TURN_MAX, move |helper| {
+            watch(&mut state, &old, helper)
+        })?;
         Ok(Self {
             events_in,
             old: give_back,
@@ -83,7 +85,7 @@ impl ExecutorWatch {
     }
 }
 
-fn watch(mut state: WatchState, old: &Receiver<CommandReader>, helper: &Helper) {
+fn watch(state: &mut WatchState, old: &Receiver<CommandReader>, helper: &Helper) {
     while !helper.rest(LOOK_EVERY) {
         if state.look().is_err() {
             return;
