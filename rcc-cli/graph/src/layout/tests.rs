@@ -78,8 +78,11 @@ proptest! {
             let points = route.points();
             let start = PlanePoint { x: from.x + shapes[edge.from.0].width, y: from.y + shapes[edge.from.0].outputs[edge.from.1] };
             let end = PlanePoint { x: to.x, y: to.y + shapes[edge.to.0].inputs[edge.to.1] };
-            prop_assert_eq!(points.first(), Some(&start));
-            prop_assert_eq!(points.last(), Some(&end));
+            let meets = |point: Option<&PlanePoint>, port: PlanePoint| {
+                point.is_some_and(|point| (point.x - port.x).abs() < 1e-6 && (point.y - port.y).abs() < 1e-6)
+            };
+            prop_assert!(meets(points.first(), start), "{:?} {:?}", points.first(), start);
+            prop_assert!(meets(points.last(), end), "{:?} {:?}", points.last(), end);
             for pair in points.windows(2) {
                 for (shape, position) in shapes.iter().zip(&laid.positions) {
                     // Curves stay within the gap between two layers, where no box is.
@@ -149,7 +152,8 @@ fn a_long_chain_is_wrapped_into_the_width_of_the_page() {
         let mut lefts = laid.positions.windows(2);
         lefts.by_ref().filter(|pair| pair[1].x < pair[0].x).count() + 1
     };
-    assert_eq!((rows(&flat), rows(&page)), (1, 4));
+    // The width of the page is for four of the twelve boxes in a row.
+    assert_eq!((rows(&flat), rows(&page)), (1, 3));
     // Every link still runs along the axes or within the gap of two layers, from port to port.
     for (edge, route) in edges.iter().zip(&page.routes) {
         let (first, last) = (route.points()[0], route.points()[route.points().len() - 1]);
