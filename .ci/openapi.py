@@ -69,7 +69,7 @@ def round_trip(transport):
     from rcc_client import Client
     from rcc_client.api.commands import get_command, load_command, start_command, unload_command
     from rcc_client.api.values import read_values
-    from rcc_client.models import CommandState, EndReason, ErrorBody, LoadCommandJsonBody
+    from rcc_client.models import CommandState, EndReason, ErrorBody, LoadCommandJsonBody, Start
 
     client = Client(base_url="http://rcc", httpx_args={"transport": transport})
     body = LoadCommandJsonBody.from_dict(NET)
@@ -81,12 +81,19 @@ def round_trip(transport):
         return found if found.state == state else None
 
     wait_for("ready net", lambda: reaches(CommandState.READY))
-    start_command.sync(name, client=client)
+    # Without a body the generated client of this version sends its mark for values that are not set.
+    start_command.sync(name, client=client, body=Start())
     ended = wait_for("end of the net", lambda: reaches(CommandState.TERMINATED))
     assert ended.reason == EndReason.FINISHED, ended
     unload_command.sync(name, client=client)
-    gone = read_values.sync(name, client=client)
-    assert isinstance(gone, ErrorBody) and gone.code == "RCC3001", gone
+
+    def is_gone():
+        found = read_values.sync(name, client=client)
+        assert isinstance(found, ErrorBody), found
+        return found.code == "RCC3001"
+
+    # The table that says so is published after the answer.
+    wait_for("end of the command", is_gone)
 
 
 def main():
@@ -94,7 +101,7 @@ def main():
         folder = Path(folder)
         cell = ["--cell", "openapi"]
         program = [ROOT / "target/debug/rcc-cli", *cell, "up", ROOT / "configs/cells/demo.yaml"]
-        environment = os.environ | {"RCC_RUNTIME_DIR": str(folder)}
+        environment = os.environ | {"RCC_RUNTIME_DIR": str(folder), "RCC_STATE_DIR": str(folder / "state")}
         with (folder / "log").open("w") as log:
             up = subprocess.Popen(program, env=environment, stdout=log, stderr=log)
         transport = httpx.HTTPTransport(uds=str(folder / "openapi/loader.sock"))
