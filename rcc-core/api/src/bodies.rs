@@ -292,9 +292,9 @@ pub struct CommandDetail {
     pub command: CommandView,
     /// The text that was loaded.
     pub text: String,
-    /// Slots of every port and monitor in the plan.
+    /// Slots of every port and monitor in the plan; `null` while it is loading, and in brief answers.
     #[serde(default)]
-    #[schema(value_type = Object)]
+    #[schema(value_type = Option<Object>)]
     pub names: serde_json::Value,
 }
 
