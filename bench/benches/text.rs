@@ -108,11 +108,11 @@ fn text(criterion: &mut Criterion) {
                 }),
             ),
             (
-                "types that are none",
+                "unknown types",
                 foreign(size, |n| format!("a{n}=Core::DoubleAd{n}()")),
             ),
             (
-                "values that are none",
+                "invalid values",
                 foreign(size, |n| {
                     format!("a{n}=Core::BooleanValue(Value='maybe{n}')")
                 }),

@@ -22,7 +22,7 @@ impl Evidence {
     /// Finds the evidence of the context's cell.
     ///
     /// # Errors
-    /// Fails if there is no such cell and nothing is kept of one, or if it belongs to another user.
+    /// Fails if no such cell runs and its state folder does not exist, or if the cell belongs to another user.
     pub fn find(context: &Context) -> Result<Evidence, Failure> {
         let name = context.cell_name();
         let kept = || StateFolder::find(name);

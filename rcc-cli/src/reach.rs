@@ -15,9 +15,9 @@ pub enum Reach {
     Cell,
     /// Works on processes, files or settings of the machine on which it runs.
     Machine {
-        /// What it works on, after the verb's name.
+        /// Predicate of the refusal: it follows the verb's name.
         does: &'static str,
-        /// What to do for a cell on another machine.
+        /// Remedy for a cell on another machine.
         instead: &'static str,
     },
     /// Works on files that are given to it.
@@ -156,7 +156,7 @@ fn select(verb: &str, reach: Reach, url: Given, cell: Given) -> Result<SelectedA
             return refuse(message, omit.to_owned());
         }
         (Reach::Files, _) => return local(cell),
-        // What the command line says is preferred to the environment.
+        // The command line takes precedence over the environment.
         (_, Some((_, true))) if !on_command_line => return local(cell),
         (Reach::Machine { does, instead }, _) => {
             let message = format!("`{verb}` {does}, and cannot serve the cell at {address}");

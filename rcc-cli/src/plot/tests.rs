@@ -46,7 +46,7 @@ fn a_page_loads_nothing() {
     let html = picture().html();
     assert!(html.starts_with("<!doctype html>") && html.contains("<script>"));
     let addresses = html.matches("http").count();
-    // The names of SVG are no addresses: nothing is loaded from them.
+    // The namespace URIs of SVG are identifiers; nothing is loaded from them.
     assert_eq!(
         addresses,
         html.matches("http://www.w3.org/2000/svg").count()

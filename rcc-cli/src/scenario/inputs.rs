@@ -1,4 +1,4 @@
-//! What the name of an `--input` means: a channel or reading of a device, the primitive that reads it, or an Input of
+//! Resolves the name of an `--input`: a channel or reading of a device, the primitive that reads it, or an Input of
 //! the net. Run by the main thread.
 
 use rcc_api::codes;

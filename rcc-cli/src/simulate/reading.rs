@@ -1,4 +1,4 @@
-//! What an arm measures besides its channels, by name: `fz`, `torque[3]`. Pure.
+//! Measurements of an arm besides its channels, by name: `fz`, `torque[3]`. Pure.
 
 use rcc_core::message::Measurement;
 use rcc_core::unit::Unit;

@@ -70,7 +70,7 @@ pub enum ScriptError {
         /// Names of its inputs.
         known: String,
     },
-    /// The arm is not named, or the device is none.
+    /// The arm is not named, or the named device is not an arm.
     #[error("`{text}`: name the arm, as in `{example}:…`; arms of the cell: {known}")]
     Arm {
         /// The argument as given.

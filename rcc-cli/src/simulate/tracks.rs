@@ -125,7 +125,7 @@ impl ArmTrack {
         panels
     }
 
-    /// Returns a panel of the force on the flange; `None` if there is none at any time.
+    /// Returns a panel of the force on the flange; `None` without any contact force.
     fn force(&self) -> Option<PlotPanel> {
         let felt = |(_, force, _): &(f64, [f64; 3], Joints)| force.iter().any(|part| *part != 0.0);
         if !self.felt.iter().any(felt) {

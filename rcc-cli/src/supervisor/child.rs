@@ -101,7 +101,7 @@ impl Child {
         let log = create(&self.log)?;
         self.log_begin = log.metadata().map_or(0, |found| found.len());
         let output = create(&self.output)?;
-        // Whether the process is ready is read from it.
+        // The process reports its readiness on it.
         output
             .set_len(0)
             .map_err(|error| named(&self.output, error))?;

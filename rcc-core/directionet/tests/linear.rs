@@ -59,7 +59,7 @@ fn wrong_names_take_linear_time() {
         let entry = |n| format!("f{n}={{}}(),a{n}=Core::BooleanNot(inValue=f{n}.{})", far());
         text(START, count, entry, END)
     });
-    grows_linearly("types that are none", |count| {
+    grows_linearly("unknown types", |count| {
         text(START, count, |n| format!("a{n}={}{n}()", far()), END)
     });
     grows_linearly("parameters and inputs that are none", |count| {
@@ -102,7 +102,7 @@ fn one_primitive_or_fragment_with_many_arguments_takes_linear_time() {
 
 #[test]
 fn wrong_values_take_linear_time() {
-    grows_linearly("values that are none", |count| {
+    grows_linearly("invalid values", |count| {
         let entry = |n| format!("a{n}=Core::BooleanValue(Value='maybe{n}')");
         text(START, count, entry, END)
     });

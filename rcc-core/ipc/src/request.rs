@@ -1,5 +1,6 @@
 //! Requests and answers of bytes between processes (iceoryx2 request/response). A request wakes its server; a client
-//! polls for its answer, because the server may have it from a thread that wakes nobody. A long request travels as a file next to the shared memory, because as a message it would make both sides map ten times its size.
+//! polls for its answer, because the real-time thread, which has it, wakes nobody. A long request travels as a file next
+//! to the shared memory, because as a message it would make both sides map ten times its size.
 //! Runs on threads that are not real-time: a call allocates, and maps memory when peers come and go.
 
 use std::fmt;
