@@ -8,8 +8,8 @@ use serde_json::Value;
 
 use crate::bodies::{EventSourceView, EventView};
 
-/// Maximum number of commands whose names are kept; the oldest are forgotten first.
-const NAMES_MAX: usize = 8192;
+/// Maximum number of commands whose names the loader keeps; the oldest are forgotten first.
+pub const NAMES_MAX: usize = 8192;
 
 /// A command, as LOAD reported it to the log.
 #[derive(Clone, Debug, Default)]
@@ -20,14 +20,31 @@ struct LoadedCommand {
 }
 
 /// Names of commands and of their outcomes, as LOAD reported them to the log.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct EventNames {
+    most: usize,
     /// By the executor's incarnation and id.
     commands: HashMap<(String, u64), LoadedCommand>,
     oldest: VecDeque<(String, u64)>,
 }
 
 impl EventNames {
+    /// Keeps the names of at most so many commands, the newest ones.
+    #[must_use]
+    pub fn keeping(most: usize) -> EventNames {
+        EventNames {
+            most,
+            commands: HashMap::new(),
+            oldest: VecDeque::new(),
+        }
+    }
+
+    /// Returns all commands: incarnation of the executor, id, and name of the net.
+    pub fn commands(&self) -> impl Iterator<Item = (&str, u64, &str)> {
+        let commands = self.commands.iter();
+        commands.map(|((executor, id), command)| (executor.as_str(), *id, command.net.as_str()))
+    }
+
     /// Learns the names of a command, if the event reports them.
     pub fn learn(&mut self, event: &Event) {
         let (command, executor, net, outcomes) = match &event.what {
@@ -55,7 +72,7 @@ impl EventNames {
         if self.commands.insert(key.clone(), loaded).is_none() {
             self.oldest.push_back(key);
         }
-        if self.oldest.len() > NAMES_MAX
+        if self.oldest.len() > self.most
             && let Some(key) = self.oldest.pop_front()
         {
             self.commands.remove(&key);
@@ -152,7 +169,7 @@ mod tests {
 
     #[test]
     fn a_view_is_the_line_of_the_log_with_words_and_net() {
-        let mut names = EventNames::default();
+        let mut names = EventNames::keeping(NAMES_MAX);
         names.learn(&loaded(3));
         let view = names.view(&loaded(3));
         assert_eq!(view.net.as_deref(), Some("line#3"));
@@ -175,7 +192,7 @@ mod tests {
 
     #[test]
     fn names_are_kept_up_to_a_bound() {
-        let mut names = EventNames::default();
+        let mut names = EventNames::keeping(NAMES_MAX);
         (0..NAMES_MAX as u64 + 1).for_each(|id| names.learn(&loaded(id)));
         assert_eq!(names.title("00", 0), "#0");
         assert_eq!(names.title("00", 1), "line#1");

@@ -260,18 +260,28 @@ fn files_below(folder: &Path) -> io::Result<Option<Vec<PathBuf>>> {
 /// # Errors
 /// Returns an error if the program is missing, if it timed out (run it again), or if the janitor itself failed.
 pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanError> {
-    let program = janitor_program()?;
+    let mut janitor = Command::new(janitor_program()?);
+    janitor
+        .args(["--cell", cell.name()])
+        .arg("--runtime-dir")
+        .arg(cell.runtime_dir())
+        .arg("--state-dir")
+        .arg(cell.state_anchor());
+    run_within(janitor, cell, timeout)
+}
+
+/// Runs a program that prints a report, and kills it after `timeout`.
+fn run_within(
+    mut janitor: Command,
+    cell: &Cell,
+    timeout: Duration,
+) -> Result<CleanReport, CleanError> {
+    let program = PathBuf::from(janitor.get_program());
     let failed = |source| CleanError::Process {
         program: program.clone(),
         source,
     };
-    let mut child = Command::new(&program)
-        .arg("--cell")
-        .arg(cell.name())
-        .arg("--runtime-dir")
-        .arg(cell.runtime_dir())
-        .arg("--state-dir")
-        .arg(cell.state_anchor())
+    let mut child = janitor
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -448,5 +458,25 @@ fn janitor_program() -> Result<PathBuf, CleanError> {
     match looked.iter().find(|path| path.is_file()) {
         Some(program) => Ok(program.clone()),
         None => Err(CleanError::NoProgram { looked }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_janitor_that_hangs_is_killed() {
+        let base = rcc_testing::folder();
+        let cell = Cell::at("demo", base.path()).unwrap();
+        let mut hanging = Command::new("sleep");
+        hanging.arg("infinity");
+        let started = Instant::now();
+        let result = run_within(hanging, &cell, Duration::from_millis(20));
+        assert!(
+            matches!(result, Err(CleanError::TimedOut { .. })),
+            "{result:?}"
+        );
+        assert!(started.elapsed() >= Duration::from_millis(20));
     }
 }

@@ -1,12 +1,11 @@
 //! Filters of the event log: by time, severity, net and device. Pure.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use rcc_api::codes;
-use rcc_protocol::events::{
-    CommandNames, Event, EventKind, EventOrigin, EventSeverity, wall_time_before,
-};
+use rcc_api::events::EventNames;
+use rcc_protocol::events::{CommandNames, Event, EventOrigin, EventSeverity, wall_time_before};
 
 use super::Arguments;
 use crate::failure::Failure;
@@ -34,10 +33,7 @@ pub(super) struct EventFilter {
     severity: EventSeverity,
     net: Option<String>,
     device: Option<String>,
-    /// Names of commands, by the executor's incarnation and id.
-    nets: HashMap<(String, u64), String>,
-    /// Names of the outcomes of commands, by the executor's incarnation and id.
-    outcomes: HashMap<(String, u64), Vec<String>>,
+    names: EventNames,
     /// Devices and processes that have events.
     devices: BTreeSet<String>,
 }
@@ -53,8 +49,8 @@ impl EventFilter {
             severity: arguments.severity.map_or(EventSeverity::Info, Into::into),
             net: arguments.net.clone(),
             device: arguments.device.clone(),
-            nets: HashMap::new(),
-            outcomes: HashMap::new(),
+            // The whole log is shown.
+            names: EventNames::keeping(usize::MAX),
             devices: BTreeSet::new(),
         })
     }
@@ -88,33 +84,7 @@ impl EventFilter {
 
     /// Learns the names of an event.
     pub(super) fn learn(&mut self, event: &Event) {
-        if let EventKind::Loaded {
-            command,
-            executor,
-            net,
-            ..
-        }
-        | EventKind::Rejected {
-            command,
-            executor,
-            net,
-            ..
-        } = &event.what
-            && !net.is_empty()
-        {
-            self.nets.insert((executor.clone(), *command), net.clone());
-        }
-        if let EventKind::Loaded {
-            command,
-            executor,
-            outcomes,
-            ..
-        } = &event.what
-            && !outcomes.is_empty()
-        {
-            let key = (executor.clone(), *command);
-            self.outcomes.insert(key, outcomes.clone());
-        }
+        self.names.learn(event);
         let driver = event.source.role == EventOrigin::Driver;
         let driver = driver.then_some(event.source.label.as_str());
         for name in event.what.device().into_iter().chain(driver) {
@@ -138,10 +108,9 @@ impl EventFilter {
             }
         }
         if let Some(net) = self.net.as_ref().filter(|_| !follow) {
-            let named =
-                |((executor, id), _): (&(String, u64), &String)| self.is_net(net, executor, *id);
-            if !self.nets.iter().any(named) {
-                let known = self.nets.values().map(String::as_str).collect();
+            let mut commands = self.names.commands();
+            if !commands.any(|(executor, id, _)| self.is_net(net, executor, id)) {
+                let known = self.names.commands().map(|(_, _, name)| name).collect();
                 return Err(unknown("net", net, known));
             }
         }
@@ -150,8 +119,7 @@ impl EventFilter {
 
     /// Returns a command's title: `line#3`, or `#3` if its name is unknown.
     pub(super) fn title(&self, executor: &str, id: u64) -> String {
-        let name = self.nets.get(&(executor.to_owned(), id));
-        name.map_or_else(|| format!("#{id}"), |name| format!("{name}#{id}"))
+        self.names.title(executor, id)
     }
 
     /// Returns true if the event is to be shown.
@@ -197,8 +165,7 @@ impl CommandNames for EventFilter {
     }
 
     fn outcome(&self, executor: &str, id: u64, number: u32) -> Option<String> {
-        let outcomes = self.outcomes.get(&(executor.to_owned(), id))?;
-        outcomes.get(number.checked_sub(1)? as usize).cloned()
+        self.names.outcome(executor, id, number)
     }
 }
 

@@ -154,14 +154,6 @@ fn the_janitor_repairs_a_cell_whose_dead_process_left_an_empty_file() {
 }
 
 #[test]
-fn a_janitor_that_hangs_is_killed() {
-    let cell = TestCell::new();
-    // Only a time limit of zero is certain to be too short.
-    let error = refused(clean::run_janitor(&cell, Duration::ZERO));
-    assert!(matches!(error, CleanError::TimedOut { .. }), "{error}");
-}
-
-#[test]
 fn the_janitor_program_reports_by_its_exit_code() {
     let cell = TestCell::new();
     let janitor = |arguments: &[&str]| {

@@ -15,7 +15,7 @@ use std::process::Command;
 use std::time::{Duration, SystemTime};
 
 use common::{Peer, TestCell, part, paths_below, refused, run_janitor, wait_until_started};
-use rcc_ipc::clean::{self, CleanError, WipeError};
+use rcc_ipc::clean::{self, WipeError};
 use rcc_ipc::ownership::{acquire, release};
 use rcc_ipc::{AnnounceError, BoardError, Cell, RequestError, Session, SessionError};
 use rcc_os::process_instance::ProcessInstance;

@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use rcc_api::bodies::{EventPage, EventView};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
-use rcc_api::events::EventNames;
+use rcc_api::events::{EventNames, NAMES_MAX};
 use rcc_ipc::Cell;
 use rcc_ipc::events::EventReader;
 use rcc_protocol::events::{Event, hex_digits};
@@ -53,7 +53,7 @@ impl NumberedEvents {
     fn open(cell: &Cell) -> NumberedEvents {
         NumberedEvents {
             reader: EventReader::open(&cell.state()),
-            names: EventNames::default(),
+            names: EventNames::keeping(NAMES_MAX),
             events: VecDeque::new(),
             next: 0,
         }
