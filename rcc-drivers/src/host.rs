@@ -21,6 +21,7 @@ use thiserror::Error;
 
 use crate::driver::{Driver, Inputs, LinkError};
 
+pub mod command_mode_exit;
 pub mod device_session;
 pub mod diagnosis_file;
 pub mod executor_watch;
@@ -39,6 +40,7 @@ pub mod tracking_offset;
 #[cfg(test)]
 mod tests;
 
+use command_mode_exit::CommandModeExit;
 use device_session::{DeviceSession, OBSERVE_PERIODS_MAX};
 use diagnosis_file::DiagnosisFile;
 use executor_watch::{ExecutorEvent, ExecutorWatch};
@@ -51,8 +53,6 @@ use state_log::StateLog;
 const WAIT_MAX: Duration = Duration::from_millis(10);
 /// Watchdog limit for writing one line of the event log, for slow disks.
 const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
-/// How long exchanges continue after the device has been asked to leave command mode, ns.
-const RELEASE_TIMEOUT_NS: u64 = 1_000_000_000;
 
 /// Why a driver cannot work in its cell.
 #[derive(Debug, Error)]
@@ -85,8 +85,8 @@ pub struct Host {
     diagnosis: DiagnosisFile,
     recorder: EventRecorder,
     health: Arc<DriverHealth>,
-    /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
-    release_requested_ns: Option<u64>,
+    /// Present once the device has been asked to leave command mode.
+    exit: Option<CommandModeExit>,
     helpers: Helpers,
     /// Withdraws the announcement when the host is dropped.
     _announced: Announced,
@@ -153,7 +153,7 @@ impl Host {
             diagnosis,
             recorder,
             health: DriverHealth::new(reasons),
-            release_requested_ns: None,
+            exit: None,
             helpers,
             _announced: announced,
         })
@@ -187,6 +187,9 @@ impl Host {
             match self.driver.receive(self.wait, &mut inputs) {
                 Ok(exchange) => {
                     let arrived_ns = monotonic_ns();
+                    if let Some(exit) = &mut self.exit {
+                        exit.observe(exchange.commandable);
+                    }
                     self.observe();
                     self.session.begin_exchange(arrived_ns, &inputs, &exchange);
                     self.await_set_point(arrived_ns, exchange.period_ns);
@@ -260,22 +263,22 @@ impl Host {
         }
     }
 
-    /// Called once the stop is requested: returns true when the device is at rest and has left command mode, or had
-    /// [`RELEASE_TIMEOUT_NS`] to do so.
+    /// Called once the stop is requested: returns true when the device is at rest and has left command mode.
     fn is_released(&mut self) -> bool {
         self.session.terminate();
         if !self.session.is_at_rest() {
             return false;
         }
-        if !self.session.needs_release() {
+        // Also of an arm that is not in command mode: it may be about to enter it.
+        if !self.session.is_online_arm() {
             return true;
         }
         let now_ns = monotonic_ns();
-        let since_ns = *self.release_requested_ns.get_or_insert_with(|| {
+        let exit = self.exit.get_or_insert_with(|| {
             self.driver.release();
-            now_ns
+            CommandModeExit::requested(now_ns)
         });
-        now_ns.saturating_sub(since_ns) > RELEASE_TIMEOUT_NS
+        exit.is_over(now_ns)
     }
 }
 

@@ -157,6 +157,10 @@ fn has_caught_up(state: &Value) -> bool {
     count("stalls") > 0 || count("missed") > stopped_after
 }
 
+/// Values of `$FRI_TO_INT[2]` if the controller stopped because answers were missing: more in a row than it bridges, or,
+/// if the driver before had died just now, so few of the last 100 that the quality is below BAD.
+pub const ANSWERS_LOST: [i64; 2] = [1, 2];
+
 /// Asserts that the arm was never commanded beyond its limits since the last reset, never exceeded them, and that the controller stopped it for no other
 /// reason than one of `causes` (numbers of `$FRI_TO_INT[2]`).
 pub fn assert_within_limits(state: &Value, causes: &[i64]) {
@@ -180,7 +184,7 @@ pub fn assert_within_limits(state: &Value, causes: &[i64]) {
         let code = fault["code"].as_i64().expect("a number");
         assert!(
             causes.contains(&code),
-            "the controller stopped the arm: {fault}"
+            "the controller stopped the arm: {fault}\n{state}"
         );
     }
 }

@@ -10,11 +10,9 @@ use rcc_tests::census::runtime_files;
 use rcc_tests::processes::{self, OpenResources};
 use rcc_tests::records::RecordCollector;
 use rcc_tests::reference::{ReferenceThread, Stall};
-use rcc_tests::simulator::assert_within_limits;
+use rcc_tests::simulator::{ANSWERS_LOST, assert_within_limits};
 use rcc_tests::{TestCell, UnsupervisedCell, await_some, nets};
 
-/// Value of `$FRI_TO_INT[2]` after the controller stopped because answers were lost.
-const LOST: i64 = 1;
 /// The executor's period.
 const PERIOD_NS: u64 = 1_000_000;
 /// One second, in ticks of the simulated controller.
@@ -38,7 +36,7 @@ fn a_killed_driver_ends_its_net_and_the_executor_keeps_running() {
     let row = cell.await_end(line);
     assert_eq!(row["fault"]["fault"], "device lost", "{row}");
     assert_eq!(row["fault"]["device"], "lwr", "{row}");
-    assert_within_limits(&arm.await_rest(), &[LOST]);
+    assert_within_limits(&arm.await_rest(), &ANSWERS_LOST);
 
     cell.await_successor(Role::Driver, "lwr", dead);
     cell.await_device("lwr", "ready");
@@ -50,7 +48,7 @@ fn a_killed_driver_ends_its_net_and_the_executor_keeps_running() {
     );
     let next = cell.run(&nets::line("next", 0.0, 0.2));
     cell.assert_ends(next, "finished");
-    assert_within_limits(&arm.state(), &[LOST]);
+    assert_within_limits(&arm.state(), &ANSWERS_LOST);
 
     assert_eq!(
         cell.state(lamp)["state"],
@@ -241,7 +239,7 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
             None => {}
         }
     }
-    assert_within_limits(&arm.state(), &[LOST]);
+    assert_within_limits(&arm.state(), &ANSWERS_LOST);
     assert_eq!(cell.state(lamp)["state"], "running");
     cell.done(lamp, "cancel");
     drop(watch);

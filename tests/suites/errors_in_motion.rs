@@ -11,15 +11,13 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 use rcc_tests::injection::{ERRORS, NEVER_FAILS, can_trace, choose, panics_of_ours};
 use rcc_tests::processes::{ends_with_test, signal, threads};
-use rcc_tests::simulator::{Simulator, assert_within_limits};
+use rcc_tests::simulator::{ANSWERS_LOST, Simulator, assert_within_limits};
 use rcc_tests::{UnsupervisedCell, await_some, nets};
 
 /// Number of errors tried in each process by default.
 const SAMPLE: usize = 5;
 /// Number of errors in a row: more than a loop of three attempts survives.
 const IN_A_ROW: u32 = 5;
-/// Value of `$FRI_TO_INT[2]` after the controller stopped because answers were lost.
-const LOST: i64 = 1;
 /// Time for which the system calls of a process are recorded.
 const LISTEN: Duration = Duration::from_millis(400);
 
@@ -162,7 +160,7 @@ fn fail(
         (reply.body["state"] == "terminated").then_some(Ok(reply.body))
     });
     detach(&mut strace);
-    assert_within_limits(&arm.await_rest(), &[LOST]);
+    assert_within_limits(&arm.await_rest(), &ANSWERS_LOST);
     // An executor that has lost a helper thread cancels its nets and then exits.
     let over = match over {
         Ok(row) if process == "executor" && row["reason"] == "canceled" => {

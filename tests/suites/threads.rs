@@ -9,13 +9,11 @@ use std::process::{Child, Command, Stdio};
 use nix::sys::signal::Signal;
 use rcc_tests::injection::traced;
 use rcc_tests::processes::{ends_with_test, signal};
-use rcc_tests::simulator::assert_within_limits;
+use rcc_tests::simulator::{ANSWERS_LOST, assert_within_limits};
 use rcc_tests::{UnsupervisedCell, await_some, nets};
 
 /// More threads than any program creates.
 const THREADS_MAX: usize = 16;
-/// Value of `$FRI_TO_INT[2]` after the controller stopped because answers were lost.
-const LOST: i64 = 1;
 
 /// A program under strace, which is killed when the test ends, also if the test fails.
 struct TracedProgram(Child);
@@ -138,7 +136,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
         words.contains("the helper thread `net-builder` panicked"),
         "{words}"
     );
-    assert_within_limits(&arm.await_rest(), &[LOST]);
+    assert_within_limits(&arm.await_rest(), &ANSWERS_LOST);
     arm.assert_still(1000);
     // The net was canceled as by SIGTERM, so the driver did not have to stop the arm.
     let (events, _) = cell.cli_exits(0, &["events"]);

@@ -271,11 +271,10 @@ impl DeviceSession {
         }
     }
 
-    /// Returns true for an arm in command mode, which must be released before the driver ends.
+    /// Returns true for an arm that answers: it must leave command mode before the driver ends.
     #[must_use]
-    pub fn needs_release(&self) -> bool {
-        let commandable = !matches!(self.phase, SessionPhase::Offline | SessionPhase::Mirroring);
-        commandable && self.measurement.joints > 0
+    pub fn is_online_arm(&self) -> bool {
+        !matches!(self.phase, SessionPhase::Offline) && self.measurement.joints > 0
     }
 
     /// Returns the measurement for the executor's board.

@@ -12,10 +12,8 @@ use super::restart;
 use crate::cell_fixture::ExecutorBoards;
 use crate::journal::Random;
 use crate::nets;
-use crate::simulator::{STILL, Simulator, assert_within_limits, joints_of};
+use crate::simulator::{ANSWERS_LOST, STILL, Simulator, assert_within_limits, joints_of};
 
-/// Value of `$FRI_TO_INT[2]` if the controller stopped because answers were lost.
-const LOST: i64 = 1;
 /// Distance of the targets from the middle in y, m.
 const SIDE: f64 = 0.12;
 /// Tolerance between the flange and the target of a finished line, m.
@@ -184,7 +182,7 @@ impl Arm<'_> {
     fn check_end(&mut self, fate: PlannedOutcome, row: &Value, y: f64) {
         let (field, counts) = (self.field, &self.field.counts);
         let rest = self.simulator.await_rest();
-        assert_within_limits(&rest, &[LOST]);
+        assert_within_limits(&rest, &ANSWERS_LOST);
         let (reason, fault) = (
             row["reason"].as_str().unwrap_or_default(),
             &row["fault"]["fault"],

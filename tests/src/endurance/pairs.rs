@@ -12,11 +12,8 @@ use super::field::{Field, count, held};
 use crate::journal::Random;
 use crate::process::Process;
 use crate::processes::signal;
-use crate::simulator::assert_within_limits;
+use crate::simulator::{ANSWERS_LOST, assert_within_limits};
 use crate::{await_some, nets};
-
-/// Value of `$FRI_TO_INT[2]` if the controller stopped because answers were lost.
-const LOST: i64 = 1;
 
 /// A process that can be killed together with another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,7 +135,7 @@ pub fn strike_executor(field: &Field<'_>, executor: &mut Process, random: &mut R
     std::thread::sleep(random.time_below(std::time::Duration::from_millis(300)));
     kill(field, &[victim], guests, Some(executor.pid()));
     await_some("the executor to be dead", || executor.ended());
-    assert_within_limits(&arm.await_rest(), &[LOST]);
+    assert_within_limits(&arm.await_rest(), &ANSWERS_LOST);
     arm.reset_statistics();
     field.clean();
     let pid = executor.start(field.place);

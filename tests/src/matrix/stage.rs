@@ -21,11 +21,9 @@ use crate::endurance::{self, CORE};
 use crate::journal::{Journal, Random};
 use crate::lateness::LatenessMonitor;
 use crate::processes::{command_line, signal, with_runtime_dir};
-use crate::simulator::{Simulator, assert_within_limits};
+use crate::simulator::{ANSWERS_LOST, Simulator, assert_within_limits};
 use crate::{TestCell, await_some, nets, repository};
 
-/// Value of `$FRI_TO_INT[2]` if the controller stopped because answers were lost.
-const LOST: i64 = 1;
 /// Exit code of a program that was ended before it had done its work.
 const INTERRUPTED: i32 = 130;
 /// Priority of the executor, below that of the endurance run, which may run at the same time. Of two executors with one
@@ -96,7 +94,7 @@ impl Stage {
         };
         scene.end_guests();
         let rest = self.arm.await_rest();
-        assert_within_limits(&rest, &[LOST]);
+        assert_within_limits(&rest, &ANSWERS_LOST);
         self.arm.reset_statistics();
         if case.phase == Phase::Reconfigured {
             words += &self.assert_refused_and_restore(case, &scene);

@@ -9,6 +9,7 @@ use super::*;
 use crate::fri_lwr::wire::{
     CommandDatagram, FriControlStrategy, MeasurementDatagram, SessionState,
 };
+use crate::host::command_mode_exit::CommandModeExit;
 use crate::host::device_session::DeviceSession;
 use crate::host::reason;
 use crate::sim::lwr::krc::Krc;
@@ -216,13 +217,36 @@ fn after_a_fault_of_the_controller_nothing_moves_by_itself() {
 }
 
 #[test]
-fn a_released_device_leaves_command_mode() {
-    let mut bench = FriFixture::ready();
-    bench.session.terminate();
-    bench.fri.release();
-    (0..50).for_each(|_| bench.cycle(SetPoint::NONE));
-    assert!(bench.session.is_at_rest() && !bench.session.needs_release());
-    assert_eq!(bench.measured().reason, MONITORING);
+fn a_driver_that_ends_at_any_moment_leaves_the_controller_in_monitor_state_without_a_fault() {
+    // Entry into command state is at about cycle 130.
+    for moment in 1..400 {
+        let mut bench = FriFixture::new();
+        (0..moment).for_each(|_| bench.cycle(SetPoint::NONE));
+        let mut exit = None;
+        for _ in 0..100 {
+            bench.session.terminate();
+            if bench.session.is_at_rest() {
+                bench.fri.release();
+                exit.get_or_insert(CommandModeExit::requested(bench.now_ns));
+            }
+            let is_over = |exit: &CommandModeExit| exit.is_over(bench.now_ns);
+            if exit.as_ref().is_some_and(is_over) {
+                break;
+            }
+            bench.cycle(SetPoint::NONE);
+            if let Some(exit) = &mut exit {
+                exit.observe(bench.fri.exchange(&mut { Inputs::NONE }).commandable);
+            }
+        }
+        assert!(exit.is_some_and(|exit| exit.is_over(bench.now_ns)));
+        // The process is gone.
+        for _ in 0..200 {
+            bench.krc.tick(1);
+        }
+        assert_eq!(bench.faults(), 0, "ended in cycle {moment}");
+        let last = MeasurementDatagram::decode(&bench.krc.tick(1).expect("sends"));
+        assert_eq!(last.expect("valid").state, SessionState::Monitor);
+    }
 }
 
 fn session() -> FriSession {
