@@ -1,4 +1,5 @@
-//! The verbs: each is one file and two lines, its module and its row in the group of the table that the help lists it in.
+//! The verbs: each is a file, its module and its row in the group of the table that the help lists it in, and says in
+//! `reach.rs` how it uses `--url`.
 //! Verbs run on the main thread and end with a documented exit code.
 
 use crate::context::Context;

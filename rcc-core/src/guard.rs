@@ -1,4 +1,5 @@
-//! The last check of an arm's set-point, in each cycle, before it is sent to the robot.
+//! The check of an arm's set-point, in each cycle: by the executor's real-time thread before it is published, and once
+//! more by the thread of the driver's host before it is sent. Pure.
 
 use core::fmt;
 

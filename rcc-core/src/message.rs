@@ -144,7 +144,7 @@ pub struct Measurement {
 pub struct SetPoint {
     /// Logical time, ns: one period per evaluated cycle, independent of the wall clock.
     pub logical_ns: u64,
-    /// Id of the command that holds the arm, 0 = none.
+    /// Number of the engagement: counts up whenever a net takes the arm. 0 = none.
     pub owner: u64,
     /// 1 = `position` is a command; 0 = no command (null, or no net commands the arm).
     pub has_position: u64,
