@@ -22,12 +22,18 @@ pub struct ResultTarget {
 }
 
 impl ResultTarget {
+    /// Returns the file; `None` for standard output.
+    #[must_use]
+    pub fn path(&self) -> Option<&Path> {
+        self.out.as_deref().filter(|path| *path != Path::new("-"))
+    }
+
     /// Writes the result to the file and reports it, or prints it.
     ///
     /// # Errors
     /// Fails if the file cannot be written.
     pub fn write(&self, context: &Context, text: &str) -> Result<(), Failure> {
-        match self.out.as_deref().filter(|path| *path != Path::new("-")) {
+        match self.path() {
             None => print_file(text),
             Some(path) => {
                 std::fs::write(path, text).map_err(|error| not_written(path, &error))?;

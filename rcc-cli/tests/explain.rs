@@ -206,6 +206,32 @@ fn a_verb_for_nets_refuses_the_file_of_a_cell_with_one_error() {
 }
 
 #[test]
+fn a_graph_is_drawn_in_the_format_that_its_file_name_says() {
+    let folder = Folder::new();
+    let net = "configs/nets/blink.yaml";
+    for (name, begins) in [
+        ("a.svg", "<svg"),
+        ("a.dot", "digraph"),
+        ("a.gv", "digraph"),
+        ("a.mmd", "flowchart"),
+    ] {
+        let path = folder.0.path().join(name);
+        let (code, _, err) = run(&["graph", net, "-o", path.to_str().expect("UTF-8")]);
+        assert_eq!(code, Some(0), "{err}");
+        let text = std::fs::read_to_string(&path).expect("written");
+        assert!(text.starts_with(begins), "{name}: {text:.40}");
+    }
+    let path = folder.0.path().join("a.png");
+    let arguments = ["graph", net, "-o", path.to_str().expect("UTF-8")];
+    let (code, _, err) = run(&arguments);
+    assert_eq!(code, Some(2), "{err}");
+    assert!(err.contains("`.png`") && err.contains(".svg"), "{err}");
+    assert!(!path.exists());
+    let (code, _, err) = run(&[&arguments[..], &["--format", "svg"]].concat());
+    assert_eq!(code, Some(0), "{err}");
+}
+
+#[test]
 fn one_json_object_a_file_has_all_its_findings() {
     let folder = Folder::new();
     folder.write("a.yaml", BAD);

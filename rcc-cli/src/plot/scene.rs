@@ -11,7 +11,7 @@ pub const HEIGHT: f64 = 240.0;
 pub const SQUARE: f64 = 380.0;
 const LEGEND: f64 = 230.0;
 /// Margins of the plotted area within its panel: left, right, top, bottom.
-const MARGINS: [f64; 4] = [72.0, 8.0, 30.0, 42.0];
+const MARGINS: [f64; 4] = [72.0, 20.0, 30.0, 42.0];
 /// Largest number of names in a legend.
 const LEGEND_MAX: usize = 12;
 /// Greatest deviation of a drawn curve from its points, pixels.

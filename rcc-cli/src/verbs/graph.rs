@@ -21,9 +21,9 @@ use crate::result_file::ResultTarget;
 pub struct Arguments {
     /// File (YAML or JSON; - reads standard input), or loaded net by name or id
     net: String,
-    /// Output format
-    #[arg(long, value_enum, default_value = "svg")]
-    format: GraphFormat,
+    /// Output format [default: by the name of the file, else svg]
+    #[arg(long, value_enum)]
+    format: Option<GraphFormat>,
     #[command(flatten)]
     target: ResultTarget,
     /// Show the values of a running net, all of one cycle, instead of types
@@ -45,6 +45,26 @@ pub enum GraphFormat {
     Mermaid,
 }
 
+impl Arguments {
+    fn format(&self) -> Result<GraphFormat, Failure> {
+        let ending = self.target.path().and_then(|path| path.extension());
+        match (self.format, ending.map(|ending| ending.to_string_lossy())) {
+            (Some(format), _) => Ok(format),
+            (None, None) => Ok(GraphFormat::Svg),
+            (None, Some(ending)) => match &*ending {
+                "svg" => Ok(GraphFormat::Svg),
+                "dot" | "gv" => Ok(GraphFormat::Dot),
+                "mmd" | "mermaid" => Ok(GraphFormat::Mermaid),
+                other => Err(Failure::new(
+                    codes::BAD_REQUEST,
+                    format!("a graph cannot be drawn as `.{other}`"),
+                    "use a file name that ends in .svg, .dot, .gv or .mmd, or name the format with --format",
+                )),
+            },
+        }
+    }
+}
+
 /// Runs the verb.
 ///
 /// # Errors
@@ -59,13 +79,14 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             "omit --url (RCC_URL)",
         ));
     }
+    let format = arguments.format()?;
     let ResolvedNet { structure, .. } = source::find(context, &arguments.net, arguments.config)?;
     let values = match arguments.values {
         true => Some(values(context, &arguments.net)?),
         false => None,
     };
     let values = values.as_ref();
-    let picture = match arguments.format {
+    let picture = match format {
         GraphFormat::Dot => dot(&structure, values),
         GraphFormat::Mermaid => mermaid(&structure, values),
         GraphFormat::Svg => {
