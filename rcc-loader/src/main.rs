@@ -203,6 +203,10 @@ fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
     let (arrived, arrivals) = channel();
     let (keep, kept) = channel::<()>();
     let kept = Arc::new(Mutex::new(kept));
+    // The error of a refused thread says it; the panic of the library need not be printed besides.
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| ()));
+    let mut made = Ok(());
     for _ in 0..WORKERS {
         let (arrived, kept) = (arrived.clone(), Arc::clone(&kept));
         let work = move || {
@@ -212,9 +216,11 @@ fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
             let _ = kept.lock().map(|kept| kept.recv());
         };
         // `spawn_blocking` panics if the system refuses the first thread.
-        let made = catch_unwind(AssertUnwindSafe(|| runtime.spawn_blocking(work)));
-        made.map_err(|_| refused())?;
+        let worker = catch_unwind(AssertUnwindSafe(|| runtime.spawn_blocking(work)));
+        made = made.and(worker.map(drop).map_err(|_| refused()));
     }
+    std::panic::set_hook(hook);
+    made?;
     for _ in 0..WORKERS {
         arrivals.recv_timeout(WORKERS_WAIT).map_err(|_| refused())?;
     }
