@@ -34,6 +34,7 @@ use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{BoardError, BoardReader, Cell, CommandWriter, Session};
 use rcc_os::clock::monotonic_ns;
+use rcc_process::priority::raise_stop_thread;
 use rcc_process::signals::request_stop;
 use rcc_process::{CellArguments, ExitError, HealthReport, Helpers, Notifier, Stop, exit};
 use rcc_protocol::announcement::EXECUTOR_LABEL;
@@ -424,6 +425,8 @@ fn spawn_helpers(
     incident_writer: Option<IncidentWriter>,
 ) -> io::Result<()> {
     helpers.spawn("intake", TURN_MAX, move |helper| {
+        // Refused without permission; the loader has said what follows from that.
+        raise_stop_thread();
         while !helper.is_over() {
             helper.turn();
             if !intake.round() {

@@ -1,5 +1,6 @@
-//! `rcc-loader`: serves the REST interface of one cell. The main thread serves connections, blocking threads compile
-//! and talk to the executor, and one thread maintains the link to the executor.
+//! `rcc-loader`: serves the REST interface of one cell. The thread `front` accepts connections, reads the heads of
+//! requests, and carries out CANCEL and ABORT; the main thread serves all other requests, blocking threads compile and talk
+//! to the executor, and one thread maintains the link to the executor.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -16,12 +17,12 @@ use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{Cell, Session};
 use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::listeners::Listeners;
-use rcc_loader::server::priority::{SERVING_NICE, WorkerPriority};
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
 use rcc_os::memory::MemoryTrimmer;
 use rcc_process::helpers::Hang;
 use rcc_process::oom;
+use rcc_process::priority::{STOP_NICE, WorkerPriority, raise_stop_thread};
 use rcc_process::signals::{end_with_parent, unblock_stop_signals};
 use rcc_process::{CellArguments, ExitError, HealthReport, Helper, Helpers, Notifier, exit};
 use rcc_protocol::events::EventKind;
@@ -44,7 +45,9 @@ const WORKERS_WAIT: Duration = Duration::from_secs(20);
 /// Idle time after which a worker thread would end: never.
 const IDLE_THREAD_LIFETIME: Duration = Duration::from_secs(100 * 365 * 24 * 3600);
 
-/// Interval at which the runtime shows that it responds.
+/// Maximum time between two signs of life of the thread `front`.
+const FRONT_TURN_MAX: Duration = Duration::from_secs(2);
+/// Interval at which the runtimes show that they respond.
 const TURN_EVERY: Duration = Duration::from_millis(100);
 
 /// Loads nets and controls commands: REST on the Unix socket of a cell.
@@ -94,6 +97,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
             error.into()
         }
     })?;
+    let listeners = listeners.with_event_log(recorder.clone());
     let service = Service::new(ExecutorLink::new(session), config)
         .with_event_log(recorder.clone())
         .with_helpers(helpers.clone())
@@ -111,8 +115,8 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     let workers = WorkerPriority::raise_calling_thread()
         .inspect_err(|error| {
             tracing::info!(
-                "CANCEL and ABORT compete with all other programs for the processor: nice {SERVING_NICE} was refused \
-                 ({error}): raise the limit `nice` (LimitNICE={SERVING_NICE})"
+                "CANCEL and ABORT compete with all other programs for the processor: nice {STOP_NICE} was refused \
+                 ({error}): raise the limit `nice` (LimitNICE={STOP_NICE})"
             );
         })
         .ok();
@@ -132,12 +136,25 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         .thread_keep_alive(IDLE_THREAD_LIFETIME)
         .build()?;
     make_workers(&runtime)?;
+    let front = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let mut served = Some((listeners, runtime.handle().clone(), router.clone()));
+    let address = served
+        .as_ref()
+        .and_then(|(listeners, ..)| listeners.address());
+    helpers.spawn("front", FRONT_TURN_MAX, move |helper| {
+        raise_stop_thread();
+        if let Some((listeners, serving, router)) = served.take() {
+            front.block_on(serve_front(helper, listeners.serve(serving, router)));
+        }
+    })?;
     let turns = Arc::new(AtomicU64::new(0));
     let served: Result<(), ExitError> = runtime.block_on(async {
         let mut terminate = signal(SignalKind::terminate())?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         tracing::info!(socket = %cell.socket().display(), "serving");
-        if let Some(address) = listeners.address() {
+        if let Some(address) = address {
             tracing::info!(%address, "serving on TCP; a token is required");
         }
         tokio::spawn(self::count_turns(Arc::clone(&turns)));
@@ -154,7 +171,6 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         // All threads exist: report READY.
         helpers.start();
         tokio::select! {
-            served = listeners.with_event_log(recorder.clone()).serve(router.clone()) => served?,
             _ = terminate.recv() => {}
             _ = interrupt.recv() => {}
         }
@@ -186,6 +202,22 @@ fn report_hang(recorder: &EventRecorder, hang: &Hang) {
         silent_ms: milliseconds(hang.silent),
         limit_ms: milliseconds(hang.limit),
     });
+}
+
+/// Serves the listeners until the helpers end, with a sign of life of the thread.
+async fn serve_front(helper: &Helper, listeners: impl Future<Output = io::Result<()>>) {
+    let signs_of_life = async {
+        while !helper.is_over() {
+            helper.turn();
+            tokio::time::sleep(TURN_EVERY).await;
+        }
+    };
+    tokio::select! {
+        served = listeners => if let Err(error) = served {
+            tracing::error!(%error, "the listeners cannot be served");
+        },
+        () = signs_of_life => {}
+    }
 }
 
 /// Creates the first worker threads, which are never ended: when the system refuses further threads, requests wait for

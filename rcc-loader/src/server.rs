@@ -1,5 +1,6 @@
 //! The server of a cell: REST on its Unix socket and on TCP, the names of commands, and the link to the executor. One
-//! thread serves connections, blocking threads do the work, and one thread maintains the link to the executor.
+//! thread accepts connections and carries out CANCEL and ABORT, one serves all other requests, blocking threads do the
+//! work, and one thread maintains the link to the executor.
 
 pub mod address;
 pub mod bodies;
@@ -11,10 +12,11 @@ pub mod executor;
 pub mod file_body;
 pub mod listeners;
 pub mod live;
-pub mod priority;
+pub mod published;
 pub mod request_head;
 pub mod routes;
 pub mod service;
 pub mod socket;
+mod stop_steps;
 pub mod stop_workers;
 pub mod store;

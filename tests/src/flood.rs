@@ -220,6 +220,7 @@ pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
     report.late = watch.status().late;
     let after = cell.announced(rcc_protocol::Role::Loader, "loader").pid;
     report.loader_restarted = after != loader;
+    report.slow = slow(&cell);
     drop(watch);
     drop(cell);
     // Only this process uses the folder; a leftover is harmless.
@@ -263,7 +264,7 @@ fn cancel(
         );
         (state()?.0 == CommandState::Running).then_some(())
     });
-    let begun = Instant::now();
+    let (begun, waited_before) = (Instant::now(), waited_for_processor());
     let (answered, words) = match interface {
         Interface::Cli => {
             let output = cell.cli(&["cancel", &name]);
@@ -281,6 +282,7 @@ fn cancel(
         }
     };
     let took = begun.elapsed();
+    let waited = waited_for_processor().saturating_sub(waited_before);
     let done = await_some(&format!("the end of {name}"), || {
         let (state, reason) = state()?;
         (state == CommandState::Terminated).then_some(reason == EndReason::Canceled)
@@ -289,10 +291,28 @@ fn cancel(
     Cancel {
         interface,
         took,
+        waited,
         answered,
         done,
         words,
     }
+}
+
+/// Returns what the loader's log tells of slow CANCELs: the time of each, and of its steps.
+fn slow(cell: &TestCell) -> Vec<String> {
+    let runs = fs::read_dir(cell.cell().state().logs_dir()).into_iter();
+    let newest = runs.flatten().flatten().map(|entry| entry.path()).max();
+    let log = newest.map(|folder| fs::read_to_string(folder.join("loader.log")));
+    let log = log.and_then(Result::ok).unwrap_or_default();
+    let told = |line: &str| Some(line[line.find("CANCEL took ")?..].to_owned());
+    log.lines().filter_map(told).collect()
+}
+
+/// Returns how long this thread has been ready to run and had no processor, by proc_pid_schedstat(5).
+fn waited_for_processor() -> Duration {
+    let text = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let ns = text.split(' ').nth(1).and_then(|ns| ns.parse().ok());
+    Duration::from_nanos(ns.unwrap_or(0))
 }
 
 /// A thread that measures how late the machine wakes it from a sleep.

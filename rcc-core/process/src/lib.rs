@@ -14,6 +14,7 @@ pub mod helpers;
 pub mod log_throttle;
 pub mod notify;
 pub mod oom;
+pub mod priority;
 pub mod signals;
 
 pub use arguments::CellArguments;

@@ -1,8 +1,10 @@
 //! Serves the connections of one listener: the Unix socket, or TCP if it is configured. A connection carries requests
 //! one after the other, each bounded in size and time and counted like one on a connection of its own: each peer has a
 //! quota of concurrent requests and of requests per second. A client that exceeds a limit gets an error, is
-//! disconnected and logged, while others are served. CANCEL and ABORT have quotas of their own. Run by the one thread
-//! that serves connections.
+//! disconnected and logged, while others are served. CANCEL and ABORT have quotas of their own.
+//!
+//! The thread `front` accepts connections, reads the heads of requests, and carries out CANCEL and ABORT; all other
+//! requests, with their bodies and answers, are the serving thread's. So no flood of bodies is before a CANCEL.
 
 mod exchange;
 mod quotas;
@@ -22,6 +24,7 @@ use rcc_ipc::events::EventRecorder;
 use rcc_protocol::events::{EventKind, event_text};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, UnixListener};
+use tokio::runtime::Handle;
 use tokio::time::timeout;
 
 use exchange::Answered;
@@ -31,6 +34,7 @@ use quotas::{ClientPeer, HeadPermit, Quotas, RequestPermit};
 pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, STREAMS, TCP, UNAUTHENTICATED, UNIX};
 
 use super::request_head::{self, RequestHead};
+use super::stop_steps::Arrived;
 
 /// Time allowed for the head of a request, from the connection or from its first byte on.
 pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
@@ -47,7 +51,7 @@ const DRAINING_MAX: usize = 64;
 const ACCEPT_RETRY_AFTER: Duration = Duration::from_millis(50);
 
 thread_local! {
-    /// hyper 1.12 caches a date per serving thread. It creates the cache at the first request, even with
+    /// hyper 1.12 caches a date per thread. It creates the cache at the first request, even with
     /// `auto_date_header(false)`, and panics if the wall clock shows a time before 1970 at that moment; afterwards the
     /// clock may show anything.
     static DATE_CACHED: Cell<bool> = const { Cell::new(false) };
@@ -68,6 +72,8 @@ struct ListenerContext {
     token: Option<Token>,
     recorder: Option<EventRecorder>,
     draining: AtomicUsize,
+    /// The serving thread.
+    serving: Handle,
 }
 
 impl ListenerContext {
@@ -91,19 +97,21 @@ impl ListenerContext {
     }
 }
 
-/// Serves one listener forever. With a `token`, requests without it are refused.
+/// Serves one listener forever, all requests but CANCEL and ABORT on the thread of `serving`. With a `token`, requests
+/// without it are refused. Run by the thread `front`.
 pub async fn serve(
     listener: Listener,
     limits: ConnectionLimits,
     token: Option<Token>,
     recorder: Option<EventRecorder>,
-    router: Router,
+    (serving, router): (Handle, Router),
 ) -> Infallible {
     let context = Arc::new(ListenerContext {
         quotas: Quotas::new(limits),
         token,
         recorder,
         draining: AtomicUsize::new(0),
+        serving,
     });
     loop {
         let accepted = match &listener {
@@ -177,7 +185,7 @@ async fn await_next<I: AsyncRead + Unpin>(
 /// Reads one request, whose first bytes may have been read before, and answers it. Returns the connection with the
 /// bytes of the next request that have arrived, unless it is closed.
 async fn serve_request<I>(
-    context: &ListenerContext,
+    context: &Arc<ListenerContext>,
     peer: ClientPeer,
     permit: HeadPermit,
     (mut io, begun): (I, Vec<u8>),
@@ -186,6 +194,7 @@ async fn serve_request<I>(
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
+    let arrived = Arrived(Instant::now());
     let admitted = match read_head(permit, &mut io, begun).await {
         Ok(Some(head)) => admit(context, peer, head),
         Ok(None) => return None,
@@ -203,8 +212,40 @@ where
             return None;
         }
     };
+    let is_stop = head.class == RequestClass::Stop;
+    let exchange = exchange(
+        Arc::clone(context),
+        peer,
+        (arrived, head, permit),
+        io,
+        router.clone(),
+    );
+    match is_stop {
+        true => exchange.await,
+        // A panic, which the panic hook reports, closes the connection.
+        false => context.serving.spawn(exchange).await.unwrap_or(None),
+    }
+}
+
+/// Answers one admitted request. Returns the connection with the bytes of the next request that have arrived, unless it
+/// is closed.
+async fn exchange<I>(
+    context: Arc<ListenerContext>,
+    peer: ClientPeer,
+    (arrived, head, permit): (Arrived, RequestHead, RequestPermit),
+    io: I,
+    router: Router,
+) -> Option<(I, Vec<u8>)>
+where
+    I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
+{
+    if rcc_os::wall::is_before_epoch() && !DATE_CACHED.get() {
+        refuse(&context, peer, io, &no_clock()).await;
+        return None;
+    }
+    DATE_CACHED.set(true);
     let is_limited = head.class != RequestClass::Stream;
-    let answer = exchange::answer(head, io, router.clone());
+    let answer = exchange::answer(arrived, head, io, router);
     let answered = match is_limited {
         true => timeout(EXCHANGE_TIME_MAX, answer).await,
         false => Ok(answer.await),
@@ -214,7 +255,7 @@ where
     match answered {
         Ok(Answered::Open(io, next)) => Some((io, next)),
         Ok(Answered::Closing(io)) => {
-            drain_input(context, io).await;
+            drain_input(&context, io).await;
             None
         }
         Ok(Answered::Gone) => None,
@@ -250,12 +291,7 @@ fn admit(
         });
     }
     let permit = quotas.admit(peer, head.class, now);
-    let permit = permit.map_err(Refusal::Answered)?;
-    if rcc_os::wall::is_before_epoch() && !DATE_CACHED.get() {
-        return Err(Refusal::Answered(no_clock()));
-    }
-    DATE_CACHED.set(true);
-    Ok((head, permit))
+    Ok((head, permit.map_err(Refusal::Answered)?))
 }
 
 /// Reads the head, unless it takes too long or its slot is taken by another connection. Returns `None` if the client
@@ -340,7 +376,7 @@ fn http_response(error: &ApiError) -> Vec<u8> {
 /// kernel discard what the client has not read. Beyond [`DRAINING_MAX`] connections close at once.
 async fn drain_input<I: AsyncRead + AsyncWrite + Unpin>(context: &ListenerContext, mut io: I) {
     let (time, bytes) = LINGER_LIMITS;
-    // Relaxed, because only one thread counts.
+    // Relaxed: only a count.
     if context.draining.fetch_add(1, Ordering::Relaxed) < DRAINING_MAX {
         // Whether the client is gone or still sending does not matter.
         let _ = timeout(time, async {

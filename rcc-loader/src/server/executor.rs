@@ -2,7 +2,7 @@
 //! found again. Used by blocking threads of the server; they never wait for the real-time thread, only for the intake
 //! thread.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, TryLockError};
 use std::time::Duration;
 
 use rcc_api::codes;
@@ -67,6 +67,9 @@ impl CallClass {
 
 /// Number of ports from a loader to the executor.
 const PORTS: usize = 5;
+/// Number of readers of the executor's tables: of them, for CANCEL and ABORT only, as many as these have threads.
+const TABLE_READERS: usize = 4;
+const STOP_TABLE_READERS: usize = 2;
 
 /// A connection to one incarnation of the executor.
 pub struct ExecutorConnection {
@@ -74,7 +77,8 @@ pub struct ExecutorConnection {
     pub announcement: Announcement,
     clients: Vec<Mutex<Client>>,
     status: Mutex<BoardReader<CycleStatus>>,
-    tables: Mutex<BoardReader<Tables>>,
+    /// The first [`STOP_TABLE_READERS`] for CANCEL and ABORT, which wait for no thread that lists and has no processor.
+    tables: Vec<Mutex<BoardReader<Tables>>>,
     timing: Mutex<BoardReader<CycleTiming>>,
     helpers: Mutex<BoardReader<HelperTable>>,
 }
@@ -101,23 +105,13 @@ impl ExecutorConnection {
 
     /// Reads the executor's tables; boxed because they are large. Empty before the first cycle.
     pub fn tables(&self) -> Box<TableSnapshot> {
-        let tables = locked(&self.tables).read();
-        let written = tables.magic == MAGIC;
-        Box::new(TableSnapshot {
-            commands: tables
-                .commands
-                .into_iter()
-                .filter(|row| written && row.id != 0)
-                .filter(|row| CommandState::from_number(row.state) != CommandState::None)
-                .collect(),
-            devices: if written {
-                tables.devices.to_vec()
-            } else {
-                Vec::new()
-            },
-        })
+        snapshot(self.tables.get(STOP_TABLE_READERS..))
     }
 
+    /// As [`ExecutorConnection::tables`], without waiting for other requests than CANCEL and ABORT.
+    pub fn tables_for_stop(&self) -> Box<TableSnapshot> {
+        snapshot(self.tables.get(..STOP_TABLE_READERS))
+    }
     /// Returns true if this incarnation is known to be dead.
     pub fn is_dead(&self) -> bool {
         self.announcement.liveness().is_dead()
@@ -125,13 +119,7 @@ impl ExecutorConnection {
 
     /// Returns a free port of the class, or waits for one.
     fn port(&self, class: CallClass) -> Option<MutexGuard<'_, Client>> {
-        let ports = self.clients.get(class.ports())?;
-        let free = ports.iter().find_map(|port| match port.try_lock() {
-            Ok(client) => Some(client),
-            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => None,
-        });
-        free.or_else(|| ports.last().map(locked))
+        free(self.clients.get(class.ports())?)
     }
 
     fn call(&self, cell: &str, caller: &Caller, call: &Call) -> Result<Answer, ApiError> {
@@ -199,7 +187,7 @@ impl TableSnapshot {
 /// The link to the executor.
 pub struct ExecutorLink {
     session: Session,
-    attached: Mutex<Option<Arc<ExecutorConnection>>>,
+    attached: RwLock<Option<Arc<ExecutorConnection>>>,
 }
 
 impl ExecutorLink {
@@ -208,7 +196,7 @@ impl ExecutorLink {
     pub fn new(session: Session) -> ExecutorLink {
         ExecutorLink {
             session,
-            attached: Mutex::new(None),
+            attached: RwLock::new(None),
         }
     }
 
@@ -231,7 +219,13 @@ impl ExecutorLink {
     /// Returns [`codes::NO_EXECUTOR`] if none is alive or it cannot be reached, and [`codes::OTHER_BUILD`] if its
     /// shared-memory layout differs.
     pub fn attach(&self) -> Result<(Arc<ExecutorConnection>, bool), ApiError> {
-        let mut attached = locked(&self.attached);
+        let known = self.attached.read();
+        let known = known.unwrap_or_else(PoisonError::into_inner).clone();
+        if let Some(known) = known.filter(|known| !known.is_dead()) {
+            return Ok((known, false));
+        }
+        let attached = self.attached.write();
+        let mut attached = attached.unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = attached.as_ref().filter(|known| !known.is_dead()) {
             return Ok((Arc::clone(known), false));
         }
@@ -321,13 +315,15 @@ impl ExecutorLink {
         let clients = (0..PORTS).map(|_| self.session.client(control).map(Mutex::new));
         let clients: Result<Vec<_>, _> = clients.collect();
         let status = self.session.open_board(service(STATUS)?);
-        let tables = self.session.open_board(service(TABLES)?);
+        let tables = service(TABLES)?;
+        let tables = (0..TABLE_READERS).map(|_| self.session.open_board(tables).map(Mutex::new));
+        let tables: Result<Vec<_>, _> = tables.collect();
         let timing = self.session.open_board(service(TIMING)?);
         let helpers = self.session.open_board(service(HELPERS)?);
         Ok(ExecutorConnection {
             clients: clients.map_err(|error| failed(&error))?,
             status: Mutex::new(status.map_err(|error| failed(&error))?),
-            tables: Mutex::new(tables.map_err(|error| failed(&error))?),
+            tables: tables.map_err(|error| failed(&error))?,
             timing: Mutex::new(timing.map_err(|error| failed(&error))?),
             helpers: Mutex::new(helpers.map_err(|error| failed(&error))?),
             announcement,
@@ -341,6 +337,38 @@ fn cannot_open(cell: &str, error: &dyn std::fmt::Display) -> ApiError {
         format!("the executor of cell '{cell}' cannot be opened: {error}"),
         "try again; if the error persists, restart the cell",
     )
+}
+
+/// Reads the tables with a free one of these readers.
+fn snapshot(readers: Option<&[Mutex<BoardReader<Tables>>]>) -> Box<TableSnapshot> {
+    let Some(tables) = readers.and_then(free).map(|reader| reader.read()) else {
+        return Box::default();
+    };
+
+    let written = tables.magic == MAGIC;
+    Box::new(TableSnapshot {
+        commands: tables
+            .commands
+            .into_iter()
+            .filter(|row| written && row.id != 0)
+            .filter(|row| CommandState::from_number(row.state) != CommandState::None)
+            .collect(),
+        devices: if written {
+            tables.devices.to_vec()
+        } else {
+            Vec::new()
+        },
+    })
+}
+
+/// Locks one that is free, or waits for the last.
+fn free<T>(all: &[Mutex<T>]) -> Option<MutexGuard<'_, T>> {
+    let free = all.iter().find_map(|one| match one.try_lock() {
+        Ok(one) => Some(one),
+        Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+        Err(TryLockError::WouldBlock) => None,
+    });
+    free.or_else(|| all.last().map(locked))
 }
 
 /// A panic in another thread leaves these values intact, because each is a single handle.

@@ -11,6 +11,7 @@ use rcc_api::token::{Token, TokenError};
 use rcc_config::AccessConfig;
 use rcc_ipc::events::EventRecorder;
 use rcc_ipc::{Cell, CellError};
+use tokio::runtime::Handle;
 
 use super::connection::{self, Listener};
 use super::socket::{self, SocketError};
@@ -114,18 +115,18 @@ impl Listeners {
             .and_then(|(listener, _)| listener.local_addr().ok())
     }
 
-    /// Serves all listeners forever.
+    /// Serves all listeners forever, all requests but CANCEL and ABORT on the thread of `serving`.
     ///
     /// # Errors
     /// Returns an error if a listener cannot be registered with the event queue.
-    pub async fn serve(self, router: Router) -> io::Result<()> {
+    pub async fn serve(self, serving: Handle, router: Router) -> io::Result<()> {
         let unix = Listener::Unix(tokio::net::UnixListener::from_std(self.unix)?);
-        let log = self.recorder;
-        let unix = connection::serve(unix, connection::UNIX, None, log.clone(), router.clone());
+        let (log, to) = (self.recorder, (serving, router));
+        let unix = connection::serve(unix, connection::UNIX, None, log.clone(), to.clone());
         match self.tcp {
             Some((listener, token)) => {
                 let tcp = Listener::Tcp(tokio::net::TcpListener::from_std(listener)?);
-                let tcp = connection::serve(tcp, connection::TCP, Some(token), log, router);
+                let tcp = connection::serve(tcp, connection::TCP, Some(token), log, to);
                 tokio::select! {
                     never = unix => match never {},
                     never = tcp => match never {},

@@ -32,6 +32,7 @@ use super::bodies::{ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
 use super::caller::Caller;
 use super::error::ErrorResponse;
 use super::service::{Operation, Service};
+use super::stop_steps::{Arrived, StopSteps};
 use super::stop_workers::StopWorkers;
 use interface::Query;
 use requests::{answering, blocking, constant, json, limited, reading, text_of, too_many, written};
@@ -260,10 +261,21 @@ async fn stop(
     state: ServerState,
     name: String,
     what: Operation,
+    arrived: Arrived,
 ) -> Result<Response, ErrorResponse> {
     let service = state.service;
-    let stopped = move || service.operate(&Caller::default(), &name, what);
-    Ok(Json(state.stops.run(stopped).await?).into_response())
+    let mut steps = StopSteps::since(arrived);
+    steps.done("head");
+    let stopped = move || {
+        steps.done("queue");
+        let done = &mut |step| steps.done(step);
+        let stopped = service.carry_out(&Caller::default(), &name, what, done);
+        Ok((stopped, steps))
+    };
+    let (stopped, mut steps) = state.stops.run(stopped).await?;
+    steps.done("wake-up");
+    steps.log_if_slow(what.name());
+    Ok(Json(stopped?).into_response())
 }
 
 /// START: the net is evaluated from the next cycle on. With `after_stopping`, those commands end between the same two
@@ -367,8 +379,9 @@ async fn values(
 async fn cancel(
     State(state): State<ServerState>,
     Path(name): Path<String>,
+    Extension(arrived): Extension<Arrived>,
 ) -> Result<Response, ErrorResponse> {
-    stop(state, name, Operation::Cancel).await
+    stop(state, name, Operation::Cancel, arrived).await
 }
 
 /// ABORT: the devices get no more commands, and their drivers bring them to rest.
@@ -377,8 +390,9 @@ async fn cancel(
 async fn abort(
     State(state): State<ServerState>,
     Path(name): Path<String>,
+    Extension(arrived): Extension<Arrived>,
 ) -> Result<Response, ErrorResponse> {
-    stop(state, name, Operation::Abort).await
+    stop(state, name, Operation::Abort, arrived).await
 }
 
 /// UNLOAD: removes a command that is not active.

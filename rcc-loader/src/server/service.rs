@@ -2,7 +2,7 @@
 //! a while and is run by blocking threads, never by the thread that serves connections.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 
 use rcc_api::bodies::{CommandView, Done, Finding};
@@ -25,7 +25,8 @@ use serde::Serialize;
 use super::address::{self, CommandAddress};
 use super::caller::Caller;
 use super::command_summary::CommandSummary;
-use super::executor::{ExecutorConnection, ExecutorLink};
+use super::executor::{ExecutorConnection, ExecutorLink, TableSnapshot};
+use super::published::Published;
 use super::store::CommandStore;
 use configuration::WatchedFiles;
 pub use set_points::{LINES_MAX, LineQueue, SetPointChannel};
@@ -55,26 +56,21 @@ pub struct Service {
     own: Announcement,
     /// Incarnation of the last known executor, and the configuration by which its devices and channels are named: the
     /// part of [`Service::config`] that also holds for it.
-    naming: Mutex<(u64, Arc<CellConfig>)>,
+    naming: Published<(u64, Arc<CellConfig>)>,
     files: Mutex<WatchedFiles>,
     /// Commands that this process is loading; with them a restarted loader tells its own commands from those of a dead
     /// loader.
-    loading: Mutex<BTreeMap<u64, PendingLoad>>,
+    loading: Published<BTreeMap<u64, Arc<CommandSummary>>>,
+    /// Their texts, until they are compiled.
+    texts: Mutex<BTreeMap<u64, String>>,
     recorder: Option<EventRecorder>,
     /// The helper threads of this process, for status queries.
     helpers: Helpers,
     /// Process id and incarnation of the executor that was last reported to the event log.
-    reported_executor: Mutex<Option<(u32, u64)>>,
+    reported_executor: RwLock<Option<(u32, u64)>>,
     event_log: events::SharedEventLog,
     /// Incarnation of the executor, and its commands.
-    store: Mutex<Option<(u64, Arc<CommandStore>)>>,
-}
-
-/// A text that is being loaded.
-struct PendingLoad {
-    entry: Arc<CommandSummary>,
-    /// Taken out when it is compiled.
-    text: String,
+    store: RwLock<Option<(u64, Arc<CommandStore>)>>,
 }
 
 /// A command together with the contents of its file.
@@ -112,6 +108,17 @@ impl Operation {
         }
     }
 
+    /// Returns the word for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Operation::Start => "START",
+            Operation::Cancel => "CANCEL",
+            Operation::Abort => "ABORT",
+            Operation::Unload => "UNLOAD",
+        }
+    }
+
     fn call(self, id: u64) -> Call {
         match self {
             Operation::Start => Call::Start { id },
@@ -130,15 +137,16 @@ impl Service {
         Service {
             own: executor.own().configured(configuration),
             executor,
-            naming: Mutex::new((0, Arc::new(config.clone()))),
+            naming: Published::new((0, Arc::new(config.clone()))),
             files: Mutex::default(),
             config,
-            loading: Mutex::new(BTreeMap::new()),
+            loading: Published::default(),
+            texts: Mutex::default(),
             recorder: None,
             helpers: Helpers::default(),
-            reported_executor: Mutex::new(None),
+            reported_executor: RwLock::new(None),
             event_log: events::SharedEventLog::default(),
-            store: Mutex::new(None),
+            store: RwLock::new(None),
         }
     }
 
@@ -171,10 +179,13 @@ impl Service {
     /// Reports each executor that is found or lost, once.
     fn report_executor_change(&self, found: Option<(u32, u64)>) {
         // A panic leaves it intact, because it is one value.
-        let mut reported_executor = self
-            .reported_executor
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let intact = PoisonError::into_inner;
+        let is_known = *self.reported_executor.read().unwrap_or_else(intact) == found;
+        if is_known {
+            return;
+        }
+        let intact = PoisonError::into_inner;
+        let mut reported_executor = self.reported_executor.write().unwrap_or_else(intact);
         if *reported_executor == found {
             return;
         }
@@ -219,9 +230,14 @@ impl Service {
     /// loader was loading there.
     fn store(&self, attached: &ExecutorConnection) -> (Arc<CommandStore>, Option<Vec<u64>>) {
         let incarnation = attached.announcement.incarnation;
-        // A panic leaves it intact, because it is one value. Other threads wait for the one that reads the files:
-        // without names they can do nothing.
-        let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
+        // A panic leaves it intact, because it is one value.
+        let known = self.store.read().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, store)) = known.as_ref().filter(|(known, _)| *known == incarnation) {
+            return (Arc::clone(store), None);
+        }
+        drop(known);
+        // Other threads wait for the one that reads the files: without names they can do nothing.
+        let mut store = self.store.write().unwrap_or_else(PoisonError::into_inner);
         match store.as_ref().filter(|(known, _)| *known == incarnation) {
             Some((_, store)) => (Arc::clone(store), None),
             None => {
@@ -260,7 +276,7 @@ impl Service {
     /// Returns an error if there is no executor or no such command.
     pub fn detail(&self, name: &str, in_full: bool) -> Result<DetailedCommand, ApiError> {
         let (attached, store) = self.attach()?;
-        let id = self.resolve(&attached, &store, name, |_| true)?;
+        let id = self.resolve(|| attached.tables(), &store, name, |_| true)?;
         let row = attached.tables().command(id).copied();
         let row = row.or_else(|| self.loading_row(id));
         let command = self.view(&store, &row.ok_or_else(|| messages::unknown(name))?);
@@ -285,13 +301,32 @@ impl Service {
         name: &str,
         operation: Operation,
     ) -> Result<Done, ApiError> {
+        self.carry_out(caller, name, operation, &mut |_| ())
+    }
+
+    /// As [`Service::operate`]; `done` is told the end of each step.
+    pub(super) fn carry_out(
+        &self,
+        caller: &Caller,
+        name: &str,
+        operation: Operation,
+        done: &mut dyn FnMut(&'static str),
+    ) -> Result<Done, ApiError> {
         let (attached, store) = self.attach()?;
+        done("attach");
         if operation == Operation::Start {
             self.require_agreement(&attached)?;
         }
-        let id = self.resolve(&attached, &store, name, |state| operation.suits(state))?;
+        let tables = || match operation {
+            Operation::Cancel | Operation::Abort => attached.tables_for_stop(),
+            Operation::Start | Operation::Unload => attached.tables(),
+        };
+        let id = self.resolve(tables, &store, name, |state| operation.suits(state))?;
         let net = self.net(&store, id);
-        match self.executor.call_for(caller, &operation.call(id))? {
+        done("name");
+        let answer = self.executor.call_for(caller, &operation.call(id))?;
+        done("executor");
+        match answer {
             Answer::Done { cycle } | Answer::Rehearsed { cycle, .. } => {
                 if operation == Operation::Unload {
                     store.remove(id);
@@ -309,7 +344,7 @@ impl Service {
     /// suitable state, or else the newest.
     fn resolve(
         &self,
-        attached: &ExecutorConnection,
+        tables: impl FnOnce() -> Box<TableSnapshot>,
         store: &CommandStore,
         name: &str,
         suits: impl Fn(CommandState) -> bool,
@@ -326,15 +361,16 @@ impl Service {
             Some(CommandAddress::Name(name)) => name,
             None => return Err(messages::unknown(name)),
         };
-        let rows = attached.tables().commands;
+        let rows = tables().commands;
         let state = |id: u64| {
             let row = rows.iter().find(|row| row.id == id)?;
             Some((id, CommandState::from_number(row.state)))
         };
         let loading: Vec<_> = self
-            .loading()
+            .loading
+            .get()
             .iter()
-            .filter(|(_, loading)| loading.entry.net == name)
+            .filter(|(_, loading)| loading.net == name)
             .map(|(id, _)| (*id, CommandState::Loading))
             .collect();
         let named = store.named(name).into_iter().filter_map(state);
@@ -347,18 +383,14 @@ impl Service {
 
     /// Returns the error for a name that no command has, with the name that is most like it.
     fn unknown(&self, store: &CommandStore, name: &str) -> ApiError {
-        let loading = self.loading();
-        let loading = loading.values().map(|loading| loading.entry.net.clone());
+        let loading = self.loading.get();
+        let loading = loading.values().map(|loading| loading.net.clone());
         let nets: Vec<String> = store.nets().into_iter().chain(loading).collect();
         messages::unknown_among(name, nets.iter().map(String::as_str))
     }
 
     fn summary(&self, store: &CommandStore, id: u64) -> Option<Arc<CommandSummary>> {
-        let loading = || {
-            self.loading()
-                .get(&id)
-                .map(|loading| Arc::clone(&loading.entry))
-        };
+        let loading = || self.loading.get().get(&id).map(Arc::clone);
         store.summary(id).or_else(loading)
     }
 
@@ -370,7 +402,7 @@ impl Service {
 
     /// Returns a row for a command that is too new for the snapshot of the table.
     fn loading_row(&self, id: u64) -> Option<CommandEntry> {
-        self.loading().contains_key(&id).then(|| CommandEntry {
+        self.loading.get().contains_key(&id).then(|| CommandEntry {
             id,
             state: CommandState::Loading as u32,
             ..bytemuck::Zeroable::zeroed()
@@ -379,7 +411,7 @@ impl Service {
 
     fn view(&self, store: &CommandStore, row: &CommandEntry) -> CommandView {
         // Read before the file: the result of a load is written after the executor has answered.
-        let is_loading = self.loading().contains_key(&row.id);
+        let is_loading = self.loading.get().contains_key(&row.id);
         let known = self.summary(store, row.id).unwrap_or_default();
         let state = match CommandState::from_number(row.state) {
             CommandState::Ready | CommandState::Rejected if is_loading => CommandState::Loading,
@@ -441,11 +473,6 @@ impl Service {
             names: &names,
             reason: &reason,
         })
-    }
-
-    fn loading(&self) -> MutexGuard<'_, BTreeMap<u64, PendingLoad>> {
-        // A panic between two insertions leaves the map intact.
-        self.loading.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -7,6 +7,7 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
+use rcc_process::priority::raise_stop_thread;
 use rcc_process::{Helper, Helpers, helpers};
 use tokio::sync::oneshot;
 
@@ -74,6 +75,7 @@ impl StopWorkers {
 
 /// Runs jobs until the last sender is dropped or the helpers end.
 fn work(jobs: &Receiver<Job>, helper: &Helper) {
+    raise_stop_thread();
     while !helper.is_over() {
         helper.turn();
         match jobs.recv_timeout(IDLE_MAX) {

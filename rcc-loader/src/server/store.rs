@@ -7,7 +7,7 @@ use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 use rcc_api::bodies::{Finding, RehearsalView, TextLocation};
@@ -18,6 +18,7 @@ use rcc_language::names::{InputNames, Names, TopicNames};
 use serde::Deserialize;
 
 use super::command_summary::CommandSummary;
+use super::published::Published;
 
 /// Maximum size of all command files together, bytes; they are in memory (tmpfs).
 pub const KEPT_MAX: u64 = 256 << 20;
@@ -133,16 +134,16 @@ pub enum StoreError {
 pub struct CommandStore {
     folder: PathBuf,
     bytes_max: u64,
-    index: Mutex<StoreIndex>,
+    index: Published<StoreIndex>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct StoreIndex {
     kept: u64,
     rows: BTreeMap<u64, IndexRow>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct IndexRow {
     summary: Arc<CommandSummary>,
     /// Size of its file, bytes; 0 if it has none.
@@ -225,7 +226,7 @@ impl CommandStore {
         CommandStore {
             folder: cell.commands_dir().join(format!("{incarnation:016x}")),
             bytes_max: KEPT_MAX,
-            index: Mutex::default(),
+            index: Published::default(),
         }
     }
 
@@ -233,6 +234,7 @@ impl CommandStore {
     #[must_use]
     pub fn open(cell: &Cell, incarnation: u64) -> CommandStore {
         let store = CommandStore::of(cell, incarnation);
+        let mut index = StoreIndex::default();
         for path in entries(&store.folder) {
             if path.extension().is_none_or(|extension| extension != "json") {
                 // Incomplete: a loader died while writing it.
@@ -243,15 +245,11 @@ impl CommandStore {
                 continue;
             };
             if let Some((summary, bytes)) = read::<CommandFileSummary>(&path) {
-                store.index().insert(id, summary.into(), bytes);
+                index.insert(id, summary.into(), bytes);
             }
         }
+        store.index.change(|published| *published = index);
         store
-    }
-
-    fn index(&self) -> MutexGuard<'_, StoreIndex> {
-        // A panic between two changes leaves the map intact, and a sum that the next sweep corrects.
-        self.index.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn path(&self, id: u64) -> PathBuf {
@@ -267,7 +265,8 @@ impl CommandStore {
         let summary = CommandSummary::of(command);
         let written = self.write_file(command);
         let bytes = written.as_ref().map_or(0, |bytes| *bytes);
-        self.index().insert(command.id, summary, bytes);
+        self.index
+            .change(|index| index.insert(command.id, summary, bytes));
         written.map(|_| ())
     }
 
@@ -306,7 +305,7 @@ impl CommandStore {
     /// # Errors
     /// Returns [`StoreError::Full`] if the limit would be exceeded.
     pub fn has_room(&self, bytes: u64) -> Result<(), StoreError> {
-        let index = self.index();
+        let index = self.index.get();
         let stay = index.rows.values().filter(|row| !row.is_rejected);
         let kept: u64 = stay.map(|row| row.bytes).sum();
         if kept + bytes > self.bytes_max {
@@ -321,32 +320,19 @@ impl CommandStore {
 
     /// Removes the oldest files of rejected commands until `bytes` more fit.
     fn make_room(&self, id: u64, bytes: u64) -> Result<(), StoreError> {
-        let mut index = self.index();
-        let own = index.rows.get(&id).map_or(0, |row| row.bytes);
-        let mut going = Vec::new();
-        let mut kept = index.kept - own;
-        let rejected = index.rows.iter_mut();
-        let rejected =
-            rejected.filter(|(other, row)| **other != id && row.is_rejected && row.bytes > 0);
-        for (other, row) in rejected {
-            if kept + bytes <= self.bytes_max {
-                break;
-            }
-            kept -= row.bytes;
-            row.bytes = 0;
-            going.push(*other);
-        }
-        index.kept = kept + own;
-        drop(index);
+        let (others, going) = self.index.change(|index| {
+            let room = self.bytes_max.saturating_sub(bytes);
+            index.forget_rejected(id, room)
+        });
         for other in going {
             // A file that cannot be removed is no longer counted, and the next sweep does not find it: its folder is
             // removed with the executor.
             let _ = fs::remove_file(self.path(other));
         }
-        if kept + bytes > self.bytes_max {
+        if others + bytes > self.bytes_max {
             return Err(StoreError::Full {
                 size: bytes,
-                kept,
+                kept: others,
                 bytes_max: self.bytes_max,
             });
         }
@@ -356,7 +342,8 @@ impl CommandStore {
     /// Returns the summary of a command.
     #[must_use]
     pub fn summary(&self, id: u64) -> Option<Arc<CommandSummary>> {
-        self.index()
+        self.index
+            .get()
             .rows
             .get(&id)
             .map(|row| Arc::clone(&row.summary))
@@ -365,7 +352,7 @@ impl CommandStore {
     /// Returns the ids of the commands whose net has this name.
     #[must_use]
     pub fn named(&self, net: &str) -> Vec<u64> {
-        let index = self.index();
+        let index = self.index.get();
         let rows = index.rows.iter().filter(|(_, row)| row.summary.net == net);
         rows.map(|(id, _)| *id).collect()
     }
@@ -373,7 +360,7 @@ impl CommandStore {
     /// Returns the names of the nets of all commands.
     #[must_use]
     pub fn nets(&self) -> Vec<String> {
-        let index = self.index();
+        let index = self.index.get();
         index
             .rows
             .values()
@@ -384,7 +371,7 @@ impl CommandStore {
     /// Maximum size of all command files together, bytes; they are in memory (tmpfs).
     #[must_use]
     pub fn kept(&self) -> u64 {
-        self.index().kept
+        self.index.get().kept
     }
 
     /// Reads the file of a command; `None` if it is missing or damaged.
@@ -405,7 +392,7 @@ impl CommandStore {
 
     /// Removes a command and its file, if there is one.
     pub fn remove(&self, id: u64) {
-        self.index().remove(id);
+        self.index.change(|index| index.remove(id));
         // A file that cannot be removed now is removed by the next sweep.
         let _ = fs::remove_file(self.path(id));
     }
@@ -413,20 +400,27 @@ impl CommandStore {
     /// Removes the files of commands that no longer exist and are older than `age`. A command is in the executor's
     /// table before its file is written, so a younger file may only be newer than the snapshot.
     pub fn sweep(&self, exists: impl Fn(u64) -> bool, age: Duration) {
+        let mut gone = Vec::new();
         for path in entries(&self.folder) {
             let id = id_of(&path);
             if !id.is_some_and(&exists) && is_older(&path, age) {
                 // The next sweep tries again.
                 let _ = fs::remove_file(&path);
-                if let Some(id) = id {
-                    self.index().remove(id);
-                }
+                gone.extend(id);
             }
         }
         // Commands without a file.
         let stays =
             |id: u64, row: &IndexRow| row.bytes > 0 || exists(id) || row.since.elapsed() < age;
-        self.index().rows.retain(|id, row| stays(*id, row));
+        let is_gone = |id: u64, row: &IndexRow| gone.contains(&id) || !stays(id, row);
+        let unchanged = |index: &StoreIndex| !index.rows.iter().any(|(id, row)| is_gone(*id, row));
+        if unchanged(&self.index.get()) {
+            return;
+        }
+        self.index.change(|index| {
+            gone.iter().for_each(|id| index.remove(*id));
+            index.rows.retain(|id, row| stays(*id, row));
+        });
     }
 
     /// Removes the folders of dead executors.
@@ -459,6 +453,25 @@ impl StoreIndex {
             since: Instant::now(),
         };
         self.rows.insert(id, row);
+    }
+
+    /// Forgets the files of the oldest rejected commands until all files but that of `id` have at most `room` bytes.
+    /// Returns the bytes that they have then, and the ids.
+    fn forget_rejected(&mut self, id: u64, room: u64) -> (u64, Vec<u64>) {
+        let own = self.rows.get(&id).map_or(0, |row| row.bytes);
+        let (mut others, mut going) = (self.kept - own, Vec::new());
+        let has_rejected_file = |row: &IndexRow| row.is_rejected && row.bytes > 0;
+        let rows = self.rows.iter_mut();
+        for (other, row) in rows.filter(|(other, row)| **other != id && has_rejected_file(row)) {
+            if others <= room {
+                break;
+            }
+            others -= row.bytes;
+            row.bytes = 0;
+            going.push(*other);
+        }
+        self.kept = others + own;
+        (others, going)
     }
 
     fn remove(&mut self, id: u64) {

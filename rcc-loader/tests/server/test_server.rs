@@ -70,7 +70,7 @@ impl TestServer {
             let router = routes::router(service, &Helpers::default()).expect("threads");
             runtime.block_on(async {
                 tokio::select! {
-                    served = listeners.serve(router) => served.expect("served"),
+                    served = listeners.serve(tokio::runtime::Handle::current(), router) => served.expect("served"),
                     _ = stopped => {}
                 }
             });

@@ -36,6 +36,8 @@ pub struct Cancel {
     pub interface: Interface,
     /// Time from sending the request to its response.
     pub took: Duration,
+    /// How much of that the client itself was ready to run and had no processor; 0 for a process of its own.
+    pub waited: Duration,
     /// True if it was accepted.
     pub answered: bool,
     /// True if the net ended with the reason `canceled`.
@@ -58,6 +60,8 @@ pub struct Report {
     pub loader_before: u64,
     /// Largest resident memory of the loader that was seen, bytes.
     pub loader_peak: u64,
+    /// The loader's words about each slow CANCEL.
+    pub slow: Vec<String>,
     /// True if the loader died during the flood.
     pub loader_restarted: bool,
 }
@@ -71,6 +75,7 @@ impl Report {
             late: 0,
             loader_before,
             loader_peak: loader_before,
+            slow: Vec::new(),
             loader_restarted: false,
         }
     }
@@ -131,7 +136,14 @@ impl fmt::Display for Report {
                 .cancels
                 .iter()
                 .filter(|cancel| cancel.interface == interface);
-            row(interface.name(), of.map(|cancel| cancel.took).collect())?;
+            row(
+                interface.name(),
+                of.clone().map(|cancel| cancel.took).collect(),
+            )?;
+            if interface != Interface::Cli {
+                let served = of.map(|cancel| cancel.took.saturating_sub(cancel.waited));
+                row("  without client's wait", served.collect())?;
+            }
         }
         row("machine: late wake-ups", self.stalls.clone())?;
         let mib = |bytes: u64| bytes >> 20;
@@ -147,6 +159,10 @@ impl fmt::Display for Report {
             },
             self.late
         )?;
+        writeln!(formatter, "slow by the loader's log: {}", self.slow.len())?;
+        for words in &self.slow {
+            writeln!(formatter, "  {words}")?;
+        }
         let failed: Vec<&Cancel> = self.failed().collect();
         writeln!(
             formatter,

@@ -1,6 +1,6 @@
 //! One request and its answer on a connection that may stay open. The HTTP library sees exactly the bytes of one request,
 //! and then the end of the connection; so each request passes the same checks and quotas, whichever connection carries
-//! it. Run by the one thread that serves connections.
+//! it. Run by the serving thread; CANCEL and ABORT by `front`.
 
 use std::io;
 use std::pin::Pin;
@@ -21,6 +21,7 @@ use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 
 use crate::server::request_head::{HEAD_MAX, HEADERS_MAX, RequestHead};
+use crate::server::stop_steps::Arrived;
 
 /// A connection after an answer.
 pub(super) enum Answered<I> {
@@ -33,7 +34,12 @@ pub(super) enum Answered<I> {
 }
 
 /// Answers one request.
-pub(super) async fn answer<I>(head: RequestHead, io: I, router: Router) -> Answered<I>
+pub(super) async fn answer<I>(
+    arrived: Arrived,
+    head: RequestHead,
+    io: I,
+    router: Router,
+) -> Answered<I>
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
@@ -48,7 +54,8 @@ where
         .max_headers(HEADERS_MAX)
         .header_read_timeout(None);
     let (router, observed) = (TowerToHyperService::new(router), Arc::clone(&progress));
-    let service = service_fn(move |request: Request<Incoming>| {
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(arrived);
         let (answer, observed) = (router.call(request), Arc::clone(&observed));
         async move { answer.await.map(|response| observed.observe(response)) }
     });
@@ -70,7 +77,7 @@ where
     }
 }
 
-/// What the service and the stream tell each other. Relaxed everywhere, because one thread uses it.
+/// What the service and the stream tell each other. Relaxed everywhere, because one thread serves an exchange.
 #[derive(Debug, Default)]
 struct Progress {
     /// All bytes of the request were passed on.

@@ -1,5 +1,5 @@
 //! Quotas of a listener: slots for connections whose head is awaited, for requests of authorized clients, and, apart
-//! from both, for their CANCEL and ABORT. Used by the one thread that serves connections.
+//! from both, for their CANCEL and ABORT. Used by the serving thread and by `front`.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;

@@ -58,9 +58,8 @@ impl Service {
     /// Compares the configuration of an executor with ours when that incarnation is first seen. A difference is
     /// reported, and from then on only devices and channels with the same meaning in both are named.
     pub(super) fn check_configuration(&self, executor: &Announcement) {
-        // A panic leaves the value intact, because it is replaced at once.
-        let mut naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
-        if naming.0 == executor.incarnation {
+        let is_known = |naming: &(u64, _)| naming.0 == executor.incarnation;
+        if is_known(&self.naming.get()) {
             return;
         }
         let why = ProcessMismatch::about_cell(&self.own, executor);
@@ -68,8 +67,12 @@ impl Service {
             None => self.config.clone(),
             Some(_) => common_configuration(&self.config, executor.configuration.as_ref()),
         };
-        *naming = (executor.incarnation, Arc::new(config));
-        if let Some(why) = why {
+        let is_first = self.naming.change(|naming| {
+            let is_first = !is_known(naming);
+            *naming = (executor.incarnation, Arc::new(config));
+            is_first
+        });
+        if let Some(why) = why.filter(|_| is_first) {
             let remedy = why.remedy();
             tracing::warn!(
                 "LOAD and START are refused: the executor was {}: {why}; {remedy}",
@@ -94,8 +97,7 @@ impl Service {
 
     /// Returns the configuration by which the executor's devices and channels are named.
     pub(super) fn naming_config(&self) -> Arc<CellConfig> {
-        let naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
-        Arc::clone(&naming.1)
+        Arc::clone(&self.naming.get().1)
     }
 
     /// Refuses LOAD and START while loader and executor are of different builds or have different configurations,

@@ -91,7 +91,7 @@ impl Service {
         }
         let ids = names.iter().map(|name| match name {
             CommandRef::Id(id) => Ok(*id),
-            CommandRef::Name(name) => self.resolve(attached, store, name, &suits),
+            CommandRef::Name(name) => self.resolve(|| attached.tables(), store, name, &suits),
         });
         ids.collect()
     }

@@ -1,7 +1,8 @@
 //! LOAD: reserves an id for a text, compiles it, and hands the plan to the executor; rejects what a dead loader was
 //! loading. Run by blocking threads of the server.
 
-use std::sync::{Arc, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use rcc_api::bodies::Finding;
@@ -13,7 +14,7 @@ use rcc_core::message::CommandState;
 use rcc_protocol::control::{Answer, Call};
 use rcc_protocol::events::{EventKind, event_text, hex_digits};
 
-use super::{PendingLoad, Service, unexpected};
+use super::{Service, unexpected};
 use crate::server::caller::Caller;
 use crate::server::command_summary::CommandSummary;
 use crate::server::executor::ExecutorConnection;
@@ -66,12 +67,13 @@ impl Service {
             .map_err(|error| not_stored(&error))?;
         match self.executor.call_for(caller, &Call::Reserve)? {
             Answer::Reserved { id } => {
-                let entry = Arc::new(CommandSummary {
+                let summary = Arc::new(CommandSummary {
                     net: compile::name_of(&text),
                     loaded_at: seconds_now(),
                     ..CommandSummary::default()
                 });
-                self.loading().insert(id, PendingLoad { entry, text });
+                self.texts().insert(id, text);
+                self.loading.change(|loading| loading.insert(id, summary));
                 Ok(id)
             }
             Answer::Refused(refusal) => {
@@ -84,16 +86,15 @@ impl Service {
     /// Second half of LOAD: compiles the text, writes the names, and hands the plan over. The command becomes ready or
     /// rejected; its file contains the errors.
     pub fn install(&self, id: u64, file_name: &str) {
-        let file = match self.loading().get_mut(&id) {
-            Some(loading) => CommandFile {
-                id,
-                net: loading.entry.net.clone(),
-                text: std::mem::take(&mut loading.text),
-                loaded_at: loading.entry.loaded_at,
-                ..CommandFile::default()
-            },
-            None => CommandFile::default(),
-        };
+        let text = self.texts().remove(&id).unwrap_or_default();
+        let summary = self.loading.get().get(&id).map(Arc::clone);
+        let file = summary.map_or_else(CommandFile::default, |loading| CommandFile {
+            id,
+            net: loading.net.clone(),
+            text,
+            loaded_at: loading.loaded_at,
+            ..CommandFile::default()
+        });
         if let Err(error) = self.try_install(id, file, file_name) {
             tracing::warn!(
                 id,
@@ -103,17 +104,23 @@ impl Service {
             );
             self.record_rejected(id, &error.finding(), 1);
         }
-        self.loading().remove(&id);
+        self.loading.change(|loading| loading.remove(&id));
+    }
+
+    fn texts(&self) -> MutexGuard<'_, BTreeMap<u64, String>> {
+        // A panic between two insertions leaves the map intact.
+        self.texts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn record_rejected(&self, id: u64, first: &Finding, count: usize) {
         let net = self
-            .loading()
+            .loading
+            .get()
             .get(&id)
-            .map(|loading| loading.entry.net.clone());
+            .map(|loading| loading.net.clone());
         let reported_executor = *self
             .reported_executor
-            .lock()
+            .read()
             .unwrap_or_else(PoisonError::into_inner);
         self.record(EventKind::Rejected {
             command: id,

@@ -38,7 +38,7 @@ impl Service {
     pub fn open_channel(&self, name: &str) -> Result<SetPointChannel, ApiError> {
         let (attached, store) = self.attach()?;
         let suits = |state: CommandState| state == CommandState::Ready || state.is_active();
-        let id = self.resolve(&attached, &store, name, suits)?;
+        let id = self.resolve(|| attached.tables(), &store, name, suits)?;
         let entry = store.summary(id).filter(|entry| entry.is_named);
         Ok(SetPointChannel {
             id,

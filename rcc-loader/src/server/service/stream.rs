@@ -113,7 +113,7 @@ impl Service {
         subscription: &Subscription,
     ) -> Result<Target, ApiError> {
         let active = |state: rcc_core::message::CommandState| state.is_active();
-        let id = self.resolve(attached, store, &subscription.net, active)?;
+        let id = self.resolve(|| attached.tables(), store, &subscription.net, active)?;
         let names = store.names(id).ok_or_else(|| no_names(id))?;
         Ok(Target {
             id,
@@ -231,7 +231,7 @@ impl EventStream {
     ) -> Option<StreamValues> {
         let (attached, store) = service.attach().ok()?;
         let active = |state: rcc_core::message::CommandState| state.is_active();
-        let id = service.resolve(&attached, &store, &subscription.net, active);
+        let id = service.resolve(|| attached.tables(), &store, &subscription.net, active);
         let id = id.ok()?;
         let known = subscription.target.as_ref();
         if known.is_none_or(|target| target.id != id) {
@@ -318,7 +318,7 @@ impl EventStream {
         };
         let rows = attached.tables().commands;
         for row in &rows {
-            let is_loading = service.loading().contains_key(&row.id);
+            let is_loading = service.loading.get().contains_key(&row.id);
             let same =
                 |key: &StateKey| (key.0, key.1, key.2) == (row.state, row.reason, is_loading);
             if known.get(&row.id).is_some_and(same) {

@@ -42,7 +42,7 @@ impl Service {
     pub fn set(&self, caller: &Caller, name: &str, text: &str) -> Result<InputsSet, ApiError> {
         let (attached, store) = self.attach()?;
         let suits = |state: CommandState| state == CommandState::Ready || state.is_active();
-        let id = self.resolve(&attached, &store, name, suits)?;
+        let id = self.resolve(|| attached.tables(), &store, name, suits)?;
         let entry = store.summary(id).filter(|entry| entry.is_named);
         let entry = entry.ok_or_else(|| no_names(id))?;
         let names = &entry.names;
@@ -78,7 +78,12 @@ impl Service {
         ports: &[String],
     ) -> Result<ValuesView, ApiError> {
         let (attached, store) = self.attach()?;
-        let id = self.resolve(&attached, &store, name, |state| state.is_active())?;
+        let id = self.resolve(
+            || attached.tables(),
+            &store,
+            name,
+            |state| state.is_active(),
+        )?;
         let names = store.names(id).ok_or_else(|| no_names(id))?;
         let selected = select(&names, ports)?;
         let points = selected.iter().map(|selected| selected.point).collect();

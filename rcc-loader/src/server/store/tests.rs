@@ -11,7 +11,7 @@ fn store() -> (CommandStore, TempDir) {
     let store = CommandStore {
         folder: base.path().join("00000000000000aa"),
         bytes_max: 4 << 10,
-        index: Mutex::default(),
+        index: Published::default(),
     };
     (store, base)
 }
