@@ -1,6 +1,7 @@
 //! `abort NAME`: ends a net at once; the drivers bring its devices to rest.
 
 use rcc_api::bodies::Done;
+use rcc_process::priority::raise_stop_thread;
 
 use super::NetName;
 use crate::context::Context;
@@ -20,6 +21,7 @@ pub struct Arguments {
 /// # Errors
 /// Fails if the loader cannot be reached or refuses.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    raise_stop_thread();
     let client = context.client()?;
     let done: Done = follow::operate(&client, &arguments.named.name, "abort")?;
     context.print(&done, |done| {

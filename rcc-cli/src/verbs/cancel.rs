@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use rcc_api::bodies::CommandView;
 use rcc_api::codes::{self, RequestedEnd};
+use rcc_process::priority::raise_stop_thread;
 
 use super::NetName;
 use crate::context::Context;
@@ -26,6 +27,7 @@ pub struct Arguments {
 /// Fails if the loader cannot be reached or refuses; with `--wait` also if the net does not end in time, and with the
 /// exit code of every end but `finished`.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    raise_stop_thread();
     let client = context.client()?;
     let started = Instant::now();
     let done = follow::operate(&client, &arguments.named.name, "cancel")?;
