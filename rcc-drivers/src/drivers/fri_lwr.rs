@@ -20,10 +20,12 @@ use crate::host::reason::Reason;
 
 pub mod counters;
 pub mod fri_session;
+pub mod peer;
 pub mod strategy;
 
 use counters::FriCounters;
 use fri_session::{FriSession, KrlConvention};
+use peer::Peer;
 
 /// The controller is in monitor state.
 pub const MONITORING: u32 = 100;
@@ -84,8 +86,8 @@ const BURST_MAX: usize = 64;
 #[derive(Debug)]
 pub struct FriLwr {
     socket: UdpSocket,
-    /// The only peer that is answered; `None`: any peer.
-    peer: Option<SocketAddr>,
+    /// The only controller that is answered; `None`: any.
+    peer: Option<Peer>,
     /// The controller that is answered at present.
     controller: Option<SocketAddr>,
     /// Time without a valid datagram, counted only while the driver was waiting: a stall of the driver is not silence
@@ -104,7 +106,7 @@ impl Driver for FriLwr {
         let listen = settings.address("listen", None)?;
         let peer = settings.read(
             "peer",
-            "the controller's address with its port, such as \"192.168.0.20:49938\", or leave it out",
+            "the controller's address, such as \"192.168.0.20\" (any port) or \"192.168.0.20:49938\", or leave it out",
             Some(None),
             |value| value.as_str()?.parse().ok().map(Some),
         )?;
@@ -215,8 +217,7 @@ impl FriLwr {
         // One byte more than a datagram has, so that a longer one is detected.
         let mut bytes = [0; MSR_SIZE + 1];
         let (size, source) = self.socket.recv_from(&mut bytes)?;
-        let expected = self.controller.or(self.peer);
-        if expected.is_some_and(|expected| expected != source) {
+        if !self.is_expected(source) {
             self.session.refuse();
             self.counters.foreign(source);
             return Ok(false);
@@ -234,6 +235,15 @@ impl FriLwr {
             }
         }
         Ok(counts)
+    }
+
+    /// Returns true if a datagram from this address is from the controller, or may be from a new one.
+    fn is_expected(&self, source: SocketAddr) -> bool {
+        match (self.controller, self.peer) {
+            (Some(controller), _) => source == controller,
+            (None, Some(peer)) => peer.accepts(source),
+            (None, None) => true,
+        }
     }
 
     /// Reads the datagrams that queued up during a stall of the driver: only the newest one is answered.

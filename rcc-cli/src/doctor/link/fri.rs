@@ -113,13 +113,11 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
     )))
 }
 
+/// Returns the address of `settings.peer`, which may have a port.
 fn peer(facts: &LinkFacts) -> Option<Ipv4Addr> {
-    match facts.settings["peer"]
-        .as_str()?
-        .parse::<SocketAddr>()
-        .ok()?
-        .ip()
-    {
+    let text = facts.settings["peer"].as_str()?;
+    let socket = || Some(text.parse::<SocketAddr>().ok()?.ip());
+    match text.parse::<IpAddr>().ok().or_else(socket)? {
         IpAddr::V4(ip) => Some(ip),
         IpAddr::V6(_) => None,
     }
@@ -215,10 +213,12 @@ fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
         None => format!("the accepted sender is {}", text("controller")),
     };
     if accepted == 0 {
-        let fix = format!(
-            "set settings.peer to {} if that is the controller, or remove it",
-            text("foreign_last")
-        );
+        // A controller may send from another port after each friOpen: the address alone is what to configure.
+        let other = text("foreign_last");
+        let address = other
+            .split_once(':')
+            .map_or(&*other, |(address, _)| address);
+        let fix = format!("set settings.peer to {address} if that is the controller, or remove it");
         return Some(HealthFinding::fail(others, fix).cause(expected));
     }
     let fix = "identify that sender: only one controller may send here";

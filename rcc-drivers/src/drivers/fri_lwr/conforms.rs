@@ -108,7 +108,7 @@ impl Subject for Controller {
         ("listen", "\"127.0.0.1\""),
         ("listen", "\"localhost:1\""),
         ("listen", "\"127.0.0.1:65536\""),
-        ("peer", "\"192.168.0.20\""),
+        ("peer", "\"192.168.0.20:0\""),
         ("krl", "\"last-app\""),
         ("quality_min", "\"unacceptable\""),
         ("quality_min", "3"),

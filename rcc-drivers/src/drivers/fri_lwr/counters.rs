@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use serde_json::{Value, json};
 
+use super::peer::Peer;
 use crate::driver::LinkDiagnosis;
 use crate::fri_lwr::wire::{
     FriControlStrategy, MeasurementDatagram, Quality, SessionState, WireError,
@@ -19,7 +20,7 @@ const GAP_MAX: u16 = 1000;
 #[derive(Debug)]
 pub struct FriCounters {
     listen: SocketAddr,
-    peer: Option<SocketAddr>,
+    peer: Option<Peer>,
     /// Packed address of the controller that is answered; 0 = none.
     controller: AtomicU64,
     datagrams: AtomicU64,
@@ -67,7 +68,7 @@ struct DatagramStatistics {
 impl FriCounters {
     /// Counters of a socket that is bound to `listen` and answers only `peer`, if given.
     #[must_use]
-    pub fn new(listen: SocketAddr, peer: Option<SocketAddr>) -> Self {
+    pub fn new(listen: SocketAddr, peer: Option<Peer>) -> Self {
         let none = AtomicU64::default;
         Self {
             listen,

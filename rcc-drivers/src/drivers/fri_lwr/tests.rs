@@ -495,6 +495,42 @@ fn after_a_silence_another_controller_may_come() {
     assert!(!exchange.commandable);
 }
 
+/// Sends a datagram from this address, which is not waited for.
+fn is_foreign(driver: &mut FriLwr, sender: &UdpSocket, sequence: u16) -> bool {
+    let address = driver.address().expect("a socket");
+    let foreign = |driver: &FriLwr| driver.counters.link()["foreign"].as_u64().expect("counted");
+    let before = foreign(driver);
+    sender
+        .send_to(&measurement(sequence).encode(), address)
+        .expect("loopback");
+    let wait = Duration::from_millis(1);
+    let answer = driver.receive(wait, &mut Inputs::NONE.clone());
+    answer == Err(LinkError::Silent) && foreign(driver) == before + 1
+}
+
+#[test]
+fn a_peer_without_a_port_pins_the_robot_and_nobody_else_is_ever_adopted() {
+    let mut device = lwr();
+    device.settings["listen"] = "0.0.0.0:0".into();
+    device.settings["peer"] = "127.0.0.2".into();
+    let mut driver = FriLwr::open(&device).expect("an address alone pins the robot");
+    let port = driver.address().expect("a socket").port();
+    let bind = |at: &str| {
+        let socket = UdpSocket::bind(at).expect("loopback");
+        socket.connect(("127.0.0.1", port)).expect("loopback");
+        socket
+    };
+    let (stranger, robot) = (bind("127.0.0.1:0"), bind("127.0.0.2:0"));
+    assert!(is_foreign(&mut driver, &stranger, 1), "before the robot");
+    assert!(receives(&mut driver, &robot, 1).is_ok(), "from any port");
+    assert!(is_foreign(&mut driver, &stranger, 2), "beside the robot");
+    let nothing = driver.receive(CONTROLLER_TIMEOUT * 2, &mut Inputs::NONE.clone());
+    assert_eq!(nothing, Err(LinkError::Silent));
+    assert!(is_foreign(&mut driver, &stranger, 3), "after a silence");
+    let restarted = bind("127.0.0.2:0");
+    assert!(receives(&mut driver, &restarted, 7).is_ok(), "a new port");
+}
+
 #[test]
 fn datagrams_of_another_version_are_the_reason_of_a_device_without_a_controller() {
     let mut driver = FriLwr::open(&lwr()).expect("a good configuration");

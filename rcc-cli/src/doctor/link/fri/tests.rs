@@ -131,6 +131,8 @@ fn the_interface_must_have_the_address_be_up_and_share_the_subnet() {
     let mut facts = running(json!({}));
     facts.settings = json!({"listen": "192.168.0.1:49938", "peer": "192.168.1.20:49938"});
     assert_fails(&facts, "interface", &["192.168.1.20", "subnet"]);
+    facts.settings = json!({"listen": "192.168.0.1:49938", "peer": "192.168.1.20"});
+    assert_fails(&facts, "interface", &["192.168.1.20", "subnet"]);
     facts.settings = json!({"listen": "nonsense"});
     assert_fails(&facts, "interface", &["settings.listen"]);
 }
