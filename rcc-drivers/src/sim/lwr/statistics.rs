@@ -111,7 +111,7 @@ pub struct Snapshot {
     pub commanded_acceleration_max: Joints,
     /// Neither set-point nor arm moves.
     pub at_rest: bool,
-    /// Time since the arm came to rest, s.
+    /// Time since the arm came to rest or, if it already rested, since the last fault, s.
     pub at_rest_for_s: f64,
     /// Flange in the base frame, m.
     pub flange_position: [f64; 3],

@@ -69,6 +69,27 @@ fn after_a_fault_the_script_acknowledges_when_the_arm_has_rested_and_the_pc_mirr
 }
 
 #[test]
+fn a_fault_of_an_arm_that_has_long_rested_is_shown_for_its_time() {
+    let mut pc = Pc::commanding(Settings::default());
+    pc.mirror_for(1000);
+    assert!(pc.krc.at_rest_for_s > 0.5);
+    let jump = pc.position()[3] + 0.1;
+    pc.command_joint_4(jump);
+    let mut shown = 0;
+    while pc.seen.power == 0 {
+        assert_eq!((pc.state(), pc.seen.error), (SessionState::Monitor, 1 << 3));
+        pc.mirror_for(1);
+        shown += 1;
+        assert!(shown < 2000);
+    }
+    assert!(
+        (495..505).contains(&shown),
+        "acknowledged after {shown} cycles"
+    );
+    assert_eq!(pc.krc.counts.faults, 1);
+}
+
+#[test]
 fn with_manual_acknowledgement_only_the_control_port_ends_a_fault() {
     let mut pc = Pc::moving(
         Settings {
