@@ -24,21 +24,8 @@ pub enum KrcFault {
         answered: usize,
     },
     /// The first command differs from the controller's own position.
-    #[error(
-        "at the entry joint {} was commanded to {value} rad, the controller is at {own} rad (tolerance {tolerance} rad); \
-         mirror commanded position + offset until command state",
-        joint + 1
-    )]
-    Mirror {
-        /// Index of the joint.
-        joint: usize,
-        /// Commanded, rad.
-        value: f64,
-        /// The controller's own position, rad.
-        own: f64,
-        /// Tolerance, rad.
-        tolerance: f64,
-    },
+    #[error("at the entry {0}; mirror commanded position + offset until command state")]
+    Mirror(MirrorError),
     /// A commanded position is out of range.
     #[error("joint {} was commanded to {value} rad, the limit is ±{limit} rad", joint + 1)]
     Position {
@@ -75,12 +62,13 @@ pub enum KrcFault {
         /// Index of the joint.
         joint: usize,
     },
-    /// The command flags do not match the strategy, or have changed in command state.
+    /// The command flags have changed in command state.
     #[error(
-        "the command flags are {have:#06x}, the strategy takes {want:#06x}; flags may change in monitor state only"
+        "the command flags are {have:#06x}, command state was entered with {want:#06x}; flags may change in monitor state \
+         only"
     )]
     Flags {
-        /// Expected.
+        /// At the entry.
         want: u32,
         /// Received.
         have: u32,
@@ -105,7 +93,7 @@ pub enum KrcFault {
         /// Maximum.
         greatest: f64,
     },
-    /// The commanded pose is invalid, or does not match the commanded joint positions.
+    /// The commanded pose does not match the commanded joint positions.
     #[error(
         "the commanded pose is {distance} m and {angle} rad away from that of the commanded joint positions (allowed 0.001 m, \
          0.01 rad)"
@@ -115,6 +103,35 @@ pub enum KrcFault {
         distance: f64,
         /// Angle, rad.
         angle: f64,
+    },
+    /// The rotation of the commanded pose is none.
+    #[error("the rotation of the commanded pose is not orthonormal and right-handed to 0.001")]
+    Rotation,
+    /// No joint positions near the last ones have the commanded pose.
+    #[error(
+        "the commanded pose cannot be reached from the last one: {distance} m and {angle} rad are left; it jumps, or the arm \
+         is at a singularity"
+    )]
+    Unreachable {
+        /// Remaining distance, m.
+        distance: f64,
+        /// Remaining angle, rad.
+        angle: f64,
+    },
+    /// The arm itself, which yields in impedance control, has left its range or is too fast.
+    #[error(
+        "joint {} {what} {value}, the limit is ±{limit}: the springs and forces that are commanded do not hold the arm",
+        joint + 1
+    )]
+    Runaway {
+        /// Index of the joint.
+        joint: usize,
+        /// What is too large, with its unit.
+        what: &'static str,
+        /// Measured.
+        value: f64,
+        /// Limit.
+        limit: f64,
     },
     /// An added force or torque at the entry into command state.
     #[error(
@@ -126,13 +143,43 @@ pub enum KrcFault {
     },
 }
 
+/// How a command differs from the controller's own position.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum MirrorError {
+    /// A joint is elsewhere.
+    #[error(
+        "joint {} is commanded to {value} rad, the controller is at {own} rad (tolerance {tolerance} rad)",
+        joint + 1
+    )]
+    Joint {
+        /// Index of the joint.
+        joint: usize,
+        /// Commanded, rad.
+        value: f64,
+        /// The controller's own position, rad.
+        own: f64,
+        /// Tolerance, rad.
+        tolerance: f64,
+    },
+    /// The pose is elsewhere.
+    #[error(
+        "the commanded pose is {distance} m and {angle} rad away from the controller's (tolerance 0.001 m, 0.01 rad)"
+    )]
+    Pose {
+        /// Distance, m.
+        distance: f64,
+        /// Angle, rad.
+        angle: f64,
+    },
+}
+
 impl KrcFault {
-    /// Returns the code that the KRL program reports in `$FRI_TO_INT[2]`: 1 to 13 in the order above; 0 means no fault.
+    /// Returns the code that the KRL program reports in `$FRI_TO_INT[2]`; 0 means no fault.
     pub fn code(&self) -> i32 {
         match self {
             Self::Lost { .. } => 1,
             Self::Quality { .. } => 2,
-            Self::Mirror { .. } => 3,
+            Self::Mirror(_) => 3,
             Self::Position { .. } => 4,
             Self::Velocity { .. } => 5,
             Self::Acceleration { .. } => 6,
@@ -141,15 +188,17 @@ impl KrcFault {
             Self::EmergencyStop => 9,
             Self::DrivesOff => 10,
             Self::Impedance { .. } => 11,
-            Self::Pose { .. } => 12,
+            Self::Pose { .. } | Self::Rotation | Self::Unreachable { .. } => 12,
             Self::Added { .. } => 13,
+            Self::Runaway { .. } => 14,
         }
     }
 
     /// Returns the drives that report an error because of this fault, one bit per drive.
     pub fn drive_bits(&self) -> u16 {
         match *self {
-            Self::Mirror { joint, .. }
+            Self::Mirror(MirrorError::Joint { joint, .. })
+            | Self::Runaway { joint, .. }
             | Self::Position { joint, .. }
             | Self::Velocity { joint, .. }
             | Self::Acceleration { joint, .. }
@@ -180,24 +229,17 @@ pub enum MonitorReason {
     /// The connection quality is below OK.
     #[error("the quality is {0:?}, at least Ok is needed")]
     Quality(Quality),
-    /// The command flags do not match the strategy.
-    #[error("the command flags are {have:#06x}, {want:#06x} is needed")]
+    /// The command has no flags, or some that the strategy does not read.
+    #[error("the command flags are {have:#06x}; the strategy takes one or more of {allowed:#06x}")]
     Flags {
-        /// Expected.
-        want: u32,
+        /// All that the strategy reads.
+        allowed: u32,
         /// Received.
         have: u32,
     },
     /// The PC does not mirror.
-    #[error("the PC does not mirror: joint {} is commanded to {value} rad, the controller is at {own} rad", joint + 1)]
-    Mirror {
-        /// Index of the joint.
-        joint: usize,
-        /// Commanded, rad.
-        value: f64,
-        /// The controller's own position, rad.
-        own: f64,
-    },
+    #[error("the PC does not mirror: {0}")]
+    Mirror(MirrorError),
     /// The PC does not request command mode; holds the value of `$FRI_FRM_INT[1]`.
     #[error("the PC does not ask for command mode ($FRI_FRM_INT[1] is {0}, 1 or 10 asks)")]
     Request(i32),

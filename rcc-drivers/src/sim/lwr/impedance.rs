@@ -27,9 +27,13 @@ const REDUNDANCY_RATE: f64 = 20.0;
 /// 1986). The values are ours.
 const MANIPULABILITY: f64 = 3e-3;
 const DAMPING_SQUARED: f64 = 1e-3;
-/// Ranges that KRL accepts, according to users' scripts: N/m, N·m/rad, N·m/rad per joint.
-const STIFFNESS: [[f64; 2]; 3] = [[0.01, 5000.0], [0.01, 300.0], [0.01, 2000.0]];
-const RATIO: [f64; 2] = [0.1, 1.0];
+/// Ranges that FRI accepts: the greatest values of KRL according to users' scripts, N/m, N·m/rad, N·m/rad per joint. KRL
+/// itself takes nothing below 0.01, but clients for torque control send 0.
+const STIFFNESS: [[f64; 2]; 3] = [[0.0, 5000.0], [0.0, 300.0], [0.0, 2000.0]];
+const RATIO: [f64; 2] = [0.0, 1.0];
+/// Damping that remains without any spring or damping ratio, as the friction of a real arm does: N·s/m, N·m·s/rad,
+/// N·m·s/rad per joint. The values are ours.
+const FRICTION: [f64; 3] = [4.0, 0.2, 0.2];
 /// Initial values of `$STIFFNESS`.
 const USUAL: [f64; 3] = [2000.0, 200.0, 1000.0];
 const USUAL_RATIO: f64 = 0.7;
@@ -37,6 +41,10 @@ const USUAL_RATIO: f64 = 0.7;
 const ROUNDING: f64 = 1e-6;
 /// An axis or a joint slower than this is at rest, m/s or rad/s. The value is ours.
 const REST: f64 = 1e-4;
+
+/// A pose is reached within this distance along and about each axis, m and rad, after at most this number of steps.
+const POSE_REACHED: f64 = 1e-8;
+const NEWTON_STEPS: usize = 12;
 
 /// One value per axis (six) or per joint (seven), depending on the strategy.
 type Elements = [f64; JOINTS];
@@ -80,7 +88,8 @@ impl ImpedanceSettings {
         }
     }
 
-    /// Returns the settings of a command for this strategy.
+    /// Returns the settings of a command for this strategy: those fields that its flags select, and `$STIFFNESS` for the
+    /// others.
     ///
     /// # Errors
     /// Returns a fault for the first element out of range.
@@ -102,6 +111,27 @@ impl ImpedanceSettings {
                 six(&command.additional_tcp_wrench),
             ),
         };
+        let usual = Self::default_for(strategy);
+        let (of_joints, selected) = (strategy == KrlStrategy::JointImpedance, |flag: u32| {
+            command.flags & flag != 0
+        });
+        let picked = |joint: u32, cartesian: u32, commanded: Elements, usual: Elements| {
+            let flag = if of_joints { joint } else { cartesian };
+            if selected(flag) { commanded } else { usual }
+        };
+        let stiffness = picked(
+            flags::JOINT_STIFFNESS,
+            flags::CARTESIAN_STIFFNESS,
+            stiffness,
+            usual.stiffness,
+        );
+        let damping = picked(
+            flags::JOINT_DAMPING,
+            flags::CARTESIAN_DAMPING,
+            damping,
+            usual.damping,
+        );
+        let added = picked(flags::JOINT_TORQUE, flags::TCP_WRENCH, added, usual.added);
         for element in 0..count(strategy) {
             let rows = [
                 (
@@ -140,12 +170,13 @@ impl ImpedanceSettings {
     fn force(&self, strategy: KrlStrategy, element: usize, deflection: f64, rate: f64) -> f64 {
         let (k, mass) = (self.stiffness[element], MASS[kind(strategy, element)]);
         let damping = 2.0 * self.damping[element] * (k * mass).sqrt();
+        let damping = damping.max(FRICTION[kind(strategy, element)]);
         k * deflection + damping * rate + self.added[element]
     }
 }
 
 impl KrlStrategy {
-    /// Returns the command flags of this strategy.
+    /// Returns all command flags that a controller reads in this strategy.
     pub fn flags(self) -> u32 {
         match self {
             KrlStrategy::Position => flags::JOINT_POSITION,
@@ -246,6 +277,27 @@ impl SimulatedArm {
             self.position[joint] += self.velocity[joint] * dt_s;
         }
     }
+}
+
+/// Returns the joint positions that have this pose, by the smallest joint steps from `from` (rad): Newton's method with
+/// the pseudo-inverse of the Jacobian.
+///
+/// # Errors
+/// Returns where the flange is if the steps do not converge.
+pub(super) fn nearest_joints(from: &Joints, pose: &Geometry) -> Result<Joints, Geometry> {
+    let (mut joints, mut here) = (*from, geometry(from));
+    for _ in 0..NEWTON_STEPS {
+        let off = deflection(&here, pose);
+        if off.iter().all(|off| off.abs() <= POSE_REACHED) {
+            return Ok(joints);
+        }
+        let step = here.joint_torque(&solved(&here, off));
+        for (joint, step) in joints.iter_mut().zip(step) {
+            *joint += step;
+        }
+        here = geometry(&joints);
+    }
+    Err(here)
 }
 
 /// Returns the linear and angular velocity of the flange, base axes.

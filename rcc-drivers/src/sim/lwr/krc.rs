@@ -21,8 +21,9 @@ use super::settings::{KrlLoopback, KrlStrategy, Settings};
 use super::statistics::{FAULTS_KEPT, FaultRecord, KrcCounts};
 use super::trace::TraceRecord;
 use super::{JOINTS, Joints};
-use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError};
+use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError, flags};
 
+mod command_target;
 mod set_point;
 
 use set_point::SetPointMode;
@@ -53,6 +54,8 @@ pub struct Krc {
     pub(super) to_pc: KrlBlock,
     pub(super) from_pc: KrlBlock,
     pub(super) desired: Joints,
+    /// Set-point at which the present step begins, rad.
+    from: Joints,
     pub(super) last_stream: CommandStream,
     /// Position of the controller's own interpolator, rad, without FRI's offset.
     pub(super) base: Joints,
@@ -96,6 +99,7 @@ impl Krc {
             to_pc: KrlBlock::default(),
             from_pc: KrlBlock::default(),
             desired: start,
+            from: start,
             last_stream: CommandStream::at_rest(start, period_s),
             base: start,
             motion: SetPointMode::Hold,
@@ -133,7 +137,7 @@ impl Krc {
         if self.answer.is_some() || (backward && self.in_command_state()) {
             return self.counts.duplicate += 1;
         }
-        if !self.in_command_state() && answer.joint_position.iter().any(|q| !q.is_finite()) {
+        if !self.in_command_state() && !has_finite_position(&answer) {
             return self.counts.not_finite += 1;
         }
         self.answer = Some((answer, delay_s));
@@ -156,15 +160,15 @@ impl Krc {
             self.exchanged = self.sent.map(|sent| self.pair(sent, answer.as_ref()));
         }
         let command = answer.map(|(command, _)| command);
-        let from = self.desired;
+        self.from = self.desired;
         let passed = self.move_set_point(command.as_ref(), periods);
         let gone_on = self.continue_through_stall(periods.saturating_sub(passed));
         let step_s = (passed + gone_on) as f64 * self.settings.period_s;
         match self.settings.strategy {
-            KrlStrategy::Position => self.arm.follow(&from, &self.desired, step_s),
+            KrlStrategy::Position => self.arm.follow(&self.from, &self.desired, step_s),
             strategy => {
                 let law = (strategy, &self.impedance);
-                let goal = (&from, &self.desired);
+                let goal = (&self.from, &self.desired);
                 self.arm
                     .step_impedance(goal, step_s, law, &self.environment);
             }
@@ -176,6 +180,7 @@ impl Krc {
         } else {
             0.0
         };
+        self.supervise_arm();
         self.run_krl_program(command.as_ref());
         self.tick += 1 + gone_on;
         self.time_s += step_s;
@@ -316,7 +321,37 @@ impl Krc {
                 reason: fault.to_string(),
             });
         }
-        self.stop();
+        self.impedance = ImpedanceSettings::default_for(self.settings.strategy);
+        self.close_brakes();
+    }
+
+    /// Stops an arm that yields if it leaves its range or exceeds the supervised velocities, which only the commanded
+    /// springs and forces can bring about.
+    fn supervise_arm(&mut self) {
+        if self.settings.strategy == KrlStrategy::Position || !self.in_command_state() {
+            return;
+        }
+        let (limits, scale) = (&self.settings.limits, self.settings.safety_limits);
+        let first = (0..JOINTS).find_map(|joint| {
+            let (at, most) = (self.arm.position[joint], limits.position[joint]);
+            let (rate, fastest) = (self.arm.velocity[joint], limits.velocity[joint] * scale);
+            let rows = [
+                ("is at (rad)", at, most),
+                ("moves with (rad/s)", rate, fastest),
+            ];
+            let beyond = rows
+                .into_iter()
+                .find(|(_, value, limit)| value.abs() > *limit);
+            beyond.map(|(what, value, limit)| KrcFault::Runaway {
+                joint,
+                what,
+                value,
+                limit,
+            })
+        });
+        if let Some(fault) = first {
+            self.fail(fault);
+        }
     }
 
     /// Enters monitor state; a moving set-point is brought to rest.
@@ -363,4 +398,12 @@ impl Krc {
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
+}
+
+/// Returns false if a position that the command's flags select is NaN or infinite.
+fn has_finite_position(command: &CommandDatagram) -> bool {
+    let selected = |flag| command.flags & flag != 0;
+    let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
+    (!selected(flags::JOINT_POSITION) || finite(&command.joint_position))
+        && (!selected(flags::CARTESIAN_POSITION) || finite(&command.cartesian_position))
 }

@@ -38,8 +38,8 @@ impl Krc {
         }
         self.acknowledge_by_program(command);
         self.monitor_reason = self.monitor_reason(command);
-        if self.monitor_reason.is_none() {
-            self.enter_command_state();
+        if let (None, Some(command)) = (self.monitor_reason, command) {
+            self.enter_command_state(command.flags);
         }
     }
 
@@ -68,20 +68,11 @@ impl Krc {
             Some(command) if !self.wants_command => {
                 Some(MonitorReason::Request(command.krl.integers[0]))
             }
-            Some(command) if command.flags != self.settings.strategy.flags() => {
-                Some(MonitorReason::Flags {
-                    want: self.settings.strategy.flags(),
-                    have: command.flags,
-                })
-            }
-            Some(command) => {
-                self.not_mirrored(command)
-                    .map(|(joint, value)| MonitorReason::Mirror {
-                        joint,
-                        value,
-                        own: self.desired[joint],
-                    })
-            }
+            Some(command) if !self.reads(command.flags) => Some(MonitorReason::Flags {
+                allowed: self.settings.strategy.flags(),
+                have: command.flags,
+            }),
+            Some(command) => self.not_mirrored(command).map(MonitorReason::Mirror),
         }
     }
 }

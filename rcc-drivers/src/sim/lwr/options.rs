@@ -36,7 +36,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value = "first-app")]
     pub krl: KrlProgram,
     /// Control strategy that the KRL program has chosen, `$STIFFNESS.STRATEGY` 10, 20 or 30: under impedance control
-    /// the arm yields; only clients that also command joint positions are followed
+    /// the arm yields; what the command flags leave out is taken from `$STIFFNESS`
     #[arg(long, value_enum, default_value = "position")]
     pub strategy: KrlStrategy,
     /// Who acknowledges a fault: the KRL program once the arm has been at rest for 0.5 s and the PC mirrors, or the
@@ -75,6 +75,10 @@ pub struct Options {
     /// Factor on the supervised velocities and accelerations, above 0 up to 1
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     pub safety_limits: f64,
+    /// Time constant of the low-pass behind which the acceleration is supervised, ms; 0 judges the second difference, so
+    /// that KUKA's own samples are refused at 1 and 2 ms (our own rule and value: KUKA publishes none)
+    #[arg(long, value_name = "MS", default_value_t = 10.0)]
+    pub acceleration_filter_ms: f64,
     /// Largest difference to the mirrored position when command mode begins, rad (our own value)
     #[arg(long, value_name = "RAD", default_value_t = 0.01)]
     pub mirror_tolerance: f64,
@@ -229,6 +233,7 @@ impl Options {
             acknowledge: self.ack,
             limits: self.limits()?,
             safety_limits: self.safety_limits,
+            acceleration_filter_s: self.acceleration_filter_ms * 1e-3,
             mirror_tolerance_rad: self.mirror_tolerance,
             bridged_misses: self.bridge,
             brake_deceleration: self.brake_deceleration,
@@ -273,6 +278,12 @@ impl Options {
             safety,
             "above 0 and at most 1",
             safety > 0.0 && safety <= 1.0,
+        )?;
+        range(
+            "acceleration-filter-ms",
+            self.acceleration_filter_ms,
+            "from 0 to 1000",
+            (0.0..=1000.0).contains(&self.acceleration_filter_ms),
         )?;
         for (option, value) in [
             ("mirror-tolerance", self.mirror_tolerance),
@@ -343,6 +354,7 @@ mod tests {
             (["--period-ms", "0.5"], "period-ms"),
             (["--safety-limits", "0"], "safety-limits"),
             (["--bandwidth", "nan"], "bandwidth"),
+            (["--acceleration-filter-ms", "nan"], "acceleration-filter"),
             (["--start", "0,0,0,-3,0,0,0"], "joint 4"),
             (["--wall", "0,0,0,0,0,0,1,1"], "normal"),
         ] {

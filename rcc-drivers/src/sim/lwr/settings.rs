@@ -117,6 +117,9 @@ pub struct Settings {
     pub limits: SupervisedLimits,
     /// Factor on velocity and acceleration limits (argument of `friStart`), 0 to 1.
     pub safety_limits: f64,
+    /// Time constant of the low-pass that the supervised acceleration is taken behind, s; 0: the second difference of the
+    /// commanded positions. The rule and the default are our own.
+    pub acceleration_filter_s: f64,
     /// Largest difference between the command and the controller's own position at the entry, rad. The default is our
     /// own.
     pub mirror_tolerance_rad: f64,
@@ -158,6 +161,7 @@ impl Default for Settings {
             acknowledge_after_s: 0.5,
             limits: SupervisedLimits::default(),
             safety_limits: 1.0,
+            acceleration_filter_s: 0.01,
             mirror_tolerance_rad: 0.01,
             bridged_misses: 5,
             brake_deceleration: 8.0,

@@ -30,7 +30,7 @@ pub struct KrcCounts {
     pub wrong_size: u64,
     /// Datagrams with a wrong identity or `packetSize`.
     pub wrong_identity: u64,
-    /// Answers with a commanded position that is not finite, in monitor state.
+    /// Answers with a selected position that is not finite, in monitor state.
     pub not_finite: u64,
     /// Datagrams from another address than the PC's.
     pub foreign: u64,

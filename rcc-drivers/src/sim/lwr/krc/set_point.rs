@@ -3,23 +3,15 @@
 
 use super::Krc;
 use crate::fri_lwr::wire::CommandDatagram;
+use crate::sim::lwr::Joints;
 use crate::sim::lwr::command_stream::CommandStream;
 use crate::sim::lwr::fault::KrcFault;
-use crate::sim::lwr::impedance::{ImpedanceSettings, deflection};
-use crate::sim::lwr::model::{geometry, geometry_of};
 use crate::sim::lwr::settings::KrlStrategy;
 use crate::sim::lwr::stop_ramp::StopRamp;
-use crate::sim::lwr::{JOINTS, Joints};
 
 /// Longest stall, in periods, through which the arm continues to move; in longer ones time stands still, because the PC
 /// may or may not have been stalled as well.
 const STALL_PERIODS_MAX: u64 = 50;
-
-/// Largest added force or torque at the entry into command state, N or N·m: users report that a real controller refuses
-/// more than 1 N·m.
-const ENTRY_ADDED_MAX: f64 = 1.0;
-/// Tolerance between the commanded pose and that of the commanded joint positions, m and rad. The values are ours.
-const POSE_TOLERANCE: (f64, f64) = (1e-3, 0.01);
 
 /// Source of the joint set-point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +28,8 @@ pub(super) enum SetPointMode {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FollowedCommands {
     pub(super) stream: CommandStream,
+    /// The flags with which command state was entered: they may change in monitor state only.
+    flags: u32,
     /// The first command was at the controller's position.
     mirror_checked: bool,
     missed_in_a_row: u32,
@@ -78,72 +72,34 @@ impl Krc {
         &mut self,
         FollowedCommands {
             mut stream,
+            flags,
             mirror_checked,
             ..
         }: FollowedCommands,
         command: &CommandDatagram,
     ) -> Result<(), KrcFault> {
-        let strategy = self.settings.strategy;
-        if command.flags != strategy.flags() {
+        if command.flags != flags {
             return Err(KrcFault::Flags {
-                want: strategy.flags(),
+                want: flags,
                 have: command.flags,
             });
         }
-        if !mirror_checked && let Some((joint, value)) = self.not_mirrored(command) {
-            let (own, tolerance) = (self.desired[joint], self.settings.mirror_tolerance_rad);
-            return Err(KrcFault::Mirror {
-                joint,
-                value,
-                own,
-                tolerance,
-            });
+        if !mirror_checked && let Some(error) = self.not_mirrored(command) {
+            return Err(KrcFault::Mirror(error));
         }
-        let target = command.joint_position.map(f64::from);
-        let impedance = self.impedance_of(command, &target, !mirror_checked)?;
+        let target = self.target(command)?;
+        let impedance = self.impedance_of(command, !mirror_checked)?;
         stream.accept(&target, &self.settings)?;
         self.impedance = impedance;
         self.desired = target;
         self.last_stream = stream;
         self.motion = SetPointMode::Follow(FollowedCommands {
             stream,
+            flags,
             mirror_checked: true,
             missed_in_a_row: 0,
         });
         Ok(())
-    }
-
-    /// Returns the impedance of a command, after checking that its pose matches its joint positions; `is_first` for the
-    /// first command after the entry into command state.
-    fn impedance_of(
-        &self,
-        command: &CommandDatagram,
-        target: &Joints,
-        is_first: bool,
-    ) -> Result<ImpedanceSettings, KrcFault> {
-        let strategy = self.settings.strategy;
-        if strategy == KrlStrategy::Position {
-            return Ok(self.impedance);
-        }
-        let impedance = ImpedanceSettings::of(command, strategy)?;
-        let value = impedance
-            .added
-            .iter()
-            .fold(0.0_f64, |most, value| most.max(value.abs()));
-        if is_first && value > ENTRY_ADDED_MAX {
-            return Err(KrcFault::Added { value });
-        }
-        if strategy == KrlStrategy::CartesianImpedance {
-            let commanded = geometry_of(&command.cartesian_position);
-            let [x, y, z, rx, ry, rz] = deflection(&geometry(target), &commanded);
-            let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let (distance, angle) = (length([x, y, z]), length([rx, ry, rz]));
-            let (most, turn) = POSE_TOLERANCE;
-            if !(distance <= most && angle <= turn) {
-                return Err(KrcFault::Pose { distance, angle });
-            }
-        }
-        Ok(impedance)
     }
 
     /// Continues through a stall with the last velocity; no answers are missed, because none were requested. Returns
@@ -176,43 +132,40 @@ impl Krc {
         self.motion = SetPointMode::Follow(commands);
     }
 
-    /// Enters command state: the set-point is that of the PC from now on.
-    pub(in crate::sim::lwr) fn enter_command_state(&mut self) {
+    /// Enters command state with these command flags: the set-point is that of the PC from now on.
+    pub(in crate::sim::lwr) fn enter_command_state(&mut self, flags: u32) {
         self.base = self.desired;
         self.last_stream = CommandStream::at_rest(self.desired, self.settings.period_s);
         self.motion = SetPointMode::Follow(FollowedCommands {
             stream: self.last_stream,
+            flags,
             mirror_checked: false,
             missed_in_a_row: 0,
         });
         self.counts.entries += 1;
     }
 
-    /// Returns the first joint whose command differs from the controller's position, with the commanded value.
-    pub(in crate::sim::lwr) fn not_mirrored(
-        &self,
-        command: &CommandDatagram,
-    ) -> Option<(usize, f64)> {
-        let values = command.joint_position.map(f64::from);
-        let tolerance = self.settings.mirror_tolerance_rad;
-        (0..JOINTS)
-            .find(|&joint| {
-                let distance = (values[joint] - self.desired[joint]).abs();
-                distance.is_nan() || distance > tolerance
-            })
-            .map(|joint| (joint, values[joint]))
-    }
-
     /// Brings the set-point to rest if it follows commands.
     pub(super) fn brake(&mut self) {
         if let SetPointMode::Follow(commands) = self.motion {
-            let brake = StopRamp::new(
-                self.desired,
-                commands.stream.velocity(),
-                self.settings.brake_deceleration,
-                self.settings.brake_jerk,
-            );
-            self.motion = SetPointMode::Stop(brake);
+            self.brake_from(self.desired, commands.stream.velocity());
         }
+    }
+
+    /// Closes the brakes of an arm that follows commands. An arm that yields is stopped where it is, not where its springs
+    /// pull it.
+    pub(super) fn close_brakes(&mut self) {
+        if self.settings.strategy == KrlStrategy::Position {
+            return self.brake();
+        }
+        if self.in_command_state() {
+            (self.desired, self.from) = (self.arm.position, self.arm.position);
+            self.brake_from(self.arm.position, self.arm.velocity);
+        }
+    }
+
+    fn brake_from(&mut self, position: Joints, velocity: Joints) {
+        let (deceleration, jerk) = (self.settings.brake_deceleration, self.settings.brake_jerk);
+        self.motion = SetPointMode::Stop(StopRamp::new(position, velocity, deceleration, jerk));
     }
 }

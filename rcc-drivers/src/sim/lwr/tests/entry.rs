@@ -2,6 +2,7 @@
 //! Runs in the test harness.
 
 use super::*;
+use crate::sim::lwr::fault::MirrorError;
 
 #[test]
 fn the_controller_speaks_first_and_is_in_monitor_state() {
@@ -85,7 +86,7 @@ fn a_first_command_elsewhere_brakes_and_leaves_command_state() {
     assert_eq!(pc.state(), SessionState::Monitor);
     assert!(matches!(
         pc.krc.fault,
-        Some(KrcFault::Mirror { joint: 4, .. })
+        Some(KrcFault::Mirror(MirrorError::Joint { joint: 4, .. }))
     ));
     assert_eq!((pc.seen.power, pc.seen.error), (0, 1 << 4));
     assert_eq!(pc.krc.desired, before);
