@@ -172,6 +172,8 @@ mod tests {
     use super::*;
 
     const T: f64 = 1e-3;
+    /// Step of the velocity with which KUKA's first sample begins, degrees/s: 5 degrees × 0.2 π /s.
+    const KUKA_STEP: f64 = std::f64::consts::PI;
 
     fn moving(velocity: f64) -> CommandStream {
         CommandStream {
@@ -255,13 +257,13 @@ mod tests {
             ..Settings::default()
         };
         // The step of KUKA's first sample, and the greatest that our choice of the filter lets pass.
-        for speed in [3.14_f64, 12.0] {
+        for speed in [KUKA_STEP, 12.0] {
             for period_s in [0.001, 0.002, 0.005] {
                 let begun = begins_at_once(speed.to_radians(), period_s, &Settings::default());
                 assert_eq!(begun, Ok(()), "{speed} degrees/s at {period_s} s");
             }
         }
-        let jolt = begins_at_once(3.14_f64.to_radians(), 0.001, &raw);
+        let jolt = begins_at_once(KUKA_STEP.to_radians(), 0.001, &raw);
         assert!(matches!(jolt, Err(KrcFault::Acceleration { joint: 0, .. })));
         let faster = begins_at_once(15_f64.to_radians(), 0.001, &Settings::default());
         assert!(matches!(faster, Err(KrcFault::Acceleration { .. })));

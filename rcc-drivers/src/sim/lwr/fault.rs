@@ -229,8 +229,8 @@ pub enum MonitorReason {
     /// The connection quality is below OK.
     #[error("the quality is {0:?}, at least Ok is needed")]
     Quality(Quality),
-    /// The command has no flags, or some that the strategy does not read.
-    #[error("the command flags are {have:#06x}; the strategy takes one or more of {allowed:#06x}")]
+    /// The command has flags that the strategy does not read, or no joint position in position control.
+    #[error("the command flags are {have:#06x}; the strategy takes {allowed:#06x} or a part of it")]
     Flags {
         /// All that the strategy reads.
         allowed: u32,

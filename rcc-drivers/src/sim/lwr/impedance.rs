@@ -283,8 +283,8 @@ impl SimulatedArm {
 /// the pseudo-inverse of the Jacobian.
 ///
 /// # Errors
-/// Returns where the flange is if the steps do not converge.
-pub(super) fn nearest_joints(from: &Joints, pose: &Geometry) -> Result<Joints, Geometry> {
+/// Returns what is left to the pose if the steps do not converge: translation (m) and rotation vector (rad), base axes.
+pub(super) fn nearest_joints(from: &Joints, pose: &Geometry) -> Result<Joints, [f64; 6]> {
     let (mut joints, mut here) = (*from, geometry(from));
     for _ in 0..NEWTON_STEPS {
         let off = deflection(&here, pose);
@@ -297,7 +297,7 @@ pub(super) fn nearest_joints(from: &Joints, pose: &Geometry) -> Result<Joints, G
         }
         here = geometry(&joints);
     }
-    Err(here)
+    Err(deflection(&here, pose))
 }
 
 /// Returns the linear and angular velocity of the flange, base axes.

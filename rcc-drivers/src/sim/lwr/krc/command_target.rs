@@ -21,9 +21,12 @@ const POSE_TOLERANCE: (f64, f64) = (1e-3, 0.01);
 const ORTHONORMAL: f64 = 1e-3;
 
 impl Krc {
-    /// Returns true if a KRC can execute a command with these flags: any of those that its strategy reads, but not none.
+    /// Returns true if a KRC can execute a command with these flags: any of those that its strategy reads. In position
+    /// control that is one; in impedance control there may be none, and the controller's own springs hold the arm.
     pub(in crate::sim::lwr) fn reads(&self, flags: u32) -> bool {
-        flags != 0 && flags & !self.settings.strategy.flags() == 0
+        let strategy = self.settings.strategy;
+        let enough = flags != 0 || strategy != KrlStrategy::Position;
+        enough && flags & !strategy.flags() == 0
     }
 
     /// Returns how the command's position differs from the controller's own, if it does.
@@ -72,8 +75,8 @@ impl Krc {
             return Err(KrcFault::Rotation);
         }
         if !selected(flags::JOINT_POSITION) {
-            return nearest_joints(&self.desired, &commanded).map_err(|reached| {
-                let (distance, angle) = distances(&reached, &commanded);
+            return nearest_joints(&self.desired, &commanded).map_err(|left| {
+                let (distance, angle) = lengths(left);
                 KrcFault::Unreachable { distance, angle }
             });
         }
@@ -109,7 +112,10 @@ impl Krc {
 
 /// Returns the distance (m) and the angle (rad) between two poses.
 fn distances(one: &Geometry, other: &Geometry) -> (f64, f64) {
-    let [x, y, z, rx, ry, rz] = deflection(one, other);
+    lengths(deflection(one, other))
+}
+
+fn lengths([x, y, z, rx, ry, rz]: [f64; 6]) -> (f64, f64) {
     let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     (length([x, y, z]), length([rx, ry, rz]))
 }
