@@ -148,9 +148,40 @@ fn springs(
     };
     for (element, (column, force)) in rows.into_iter().enumerate() {
         let k = impedance.stiffness[element];
-        yielding.compliance += vector::dot(normal, column).powi(2) / k;
+        let along = vector::dot(normal, column).powi(2);
+        if k == 0.0 {
+            // No spring, so no position of rest: the flange yields to a wall without force, and forces do not shift it.
+            yielding.compliance += if along > 0.0 { f64::INFINITY } else { 0.0 };
+            continue;
+        }
+        yielding.compliance += along / k;
         let moved = vector::scale(column, (impedance.added[element] + force) / k);
         yielding.shift = vector::add(yielding.shift, moved);
     }
     Some(yielding)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_axis_without_a_spring_yields_to_a_wall_and_is_not_shifted_by_forces() {
+        let arm = rcc_testing::arms::lwr().arm.expect("kinematics");
+        let mut impedance = Impedance {
+            strategy: ControlMode::CartesianImpedance as u64,
+            stiffness: [500.0; rcc_core::message::JOINTS_MAX],
+            ..Impedance::NONE
+        };
+        impedance.stiffness[2] = 0.0;
+        let wrench = [5.0, 0.0, 5.0, 0.0, 0.0, 0.0];
+        let of = |normal| springs(&arm, &[0.0; 8], &impedance, normal, &wrench);
+        let along = of([0.0, 0.0, 1.0]).expect("springs");
+        assert_eq!(
+            (along.compliance, along.shift),
+            (f64::INFINITY, [0.01, 0.0, 0.0])
+        );
+        let across = of([1.0, 0.0, 0.0]).expect("springs");
+        assert_eq!(across.compliance, 1.0 / 500.0);
+    }
 }

@@ -61,10 +61,14 @@ impl ElasticWall {
     }
 
     /// Returns the force on a flange that is held by springs, N, base axes: without contact it would be at `position`
-    /// (m), and it yields by `compliance` (m/N, 0 or more) along the normal. Static, without damping.
+    /// (m), and it yields by `compliance` (m/N, 0 or more) along the normal; infinite if no spring holds it there, so that
+    /// it yields without force. Static, without damping.
     #[must_use]
     pub fn force_of_springs(&self, position: Vector, compliance: f64) -> Vector {
         let depth = vector::dot(self.normal, vector::subtract(self.point, position));
+        if compliance.is_infinite() {
+            return [0.0; 3];
+        }
         let push = self.stiffness * depth.max(0.0) / (1.0 + self.stiffness * compliance);
         vector::scale(self.normal, push)
     }
@@ -106,6 +110,9 @@ mod tests {
         let [_, _, z] = wall.force_of_springs([0.1, 0.0, 0.28], 1.0 / 500.0);
         assert!((z - 7.5).abs() < 1e-12, "{z}");
         assert_eq!(wall.force_of_springs([0.1, 0.0, 0.31], 0.002), [0.0; 3]);
+        // Nothing holds the flange against the wall.
+        let free = wall.force_of_springs([0.1, 0.0, 0.28], f64::INFINITY);
+        assert_eq!(free, [0.0; 3]);
     }
 
     #[test]

@@ -323,10 +323,10 @@ fn impedance() -> Value {
             "joint_torque",
         ],
         json!({
-            "translation": pair("Stiffness along an axis: `[0.01 N/m, 5000 N/m]`."),
-            "rotation": pair("Stiffness about an axis: `[0.01 N·m/rad, 300 N·m/rad]`."),
+            "translation": pair("Stiffness along an axis: `[0 N/m, 5000 N/m]`."),
+            "rotation": pair("Stiffness about an axis: `[0 N·m/rad, 300 N·m/rad]`."),
             "joint": pair("Stiffness of a joint."),
-            "damping": pair("Damping ratio: `[0.1, 1]`."),
+            "damping": pair("Damping ratio: `[0, 1]`."),
             "rate": quantity("Change per second, in parts of the greatest stiffness: `2 Hz`."),
             "force": quantity("Greatest additional force: `50 N`."),
             "torque": quantity("Greatest additional torque: `10 N·m`."),

@@ -131,10 +131,10 @@ fn the_lwr_matches_the_golden_data() {
 fn the_impedance_limits_of_the_lwr_are_those_of_fri() {
     let limits = load("cells/lwr.yaml").models()[0].impedance.unwrap();
     let expected = ImpedanceLimits {
-        translation: [0.01, 5000.0],
-        rotation: [0.01, 300.0],
-        joint: [0.01, 2000.0],
-        damping: [0.1, 1.0],
+        translation: [0.0, 5000.0],
+        rotation: [0.0, 300.0],
+        joint: [0.0, 2000.0],
+        damping: [0.0, 1.0],
         rate: 2.0,
         force: 50.0,
         torque: 10.0,

@@ -209,7 +209,7 @@ fn impedance(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Impe
     let fields = reader.fields(node, place, "the impedance", &IMPEDANCE_KEYS)?;
     let mut range = |key, unit| {
         let node = reader.require(&fields, key)?;
-        positive_bounds(reader, node, key, unit)
+        bounds_from_zero(reader, node, key, unit)
     };
     let per_radian = Unit::NEWTON_METRE.per(Unit::RADIAN);
     let translation = range("translation", Unit::NEWTON.per(Unit::METRE));
@@ -239,15 +239,19 @@ fn impedance(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Impe
     })
 }
 
-/// Reads two bounds greater than 0: a spring without stiffness or damping holds nothing.
-fn positive_bounds(
+/// Reads two bounds of 0 or more. With a least stiffness of 0, a net may take the springs away; see docs/force.md.
+fn bounds_from_zero(
     reader: &mut ConfigReader,
     node: &Node,
     key: &str,
     unit: Unit,
 ) -> Option<[f64; 2]> {
     let [least, _] = reader.array(node, key)?;
-    reader.quantity(least, key, QuantityRange::positive(unit))?;
+    let not_negative = QuantityRange {
+        least: 0.0,
+        ..QuantityRange::any(unit)
+    };
+    reader.quantity(least, key, not_negative)?;
     reader.bounds(node, key, unit)
 }
 
