@@ -1,7 +1,8 @@
 //! Sockets, clock and threads of the simulated controller.
 //! The clock thread sleeps until an absolute deadline, takes the datagrams that have arrived, ticks and sends. The
-//! receiver thread stamps datagrams on arrival. If a busy machine kept the receiver from running, the clock thread
-//! reads the datagrams from the socket itself: only an answer that did not arrive counts as missed.
+//! receiver thread takes datagrams with the kernel's stamp of their arrival. If a busy machine kept the receiver from
+//! running, the clock thread reads the datagrams from the socket itself: only an answer that did not arrive counts as
+//! missed.
 //!
 //! After a stall of the machine the clock continues at the next deadline that is at least half a period away: ticks are
 //! skipped, never sent in a burst, and the sequence numbers show the length of the stall, as those of a real controller
@@ -16,7 +17,8 @@ use crate::priority::set_realtime_priority;
 use crate::sim::control_socket::{self, ControlFolder, ControlSocket};
 use crate::sim::line_server;
 use nix::errno::Errno;
-use nix::sys::socket::{MsgFlags, SockaddrStorage, recvmsg};
+use nix::sys::socket::sockopt::ReceiveTimestampns;
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt};
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
@@ -34,6 +36,8 @@ use std::time::Duration;
 const ARRIVALS: usize = 64;
 /// Most commands that the clock thread executes per tick.
 const REQUESTS_PER_TICK: usize = 4;
+/// Greatest age of a datagram that is believed, ns: an older one shows that CLOCK_REALTIME has been set meanwhile.
+const AGE_MAX_NS: i64 = 1_000_000_000;
 
 /// Why the simulator could not start or continue.
 #[derive(Debug, thiserror::Error)]
@@ -102,6 +106,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         address: options.bind,
         source,
     })?;
+    setsockopt(&socket, ReceiveTimestampns, &true)?;
     let trace = TraceSink::start()?;
     if let Some(path) = &options.trace {
         trace.open(path.clone())?;
@@ -139,6 +144,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
             arrivals,
             commands,
             trace: trace.clone(),
+            sent_ns: 0,
         };
         let priority = options.priority;
         thread::Builder::new().name("clock".into()).spawn(move || {
@@ -211,31 +217,52 @@ fn receive(
     ending: &AtomicBool,
 ) {
     while !ending.load(Ordering::Acquire) {
-        let mut bytes = [0; CMD_SIZE + 1];
-        let (length, source) = match socket.recv_from(&mut bytes) {
-            Ok(received) => received,
-            Err(error)
-                if matches!(
-                    error.kind(),
-                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-                ) =>
-            {
-                continue;
-            }
+        let arrival = match received(socket, driver, MsgFlags::empty()) {
+            Ok(arrival) => arrival,
+            Err(Errno::EAGAIN | Errno::EINTR) => continue,
             Err(error) => {
                 tracing::warn!(%error, "cannot receive datagrams");
                 continue;
             }
         };
-        let time_ns = now_ns().unwrap_or(0);
         // A full queue means that the clock thread is far behind; dropping a datagram then resembles a real wire.
-        let _ = arrived.try_send(ReceivedDatagram {
-            bytes,
-            length,
-            foreign: source != driver,
-            time_ns,
-        });
+        let _ = arrived.try_send(arrival);
     }
+}
+
+/// Receives one datagram with the time at which the kernel took it from the wire: a thread that is woken late does not make
+/// the PC's answer late.
+fn received(
+    socket: &UdpSocket,
+    driver: SocketAddr,
+    flags: MsgFlags,
+) -> Result<ReceivedDatagram, Errno> {
+    let mut bytes = [0; CMD_SIZE + 1];
+    let mut parts = [io::IoSliceMut::new(&mut bytes)];
+    let mut space = nix::cmsg_space!(TimeSpec);
+    let message =
+        recvmsg::<SockaddrStorage>(socket.as_raw_fd(), &mut parts, Some(&mut space), flags)?;
+    let mut stamps = message.cmsgs()?;
+    let stamp = stamps.find_map(|control| match control {
+        ControlMessageOwned::ScmTimestampns(stamp) => Some(stamp),
+        _ => None,
+    });
+    let (length, source) = (message.bytes, message.address);
+    let source = source.and_then(|address| match address.as_sockaddr_in() {
+        Some(v4) => Some(SocketAddr::V4((*v4).into())),
+        None => Some(SocketAddr::V6((*address.as_sockaddr_in6()?).into())),
+    });
+    // The kernel stamps with CLOCK_REALTIME, which may be set at any time: only the age of the datagram is taken from it.
+    let age_ns = match stamp {
+        Some(stamp) => clock_ns(ClockId::CLOCK_REALTIME)? - nanoseconds(stamp),
+        None => 0,
+    };
+    Ok(ReceivedDatagram {
+        bytes,
+        length,
+        foreign: source != Some(driver),
+        time_ns: now_ns()? - age_ns.clamp(0, AGE_MAX_NS),
+    })
 }
 
 struct ClockThread {
@@ -245,32 +272,33 @@ struct ClockThread {
     arrivals: Receiver<ReceivedDatagram>,
     commands: Receiver<Request>,
     trace: TraceSink,
+    /// CLOCK_MONOTONIC at which the last measurement datagram was handed to the socket, ns.
+    sent_ns: i64,
 }
 
 impl ClockThread {
     fn run(&mut self, ending: &AtomicBool) -> Result<(), RunError> {
         let period_ns = (self.krc.settings.period_s * 1e9).round() as i64;
         let start_ns = now_ns()?;
-        let (mut index, mut sent_ns, mut unrecorded) = (0, start_ns, 0_u64);
-        self.send(1);
+        let (mut index, mut unrecorded) = (0, 0_u64);
+        self.send(1)?;
         while !ending.load(Ordering::Acquire) && !self.krc.is_closed() {
             let earliest = now_ns()? - start_ns + period_ns / 2;
             let next = (index + 1)
                 .max(earliest.div_euclid(period_ns) + i64::from(earliest % period_ns != 0));
             sleep_until(start_ns + next * period_ns)?;
             while let Ok(arrival) = self.arrivals.try_recv() {
-                self.take(&arrival, sent_ns);
+                self.take(&arrival);
             }
-            while let Some(arrival) = self.unreceived()? {
-                self.take(&arrival, sent_ns);
+            while let Some(arrival) = self.unreceived() {
+                self.take(&arrival);
             }
             for (command, answer) in self.commands.try_iter().take(REQUESTS_PER_TICK) {
                 // The client may be gone by now.
                 let _ = answer.send(self.krc.execute(command));
             }
-            sent_ns = now_ns()?;
-            let present = (sent_ns - start_ns).div_euclid(period_ns).max(next);
-            self.send(present.abs_diff(index));
+            let present = (now_ns()? - start_ns).div_euclid(period_ns).max(next);
+            self.send(present.abs_diff(index))?;
             index = present;
             if let Some(&record) = self.krc.exchanged() {
                 unrecorded += u64::from(!self.trace.record(record));
@@ -285,11 +313,11 @@ impl ClockThread {
         Ok(())
     }
 
-    fn take(&mut self, arrival: &ReceivedDatagram, sent_ns: i64) {
+    fn take(&mut self, arrival: &ReceivedDatagram) {
         if arrival.foreign {
             return self.krc.receive_foreign();
         }
-        let delay_s = (arrival.time_ns - sent_ns).max(0) as f64 * 1e-9;
+        let delay_s = (arrival.time_ns - self.sent_ns).max(0) as f64 * 1e-9;
         let datagram = &arrival.bytes[..arrival.length];
         if self.krc.network.is_clear() {
             return self.krc.receive(datagram, delay_s);
@@ -299,39 +327,27 @@ impl ClockThread {
         }
     }
 
-    /// Returns a datagram that the receiver thread has not read yet.
-    fn unreceived(&self) -> Result<Option<ReceivedDatagram>, Errno> {
-        let mut bytes = [0; CMD_SIZE + 1];
-        let mut parts = [io::IoSliceMut::new(&mut bytes)];
-        let socket = self.socket.as_raw_fd();
-        let received = recvmsg::<SockaddrStorage>(socket, &mut parts, None, MsgFlags::MSG_DONTWAIT);
-        let Ok((length, source)) = received.map(|message| (message.bytes, message.address)) else {
-            // No datagram is waiting; the receiver thread reports any other error.
-            return Ok(None);
-        };
-        let source = source.and_then(|address| match address.as_sockaddr_in() {
-            Some(v4) => Some(SocketAddr::V4((*v4).into())),
-            None => Some(SocketAddr::V6((*address.as_sockaddr_in6()?).into())),
-        });
-        Ok(Some(ReceivedDatagram {
-            bytes,
-            length,
-            foreign: source != Some(self.driver),
-            time_ns: now_ns()?,
-        }))
+    /// Returns a datagram that the receiver thread has not read yet; that thread reports errors.
+    fn unreceived(&self) -> Option<ReceivedDatagram> {
+        received(&self.socket, self.driver, MsgFlags::MSG_DONTWAIT).ok()
     }
 
-    fn send(&mut self, periods_max: u64) {
+    /// Ends the cycle and sends the next datagram. The delay of its answer counts from when it is sent: the time that the
+    /// model takes before belongs to the simulator, not to the PC.
+    fn send(&mut self, periods_max: u64) -> Result<(), Errno> {
         let Some(datagram) = self.krc.tick(periods_max) else {
-            return;
+            return Ok(());
         };
         self.krc.network.step();
+        self.sent_ns = now_ns()?;
         if self.krc.network.is_clear() {
-            return self.send_one(&datagram);
+            self.send_one(&datagram);
+            return Ok(());
         }
         for datagram in self.krc.network.to_pc(&datagram) {
             self.send_one(&datagram);
         }
+        Ok(())
     }
 
     fn send_one(&self, datagram: &[u8]) {
@@ -342,8 +358,15 @@ impl ClockThread {
 }
 
 fn now_ns() -> Result<i64, Errno> {
-    let now = clock_gettime(ClockId::CLOCK_MONOTONIC)?;
-    Ok(now.tv_sec() * 1_000_000_000 + now.tv_nsec())
+    clock_ns(ClockId::CLOCK_MONOTONIC)
+}
+
+fn clock_ns(clock: ClockId) -> Result<i64, Errno> {
+    clock_gettime(clock).map(nanoseconds)
+}
+
+fn nanoseconds(time: TimeSpec) -> i64 {
+    time.tv_sec() * 1_000_000_000 + time.tv_nsec()
 }
 
 fn sleep_until(deadline_ns: i64) -> Result<(), Errno> {
