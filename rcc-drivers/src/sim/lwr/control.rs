@@ -7,6 +7,7 @@
 //! `{"ack":null}` · `{"drives":{"on":false}}` · `{"freeze_ms":200}` · `{"drop":{"percent":10}}` ·
 //! `{"network":{"to_pc":{"lost":0.1},"from_pc":{"corrupted":0.1}}}` · `{"clear":null}` ·
 //! `{"set_bool":{"number":3,"value":true}}` · `{"set_real":{"number":1,"value":2.5}}` ·
+//! `{"set_int":{"number":3,"value":7}}` · `{"strategy":"joint-impedance"}` ·
 //! `{"wire_bool":{"from":1,"to":1}}` · `{"wire_real":{"from":1,"to":1}}` · `{"reset_statistics":null}` ·
 //! `{"trace":{"path":"trace.csv"}}` · `{"trace":null}` · `{"flush":null}` · `{"quit":null}`.
 //! `network` takes the probabilities of lost, late (with late_steps_max), duplicated, reordered, truncated and corrupted
@@ -18,7 +19,7 @@ use super::dynamics::{FlangeLoad, LoadError};
 use super::environment::{Wall, WallError};
 use super::krc::Krc;
 use super::network::{NetworkRates, impossible};
-use super::settings::KrlLoopback;
+use super::settings::{KrlLoopback, KrlStrategy};
 use super::statistics::{KrlVariables, Snapshot};
 use crate::fri_lwr::wire::{KrlBlock, Quality};
 use crate::sim::control_socket::PathError;
@@ -55,6 +56,10 @@ pub enum KrcCommand {
     SetBool(KrlVariable<bool>),
     /// Sets `$FRI_TO_REA[number]`.
     SetReal(KrlVariable<f32>),
+    /// Sets `$FRI_TO_INT[number]`.
+    SetInt(KrlVariable<i32>),
+    /// Changes the control strategy, in monitor mode only.
+    Strategy(KrlStrategy),
     /// Loops `$FRI_FRM_BOOL[from]` back to `$FRI_TO_BOOL[to]`.
     WireBool(KrlLoopback),
     /// Loops `$FRI_FRM_REA[from]` back to `$FRI_TO_REA[to]`.
@@ -130,6 +135,9 @@ pub enum ControlError {
     /// No KRL variable has this number.
     #[error("KRL variable {0} does not exist: write a number from 1 to 16")]
     Number(usize),
+    /// The control strategy cannot be changed.
+    #[error("the strategy may change only in monitor mode, while the arm is at rest")]
+    Strategy,
     /// Not a percentage.
     #[error("invalid percentage {0}: write 0 to 100")]
     Percent(f64),
@@ -213,6 +221,13 @@ impl Krc {
             KrcCommand::SetReal(KrlVariable { number, value }) => {
                 self.to_pc.reals[checked(number)? - 1] = value
             }
+            KrcCommand::SetInt(KrlVariable { number, value }) => {
+                self.to_pc.integers[checked(number)? - 1] = value
+            }
+            KrcCommand::Strategy(strategy) if !self.choose_strategy(strategy) => {
+                return Err(ControlError::Strategy);
+            }
+            KrcCommand::Strategy(_) => {}
             KrcCommand::WireBool(wire) => self.settings.boolean_wires.push(checked_wire(wire)?),
             KrcCommand::WireReal(wire) => self.settings.real_wires.push(checked_wire(wire)?),
             KrcCommand::ResetStatistics => self.reset_statistics(),
@@ -324,7 +339,7 @@ mod tests {
             .flat_map(|line| line.split('`'))
             .filter(|part| part.starts_with('{'))
             .collect();
-        assert_eq!(lines.len(), 22, "{lines:?}");
+        assert_eq!(lines.len(), 24, "{lines:?}");
         for line in lines {
             let command: Result<KrcCommand, _> = serde_json::from_str(line);
             assert!(command.is_ok(), "{line}: {command:?}");

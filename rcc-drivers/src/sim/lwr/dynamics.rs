@@ -1,8 +1,9 @@
-//! Weight of the arm's links, friction, and a load at the flange, for the joint torques that the simulated controller
-//! measures. Statics and friction only: torques that accelerate the links are left out, and no weight moves the arm.
+//! Weight and inertia of the arm's links, friction, and a load at the flange, for the joint torques and the mass matrix that
+//! the simulated controller sends. The torques are statics and friction only: those that accelerate the links are left out,
+//! and no weight moves the arm.
 //! Pure functions; run by the clock thread.
 
-use super::model::{Geometry, Matrix, link_frames};
+use super::model::{Geometry, LinkFrame, Matrix, cross, link_frames};
 use super::{JOINTS, Joints};
 
 /// Standard gravity, m/s² (CGPM 1901).
@@ -19,6 +20,9 @@ const CENTRE: [[f64; 3]; JOINTS] = [
     [0.0, 0.0, 1.163],
     [0.0, 0.0, 1.1785],
 ];
+/// Radius of the solid sphere whose moment of inertia each link has about its centre, m. Our own value: KUKA publishes
+/// none, and the URDFs of others contradict each other.
+const RADIUS: f64 = 0.07;
 /// Dry friction, N·m. Our own values.
 const FRICTION: Joints = [0.4, 0.4, 0.2, 0.2, 0.2, 0.1, 0.1];
 /// Viscous friction, N·m·s/rad. Our own values.
@@ -81,16 +85,9 @@ impl std::str::FromStr for FlangeLoad {
 
 /// Returns the joint torques by the weight of the links at `q` (rad), Nm; positive turns a joint in its direction.
 pub fn gravity_torque(q: &Joints) -> Joints {
-    let (here, upright) = (link_frames(q), link_frames(&[0.0; JOINTS]));
+    let here = link_frames(q);
     let mut torques = [0.0; JOINTS];
-    for link in 0..JOINTS {
-        // The centre in the link's own frame, and from there to where the link is.
-        let local = back(
-            &upright[link].rotation,
-            &difference(&CENTRE[link], &upright[link].position),
-        );
-        let turned = rotated(&here[link].rotation, &local);
-        let centre: [f64; 3] = std::array::from_fn(|i| here[link].position[i] + turned[i]);
+    for (link, centre) in centres(&here).into_iter().enumerate() {
         let weight = -MASS[link] * GRAVITY;
         for (torque, frame) in torques.iter_mut().zip(&here).take(link + 1) {
             let lever = difference(&centre, &frame.origin);
@@ -101,12 +98,47 @@ pub fn gravity_torque(q: &Joints) -> Joints {
     torques
 }
 
+/// Returns the mass matrix at `q` (rad), kg m²: `Σ m Jvᵀ Jv + I Jωᵀ Jω` over the links. Approximate, as the masses are.
+pub fn mass_matrix(q: &Joints) -> [Joints; JOINTS] {
+    let here = link_frames(q);
+    let mut matrix = [[0.0; JOINTS]; JOINTS];
+    for (link, centre) in centres(&here).into_iter().enumerate() {
+        let (mass, inertia) = (MASS[link], 0.4 * MASS[link] * RADIUS.powi(2));
+        let moves = |joint: &LinkFrame| cross(&joint.axis, &difference(&centre, &joint.origin));
+        for (row, one) in here.iter().enumerate().take(link + 1) {
+            for (column, other) in here.iter().enumerate().take(link + 1) {
+                matrix[row][column] +=
+                    mass * dot(&moves(one), &moves(other)) + inertia * dot(&one.axis, &other.axis);
+            }
+        }
+    }
+    matrix
+}
+
+/// Returns the centre of mass of each link, base frame, m.
+fn centres(here: &[LinkFrame; JOINTS]) -> [[f64; 3]; JOINTS] {
+    let upright = link_frames(&[0.0; JOINTS]);
+    std::array::from_fn(|link| {
+        // The centre in the link's own frame, and from there to where the link is.
+        let local = back(
+            &upright[link].rotation,
+            &difference(&CENTRE[link], &upright[link].position),
+        );
+        let turned = rotated(&here[link].rotation, &local);
+        std::array::from_fn(|i| here[link].position[i] + turned[i])
+    })
+}
+
 /// Returns the joint torques by friction, Nm; they oppose the velocities (rad/s).
 pub fn friction_torque(velocity: &Joints) -> Joints {
     std::array::from_fn(|joint| {
         let rate = velocity[joint];
         -FRICTION[joint] * (rate / STICTION_RATE).tanh() - DAMPING[joint] * rate
     })
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn difference(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
@@ -180,6 +212,40 @@ mod tests {
             })
             .sum();
         assert!(work.abs() < 1e-6, "{work} J");
+    }
+
+    #[test]
+    fn the_mass_matrix_is_that_of_the_kinetic_energy() {
+        let rate: Joints = [0.3, -0.7, 1.1, 0.4, -0.9, 0.6, -1.3];
+        let matrix = mass_matrix(&BENT);
+        let row = |i: usize| (0..JOINTS).map(|j| matrix[i][j] * rate[j]).sum::<f64>();
+        let of_matrix = 0.5 * (0..JOINTS).map(|i| rate[i] * row(i)).sum::<f64>();
+        // The same from differences of positions and rotations, without a Jacobian.
+        let step_s = 1e-6;
+        let at = |time_s: f64| -> [LinkFrame; JOINTS] {
+            link_frames(&std::array::from_fn(|joint| {
+                BENT[joint] + rate[joint] * time_s
+            }))
+        };
+        let (before, after) = (at(-step_s), at(step_s));
+        let (from, to) = (centres(&before), centres(&after));
+        let energy: f64 = (0..JOINTS)
+            .map(|link| {
+                let v = difference(&to[link], &from[link]).map(|way| way / (2.0 * step_s));
+                // |Ṙ|² / 2 is ω².
+                let (r, s) = (&before[link].rotation, &after[link].rotation);
+                let turned = r.as_flattened().iter().zip(s.as_flattened());
+                let squared: f64 = turned.map(|(r, s)| (s - r).powi(2)).sum();
+                let omega_squared = 0.5 * squared / (2.0 * step_s).powi(2);
+                let inertia = 0.4 * MASS[link] * RADIUS.powi(2);
+                0.5 * (MASS[link] * dot(&v, &v) + inertia * omega_squared)
+            })
+            .sum();
+        assert!((of_matrix - energy).abs() < 1e-6, "{of_matrix} {energy}");
+        let transposed: [Joints; JOINTS] =
+            std::array::from_fn(|i| std::array::from_fn(|j| matrix[j][i]));
+        assert_eq!(matrix, transposed);
+        assert!((0..JOINTS).all(|joint| matrix[joint][joint] > 0.0));
     }
 
     #[test]

@@ -226,9 +226,14 @@ pub enum MonitorReason {
     /// The last datagram was not answered.
     #[error("the PC does not answer")]
     Answer,
-    /// The connection quality is below OK.
-    #[error("the quality is {0:?}, at least Ok is needed")]
-    Quality(Quality),
+    /// The connection quality is below what the KRL program waits for.
+    #[error("the quality is {have:?}, at least {least:?} is needed")]
+    Quality {
+        /// At present.
+        have: Quality,
+        /// What the program waits for.
+        least: Quality,
+    },
     /// The command has flags that the strategy does not read, or no joint position in position control.
     #[error("the command flags are {have:#06x}; the strategy takes {allowed:#06x} or a part of it")]
     Flags {
@@ -240,9 +245,18 @@ pub enum MonitorReason {
     /// The PC does not mirror.
     #[error("the PC does not mirror: {0}")]
     Mirror(MirrorError),
-    /// The PC does not request command mode; holds the value of `$FRI_FRM_INT[1]`.
-    #[error("the PC does not ask for command mode ($FRI_FRM_INT[1] is {0}, 1 or 10 asks)")]
-    Request(i32),
+    /// The PC does not request command mode.
+    #[error(
+        "the PC does not ask for command mode ($FRI_FRM_INT[{number}] is {value}, {asks} asks)"
+    )]
+    Request {
+        /// Number of the KRL variable, from 1.
+        number: usize,
+        /// Its value.
+        value: i32,
+        /// The values that ask.
+        asks: &'static str,
+    },
     /// The KRL program is ending.
     #[error("the controller's program is ending")]
     Closing,

@@ -176,6 +176,16 @@ impl ImpedanceSettings {
 }
 
 impl KrlStrategy {
+    /// Returns the strategy of a value of `$STIFFNESS.STRATEGY`.
+    pub fn from_krl(number: i32) -> Option<Self> {
+        match number {
+            10 => Some(KrlStrategy::Position),
+            20 => Some(KrlStrategy::CartesianImpedance),
+            30 => Some(KrlStrategy::JointImpedance),
+            _ => None,
+        }
+    }
+
     /// Returns all command flags that a controller reads in this strategy.
     pub fn flags(self) -> u32 {
         match self {

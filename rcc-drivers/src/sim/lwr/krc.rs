@@ -6,8 +6,9 @@
 //! KRL program, moves the arm, and builds the next datagram. An invalid datagram is counted but not answered: a real
 //! controller does not answer either.
 //!
-//! Variables that the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention),
-//! otherwise 0; `$FRI_TO_INT[2]` is the code of the unacknowledged fault ([`KrcFault::code`]), or 0.
+//! Variables that the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention);
+//! `$FRI_TO_INT[2]` is the code of the unacknowledged fault ([`KrcFault::code`]), or 0; and those of its handshake with the PC
+//! ([`super::settings::KrlProgram`]).
 
 use super::arm::SimulatedArm;
 use super::command_stream::CommandStream;
@@ -40,6 +41,8 @@ pub struct Krc {
     pub(super) drives_wanted: bool,
     pub(super) emergency_stop: bool,
     pub(super) fault: Option<KrcFault>,
+    /// Code of the fault that `$FRI_TO_INT[2]` was last set to.
+    pub(super) told_fault: i32,
     pub(super) monitor_reason: Option<MonitorReason>,
     pub(super) faults: Vec<FaultRecord>,
     pub(super) counts: KrcCounts,
@@ -82,6 +85,7 @@ impl Krc {
             drives_wanted: true,
             emergency_stop: false,
             fault: None,
+            told_fault: 0,
             monitor_reason: Some(MonitorReason::Answer),
             faults: Vec::new(),
             counts: KrcCounts::default(),
@@ -365,8 +369,7 @@ impl Krc {
             // FRI's offset becomes part of the controller's own position, so that a mirroring PC sees no jump.
             self.base = self.desired;
         }
-        self.to_pc.integers[0] = if self.closing_cycles.is_some() { -1 } else { 0 };
-        self.to_pc.integers[1] = self.fault.map_or(0, |fault| fault.code());
+        self.write_krl_variables();
         let datagram = self.datagram();
         self.sent = Some(TraceRecord {
             tick: self.tick,

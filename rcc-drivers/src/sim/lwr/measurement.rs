@@ -1,7 +1,7 @@
 //! The measurement datagram of the simulated controller.
 //! Pure; run by the clock thread once per tick.
 
-use super::dynamics::{friction_torque, gravity_torque};
+use super::dynamics::{friction_torque, gravity_torque, mass_matrix};
 use super::environment::wire_wrench;
 use super::krc::Krc;
 use super::model::geometry;
@@ -11,14 +11,15 @@ use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
 
 impl Krc {
-    /// The torques (external wrench, weight of the links and friction, no inertia) and the temperature (constant) are
-    /// approximations; the mass matrix is zero.
+    /// The torques (external wrench, weight of the links and friction, no inertia), the mass matrix and the temperature
+    /// (constant) are approximations.
     pub(super) fn datagram(&self) -> MeasurementDatagram {
         let figures = self.quality.figures();
         let (base, desired) = (geometry(&self.base), geometry(&self.desired));
         let narrow = |values: &Joints| values.map(|value| value as f32);
         let external = self.geometry.joint_torque(&self.wrench);
         let gravity = gravity_torque(&self.arm.position);
+        let masses = mass_matrix(&self.arm.position);
         let friction = friction_torque(&self.arm.velocity);
         let measured: Joints =
             std::array::from_fn(|joint| external[joint] + gravity[joint] + friction[joint]);
@@ -63,7 +64,7 @@ impl Krc {
             external_torque: narrow(&external),
             external_tcp_wrench: wire_wrench(&self.wrench),
             jacobian: self.geometry.wire_jacobian(),
-            mass_matrix: [0.0; 49],
+            mass_matrix: std::array::from_fn(|i| masses[i / JOINTS][i % JOINTS] as f32),
             gravity: narrow(&gravity),
         }
     }

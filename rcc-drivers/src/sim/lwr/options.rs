@@ -4,7 +4,7 @@
 use super::dynamics::FlangeLoad;
 use super::environment::{Wall, WallError};
 use super::settings::{
-    Acknowledge, KrlLoopback, KrlProgram, KrlStrategy, QualityThresholds, Settings,
+    Acknowledge, EntryQuality, KrlLoopback, KrlProgram, KrlStrategy, QualityThresholds, Settings,
     SupervisedLimits,
 };
 use super::{JOINTS, Joints};
@@ -31,12 +31,17 @@ pub struct Options {
     /// Period of both directions, ms (KUKA: 1 to 100)
     #[arg(long, value_name = "MS", default_value_t = 1.0)]
     pub period_ms: f64,
-    /// How the KRL program enters command mode: with first-app the PC writes `$FRI_FRM_INT[1]`, 1 and 10 request it, 0
-    /// and 2 end it; with auto it begins as soon as its conditions hold
+    /// How the KRL program enters command mode: with first-app (KUKA's samples) the PC writes `$FRI_FRM_INT[1]`, 1 and 10
+    /// request it, 0 and 2 end it; with stanford `$FRI_FRM_INT[16]`, 10 and 20; with centro `$FRI_FRM_INT[2]`, 1 and 0;
+    /// with auto it begins as soon as its conditions hold
     #[arg(long, value_enum, default_value = "first-app")]
     pub krl: KrlProgram,
+    /// Quality that the KRL program waits for before it enters command mode
+    #[arg(long, value_enum, default_value = "ok")]
+    pub entry_quality: EntryQuality,
     /// Control strategy that the KRL program has chosen, `$STIFFNESS.STRATEGY` 10, 20 or 30: under impedance control
-    /// the arm yields; what the command flags leave out is taken from `$STIFFNESS`
+    /// the arm yields; what the command flags leave out is taken from `$STIFFNESS`. The PC may choose another one in
+    /// monitor mode (INT[2], INT[15] or INT[1] in the order of --krl), and so may the control port
     #[arg(long, value_enum, default_value = "position")]
     pub strategy: KrlStrategy,
     /// Who acknowledges a fault: the KRL program once the arm has been at rest for 0.5 s and the PC mirrors, or the
@@ -229,6 +234,7 @@ impl Options {
             period_s: self.period_ms * 1e-3,
             start: self.start.0,
             script: self.krl,
+            entry_quality: self.entry_quality,
             strategy: self.strategy,
             acknowledge: self.ack,
             limits: self.limits()?,

@@ -7,19 +7,47 @@
 use super::Joints;
 use super::dynamics::FlangeLoad;
 use super::environment::Wall;
+use crate::fri_lwr::wire::Quality;
 
 /// How the KRL program of the simulated controller enters and leaves command mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum KrlProgram {
-    /// KUKA's first sample: the PC writes `$FRI_FRM_INT[1]`; 1 and 10 request command mode, 0 and 2 end it, any other
-    /// number leaves the last request unchanged.
+    /// KUKA's first and second sample: the PC writes `$FRI_FRM_INT[1]`; 1 and 10 request command mode, 0 and 2 end it, any
+    /// other number leaves the last request unchanged. 10, 20 or 30 in `$FRI_FRM_INT[2]` chooses the strategy.
     FirstApp,
+    /// The Stanford library: `$FRI_FRM_INT[16]` is 10 to request command mode and 20 to end it, `$FRI_FRM_INT[15]` is the
+    /// strategy; `$FRI_TO_INT[16]` is 10 as soon as the program takes requests.
+    Stanford,
+    /// Centro E. Piaggio: `$FRI_FRM_INT[2]` is 1 to request command mode and 0 to end it, `$FRI_FRM_INT[1]` is the
+    /// strategy; `$FRI_TO_INT[2]` is 1 in command mode and 0 in monitor mode.
+    Centro,
     /// Command mode as soon as its conditions hold; the PC's integers are ignored.
     Auto,
 }
 
-/// Control strategy that the KRL program chose before it opened the interface, `$STIFFNESS.STRATEGY`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+/// Connection quality that the KRL program waits for before it calls friStart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum EntryQuality {
+    /// `#OK` or better.
+    Ok,
+    /// `#PERFECT`.
+    Perfect,
+}
+
+impl EntryQuality {
+    /// Returns the quality on the wire.
+    pub fn least(self) -> Quality {
+        match self {
+            EntryQuality::Ok => Quality::Ok,
+            EntryQuality::Perfect => Quality::Perfect,
+        }
+    }
+}
+
+/// Control strategy, `$STIFFNESS.STRATEGY`; the KRL program may change it in monitor mode.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum KrlStrategy {
     /// 10: joint position control.
@@ -107,7 +135,9 @@ pub struct Settings {
     pub start: Joints,
     /// Convention of the KRL program.
     pub script: KrlProgram,
-    /// Control strategy.
+    /// Quality that it waits for.
+    pub entry_quality: EntryQuality,
+    /// Control strategy at the start.
     pub strategy: KrlStrategy,
     /// Who acknowledges a fault.
     pub acknowledge: Acknowledge,
@@ -156,6 +186,7 @@ impl Default for Settings {
             period_s: 0.001,
             start: [0.0, 0.5236, 0.0, -1.5708, 0.0, 1.0472, 0.0],
             script: KrlProgram::FirstApp,
+            entry_quality: EntryQuality::Ok,
             strategy: KrlStrategy::Position,
             acknowledge: Acknowledge::Auto,
             acknowledge_after_s: 0.5,

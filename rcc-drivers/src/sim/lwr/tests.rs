@@ -3,6 +3,7 @@
 
 mod entry;
 mod exchange;
+mod handshake;
 mod impedance;
 mod stops;
 
