@@ -1,0 +1,34 @@
+"""RCC, the Robot Control Core, from Python: build nets, run them, watch them.
+
+Nets run in the cell, in hard real time; this program may be slow, or die.
+"""
+
+from . import _io
+from .blocking import Cell, Command
+from .blocks import UNSET, Block, Port
+from .commands import AsyncCell, AsyncCommand, Outcome, Sample
+from .errors import CellNotFound, NetCanceled, NetFault, NetRejected, RccError
+from .tools import Net, Simulation
+from .units import Hz, K, N, Quantity, deg, kg, m, mm, ms, rad, s
+
+__all__ = [
+    "UNSET", "AsyncCell", "AsyncCommand", "Block", "Cell", "CellNotFound", "Command", "Hz", "K", "N", "Net",
+    "NetCanceled", "NetFault", "NetRejected", "Outcome", "Port", "Quantity", "RccError", "Sample", "Simulation",
+    "aconnect", "connect", "deg", "kg", "m", "mm", "ms", "rad", "s",
+]  # fmt: skip
+
+
+def connect(cell: str | None = None, *, url: str | None = None, token: str | None = None) -> Cell:
+    """Connects to a cell: `with rcc.connect() as cell:`.
+
+    `cell` is the name of a cell of this machine (default: RCC_CELL, or `demo`); `url` and `token` (default: RCC_URL and
+    RCC_TOKEN) reach another machine's loader.
+    """
+    address = _io.Address(cell, url, token)
+    return Cell(AsyncCell(address, _io.BlockingIo(address)))
+
+
+def aconnect(cell: str | None = None, *, url: str | None = None, token: str | None = None) -> AsyncCell:
+    """Connects to a cell from an asynchronous program: `async with rcc.aconnect() as cell:`."""
+    address = _io.Address(cell, url, token)
+    return AsyncCell(address, _io.AsyncIo(address))

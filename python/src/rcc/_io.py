@@ -1,0 +1,247 @@
+"""One implementation for blocking and asynchronous programs.
+
+Everything above this module is written with `async`. The blocking transport's coroutines never suspend, so that
+`run` can drive them without an event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import AsyncIterator, Coroutine, Iterable, Iterator
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+from urllib.parse import quote
+
+import httpx
+
+from . import errors
+
+T = TypeVar("T")
+Params = dict[str, Any]
+
+
+class Io(Protocol):
+    """What the client needs from a transport."""
+
+    async def send(self, request: httpx.Request, timeout: float | None) -> httpx.Response:
+        """Sends a request and reads the whole answer."""
+
+    def lines(self, request: httpx.Request) -> AsyncIterator[str]:
+        """Sends a request and reads the answer line by line."""
+
+    def build(self, method: str, path: str, **parts: Any) -> httpx.Request:
+        """Builds a request."""
+
+    async def within(self, timeout: float | None, work: Coroutine[Any, Any, T]) -> T:
+        """Waits for `work`; raises `TimeoutError` after that many seconds."""
+
+    async def finish(self, work: Coroutine[Any, Any, None]) -> None:
+        """Does `work` to its end, also in a task that is being canceled."""
+
+    async def close(self) -> None:
+        """Closes all connections."""
+
+
+def run(work: Coroutine[Any, Any, T]) -> T:
+    """Runs a coroutine over the blocking transport, which never suspends."""
+    try:
+        work.send(None)
+    except StopIteration as done:
+        result: T = done.value
+        return result
+    work.close()
+    raise RuntimeError("an operation of the blocking client was suspended")
+
+
+def iterate(values: AsyncIterator[T]) -> Iterator[T]:
+    """Iterates over an asynchronous iterator of the blocking transport."""
+
+    async def following() -> list[T]:
+        try:
+            return [await values.__anext__()]
+        except StopAsyncIteration:
+            return []
+
+    try:
+        while found := run(following()):
+            yield found[0]
+    finally:
+        close = getattr(values, "aclose", None)
+        if close is not None:
+            run(close())
+
+
+class BlockingIo:
+    """The transport of blocking programs."""
+
+    def __init__(self, address: Address) -> None:
+        """Opens no connection yet."""
+        transport = httpx.HTTPTransport(uds=address.socket)
+        self._client = httpx.Client(transport=transport, base_url=address.url, headers=address.headers)
+        self._deadline: float | None = None
+
+    async def within(self, timeout: float | None, work: Coroutine[Any, Any, T]) -> T:
+        """Waits for `work`; raises `TimeoutError` after that many seconds."""
+        if timeout is None:
+            return await work
+        self._deadline = time.monotonic() + timeout
+        try:
+            return await work
+        except httpx.ReadTimeout as error:
+            raise TimeoutError(f"not within {timeout} s") from error
+        finally:
+            self._deadline = None
+
+    async def finish(self, work: Coroutine[Any, Any, None]) -> None:
+        """Does `work` to its end."""
+        await work
+
+    def _pause_max(self) -> float | None:
+        """Longest time between two lines, s."""
+        return None if self._deadline is None else max(0.001, self._deadline - time.monotonic())
+
+    def build(self, method: str, path: str, **parts: Any) -> httpx.Request:
+        """Builds a request."""
+        return self._client.build_request(method, path, **parts)
+
+    async def send(self, request: httpx.Request, timeout: float | None) -> httpx.Response:
+        """Sends a request and reads the whole answer."""
+        request.extensions["timeout"] = httpx.Timeout(timeout).as_dict()
+        return self._client.send(request)
+
+    async def lines(self, request: httpx.Request) -> AsyncIterator[str]:
+        """Sends a request and reads the answer line by line."""
+        request.extensions["timeout"] = httpx.Timeout(self._pause_max(), connect=STEP_S).as_dict()
+        response = self._client.send(request, stream=True)
+        try:
+            if response.status_code >= 400:
+                response.read()
+                raise error_of(response)
+            for line in response.iter_lines():
+                yield line
+        finally:
+            response.close()
+
+    async def close(self) -> None:
+        """Closes all connections."""
+        self._client.close()
+
+
+class AsyncIo:
+    """The transport of asynchronous programs."""
+
+    def __init__(self, address: Address) -> None:
+        """Opens no connection yet."""
+        transport = httpx.AsyncHTTPTransport(uds=address.socket)
+        self._client = httpx.AsyncClient(transport=transport, base_url=address.url, headers=address.headers)
+
+    async def within(self, timeout: float | None, work: Coroutine[Any, Any, T]) -> T:
+        """Waits for `work`; raises `TimeoutError` after that many seconds."""
+        try:
+            return await asyncio.wait_for(work, timeout)
+        except asyncio.TimeoutError as error:
+            raise TimeoutError(f"not within {timeout} s") from error
+
+    async def finish(self, work: Coroutine[Any, Any, None]) -> None:
+        """Does `work` to its end, also in a task that is being canceled."""
+        await asyncio.shield(work)
+
+    def build(self, method: str, path: str, **parts: Any) -> httpx.Request:
+        """Builds a request."""
+        content = parts.get("content")
+        if content is not None and not isinstance(content, (str, bytes)):
+            parts["content"] = _slowly(content)
+        return self._client.build_request(method, path, **parts)
+
+    async def send(self, request: httpx.Request, timeout: float | None) -> httpx.Response:
+        """Sends a request and reads the whole answer."""
+        request.extensions["timeout"] = httpx.Timeout(timeout).as_dict()
+        return await self._client.send(request)
+
+    async def lines(self, request: httpx.Request) -> AsyncIterator[str]:
+        """Sends a request and reads the answer line by line."""
+        request.extensions["timeout"] = httpx.Timeout(None, connect=STEP_S).as_dict()
+        response = await self._client.send(request, stream=True)
+        try:
+            if response.status_code >= 400:
+                await response.aread()
+                raise error_of(response)
+            async for line in response.aiter_lines():
+                yield line
+        finally:
+            await response.aclose()
+
+    async def close(self) -> None:
+        """Closes all connections."""
+        await self._client.aclose()
+
+
+async def _slowly(parts: Iterable[bytes]) -> AsyncIterator[bytes]:
+    """Takes each part in a thread: a program's own iterator may wait."""
+    iterator, end = iter(parts), object()
+    while (part := await asyncio.to_thread(next, iterator, end)) is not end:
+        assert isinstance(part, bytes)
+        yield part
+
+
+#: Longest time for one answer, s.
+STEP_S = 10.0
+
+
+class Address:
+    """Where a cell's loader listens."""
+
+    def __init__(self, cell: str | None, url: str | None, token: str | None) -> None:
+        """A cell on this machine by name, or a loader by URL with its token."""
+        url = url or (None if cell else os.environ.get("RCC_URL"))
+        self.name = url or cell or os.environ.get("RCC_CELL", "demo")
+        self.url = url or "http://rcc"
+        self.socket = None if url else str(_folder() / self.name / "loader.sock")
+        token = token or os.environ.get("RCC_TOKEN")
+        self.headers = {"authorization": f"Bearer {token}"} if url and token else {}
+
+    def not_found(self, error: Exception) -> errors.CellNotFound:
+        """The error for a loader that does not answer."""
+        at = self.socket or self.url
+        return errors.CellNotFound(
+            "", f"cell {self.name} does not answer at {at}: {error}", "start it with `rcc-cli up FILE`"
+        )
+
+
+def _folder() -> Path:
+    """The runtime folder, as all programs of RCC find it."""
+    if named := os.environ.get("RCC_RUNTIME_DIR"):
+        return Path(named)
+    if os.geteuid() == 0:
+        return Path("/run/rcc")
+    if user := os.environ.get("XDG_RUNTIME_DIR"):
+        return Path(user) / "rcc"
+    return Path(f"/tmp/rcc-{os.geteuid()}")
+
+
+def error_of(response: httpx.Response) -> errors.RccError:
+    """The error in an answer."""
+    try:
+        body = response.json()
+    except ValueError:
+        body = None
+    return errors.of_body(response.status_code, body)
+
+
+async def call(io: Io, address: Address, method: str, path: str, timeout: float | None, **parts: Any) -> Any:
+    """Sends a request; returns the JSON of the answer, or raises the error in it."""
+    try:
+        response = await io.send(io.build(method, path, **parts), timeout)
+    except httpx.ConnectError as error:
+        raise address.not_found(error) from error
+    if response.status_code >= 400:
+        raise error_of(response)
+    return response.json()
+
+
+def segment(text: str | int) -> str:
+    """A part of a path."""
+    return quote(str(text), safe="")
+

@@ -1,0 +1,114 @@
+"""Cells and commands for blocking programs: each method runs the one of the same name in `commands.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from ._generated import api
+from ._io import iterate, run
+from .blocks import Value
+from .commands import AsyncCell, AsyncCommand, Outcome, Sample, Text
+
+
+class Cell:
+    """A connection to a cell."""
+
+    def __init__(self, inner: AsyncCell) -> None:
+        """Made by `rcc.connect`."""
+        self._inner = inner
+
+    def __enter__(self) -> Cell:
+        """Proves that the cell answers."""
+        run(self._inner.__aenter__())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Closes the connection; what runs goes on."""
+        run(self._inner.__aexit__())
+
+    def status(self) -> api.StatusView:
+        """The executor's health and the cell's processes."""
+        return run(self._inner.status())
+
+    def devices(self) -> list[api.DeviceView]:
+        """The devices with their channels."""
+        return run(self._inner.devices())
+
+    def commands(self) -> list[api.CommandView]:
+        """All commands, by id."""
+        return run(self._inner.commands())
+
+    def events(self, limit: int = 100) -> list[api.EventView]:
+        """The newest events of the cell's log."""
+        return run(self._inner.events(limit))
+
+    def record(self) -> str:
+        """Writes the last seconds of the flight recorder to a file, and returns its name."""
+        return run(self._inner.record())
+
+    def load(self, net: Text) -> Command:
+        """LOAD: returns the command when it is ready; raises `NetRejected` with all faults."""
+        return Command(run(self._inner.load(net)))
+
+    def command(self, name: str | int) -> Command:
+        """A loaded command, by id or by the name of its net (then the newest)."""
+        return Command(run(self._inner.command(name)))
+
+    def run(self, net: Text, timeout: float | None = None) -> Outcome:
+        """Loads, starts and follows a net, and unloads it; Ctrl-C cancels it.
+
+        Raises `NetFault` or `NetCanceled` for every other end than `finished`.
+        """
+        return run(self._inner.run(net, timeout))
+
+    def switch(self, stop: Sequence[Command], start: Sequence[Command]) -> int:
+        """Hand-over: stops some commands and starts others between the same two cycles; returns the cycle."""
+        return run(self._inner.switch([one._inner for one in stop], [one._inner for one in start]))
+
+    def watch(self, *ports: str, rate: float = 10.0) -> Iterator[Sample]:
+        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to 250)."""
+        return iterate(self._inner.watch(*ports, rate=rate))
+
+
+class Command:
+    """A loaded net."""
+
+    def __init__(self, inner: AsyncCommand) -> None:
+        """Made by `Cell.load`."""
+        self._inner, self.id = inner, inner.id
+
+    def state(self) -> api.CommandView:
+        """STATE: everything that is known about it, but its text."""
+        return run(self._inner.state())
+
+    def start(self) -> int:
+        """START; returns the first cycle."""
+        return run(self._inner.start())
+
+    def cancel(self) -> None:
+        """CANCEL: asks the net to end in its own way."""
+        run(self._inner.cancel())
+
+    def abort(self) -> None:
+        """ABORT: ends the net at once; the drivers bring its arms to rest."""
+        run(self._inner.abort())
+
+    def unload(self) -> None:
+        """UNLOAD."""
+        run(self._inner.unload())
+
+    def wait(self, timeout: float | None = None) -> Outcome:
+        """Waits until the command has ended; raises `TimeoutError` after that many seconds."""
+        return run(self._inner.wait(timeout))
+
+    def set(self, values: Mapping[str, Value]) -> int:
+        """Sets inputs, all in the same cycle, which is returned; `None` unsets."""
+        return run(self._inner.set(values))
+
+    def set_points(self, values: Iterable[Mapping[str, Value]]) -> api.ChannelEnd:
+        """Sends sets of values over one connection as the iterator gives them; the latest wins."""
+        return run(self._inner.set_points(values))
+
+    def values(self, *ports: str) -> Sample:
+        """Values of ports (all without arguments) as of the last evaluation."""
+        return run(self._inner.values(*ports))
