@@ -27,5 +27,9 @@ def test_the_other_programs_are_valid(cell_name):
     exec(compile(programs("docs/python.md")[1], "docs/python.md", "exec"), built)
     kinds = [part["type"] for part in built["net"].document()["primitives"].values()]
     assert kinds == ["ForceTorque", "Abs", "Greater"]
-    for program in programs("docs/python.md")[2:]:
+    exec(compile(programs("docs/python.md")[2], "docs/python.md", "exec"), built)
+    assert [net.name for net in built["all_of_it"].steps()] == ["lin", "parallel", "lin"]
+    for net in built["all_of_it"].steps():
+        net.check()
+    for program in programs("docs/python.md")[3:]:
         compile(program, "docs/python.md", "exec")

@@ -4,6 +4,7 @@ Nets run in the cell, in hard real time; this program may be slow, or die.
 """
 
 from . import _io
+from .actions import Action, Arm, Expr, Motion, Output, analog_input, digital_input, parallel, sequence
 from .blocking import Cell, Command
 from .blocks import UNSET, Block, Port
 from .commands import AsyncCell, AsyncCommand, Outcome, Sample
@@ -12,9 +13,10 @@ from .tools import Net, Simulation
 from .units import Hz, K, N, Quantity, deg, kg, m, mm, ms, rad, s
 
 __all__ = [
-    "UNSET", "AsyncCell", "AsyncCommand", "Block", "Cell", "CellNotFound", "Command", "Hz", "K", "N", "Net",
-    "NetCanceled", "NetFault", "NetRejected", "Outcome", "Port", "Quantity", "RccError", "Sample", "Simulation",
-    "aconnect", "connect", "deg", "kg", "m", "mm", "ms", "rad", "s",
+    "UNSET", "Action", "Arm", "AsyncCell", "AsyncCommand", "Block", "Cell", "CellNotFound", "Command", "Expr", "Hz",
+    "K", "Motion", "N", "Net", "NetCanceled", "NetFault", "NetRejected", "Outcome", "Output", "Port", "Quantity",
+    "RccError", "Sample", "Simulation", "aconnect", "analog_input", "connect", "deg", "digital_input", "kg", "m",
+    "mm", "ms", "parallel", "rad", "s", "sequence",
 ]  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar, Union
 
@@ -233,3 +234,11 @@ class Net:
         if isinstance(value, (list, tuple)):
             return [self._source(part) for part in value]
         return constant(value)
+
+
+class Action(ABC):
+    """Something to do that becomes one net, or several one after the other."""
+
+    @abstractmethod
+    def steps(self) -> list[Any]:
+        """Its nets."""

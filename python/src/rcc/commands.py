@@ -10,9 +10,9 @@ from typing import Any, Union, cast
 
 from . import _io, errors
 from ._generated import api
-from .blocks import Net, Value, constant
+from .blocks import Action, Net, Value, constant
 
-Text = Union[Net, str, Mapping[str, Any]]
+Text = Union[Net, Action, str, Mapping[str, Any]]
 #: States of a command that has ended.
 ENDED = ("terminated", "rejected")
 
@@ -116,8 +116,16 @@ class AsyncCell:
     async def run(self, net: Text, timeout: float | None = None) -> Outcome:
         """Loads, starts and follows a net, and unloads it; a program that is interrupted cancels it.
 
-        Raises `NetFault` or `NetCanceled` for every other end than `finished`.
+        Raises `NetFault` or `NetCanceled` for every other end than `finished`. The nets of a sequence are run one after
+        the other; the outcome is that of the last one, and `timeout` is for each.
         """
+        first, *others = net.steps() if isinstance(net, Action) else [net]
+        outcome = await self._run(first, timeout)
+        for step in others:
+            outcome = await self._run(step, timeout)
+        return outcome
+
+    async def _run(self, net: Text, timeout: float | None) -> Outcome:
         command = await self.load(net)
         try:
             await command.start()
@@ -249,7 +257,12 @@ def text_of(net: Text) -> tuple[str, str]:
     """The text of a net and its media type."""
     if isinstance(net, str):
         return net, "application/yaml"
-    document = net.document() if isinstance(net, Net) else net
+    if isinstance(net, Action):
+        first, *others = net.steps()
+        if others:
+            raise TypeError("a sequence becomes several nets: give it to `cell.run`")
+        net = first
+    document = net.document() if isinstance(net, Net) else cast(Any, net)
     return json.dumps(document), "application/json"
 
 

@@ -1,0 +1,63 @@
+"""Measures how long it takes from the end of a net until the next one, which is loaded already, has its first cycle.
+
+`python benches/latency.py [--nets N]` against the cell in RCC_CELL. Two ways: the program waits for the outcome and starts
+the next net; or it hands over while the first one runs.
+"""
+
+import argparse
+
+import rcc
+
+
+def net(name: str, seconds: float) -> rcc.Net:
+    """A net that ends after a time, or when it is canceled."""
+    built = rcc.Net(name)
+    built.Termination(done=(built.Time().out > seconds * rcc.s) | built.Cancel().requested)
+    return built
+
+
+def shown(what: str, cycles: list[int], period_ms: float) -> None:
+    """Prints a distribution."""
+    cycles = sorted(cycles)
+    p50, p99 = (cycles[int(part * (len(cycles) - 1))] * period_ms for part in (0.5, 0.99))
+    print(f"{what:<34} {len(cycles):5} times  p50 {p50:6.1f} ms  p99 {p99:6.1f} ms  max {cycles[-1] * period_ms:6.1f} ms")
+
+
+def main() -> None:
+    """Measures both ways."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--nets", type=int, default=200)
+    count = parser.parse_args().nets
+    with rcc.connect() as cell:
+        period_ms = cell.status()["executor"]["period_ns"] / 1e6
+        gaps = []
+        current = cell.load(net("first", 0.05))
+        current.start()
+        for number in range(count):
+            following = cell.load(net(f"next-{number}", 0.05))
+            assert current.wait(60)
+            cycle = following.start()
+            gaps.append(cycle - current.state()["ended_cycle"])
+            current.unload()
+            current = following
+        current.wait(60)
+        current.unload()
+        shown("outcome to the next first cycle", gaps, period_ms)
+
+        current = cell.load(net("first", 60))
+        current.start()
+        gaps = []
+        for number in range(count):
+            following = cell.load(net(f"next-{number}", 60))
+            cycle = cell.switch([current], [following])
+            gaps.append(cycle - current.state()["ended_cycle"])
+            current.unload()
+            current = following
+        current.cancel()
+        current.wait(60)
+        current.unload()
+        shown("hand-over: last to first cycle", gaps, period_ms)
+
+
+if __name__ == "__main__":
+    main()
