@@ -1,7 +1,7 @@
 """Measures how long it takes from the end of a net until the next one, which is loaded already, has its first cycle.
 
-`python benches/latency.py [--nets N]` against the cell in RCC_CELL. Two ways: the program waits for the outcome and starts
-the next net; or it hands over while the first one runs.
+`python benches/latency.py [--nets N]` against the cell in RCC_CELL. Two ways: the program waits for the outcome and
+starts the next net; or it hands over while the first one runs.
 """
 
 import argparse
@@ -18,9 +18,9 @@ def net(name: str, seconds: float) -> rcc.Net:
 
 def shown(what: str, cycles: list[int], period_ms: float) -> None:
     """Prints a distribution."""
-    cycles = sorted(cycles)
-    p50, p99 = (cycles[int(part * (len(cycles) - 1))] * period_ms for part in (0.5, 0.99))
-    print(f"{what:<34} {len(cycles):5} times  p50 {p50:6.1f} ms  p99 {p99:6.1f} ms  max {cycles[-1] * period_ms:6.1f} ms")
+    times = [cycle * period_ms for cycle in sorted(cycles)]
+    p50, p99 = (times[int(part * (len(times) - 1))] for part in (0.5, 0.99))
+    print(f"{what:<32} {len(times):5} times  p50 {p50:6.1f} ms  p99 {p99:6.1f} ms  max {times[-1]:6.1f} ms")
 
 
 def main() -> None:
