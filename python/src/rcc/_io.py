@@ -235,7 +235,10 @@ async def call(io: Io, address: Address, method: str, path: str, timeout: float 
     try:
         response = await io.send(io.build(method, path, **parts), timeout)
     except httpx.ConnectError as error:
-        raise address.not_found(error) from error
+        raise address.not_found(error) from None
+    except httpx.TransportError as error:
+        what = f"{method} {path}: {type(error).__name__} {error}".rstrip()
+        raise errors.RccError("", f"cell {address.name} gave no answer: {what}", "see `rcc-cli status`") from error
     if response.status_code >= 400:
         raise error_of(response)
     return response.json()

@@ -288,7 +288,7 @@ class Arm:
         self, to: Sequence[Number] | Mapping[str, Any], *, until: Expr | None = None, **parameters: Value
     ) -> Motion:
         """All joints together to joint positions (rad), or to a pose `{"xyz": …, "rpy": …}`; see `JointMotion`."""
-        goal = {"pose": to} if isinstance(to, Mapping) else {"to": to}
+        goal: dict[str, Any] = {"pose": to} if isinstance(to, Mapping) else {"to": to}
         return Motion(self, "JointMotion", {**goal, **parameters}, until, name="ptp")
 
     def lin(self, to: Pose, *, until: Expr | None = None, **parameters: Value) -> Motion:
