@@ -73,7 +73,7 @@ impl ServerCounters {
     pub fn lost(&self, fault: &ServerFault) {
         let count = match fault {
             ServerFault::Timeout { .. } | ServerFault::OtherUnit { .. } => &self.timeouts,
-            ServerFault::Exception { .. } => &self.exceptions,
+            ServerFault::Exception { .. } | ServerFault::NoMaskWrite { .. } => &self.exceptions,
             ServerFault::Broken(_) => &self.broken,
             _ => return,
         };

@@ -23,6 +23,8 @@ pub const OTHER_UNIT: u32 = 104;
 pub const FROZEN: u32 = 105;
 /// A value that its registers cannot hold.
 pub const UNFIT: u32 = 106;
+/// The device does not know function 22, which bits of a register are written with.
+pub const NO_MASK_WRITE: u32 = 107;
 /// Base of the reasons for exceptions: exception n of the standard is this plus n.
 pub const EXCEPTIONS: u32 = 110;
 /// Offset for devices with named servers: the reasons of server i (from 0) are those above plus (i + 1) times this.
@@ -54,6 +56,10 @@ pub const REASONS: &[Reason] = &[
     (
         UNFIT,
         "an analog output has a value that its registers cannot hold; see the driver's log",
+    ),
+    (
+        NO_MASK_WRITE,
+        "the device does not know function 22 (mask write), with which bits of a register are written: set `mask_write: false`",
     ),
     (
         EXCEPTIONS + 1,
@@ -134,6 +140,12 @@ pub enum ServerFault {
         /// Exception code.
         code: u8,
     },
+    /// The server refuses function 22.
+    #[error("{doing}: exception 1: {}", words(NO_MASK_WRITE))]
+    NoMaskWrite {
+        /// Description of the request.
+        doing: String,
+    },
     /// The heartbeat has stopped.
     #[error("the heartbeat at {address} has not changed for {} ms: is the device's program running?", within.as_millis())]
     Frozen {
@@ -168,6 +180,7 @@ impl ServerFault {
             ServerFault::OtherUnit { .. } => OTHER_UNIT,
             ServerFault::Broken(_) => BROKEN,
             ServerFault::Exception { code, .. } => exception_reason(*code),
+            ServerFault::NoMaskWrite { .. } => NO_MASK_WRITE,
             ServerFault::Frozen { .. } => FROZEN,
             ServerFault::Unfit { .. } => UNFIT,
         }

@@ -151,6 +151,16 @@ impl ProcessImage {
                 self.write_holding(*address, &[(register & and) | (or & !and)])?;
                 Ok(Response::MaskWriteRegister(*address, *and, *or))
             }
+            // The standard writes before it reads: V1.1b3, section 6.17.
+            Request::ReadWriteMultipleRegisters(first, count, written, values) => {
+                read(&self.holding, *first, *count)?;
+                self.write_holding(*written, values)?;
+                Ok(Response::ReadWriteMultipleRegisters(read(
+                    &self.holding,
+                    *first,
+                    *count,
+                )?))
+            }
             _ => Err(ExceptionCode::IllegalFunction),
         }
     }
@@ -235,6 +245,23 @@ mod tests {
             .unwrap();
         // The example of MODBUS Application Protocol V1.1b3, section 6.16.
         assert_eq!(image.holding[4], 0x17);
+    }
+
+    #[test]
+    fn function_23_writes_before_it_reads_and_does_neither_beyond_the_last_point() {
+        let mut image = ProcessImage::new(Vec::new());
+        let both = |first, written| {
+            Request::ReadWriteMultipleRegisters(first, 3, written, vec![7, 8].into())
+        };
+        assert_eq!(
+            image.answer(&both(3, 4)),
+            Ok(Response::ReadWriteMultipleRegisters(vec![0, 7, 8]))
+        );
+        for request in [both(POINTS as u16 - 1, 10), both(0, POINTS as u16 - 1)] {
+            let refused = image.answer(&request);
+            assert_eq!(refused, Err(ExceptionCode::IllegalDataAddress));
+        }
+        assert_eq!((image.holding[10], image.writes), (0, 1));
     }
 
     #[test]

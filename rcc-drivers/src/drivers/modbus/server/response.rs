@@ -12,6 +12,10 @@ use super::{PendingRequest, Purpose, Server, Step};
 /// Pause before a request that a busy server has refused is repeated.
 pub(super) const BUSY_PAUSE: Duration = Duration::from_millis(5);
 
+/// Function 22, and the exception that a server answers to a function that it does not know.
+const MASK_WRITE: u8 = 22;
+const ILLEGAL_FUNCTION: u8 = 1;
+
 impl Server {
     /// Processes all complete messages in `inbox` and returns it.
     pub(super) fn process_received(
@@ -123,8 +127,7 @@ impl Server {
         now: Instant,
     ) -> Result<(), ServerFault> {
         if let Step::Safe { .. } = self.step {
-            let doing = self.doing(pending);
-            let fault = ServerFault::Exception { doing, code };
+            let fault = self.exception(pending, code);
             self.handle_refusal_in_sweep(pending.purpose, PASSING.contains(&code), fault, now);
             return Ok(());
         }
@@ -134,8 +137,7 @@ impl Server {
                 Purpose::Write { end, .. } => end,
                 _ => cursor + 1,
             };
-            let doing = self.doing(pending);
-            self.busy = Some(ServerFault::Exception { doing, code });
+            self.busy = Some(self.exception(pending, code));
             self.continue_at(end);
             return Ok(());
         }
@@ -151,10 +153,7 @@ impl Server {
             Step::Write(cursor) => cursor,
             _ => 0,
         };
-        let fault = ServerFault::Exception {
-            doing: self.doing(pending),
-            code,
-        };
+        let fault = self.exception(pending, code);
         match pending.purpose {
             Purpose::Write { end, .. } if end > cursor + 1 => self.one_by_one = end,
             Purpose::Write { .. } | Purpose::Fetch { .. } => {
@@ -164,6 +163,17 @@ impl Server {
             Purpose::OnConnect | Purpose::Read | Purpose::Watchdog => return Err(fault),
         }
         Ok(())
+    }
+
+    /// Returns the fault of an exception; a refusal of function 22 has a remedy of its own.
+    fn exception(&self, pending: &PendingRequest, code: u8) -> ServerFault {
+        let doing = self.doing(pending);
+        // The function follows the seven bytes of the header (MODBUS Messaging on TCP/IP, 3.1.3).
+        let function = pending.message.bytes().get(7);
+        match (function, code) {
+            (Some(&MASK_WRITE), ILLEGAL_FUNCTION) => ServerFault::NoMaskWrite { doing },
+            _ => ServerFault::Exception { doing, code },
+        }
     }
 
     fn decode(&mut self, place: usize, data: &[u8], now: Instant) {

@@ -340,6 +340,27 @@ fn bits_of_a_register_leave_its_other_bits_alone() {
 }
 
 #[test]
+fn a_device_without_function_22_is_told_the_setting_by_name() {
+    let address = "holding 7 bit 0".into();
+    let rows = [("low", DigitalOutput, address, safe(0.0), None)];
+    let mut bench = ServerFixture::new(json!({}), &rows);
+    bench.device.refuses.push((22, 7, 1));
+    let fault = bench.run().expect_err("it does not know the function");
+    let words = fault.to_string();
+    assert!(
+        words.contains("(low)") && words.contains("`mask_write: false`"),
+        "{words}"
+    );
+    assert_eq!(fault.reason(), super::super::fault::NO_MASK_WRITE);
+    // Another function that is refused is not this one.
+    let row = [("lamp", DigitalOutput, "coil 9".into(), safe(0.0), None)];
+    let mut other = ServerFixture::new(json!({}), &row);
+    other.device.refuses.push((5, 9, 1));
+    let words = other.run().expect_err("it refuses coils").to_string();
+    assert!(!words.contains("mask_write"), "{words}");
+}
+
+#[test]
 fn a_register_whose_bits_are_all_ours_is_written_whole() {
     let names: Vec<String> = (0..16).map(|bit| format!("b{bit}")).collect();
     let row = |(name, bit): (&'static str, usize)| {
