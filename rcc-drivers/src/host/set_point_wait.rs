@@ -21,8 +21,8 @@ const STALE_PERIODS: u64 = 3;
 /// State of the set-point for an exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SetPointStatus {
-    /// The newest set-point was computed from this exchange.
-    Current,
+    /// The newest set-point was computed from this exchange, in the cycle that began at `written_ns` (CLOCK_MONOTONIC).
+    Current { written_ns: u64 },
     /// The set-point has not arrived yet.
     Pending,
     /// The set-point will not arrive in time: the executor has stopped, or its period differs.
@@ -43,7 +43,9 @@ impl SetPointStatus {
             return SetPointStatus::Unavailable;
         }
         if head.seen == sequence {
-            SetPointStatus::Current
+            SetPointStatus::Current {
+                written_ns: head.stamp_ns,
+            }
         } else {
             SetPointStatus::Pending
         }
@@ -54,6 +56,9 @@ impl SetPointStatus {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SetPointWait {
     /// Expected time from a packet to its set-point, from earlier exchanges, ns.
+    ///
+    /// It follows from when set-points were written, never from when they were found: a driver that looks later than that
+    /// finds them later, would look later still, and would end at the latest time of an answer.
     expected_ns: u64,
 }
 
@@ -78,8 +83,8 @@ impl SetPointWait {
             sleep_until(at_ns.min(by_ns));
             let now_ns = monotonic_ns();
             match look(now_ns) {
-                SetPointStatus::Current => {
-                    let took_ns = now_ns.saturating_sub(arrived_ns);
+                SetPointStatus::Current { written_ns } => {
+                    let took_ns = written_ns.saturating_sub(arrived_ns);
                     // Moving average with weight 1/8, so that one late cycle does not delay all others.
                     self.expected_ns = self.expected_ns - self.expected_ns / 8 + took_ns / 8;
                     return true;
@@ -115,7 +120,9 @@ mod tests {
             [6, 7, 8].map(look),
             [
                 SetPointStatus::Pending,
-                SetPointStatus::Current,
+                SetPointStatus::Current {
+                    written_ns: 10 * MS
+                },
                 SetPointStatus::Pending
             ]
         );
@@ -144,7 +151,9 @@ mod tests {
         let found = answer.wait(monotonic_ns(), 1_000 * MS, |_| {
             looks += 1;
             if looks == 5 {
-                SetPointStatus::Current
+                SetPointStatus::Current {
+                    written_ns: monotonic_ns(),
+                }
             } else {
                 SetPointStatus::Pending
             }
@@ -153,5 +162,20 @@ mod tests {
         let long_ago_ns = monotonic_ns() - 10 * MS;
         let found = answer.wait(long_ago_ns, MS, |_| SetPointStatus::Pending);
         assert!(!found, "the time for this answer is over");
+    }
+
+    #[test]
+    fn a_driver_that_looks_late_does_not_expect_the_set_points_later() {
+        let mut answer = SetPointWait::after(200_000);
+        for _ in 0..50 {
+            // Each set-point was written 150 µs after its packet, and is found more than 400 µs after it.
+            let arrived_ns = monotonic_ns() - 400_000;
+            let written_ns = arrived_ns + 150_000;
+            let found = answer.wait(arrived_ns, 1_000 * MS, |_| SetPointStatus::Current {
+                written_ns,
+            });
+            assert!(found);
+        }
+        assert!(answer.expected_ns <= 200_000, "{} ns", answer.expected_ns);
     }
 }
