@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::message::{CommandImage, JOINTS_MAX, Joints, SET_POINTS, SetPoint};
 use rcc_drivers::driver::Inputs;
-use rcc_drivers::drivers::fri_lwr::fri_session::{FriSession, KrlConvention};
+use rcc_drivers::drivers::fri_lwr::fri_session::{FriSession, SessionSettings};
 use rcc_drivers::fri_lwr::wire::{
     CommandDatagram, FriControlStrategy, MeasurementDatagram, Quality, SessionState,
 };
@@ -45,7 +45,7 @@ static READY: LazyLock<FriHarness> = LazyLock::new(|| {
         .cell
         .device("lwr")
         .unwrap_or_else(|| panic!("the demo has an lwr"));
-    let fri = FriSession::new(device, KrlConvention::FirstApp, Quality::Ok);
+    let fri = FriSession::new(device, SessionSettings::default());
     let mut datagram = MeasurementDatagram {
         state: SessionState::Command,
         quality: Quality::Perfect,

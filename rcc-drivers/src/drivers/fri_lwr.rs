@@ -10,21 +10,26 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rcc_config::DeviceConfig;
+use rcc_core::impedance::ControlMode;
 use rcc_os::clock::monotonic_ns;
 
 use crate::driver::{
     Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,
 };
-use crate::fri_lwr::wire::{MSR_SIZE, MeasurementDatagram, Quality};
+use crate::fri_lwr::wire::{HeaderRule, MSR_SIZE, MeasurementDatagram, Quality};
 use crate::host::reason::Reason;
 
 pub mod counters;
 pub mod fri_session;
+pub mod handshake;
 pub mod peer;
+pub mod plausibility;
 pub mod strategy;
+pub mod variables;
 
 use counters::FriCounters;
-use fri_session::{FriSession, KrlConvention};
+use fri_session::{FriSession, SessionSettings};
+use handshake::KrlConvention;
 use peer::Peer;
 
 /// The controller is in monitor state.
@@ -96,6 +101,7 @@ pub struct FriLwr {
     read_timeout: Duration,
     /// Arrival of the newest datagram that cannot be decoded.
     unreadable_at: Option<Instant>,
+    header: HeaderRule,
     session: FriSession,
     counters: Arc<FriCounters>,
 }
@@ -110,27 +116,9 @@ impl Driver for FriLwr {
             Some(None),
             |value| value.as_str()?.parse().ok().map(Some),
         )?;
-        let script = settings.word(
-            "krl",
-            "first-app ($FRI_FRM_INT[1] asks for command mode) or auto (the KRL program decides)",
-            KrlConvention::FirstApp,
-            &[
-                ("first-app", KrlConvention::FirstApp),
-                ("auto", KrlConvention::Auto),
-            ],
-        )?;
-        let quality_min = settings.word(
-            "quality_min",
-            "bad, ok or perfect",
-            Quality::Ok,
-            &[
-                ("bad", Quality::Bad),
-                ("ok", Quality::Ok),
-                ("perfect", Quality::Perfect),
-            ],
-        )?;
+        let dialogue = session_settings(&mut settings)?;
         settings.finish()?;
-        let session = FriSession::new(device, script, quality_min)?;
+        let session = FriSession::new(device, dialogue)?;
         let system = |source| DriverError::System {
             device: device.name.clone(),
             key: "listen",
@@ -149,8 +137,9 @@ impl Driver for FriLwr {
             silence: Duration::ZERO,
             read_timeout,
             unreadable_at: None,
+            header: dialogue.header,
             session,
-            counters: Arc::new(FriCounters::new(listen, peer)),
+            counters: Arc::new(FriCounters::new(listen, peer, dialogue.header)),
         })
     }
 
@@ -229,8 +218,8 @@ impl FriLwr {
             let measured = self.session.measured();
             self.counters.accepted(monotonic_ns(), source, measured);
         } else {
-            self.counters.refused(bytes, source);
-            if MeasurementDatagram::decode(bytes).is_err() {
+            self.counters.refused(bytes, source, self.session.doubt());
+            if MeasurementDatagram::decode_as(bytes, self.header).is_err() {
                 self.unreadable_at = Some(Instant::now());
             }
         }
@@ -281,6 +270,57 @@ impl FriLwr {
             false => LinkError::Silent,
         }
     }
+}
+
+/// Reads what the settings say about the dialogue.
+fn session_settings(settings: &mut Settings<'_>) -> Result<SessionSettings, DriverError> {
+    let usual = SessionSettings::default();
+    Ok(SessionSettings {
+        krl: settings.word(
+            "krl",
+            "first-app ($FRI_FRM_INT[1] asks for command mode), stanford ($FRI_FRM_INT[16]), centro ($FRI_FRM_INT[2]) or auto \
+             (the KRL program decides)",
+            usual.krl,
+            &[
+                ("first-app", KrlConvention::FirstApp),
+                ("stanford", KrlConvention::Stanford),
+                ("centro", KrlConvention::Centro),
+                ("auto", KrlConvention::Auto),
+            ],
+        )?,
+        strategy: settings.word(
+            "strategy",
+            "position, cartesian-impedance or joint-impedance, which is asked for in monitor mode, or leave it out",
+            usual.strategy,
+            &[
+                ("position", Some(ControlMode::Position)),
+                ("cartesian-impedance", Some(ControlMode::CartesianImpedance)),
+                ("joint-impedance", Some(ControlMode::JointImpedance)),
+            ],
+        )?,
+        quality_min: settings.word(
+            "quality_min",
+            "bad, ok or perfect",
+            usual.quality_min,
+            &[
+                ("bad", Quality::Bad),
+                ("ok", Quality::Ok),
+                ("perfect", Quality::Perfect),
+            ],
+        )?,
+        header: settings.word(
+            "header",
+            "exact, or sparse for a controller that leaves datagramId and packetSize 0",
+            usual.header,
+            &[("exact", HeaderRule::Exact), ("sparse", HeaderRule::Sparse)],
+        )?,
+        period_tolerance: settings.read(
+            "period_tolerance",
+            "the greatest deviation of the controller's sample time from its mean, from 0 to 0.9, such as 0.2",
+            Some(usual.period_tolerance),
+            |value| value.as_f64().filter(|part| (0.0..=0.9).contains(part)),
+        )?,
+    })
 }
 
 fn is_pause(error: &io::Error) -> bool {

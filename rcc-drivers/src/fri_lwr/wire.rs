@@ -87,6 +87,15 @@ pub enum WireError {
     },
 }
 
+/// What identity and `packetSize` of a header must be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeaderRule {
+    /// Those of the datagram.
+    Exact,
+    /// Those of the datagram, or 0: some controllers do not fill them in. The size still tells the layout.
+    Sparse,
+}
+
 /// One row of a layout: position and type of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
@@ -244,7 +253,15 @@ macro_rules! datagram {
             /// # Errors
             /// Returns an error for a wrong size, identity or `packetSize`, or an undefined value of an enumeration.
             pub fn decode(bytes: &[u8]) -> Result<Self, WireError> {
-                check_frame(bytes, $title, $size, $id)?;
+                Self::decode_as(bytes, HeaderRule::Exact)
+            }
+
+            /// As `decode`, with a rule for the header.
+            ///
+            /// # Errors
+            /// As `decode`.
+            pub fn decode_as(bytes: &[u8], rule: HeaderRule) -> Result<Self, WireError> {
+                check_frame(bytes, $title, ($size, $id), rule)?;
                 Ok(Self {
                     send_sequence: get(bytes, 0, "send_sequence")?,
                     reflected_sequence: get(bytes, 2, "reflected_sequence")?,
@@ -402,9 +419,10 @@ fn get<T: WireValue>(bytes: &[u8], offset: usize, field: &'static str) -> Result
 fn check_frame(
     bytes: &[u8],
     datagram: &'static str,
-    size: usize,
-    id: u16,
+    (size, id): (usize, u16),
+    rule: HeaderRule,
 ) -> Result<(), WireError> {
+    let unfilled = |have: u16| have == 0 && rule == HeaderRule::Sparse;
     if bytes.len() != size {
         return Err(WireError::Size {
             datagram,
@@ -413,7 +431,7 @@ fn check_frame(
         });
     }
     let have = get::<u16>(bytes, 6, "datagram_id")?;
-    if have != id {
+    if have != id && !unfilled(have) {
         return Err(WireError::Identity {
             datagram,
             want: id,
@@ -421,7 +439,7 @@ fn check_frame(
         });
     }
     let (want, have) = (size as u16, get::<u16>(bytes, 4, "packet_size")?);
-    if have != want {
+    if have != want && !unfilled(have) {
         return Err(WireError::PacketSize {
             datagram,
             want,

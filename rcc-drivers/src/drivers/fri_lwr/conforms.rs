@@ -112,6 +112,10 @@ impl Subject for Controller {
         ("krl", "\"last-app\""),
         ("quality_min", "\"unacceptable\""),
         ("quality_min", "3"),
+        ("strategy", "\"torque\""),
+        ("header", "\"none\""),
+        ("period_tolerance", "-0.1"),
+        ("period_tolerance", "1"),
     ];
     const BAD_ADDRESSES: &'static [(ChannelKind, &'static str)] = &[
         (DigitalInput, "0"),
@@ -119,7 +123,11 @@ impl Subject for Controller {
         (DigitalOutput, "0"),
         (DigitalOutput, "17"),
         (AnalogInput, "17"),
+        (AnalogInput, "\"int 17\""),
+        (AnalogInput, "\"gravity 8\""),
+        (AnalogInput, "\"jacobian w 1\""),
         (AnalogOutput, "17"),
+        (AnalogOutput, "\"gravity 1\""),
     ];
 
     fn start() -> Self {

@@ -8,9 +8,10 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use serde_json::{Value, json};
 
 use super::peer::Peer;
+use super::plausibility::Doubt;
 use crate::driver::LinkDiagnosis;
 use crate::fri_lwr::wire::{
-    FriControlStrategy, MeasurementDatagram, Quality, SessionState, WireError,
+    FriControlStrategy, HeaderRule, MeasurementDatagram, Quality, SessionState, WireError,
 };
 
 /// A larger step of the sequence number is a restart of the controller, not a loss of datagrams.
@@ -21,6 +22,7 @@ const GAP_MAX: u16 = 1000;
 pub struct FriCounters {
     listen: SocketAddr,
     peer: Option<Peer>,
+    header: HeaderRule,
     /// Packed address of the controller that is answered; 0 = none.
     controller: AtomicU64,
     datagrams: AtomicU64,
@@ -36,6 +38,10 @@ pub struct FriCounters {
     wrong_identity_last: AtomicU32,
     malformed: AtomicU64,
     disordered: AtomicU64,
+    /// Datagrams that waited for the next one to confirm them.
+    doubted: AtomicU64,
+    /// Index of the last doubt in [`Doubt::ALL`].
+    doubt_last: AtomicU32,
     sequence: AtomicU32,
     gaps: AtomicU64,
     gaps_datagrams: AtomicU64,
@@ -68,11 +74,12 @@ struct DatagramStatistics {
 impl FriCounters {
     /// Counters of a socket that is bound to `listen` and answers only `peer`, if given.
     #[must_use]
-    pub fn new(listen: SocketAddr, peer: Option<Peer>) -> Self {
+    pub fn new(listen: SocketAddr, peer: Option<Peer>, header: HeaderRule) -> Self {
         let none = AtomicU64::default;
         Self {
             listen,
             peer,
+            header,
             controller: none(),
             datagrams: none(),
             accepted: none(),
@@ -85,6 +92,8 @@ impl FriCounters {
             wrong_identity_last: AtomicU32::default(),
             malformed: none(),
             disordered: none(),
+            doubted: none(),
+            doubt_last: AtomicU32::default(),
             sequence: AtomicU32::new(u32::MAX),
             gaps: none(),
             gaps_datagrams: none(),
@@ -106,11 +115,15 @@ impl FriCounters {
         self.foreign_last.store(packed(source), Relaxed);
     }
 
-    /// Counts a datagram that was refused.
-    pub fn refused(&self, bytes: &[u8], source: SocketAddr) {
+    /// Counts a datagram that was refused; `doubt` says why it was not believed.
+    pub fn refused(&self, bytes: &[u8], source: SocketAddr, doubt: Option<Doubt>) {
         self.datagrams.fetch_add(1, Relaxed);
         self.controller.store(packed(source), Relaxed);
-        match MeasurementDatagram::decode(bytes) {
+        if let Some(index) = doubt.and_then(place) {
+            self.doubted.fetch_add(1, Relaxed);
+            self.doubt_last.store(index, Relaxed);
+        }
+        match MeasurementDatagram::decode_as(bytes, self.header) {
             Err(WireError::Size { .. }) => {
                 self.wrong_size.fetch_add(1, Relaxed);
                 self.wrong_size_last.store(bytes.len() as u64, Relaxed);
@@ -201,6 +214,8 @@ impl LinkDiagnosis for FriCounters {
             "wrong_identity_last": self.wrong_identity_last.load(Relaxed),
             "malformed": number(&self.malformed),
             "disordered": number(&self.disordered),
+            "doubted": number(&self.doubted),
+            "doubt_last": (number(&self.doubted) > 0).then(|| words(self.doubt_last.load(Relaxed))),
             "gaps": number(&self.gaps),
             "gaps_datagrams": number(&self.gaps_datagrams),
             // The maximum since the last call, and the maximum since the start.
@@ -269,6 +284,19 @@ impl DatagramStatistics {
     }
 }
 
+/// Returns the index of a doubt in [`Doubt::ALL`].
+fn place(doubt: Doubt) -> Option<u32> {
+    let mut rows = (0..).zip(Doubt::ALL);
+    rows.find(|(_, row)| row.0 == doubt).map(|(index, _)| index)
+}
+
+fn words(index: u32) -> &'static str {
+    let row = usize::try_from(index)
+        .ok()
+        .and_then(|index| Doubt::ALL.get(index));
+    row.map_or("", |row| row.1)
+}
+
 /// Packs an address into 48 bits; FRI 1.0 uses IPv4 only.
 fn packed(address: SocketAddr) -> u64 {
     match address {
@@ -314,12 +342,12 @@ mod tests {
 
     #[test]
     fn refused_datagrams_are_counted_by_cause() {
-        let counters = FriCounters::new(at(1), None);
-        counters.refused(b"hello", at(2));
+        let counters = FriCounters::new(at(1), None, HeaderRule::Exact);
+        counters.refused(b"hello", at(2), None);
         let mut other = measured(1).encode();
         other[6] = 9;
-        counters.refused(&other, at(2));
-        counters.refused(&measured(1).encode(), at(2));
+        counters.refused(&other, at(2), None);
+        counters.refused(&measured(1).encode(), at(2), Some(Doubt::Period));
         counters.foreign(at(3));
         let link = counters.link();
         assert_eq!(
@@ -336,12 +364,15 @@ mod tests {
             (&1.into(), &1.into())
         );
         assert_eq!(link["foreign_last"], "127.0.0.1:3");
+        assert_eq!(link["doubted"], 1);
+        let doubt = link["doubt_last"].as_str().expect("words");
+        assert!(doubt.contains("settings.period_tolerance"), "{doubt}");
         assert!(link["wire"].is_null() && MSR_SIZE == 916);
     }
 
     #[test]
     fn gaps_intervals_and_answers_are_measured() {
-        let counters = FriCounters::new(at(1), None);
+        let counters = FriCounters::new(at(1), None, HeaderRule::Exact);
         for (sequence, now_ns) in [(65_534, 1_000_000), (65_535, 2_000_000), (2, 5_000_000)] {
             counters.accepted(now_ns, at(2), &measured(sequence));
             counters.answered(now_ns + 30_000);

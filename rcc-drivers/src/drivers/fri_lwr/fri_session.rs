@@ -4,18 +4,19 @@
 //! In monitor state, and in the first cycles of command state, every answer repeats (mirrors) the controller's own
 //! position: otherwise it refuses to enter command state.
 
-use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_config::DeviceConfig;
 use rcc_core::impedance::ControlMode;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
+use super::handshake::{KrlConvention, Wish};
+use super::plausibility::{Doubt, PeriodMean, changed, has_power};
 use super::strategy::StrategyEncoder;
+use super::variables::{KrlChannel, Variable, krl_channels};
 use super::{DRIVES_OFF, ENTERING, MONITORING, POSE, QUALITY, STRATEGY};
-use crate::driver::{
-    DriverError, Exchange, Inputs, Outputs, channel_error, channels, to_raw, to_si,
-};
+use crate::driver::{DriverError, Exchange, Inputs, Outputs, channel_error, to_raw, to_si};
 use crate::fri_lwr::wire::{
-    CMD_SIZE, CommandDatagram, FriControlStrategy, JOINTS, KrlBlock, MeasurementDatagram, Quality,
+    CMD_SIZE, CommandDatagram, HeaderRule, JOINTS, KrlBlock, MeasurementDatagram, Quality,
     SessionState,
 };
 
@@ -30,34 +31,38 @@ const GAP_MAX: u16 = 10;
 const STILL_RAD: f64 = 1e-5;
 /// Largest change of the controller's position from one datagram to the next in any state, rad.
 const NEAR_RAD: f64 = 0.01;
-/// Value of `$FRI_FRM_INT[1]` that leaves command mode, as in KUKA's first sample.
-const LEAVE: i32 = 0;
-/// Value of `$FRI_FRM_INT[1]`: the PC is present, but the connection quality is still too low.
-const PRESENT: i32 = 1;
-/// Value of `$FRI_FRM_INT[1]` that requests command mode.
-const ENTER: i32 = 10;
-
-/// Convention between the PC and the KRL program for entering command mode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum KrlConvention {
-    /// KUKA's first sample: `$FRI_FRM_INT[1]` is 1, then 10 to request command mode; 0 leaves it.
-    FirstApp,
-    /// The KRL program alone decides.
-    Auto,
+/// What a device's settings say about the dialogue.
+#[derive(Clone, Copy, Debug)]
+pub struct SessionSettings {
+    /// Convention of the KRL program.
+    pub krl: KrlConvention,
+    /// Strategy that is asked for; `None`: the KRL program's own.
+    pub strategy: Option<ControlMode>,
+    /// Lowest connection quality at which command mode is requested.
+    pub quality_min: Quality,
+    /// What a header must contain.
+    pub header: HeaderRule,
+    /// Greatest deviation of the sample time from its mean in command state, as a fraction.
+    pub period_tolerance: f64,
 }
 
-/// A channel and the number of its KRL variable, from 1.
-#[derive(Clone, Debug)]
-struct KrlChannel {
-    number: usize,
-    config: ChannelConfig,
+impl Default for SessionSettings {
+    fn default() -> Self {
+        Self {
+            krl: KrlConvention::FirstApp,
+            strategy: None,
+            quality_min: Quality::Ok,
+            header: HeaderRule::Exact,
+            period_tolerance: 0.2,
+        }
+    }
 }
 
 /// State of the FRI dialogue with one controller.
 #[derive(Clone, Debug)]
 pub struct FriSession {
-    script: KrlConvention,
-    quality_min: Quality,
+    settings: SessionSettings,
+    period: PeriodMean,
     strategies: StrategyEncoder,
     /// By kind: digital in, digital out, analog in, analog out.
     channels: [Vec<KrlChannel>; 4],
@@ -71,7 +76,7 @@ pub struct FriSession {
     releasing: bool,
     refused: u64,
     /// A datagram that contradicts the present command state; accepted once the next one confirms it.
-    unconfirmed: Option<MeasurementDatagram>,
+    unconfirmed: Option<(MeasurementDatagram, Doubt)>,
     /// Missed answers counted by earlier controllers, minus the count with which the present one started.
     missed_before: i64,
 }
@@ -81,11 +86,7 @@ impl FriSession {
     ///
     /// # Errors
     /// Returns an error if the device's robot does not have 7 joints, or if a channel's address is not a KRL variable.
-    pub fn new(
-        device: &DeviceConfig,
-        script: KrlConvention,
-        quality_min: Quality,
-    ) -> Result<Self, DriverError> {
+    pub fn new(device: &DeviceConfig, settings: SessionSettings) -> Result<Self, DriverError> {
         if device.robot.as_ref().map(|robot| robot.joints.len()) != Some(JOINTS) {
             return Err(DriverError::Robot {
                 device: device.name.clone(),
@@ -93,15 +94,17 @@ impl FriSession {
             });
         }
         let of = |kind| krl_channels(device, kind);
+        let analog_outputs = of(ChannelKind::AnalogOutput)?;
+        refuse_handshake_variables(device, &settings, &analog_outputs)?;
         Ok(Self {
-            script,
-            quality_min,
+            settings,
+            period: PeriodMean::new(settings.period_tolerance),
             strategies: StrategyEncoder::of(device),
             channels: [
                 of(ChannelKind::DigitalInput)?,
                 of(ChannelKind::DigitalOutput)?,
                 of(ChannelKind::AnalogInput)?,
-                of(ChannelKind::AnalogOutput)?,
+                analog_outputs,
             ],
             measured: MeasurementDatagram::default(),
             last_sequence: None,
@@ -118,7 +121,7 @@ impl FriSession {
 
     /// Processes a datagram from the controller; returns false if it is refused (size, identity, order, values).
     pub fn accept(&mut self, bytes: &[u8]) -> bool {
-        let Ok(measured) = MeasurementDatagram::decode(bytes) else {
+        let Ok(measured) = MeasurementDatagram::decode_as(bytes, self.settings.header) else {
             self.refuse();
             return false;
         };
@@ -139,12 +142,15 @@ impl FriSession {
             }
             self.reset();
         }
-        if self.is_implausible(&measured, ticks) && !self.is_confirmed_by(&measured) {
+        if let Some(doubt) = self.doubt_about(&measured, ticks)
+            && !self.is_confirmed_by(&measured)
+        {
             self.refuse();
-            self.unconfirmed = Some(measured);
+            self.unconfirmed = Some((measured, doubt));
             return false;
         }
         self.unconfirmed = None;
+        self.period.take(measured.measurement_period);
         let misses = i64::from(measured.miss_count);
         if self.last_sequence.is_none() {
             self.missed_before += i64::from(self.measured.miss_count) - misses;
@@ -168,29 +174,41 @@ impl FriSession {
         true
     }
 
-    /// Returns true if a datagram must be confirmed by the next one. FRI has no checksum: in command state, a single
-    /// datagram must neither end that state, nor change the period, nor move the mirrored position, nor skip many
-    /// sequence numbers.
-    fn is_implausible(&self, measured: &MeasurementDatagram, ticks: u16) -> bool {
-        let commanded =
-            self.measured.state == SessionState::Command && self.last_sequence.is_some();
+    /// Returns why a datagram must be confirmed by the next one. FRI has no checksum: in command state, a single datagram
+    /// must neither end that state, nor change the period, nor move the mirrored position, nor skip many sequence numbers.
+    fn doubt_about(&self, measured: &MeasurementDatagram, ticks: u16) -> Option<Doubt> {
+        if self.measured.state != SessionState::Command || self.last_sequence.is_none() {
+            return None;
+        }
         let mirrored = self.commanding <= ENTRY_CYCLES;
-        commanded
-            && (mode(measured) != mode(&self.measured)
-                || ticks > GAP_MAX
-                || (mirrored && !is_near(measured, &self.measured, STILL_RAD)))
+        let agrees = self.period.agrees(measured.measurement_period);
+        match () {
+            () if ticks > GAP_MAX => Some(Doubt::Gap),
+            () if mirrored && !is_near(measured, &self.measured, STILL_RAD) => {
+                Some(Doubt::Position)
+            }
+            () => changed(&self.measured, measured, agrees),
+        }
     }
 
     /// Returns true if the previous datagram is unconfirmed and this one agrees with it.
     fn is_confirmed_by(&self, measured: &MeasurementDatagram) -> bool {
-        self.unconfirmed.is_some_and(|unconfirmed| {
+        self.unconfirmed.as_ref().is_some_and(|(unconfirmed, _)| {
             let ticks = measured
                 .send_sequence
                 .wrapping_sub(unconfirmed.send_sequence);
-            mode(&unconfirmed) == mode(measured)
+            let periods = [unconfirmed, measured].map(|datagram| datagram.measurement_period);
+            let alike = self.period.are_alike(periods[0], periods[1]);
+            changed(unconfirmed, measured, alike).is_none()
                 && (1..=GAP_MAX).contains(&ticks)
-                && is_near(&unconfirmed, measured, NEAR_RAD)
+                && is_near(unconfirmed, measured, NEAR_RAD)
         })
+    }
+
+    /// Returns why the last datagram was not believed, if that is why it was refused.
+    #[must_use]
+    pub fn doubt(&self) -> Option<Doubt> {
+        self.unconfirmed.as_ref().map(|(_, doubt)| *doubt)
     }
 
     /// Returns the last accepted datagram.
@@ -222,14 +240,13 @@ impl FriSession {
         let MeasurementDatagram {
             quality,
             miss_count,
-            measurement_period,
             ..
         } = self.measured;
         self.fill(inputs);
         let reason = self.reason();
         let commandable = self.is_commandable();
         // Rounded to whole microseconds, since the wire has binary32.
-        let period_us = (f64::from(measurement_period) * 1e6).round();
+        let period_us = (self.period.mean_s() * 1e6).round();
         let known = (100.0..=1e6).contains(&period_us);
         Exchange {
             commandable,
@@ -281,20 +298,24 @@ impl FriSession {
         let [_, digital, _, analog] = &self.channels;
         for (channel, index) in digital.iter().zip(0..) {
             let on = (outputs.digital & outputs.digital_set) >> index & 1 == 1;
-            krl.set_boolean(channel.number, on);
-        }
-        for (channel, value) in analog.iter().zip(outputs.analog) {
-            if let (Some(place), true) = (krl.reals.get_mut(channel.number - 1), value.is_finite())
-            {
-                *place = to_raw(&channel.config, value) as f32;
+            if let Variable::Boolean(number) = channel.variable {
+                krl.set_boolean(number, on);
             }
         }
-        krl.integers[0] = match self.script {
-            KrlConvention::Auto => 0,
-            KrlConvention::FirstApp if self.releasing => LEAVE,
-            KrlConvention::FirstApp if self.measured.quality < self.quality_min => PRESENT,
-            KrlConvention::FirstApp => ENTER,
-        };
+        for (channel, value) in analog.iter().zip(outputs.analog) {
+            if value.is_finite() {
+                write_number(&mut krl, channel.variable, to_raw(&channel.config, value));
+            }
+        }
+        if let Some(handshake) = self.settings.krl.handshake() {
+            let default = handshake.needs_strategy.then_some(ControlMode::Position);
+            let wish = match () {
+                () if self.releasing => Wish::Stop,
+                () if self.measured.quality < self.settings.quality_min => Wish::Present,
+                () => Wish::Start,
+            };
+            handshake.write(&mut krl, wish, self.settings.strategy.or(default));
+        }
         krl
     }
 
@@ -330,7 +351,7 @@ impl FriSession {
         match () {
             () if !self.has_power() => DRIVES_OFF,
             () if self.strategy_reason() != 0 => self.strategy_reason(),
-            () if measured.quality < self.quality_min => QUALITY,
+            () if measured.quality < self.settings.quality_min => QUALITY,
             () if measured.state != SessionState::Command => MONITORING,
             () if self.commanding <= ENTRY_CYCLES => ENTERING,
             () => 0,
@@ -349,20 +370,18 @@ impl FriSession {
         inputs.digital = 0;
         inputs.digital_known = 0;
         for (channel, index) in digital.iter().zip(0..) {
-            if let Some(on) = measured.krl.boolean(channel.number) {
+            if let Variable::Boolean(number) = channel.variable
+                && let Some(on) = measured.krl.boolean(number)
+            {
                 inputs.digital |= u64::from(on) << index;
                 inputs.digital_known |= 1 << index;
             }
         }
         for (channel, place) in analog.iter().zip(&mut inputs.analog) {
-            let raw = measured.krl.reals.get(channel.number - 1);
-            *place = raw.map_or(f64::NAN, |raw| to_si(&channel.config, f64::from(*raw)));
+            let raw = channel.variable.raw(measured);
+            *place = raw.map_or(f64::NAN, |raw| to_si(&channel.config, raw));
         }
     }
-}
-
-fn has_power(measured: &MeasurementDatagram) -> bool {
-    measured.power != 0 && measured.error == 0
 }
 
 /// Returns the position at which the controller holds the joints, rad: its own position plus FRI's offset.
@@ -381,16 +400,6 @@ fn is_near(one: &MeasurementDatagram, other: &MeasurementDatagram, bound_rad: f6
     pairs
         .into_iter()
         .all(|(one, other)| (one - other).abs() <= bound_rad)
-}
-
-/// Returns the fields that do not change while the controller commands.
-fn mode(measured: &MeasurementDatagram) -> (SessionState, FriControlStrategy, bool, u32) {
-    (
-        measured.state,
-        measured.control,
-        has_power(measured),
-        measured.measurement_period.to_bits(),
-    )
 }
 
 fn widen(to: &mut Joints, from: &[f32; JOINTS]) {
@@ -412,27 +421,40 @@ fn is_finite(measured: &MeasurementDatagram) -> bool {
         .all(|value| value.is_finite())
 }
 
-fn krl_channels(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<KrlChannel>, DriverError> {
-    let expected = "the number of a KRL variable, 1 to 16, that no other channel of this kind has";
-    let mut found: Vec<KrlChannel> = Vec::new();
-    for channel in channels(device, kind) {
-        let number = channel
-            .address
-            .as_u64()
-            .and_then(|number| usize::try_from(number).ok())
-            .filter(|number| (1..=16).contains(number));
-        let number = number.ok_or_else(|| {
-            let cause = format!("KRL variable {} does not exist", channel.address);
-            channel_error(device, channel, cause, expected)
-        })?;
-        if let Some(other) = found.iter().find(|other| other.number == number) {
-            let cause = format!("number {number} is already used by '{}'", other.config.name);
-            return Err(channel_error(device, channel, cause, expected));
+/// Writes the raw value of an analog output; a KRL integer is rounded, and its range was checked at start.
+fn write_number(krl: &mut KrlBlock, variable: Variable, raw: f64) {
+    match variable {
+        Variable::Real(number) => {
+            if let Some(place) = krl.reals.get_mut(number - 1) {
+                *place = raw as f32;
+            }
         }
-        found.push(KrlChannel {
-            number,
-            config: channel.clone(),
-        });
+        Variable::Integer(number) => {
+            if let Some(place) = krl.integers.get_mut(number - 1) {
+                *place = raw.round() as i32;
+            }
+        }
+        Variable::Boolean(_) | Variable::Model(..) => {}
     }
-    Ok(found)
+}
+
+/// Refuses outputs whose integers the handshake writes.
+fn refuse_handshake_variables(
+    device: &DeviceConfig,
+    settings: &SessionSettings,
+    outputs: &[KrlChannel],
+) -> Result<(), DriverError> {
+    let Some(handshake) = settings.krl.handshake() else {
+        return Ok(());
+    };
+    let own = [handshake.request, handshake.strategy].map(Variable::Integer);
+    let Some(taken) = outputs.iter().find(|output| own.contains(&output.variable)) else {
+        return Ok(());
+    };
+    let cause = format!(
+        "{} belongs to the handshake of settings.krl",
+        taken.config.address
+    );
+    let expected = "an integer that the handshake does not write, or `krl: auto`";
+    Err(channel_error(device, &taken.config, cause, expected))
 }

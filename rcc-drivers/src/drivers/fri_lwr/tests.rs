@@ -1,5 +1,6 @@
 //! The driver against the simulated controller: in virtual time without a socket, and over a socket.
 
+mod dialogue;
 mod impedance;
 
 use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, Measurement, SetPoint};
@@ -40,7 +41,7 @@ impl FriFixture {
         let device = lwr();
         Self {
             krc: krc(),
-            fri: FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok).expect("7 joints"),
+            fri: FriSession::new(&device, SessionSettings::default()).expect("7 joints"),
             session: DeviceSession::new(&device, 0),
             image: CommandImage::new(1, MS),
             now_ns: 0,
@@ -250,7 +251,7 @@ fn a_driver_that_ends_at_any_moment_leaves_the_controller_in_monitor_state_witho
 }
 
 fn session() -> FriSession {
-    FriSession::new(&lwr(), KrlConvention::FirstApp, Quality::Ok).expect("7 joints")
+    FriSession::new(&lwr(), SessionSettings::default()).expect("7 joints")
 }
 
 fn measurement(sequence: u16) -> MeasurementDatagram {

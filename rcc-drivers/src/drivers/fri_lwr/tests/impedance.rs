@@ -210,7 +210,7 @@ fn without_limits_of_impedance_the_device_is_not_ready_in_it() {
     let robot = device.robot.as_mut().expect("an arm");
     robot.impedance = None;
     let mut bench = FriFixture::new();
-    bench.fri = FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok).expect("7 joints");
+    bench.fri = FriSession::new(&device, SessionSettings::default()).expect("7 joints");
     bench.session = DeviceSession::new(&device, 0);
     bench.krc = Krc::new(KrcSettings {
         strategy: CARTESIAN,
