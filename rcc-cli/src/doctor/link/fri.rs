@@ -266,6 +266,10 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
                 format!("datagrams have the identity {id:#06x}: commands, which a PC sends"),
                 "stop the other PC program that sends here; the controller sends measurements",
             ),
+            0 => fails(
+                "the sender leaves the identity of its header 0".to_owned(),
+                "set `header: sparse` in the device's settings, if that is the controller: then 916 bytes are enough",
+            ),
             _ => fails(
                 format!("datagrams have the identity {id:#06x}; FRI 1.0 uses {MEASUREMENT:#06x}"),
                 "install KUKA.FRI 1.0 on the controller, which runs another version",
@@ -309,6 +313,17 @@ fn order(facts: &LinkFacts) -> Option<HealthFinding> {
             "datagrams are repeated, out of order, or hold no numbers",
             fix,
         ));
+    }
+    if let (Some(doubt), true) = (
+        facts.link()["doubt_last"].as_str(),
+        facts.grown("doubted") > 0,
+    ) {
+        let doubted = Counted(facts.grown("doubted"), "datagram");
+        let what =
+            format!("{doubted} waited for the next one to confirm them; the last, because {doubt}");
+        let fix = "if the controller behaves so by itself, widen the setting that is named; if not, look for another sender \
+                   or a device in between that changes datagrams";
+        return Some(HealthFinding::warn(what, fix));
     }
     if disordered + lost > 0 {
         let what = format!(

@@ -144,6 +144,12 @@ pub(super) fn session(facts: &LinkFacts) -> Option<HealthFinding> {
                 Some("auto") => {
                     "the KRL program calls friStart itself: start it, and check where it waits"
                 }
+                Some("stanford") => {
+                    "start the KRL program; it must call friStart(1.0) when $FRI_FRM_INT[16] becomes 10"
+                }
+                Some("centro") => {
+                    "start the KRL program; it must call friStart(1.0) when $FRI_FRM_INT[2] becomes 1"
+                }
                 _ => {
                     "start the KRL program; it must call friStart(1.0) when $FRI_FRM_INT[1] becomes 10"
                 }

@@ -138,6 +138,19 @@ fn the_interface_must_have_the_address_be_up_and_share_the_subnet() {
 }
 
 #[test]
+fn a_sparse_header_and_a_doubt_are_told_with_their_settings() {
+    let unfilled = json!({"accepted": 0, "wrong_identity": 5000, "wrong_identity_last": 0});
+    assert_fails(&heard(unfilled), "version", &["identity", "header: sparse"]);
+    let doubt = "the sample time differed from its mean by more than settings.period_tolerance";
+    let report = LinkReport::of(&running(json!({"doubted": 3, "doubt_last": doubt})));
+    let told = report.human();
+    assert!(
+        report.failed.is_none() && told.contains("period_tolerance"),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_port_in_use_names_its_holder() {
     let mut facts = heard(json!({}));
     facts.probe = Some(json!({"opened": false, "error": "…", "errno": nix::libc::EADDRINUSE}));
