@@ -257,3 +257,76 @@ fn an_invalid_pose_is_not_commanded() {
     let exchange = session.exchange(&mut Inputs::NONE.clone());
     assert_eq!((exchange.commandable, exchange.reason), (false, POSE));
 }
+
+/// Returns a bench whose arm has been pressed for 4 s into a wall that stands 5 mm behind the commanded flange, with its
+/// normal along `axis`.
+fn pressed(strategy: KrlStrategy, impedance: Impedance, axis: usize) -> FriFixture {
+    let mut bench = bench(strategy);
+    let hold = bench.measured().hold;
+    let flange = lwr().model().arm.expect("kinematics").forward(&hold);
+    let mut normal = [0.0; 3];
+    normal[axis] = 1.0;
+    let mut point = flange.position;
+    point[axis] += 0.005;
+    let wall = serde_json::json!({
+        "wall": {"point": point, "normal": normal, "stiffness": 5000, "damping": 100}
+    });
+    let wall = serde_json::from_value(wall).expect("a command");
+    bench.krc.execute(wall).expect("a wall");
+    let entry = held(1, &bench, impedance);
+    (0..4000).for_each(|_| bench.cycle(entry));
+    assert_eq!((bench.faults(), bench.state()), (0, DeviceState::Commanded));
+    bench
+}
+
+/// Asserts that force / displacement is the commanded stiffness within 2 %.
+fn assert_stiffness(force: f64, displacement: f64, commanded: f64) {
+    let shown = force / displacement;
+    let words = format!("{shown} instead of {commanded}: {force} over {displacement}");
+    assert!((shown - commanded).abs() <= 0.02 * commanded, "{words}");
+}
+
+#[test]
+fn against_a_wall_the_arm_shows_the_cartesian_stiffness_that_was_commanded() {
+    for axis in 0..3 {
+        for stiffness in [200.0, 1000.0, 4000.0] {
+            let mut impedance = Impedance {
+                added: Impedance::NONE.added,
+                damping: [0.7; JOINTS_MAX],
+                ..soft()
+            };
+            (impedance.damping[6], impedance.damping[7]) = (0.0, 0.0);
+            impedance.stiffness[axis] = stiffness;
+            let bench = pressed(CARTESIAN, impedance, axis);
+            let arm = lwr().model().arm.expect("kinematics");
+            let at = |joints: &Joints| arm.forward(joints).position[axis];
+            let measured = bench.measured();
+            let displacement = at(&measured.position) - at(&measured.hold);
+            assert!(displacement > 1e-3);
+            assert_stiffness(measured.wrench[axis], displacement, stiffness);
+        }
+    }
+}
+
+#[test]
+fn against_a_wall_each_joint_shows_the_stiffness_that_was_commanded() {
+    let impedance = Impedance {
+        added: Impedance::NONE.added,
+        damping: [0.7, 0.7, 0.7, 0.7, 0.7, 0.7, 0.7, 0.0],
+        ..joints()
+    };
+    for axis in 0..3 {
+        let bench = pressed(JOINT, impedance, axis);
+        let measured = bench.measured();
+        let mut loaded = 0;
+        for joint in 0..7 {
+            let torque = measured.external_torque[joint];
+            if torque.abs() > 0.2 {
+                let displacement = measured.position[joint] - measured.hold[joint];
+                assert_stiffness(torque, displacement, impedance.stiffness[joint]);
+                loaded += 1;
+            }
+        }
+        assert!(loaded > 0, "axis {axis}");
+    }
+}
