@@ -7,7 +7,7 @@ use rcc_api::compile::findings;
 use rcc_directionet::{NOTATION, compiler};
 use rcc_language::devices::DeviceTable;
 use rcc_language::parse::parse;
-use rcc_language::{Faults, write};
+use rcc_language::{Faults, formula, write};
 
 use crate::context::Context;
 use crate::failure::{Failure, draw};
@@ -74,6 +74,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         NetFormat::Yaml => Some(write::yaml(&net)),
         NetFormat::Json => Some(write::json(&net)),
         NetFormat::Directionet => {
+            let mut net = net;
+            formula::lower_alone(&mut net, &text, &name, &mut faults);
             rcc_directionet::write::text(&net, &compiled.names, &cell, &mut faults)
         }
     });

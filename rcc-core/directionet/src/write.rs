@@ -334,7 +334,8 @@ impl TextWriter<'_, '_> {
                 self.refuse(literal.span, "a constant array".to_string());
                 String::new()
             }
-            Source::Refused => String::new(),
+            // The formula pass has replaced every formula.
+            Source::Formula(_) | Source::Refused => String::new(),
         }
     }
 

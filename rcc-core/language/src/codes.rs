@@ -45,6 +45,8 @@ descriptions! {
         "divide all four elements by the length";
     DUPLICATE_FRAGMENT = "RCC1107", "Two fragments have the same name.",
         "rename one of the two";
+    BAD_FORMULA = "RCC1108", "A formula cannot be read.",
+        "docs/formulas.md has the notation of formulas";
     UNKNOWN_TYPE = "RCC1201", "A primitive has an unknown type.",
         "`rcc-cli primitives` lists all types";
     UNKNOWN_PRIMITIVE = "RCC1202", "A link names a primitive that the net does not have.",
@@ -69,6 +71,8 @@ descriptions! {
         "the path is relative to the file that names it";
     NO_SUCH_PARAMETER = "RCC1212", "A constant names a parameter that no fragment around it has.",
         "add it to the `parameters` of the fragment, or write the value";
+    UNKNOWN_FUNCTION = "RCC1213", "A formula calls a function that does not exist.",
+        "docs/formulas.md lists the functions; what has a memory or parameters is a primitive of its own";
     MISSING_PARAMETER = "RCC1301", "A required parameter is missing.",
         "add it under `parameters`";
     OUT_OF_RANGE = "RCC1302", "A parameter, or a constant at an input, is out of range.",
@@ -99,7 +103,7 @@ descriptions! {
         "add `initial:` to the delayed link";
     LOOP_STAYS_NULL = "RCC1407", "A loop could never recover from null.",
         "insert an OrElse into the loop, so that it gets a value again";
-    NOT_USED = "RCC1408", "A parameter or input of a fragment is not used in it.",
+    NOT_USED = "RCC1408", "A parameter or input of a fragment, or an input of a formula, is not used in it.",
         "use it, or remove it";
     RECURSIVE_FRAGMENT = "RCC1409", "A fragment contains itself.",
         "remove one of the instances";

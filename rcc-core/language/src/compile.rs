@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`parse`](mod@crate::parse) | [`Net`](crate::syntax::Net): the text as a tree |
 //! | [`library`](crate::library) | the fragments of the libraries that it names |
+//! | [`formula`](mod@crate::formula) | primitives instead of expressions |
 //! | [`expand`](mod@crate::expand) | [`ExpandedNet`](crate::expand::ExpandedNet): primitives instead of instances |
 //! | [`resolve`](mod@crate::resolve) | [`NetGraph`](crate::resolve::NetGraph): numbers instead of names |
 //! | [`infer`](mod@crate::infer) | [`Inferred`](crate::infer::Inferred): types and units of all ports |
@@ -19,6 +20,7 @@ use rcc_protocol::control::PlanData;
 use crate::check::check;
 use crate::devices::DeviceTable;
 use crate::expand::expand;
+use crate::formula::{self, PortWords};
 use crate::infer::{Typed, infer};
 use crate::library::{LibrarySource, NoLibraries, read_libraries};
 use crate::lower::{Lowered, lower, prove};
@@ -54,6 +56,13 @@ pub struct Compiled {
     pub warnings: Faults,
 }
 
+/// What diagnostics are made of.
+struct Reports {
+    sources: SourceMap,
+    diagnostics: Vec<Diagnostic>,
+    words: PortWords,
+}
+
 impl<'a> Compiler<'a> {
     /// Compiles for a cell, without libraries and other notations.
     #[must_use]
@@ -69,12 +78,16 @@ impl<'a> Compiler<'a> {
     fn passes<T>(
         self,
         (text, file): (&str, &str),
-        sources: &mut SourceMap,
-        diagnostics: &mut Vec<Diagnostic>,
+        Reports {
+            sources,
+            diagnostics,
+            words,
+        }: &mut Reports,
         inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
     ) -> Option<(Compiled, T)> {
-        let net = parse(text, file, self.cell, self.notations, diagnostics)?;
-        let library = read_libraries(&net.uses, file, self.libraries, sources, diagnostics);
+        let mut net = parse(text, file, self.cell, self.notations, diagnostics)?;
+        let mut library = read_libraries(&net.uses, file, self.libraries, sources, diagnostics);
+        *words = formula::lower(&mut net, &mut library, sources, diagnostics);
         let expanded = expand(net, &library, sources, diagnostics)?;
         let graph = resolve(&expanded, self.cell, diagnostics);
         let typed = Typed {
@@ -88,6 +101,7 @@ impl<'a> Compiler<'a> {
         let proved = prove(&lowered.plan, self.cell);
         proved.map_err(|error| diagnostics.push(*error)).ok()?;
         let seen = inspect(typed, &lowered);
+        words.put_into(diagnostics);
         let compiled = Compiled {
             names: names(typed, &lowered),
             net: expanded.net.name.name.clone(),
@@ -104,10 +118,16 @@ impl<'a> Compiler<'a> {
         file: &str,
         inspect: impl FnOnce(Typed<'_>, &Lowered) -> T,
     ) -> Result<(Compiled, T), Faults> {
-        let mut sources = SourceMap::new(file, text);
-        let mut diagnostics = Vec::new();
-        let passed = self.passes((text, file), &mut sources, &mut diagnostics, inspect);
-        passed.ok_or_else(|| sources.finish(diagnostics))
+        let mut reports = Reports {
+            sources: SourceMap::new(file, text),
+            diagnostics: Vec::new(),
+            words: PortWords::default(),
+        };
+        let passed = self.passes((text, file), &mut reports, inspect);
+        passed.ok_or_else(|| {
+            reports.words.put_into(&mut reports.diagnostics);
+            reports.sources.finish(reports.diagnostics)
+        })
     }
 
     /// Compiles a text. `file` is the name that diagnostics show, and the path relative to which libraries are looked

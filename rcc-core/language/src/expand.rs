@@ -13,6 +13,7 @@ use rcc_config::diagnostic::Diagnostic;
 use rcc_config::yaml::Key;
 
 use crate::codes;
+use crate::formula::choose_products;
 use crate::source_map::{SourceMap, SpanShift};
 use crate::syntax::fragment::{Fragment, FragmentInput};
 use crate::syntax::literal::{Literal, LiteralShape};
@@ -67,11 +68,12 @@ pub fn expand(
 ) -> Option<ExpandedNet> {
     parameters::refuse_in_timing(&mut net.timing, diagnostics);
     let is_plain = |primitive: &Primitive| {
-        primitive.kind == PrimitiveKind::Type
+        primitive.kind != PrimitiveKind::Fragment
             && primitive.active.is_none()
             && !parameters::any_in(primitive)
     };
     if net.fragments.is_empty() && library.is_empty() && net.primitives.iter().all(is_plain) {
+        choose_products(&mut net.primitives);
         return Some(ExpandedNet::plain(net));
     }
     let bodies = Bodies::of(&net, library, diagnostics);
@@ -107,6 +109,7 @@ pub fn expand(
         return None;
     }
     let mut flat = expander.flat;
+    choose_products(&mut flat.net.primitives);
     if flat.regions.is_empty() {
         flat.region_of.clear();
     }
@@ -121,7 +124,9 @@ impl<'a> Expander<'a, '_> {
             }
             let region = self.region(primitive, body, scope);
             match primitive.kind {
-                PrimitiveKind::Type => self.primitive(primitive, body, scope, region),
+                PrimitiveKind::Type | PrimitiveKind::Product => {
+                    self.primitive(primitive, body, scope, region);
+                }
                 PrimitiveKind::Fragment => self.instance(primitive, body, scope, region),
             }
         }
@@ -217,7 +222,7 @@ impl<'a> Expander<'a, '_> {
         self.flat.declarations.extend(declarations);
         let made = Primitive {
             id: scope.key(&primitive.id),
-            kind: PrimitiveKind::Type,
+            kind: primitive.kind,
             type_name: scope.shift.key(&primitive.type_name),
             parameters,
             inputs,

@@ -12,12 +12,13 @@ use rcc_core::unit::UNIT_NAMES;
 use serde_json::{Map, Value, json};
 
 use crate::devices::DeviceTable;
+use crate::formula::{EXPRESSION, FORMULA};
 
 /// The JSON Schema dialect.
 pub const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
-/// Pattern of a link: an output, one of its elements, or (in a fragment) an input or parameter.
-const REFERENCE: &str = r"^(\$?[A-Za-z][A-Za-z0-9_-]*)(\.[A-Za-z0-9_-]+)*(\[[0-9., ]+\])?$";
+/// Pattern of a link: an output, one of its elements, or (in a fragment) an input or parameter; or a formula, `= …`.
+const REFERENCE: &str = r"^\s*=|^(\$?[A-Za-z][A-Za-z0-9_-]*)(\.[A-Za-z0-9_-]+)*(\[[0-9., ]+\])?$";
 /// Pattern of a parameter of a fragment.
 const PARAMETER: &str = r"^\$";
 const ID: &str = "^[a-z][a-z0-9_]{0,63}$";
@@ -36,6 +37,9 @@ pub fn schema(cell: Option<&DeviceTable>) -> Value {
         let is_it = json!({"properties": {"type": {"const": spec.name}}, "required": ["type"]});
         branches.push(json!({"if": is_it, "then": {"$ref": format!("#/$defs/{}", spec.name)}}));
     }
+    definitions.insert(FORMULA.to_string(), formula());
+    let is_formula = json!({"properties": {"type": {"const": FORMULA}}, "required": ["type"]});
+    branches.push(json!({"if": is_formula, "then": {"$ref": format!("#/$defs/{FORMULA}")}}));
     definitions.insert("primitive".to_string(), any_primitive(branches));
     json!({
         "$schema": DIALECT,
@@ -265,8 +269,10 @@ fn active() -> Value {
 
 /// Returns the schema of an entry of `primitives`; the branch of its type lists its members.
 fn any_primitive(branches: Vec<Value>) -> Value {
-    let names: Vec<&str> = CATALOGUE.iter().map(|entry| entry.spec.name).collect();
-    let about: Vec<&str> = CATALOGUE.iter().map(|entry| entry.spec.summary).collect();
+    let names = CATALOGUE.iter().map(|entry| entry.spec.name);
+    let names: Vec<&str> = names.chain([FORMULA]).collect();
+    let about = CATALOGUE.iter().map(|entry| entry.spec.summary);
+    let about: Vec<&str> = about.chain([ABOUT_FORMULA]).collect();
     json!({
         "type": "object",
         "if": {"required": ["fragment"]},
@@ -280,6 +286,31 @@ fn any_primitive(branches: Vec<Value>) -> Value {
             }},
             "allOf": branches,
         },
+    })
+}
+
+/// What a `Formula` is, in one sentence.
+const ABOUT_FORMULA: &str = "An expression over named inputs and outputs of other primitives.";
+
+fn formula() -> Value {
+    json!({
+        "description": ABOUT_FORMULA,
+        "properties": {
+            "parameters": {
+                "type": "object",
+                "required": [EXPRESSION],
+                "additionalProperties": false,
+                "properties": {EXPRESSION: {
+                    "description": "The expression: `clamp(2 * x, 0 m/s, 1 m/s)`.",
+                    "type": "string",
+                }},
+            },
+            "inputs": {
+                "type": ["object", "null"],
+                "additionalProperties": {"$ref": "#/$defs/source"},
+            },
+        },
+        "required": ["parameters"],
     })
 }
 

@@ -73,6 +73,14 @@ impl SourceMap {
         self.file(span).0
     }
 
+    /// Returns the text at a span that is not in a copy.
+    #[must_use]
+    pub fn text(&self, span: Span) -> Option<&str> {
+        let (number, place) = self.file(span);
+        let (_, source) = self.files.get(number as usize)?;
+        source.text.get(place.start..place.end)
+    }
+
     /// Adds a copy of a fragment for the instance `path` at `site`.
     pub fn copy(&mut self, fragment: &Fragment, path: &str, site: Span) -> SpanShift {
         let base = self.end;

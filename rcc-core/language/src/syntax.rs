@@ -75,6 +75,9 @@ pub enum PrimitiveKind {
     Type,
     /// `fragment: smooth`: a fragment of the net or of a library.
     Fragment,
+    /// `a * b` in a formula: `Multiply` or `Scale`, which is decided when the types are known. It occurs only between the
+    /// formula pass and the end of the expand pass.
+    Product,
 }
 
 /// The source of an input.
@@ -88,6 +91,8 @@ pub enum Source {
     List(List),
     /// Conditions by their names, in the order of the text: `{arrived: move.done, touched: touch.out}`.
     Outcomes(Outcomes),
+    /// An expression: `= 2 * a.out + 0.1 m`. It does not occur after the formula pass.
+    Formula(Formula),
     /// Refused; the error is reported.
     Refused,
 }
@@ -100,7 +105,7 @@ impl Source {
             Source::Link(link) => vec![link],
             Source::List(list) => list.elements.iter().flat_map(Source::links).collect(),
             Source::Outcomes(outcomes) => outcomes.sources().flat_map(Source::links).collect(),
-            Source::Literal(_) | Source::Refused => Vec::new(),
+            Source::Literal(_) | Source::Formula(_) | Source::Refused => Vec::new(),
         }
     }
 
@@ -112,9 +117,24 @@ impl Source {
             Source::Literal(literal) => vec![literal],
             Source::List(list) => list.elements.iter().flat_map(Source::constants).collect(),
             Source::Outcomes(outcomes) => outcomes.sources().flat_map(Source::constants).collect(),
-            Source::Refused => Vec::new(),
+            Source::Formula(_) | Source::Refused => Vec::new(),
         }
     }
+}
+
+/// An expression where an input stands.
+#[derive(Clone, Debug)]
+pub struct Formula {
+    /// The text, beginning with `=`.
+    pub text: String,
+    /// Span.
+    pub span: Span,
+}
+
+/// Returns true for a text that is an expression.
+#[must_use]
+pub fn is_formula(text: &str) -> bool {
+    text.trim_start().starts_with('=')
 }
 
 /// A list of links and constants that becomes one value: an array or a vector, or a matrix if its elements are lists.

@@ -215,7 +215,7 @@ fn primitives(primitives: &[Primitive]) -> Tree {
 
 fn primitive(primitive: &Primitive) -> Tree {
     let kind = match primitive.kind {
-        PrimitiveKind::Type => "type",
+        PrimitiveKind::Type | PrimitiveKind::Product => "type",
         PrimitiveKind::Fragment => "fragment",
     };
     let mut entries = vec![(kind.to_string(), text(&primitive.type_name.name))];
@@ -244,6 +244,7 @@ fn source_tree(source: &Source) -> Tree {
             let rows = outcomes.rows.iter();
             Tree::map(rows.map(|(name, source)| (name.name.clone(), source_tree(source))))
         }
+        Source::Formula(formula) => text(&formula.text),
         Source::Refused => plain("null"),
     }
 }

@@ -210,7 +210,7 @@ impl<'a> Bodies<'a> {
         let is_input = body.inputs.get(primitive.as_str());
         match (body.members.get(primitive.as_str()), is_input) {
             (_, Some(input)) if port.is_empty() => ReferenceTarget::Input(input),
-            (Some(primitive), _) if primitive.kind == PrimitiveKind::Type => {
+            (Some(primitive), _) if primitive.kind != PrimitiveKind::Fragment => {
                 ReferenceTarget::Primitive
             }
             (Some(instance), _) => {

@@ -25,7 +25,8 @@ impl<'a> Expander<'a, '_> {
         scope: &Scope<'a>,
     ) -> FedSource<'a> {
         let link = match source {
-            Source::Refused => return (Source::Refused, Vec::new()),
+            // The formula pass has replaced every formula.
+            Source::Formula(_) | Source::Refused => return (Source::Refused, Vec::new()),
             Source::Literal(literal) => {
                 let literal = scope
                     .parameters
@@ -85,7 +86,7 @@ impl<'a> Expander<'a, '_> {
     /// input.
     fn through(&mut self, outside: &Source, inside: Link, scope: &Scope<'_>) -> Source {
         match outside {
-            Source::Refused => Source::Refused,
+            Source::Formula(_) | Source::Refused => Source::Refused,
             Source::Literal(literal) if inside.delayed => {
                 // In the first cycle the delayed link carries its initial value instead of the constant.
                 let from = self.constant(literal, &inside.from, scope);

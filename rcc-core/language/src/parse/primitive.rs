@@ -7,6 +7,8 @@ use super::shape::{entries_of, report_bad_id, report_unknown_keys, shape};
 use super::source::read_source;
 use super::{literal, reference};
 use crate::codes;
+use crate::formula;
+use crate::syntax::literal::{Literal, LiteralShape};
 use crate::syntax::reference::Reference;
 use crate::syntax::{Primitive, PrimitiveKind};
 
@@ -34,7 +36,10 @@ pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primi
     report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", diagnostics);
     read_kind(&mut primitive, node, diagnostics);
     for entry in entries_of(node, "parameters", diagnostics) {
-        let value = literal::read(&entry.value, diagnostics);
+        let value = match formula::is_expression(&primitive, &entry.key) {
+            true => read_expression(&entry.value, diagnostics),
+            false => literal::read(&entry.value, diagnostics),
+        };
         primitive.parameters.push((entry.key.clone(), value));
     }
     for entry in entries_of(node, "inputs", diagnostics) {
@@ -45,6 +50,19 @@ pub fn read_primitive(entry: &Entry, diagnostics: &mut Vec<Diagnostic>) -> Primi
         .get("active")
         .map(|node| read_source(node, diagnostics));
     primitive
+}
+
+/// Reads the expression of a `Formula`, which may begin like a number.
+fn read_expression(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Literal {
+    let shape = match node.text() {
+        Some(text) => LiteralShape::Text(text.to_owned()),
+        None => {
+            let wanted = "an expression in quotes such as `\"2 * x\"`";
+            diagnostics.push(shape(node, "`expr`", wanted));
+            LiteralShape::Refused
+        }
+    };
+    Literal::new(shape, node.span)
 }
 
 /// Reads `type: Add` or `fragment: smooth`.

@@ -20,7 +20,8 @@ pub fn read(node: &Node, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Optio
     parsed
 }
 
-fn parse(text: &str, span: Span) -> Option<Reference> {
+/// Parses a reference. With escapes, or if the text is not written at the span as it is, its names have the whole span.
+pub(crate) fn parse(text: &str, span: Span) -> Option<Reference> {
     let (name, mut part) = match text.split_once('[') {
         None => (text, None),
         Some((name, inner)) => (name, Some(bracket(inner.strip_suffix(']')?)?)),
@@ -62,6 +63,14 @@ fn parse(text: &str, span: Span) -> Option<Reference> {
         primitive_span,
         port_span,
     })
+}
+
+/// Parses a part: `.x`, `[2]`.
+pub(crate) fn part(text: &str) -> Option<ValuePart> {
+    match text.strip_prefix('[') {
+        Some(inner) => bracket(inner.strip_suffix(']')?),
+        None => part::member(text.strip_prefix('.')?),
+    }
 }
 
 /// Parses the text in brackets.

@@ -1,4 +1,4 @@
-//! Sources of inputs: links, constants, lists of both, and named outcomes. Runs on the loader's threads.
+//! Sources of inputs: links, constants, formulas, lists of them, and named outcomes. Runs on the loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_config::quantity::looks_like;
@@ -10,13 +10,19 @@ use super::shape::{report_bad_id, report_unknown_keys, shape};
 use super::{literal, reference};
 use crate::codes;
 use crate::syntax::literal::is_parameter;
-use crate::syntax::{Link, List, Outcomes, Source};
+use crate::syntax::{Formula, Link, List, Outcomes, Source, is_formula};
 
 const LINK_KEYS: &[&str] = &["from", "delayed", "initial"];
 
 pub fn read_source(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Source {
     if let Some(nodes) = node.list().filter(|_| has_link(node)) {
         return read_list(node, nodes, 0, diagnostics);
+    }
+    if let Some(text) = node.text().filter(|text| is_formula(text)) {
+        return Source::Formula(Formula {
+            text: text.to_owned(),
+            span: node.span,
+        });
     }
     if let Some(text) = node.text()
         && !looks_like(text)
@@ -48,7 +54,7 @@ pub fn read_source(node: &Node, diagnostics: &mut Vec<Diagnostic>) -> Source {
     }
 }
 
-/// Returns true for a list that contains a link.
+/// Returns true for a list that contains a link or a formula.
 fn has_link(node: &Node) -> bool {
     node.list().is_some_and(|nodes| {
         nodes.iter().any(|node| {

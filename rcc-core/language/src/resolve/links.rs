@@ -80,7 +80,7 @@ impl<'a> Resolver<'a, '_> {
                 }
                 Source::List(list) => self.count_elements_as_read(&list.elements),
                 Source::Outcomes(outcomes) => self.count_outcomes_as_read(outcomes),
-                Source::Literal(_) | Source::Refused => {}
+                Source::Literal(_) | Source::Formula(_) | Source::Refused => {}
             }
         }
     }
@@ -152,7 +152,7 @@ impl<'a> Resolver<'a, '_> {
 
     pub(super) fn resolve_source(&mut self, source: &'a Source, port: &Port) -> InputSource<'a> {
         match source {
-            Source::Refused => InputSource::Refused,
+            Source::Formula(_) | Source::Refused => InputSource::Refused,
             Source::Outcomes(outcomes) => self.resolve_outcomes(outcomes, port, Role::Plain),
             Source::Literal(literal) => match (&literal.shape, port.ty) {
                 (LiteralShape::List(values), PortType::Many(_)) if !values.is_empty() => {
@@ -232,7 +232,7 @@ impl<'a> Resolver<'a, '_> {
                     self.error(codes::WRONG_SHAPE, outcomes.span, message, None);
                     good = false;
                 }
-                Source::Refused => good = false,
+                Source::Formula(_) | Source::Refused => good = false,
             }
         }
         good

@@ -185,6 +185,22 @@ impl NetHarness {
         }
     }
 
+    /// Sets the first element of a port in the arena of its type; `None` is null.
+    #[allow(dead_code)]
+    pub fn set_element(
+        &mut self,
+        name: &str,
+        real: Option<f64>,
+        int: Option<i64>,
+        truth: Option<bool>,
+    ) {
+        match self.slot(name) {
+            (Store::Real, slot, _) => self.reals[slot] = real.unwrap_or(f64::NAN),
+            (Store::Int, slot, _) => self.ints[slot] = int.unwrap_or(i64::MIN),
+            (Store::Bool, slot, _) => self.bools[slot] = truth.map_or(2, u8::from),
+        }
+    }
+
     /// Sets the first element of a port of numbers.
     #[allow(dead_code)]
     pub fn set_real(&mut self, name: &str, value: f64) {

@@ -1,0 +1,458 @@
+//! Formulas: random ones against an evaluator of their trees, bit for bit, in every type and with nulls; what they become;
+//! hostile texts.
+
+mod harness;
+
+use std::sync::OnceLock;
+
+use harness::{NetHarness, cell};
+use proptest::prelude::*;
+use rcc_config::CellConfig;
+use rcc_language::{Compiled, codes, compile};
+
+fn golden() -> &'static CellConfig {
+    static CELL: OnceLock<CellConfig> = OnceLock::new();
+    CELL.get_or_init(|| cell("configs/cells/demo.yaml"))
+}
+
+fn net(primitives: &str) -> String {
+    format!(
+        "net: f\nprimitives:\n{primitives}  cancel: {{type: Cancel}}\n  end: {{type: Termination, inputs: {{done: cancel.requested}}}}\n"
+    )
+}
+
+fn compiled(text: &str) -> Compiled {
+    compile(text, "f.yaml", golden()).unwrap_or_else(|faults| panic!("{faults}\n{text}"))
+}
+
+/// Returns types and ids of the primitives, without those of every net.
+fn types(compiled: &Compiled) -> Vec<String> {
+    let rows = compiled.names.primitives.iter();
+    let rows = rows.filter(|row| row.id != "cancel" && row.id != "end");
+    rows.map(|row| format!("{} {}", row.id, row.type_name))
+        .collect()
+}
+
+#[test]
+fn a_formula_is_primitives_with_readable_names() {
+    let text = net(
+        "  temperature: {type: AnalogInput, parameters: {device: io, channel: temperature}}
+  speed: {type: Formula, parameters: {expr: 'clamp((t - 290 K) * 1 mm/s/K, 0 m/s, 1 m/s)'}, inputs: {t: temperature.out}}
+  belt: {type: AnalogOutput, parameters: {device: io, channel: belt_speed}, inputs: {in: '= min(2 * speed.out, 0.5 m/s)'}}\n",
+    );
+    let net = compiled(&text);
+    let want = [
+        "temperature AnalogInput",
+        "speed/1 Subtract",
+        "speed/2 Multiply",
+        "speed Limit",
+        "belt/1 Multiply",
+        "belt/2 Min",
+        "belt AnalogOutput",
+    ];
+    let mut found = types(&net);
+    let mut want: Vec<String> = want.map(str::to_owned).to_vec();
+    found.sort();
+    want.sort();
+    assert_eq!(found, want);
+}
+
+#[test]
+fn common_parts_stand_once_and_constants_are_folded() {
+    let text = net("  x: {type: Time}
+  a: {type: Formula, parameters: {expr: '(x.out + 2 s) * (x.out + 1 s + 1 s)'}}
+  b: {type: Formula, parameters: {expr: 'sqrt((x.out + 2 s) * (x.out + 2 * 1 s))'}}
+  m: {type: Monitor, inputs: {value: [a.out, '= a.out + a.out']}}
+  n: {type: Monitor, inputs: {value: b.out}}\n");
+    let found = types(&compiled(&text));
+    let count = |ty: &str| found.iter().filter(|row| row.ends_with(ty)).count();
+    // (x + 2 s), x + 1 s, x + 1 s + 1 s, and a + a.
+    assert_eq!(count(" Add"), 4, "{found:?}");
+    // In `b`, 2 * 1 s is a constant.
+    assert_eq!(count(" Multiply"), 2, "{found:?}");
+}
+
+#[test]
+fn a_product_with_a_vector_is_scale_also_in_a_fragment() {
+    let text = "net: f
+fragments:
+  twice:
+    inputs: {v: {}}
+    parameters: {k: {}}
+    outputs: {out: w.out}
+    primitives:
+      w: {type: Formula, parameters: {expr: '2 * $k * v'}}
+primitives:
+  clock: {type: Time}
+  point: {type: MakeVector, inputs: {x: clock.out, y: 0 s, z: 1 s}}
+  a: {fragment: twice, parameters: {k: 3}, inputs: {v: point.out}}
+  b: {fragment: twice, parameters: {k: 3}, inputs: {v: clock.out}}
+  m: {type: Monitor, inputs: {value: '= a.out.x + b.out'}}
+  cancel: {type: Cancel}
+  end: {type: Termination, inputs: {done: cancel.requested}}\n";
+    let found = types(&compiled(text));
+    assert!(found.contains(&"a/w Scale".to_owned()), "{found:?}");
+    assert!(found.contains(&"b/w Multiply".to_owned()), "{found:?}");
+    let mut run = NetHarness::new(compiled(text), golden(), [0.0; 7]);
+    (0..3).for_each(|_| run.step());
+    assert_eq!(run.value("m/1.out"), 2.0 * 6.0 * run.value("clock.out"));
+}
+
+#[test]
+fn prev_is_a_delayed_link() {
+    let text = net(
+        "  count: {type: Formula, parameters: {expr: 'or_else(prev(count.out, 0), 0) + 1'}}
+  before: {type: Formula, parameters: {expr: 'prev(prev(count.out * 2, -1), -3)'}}
+  m: {type: Monitor, inputs: {value: [count.out, before.out]}}\n",
+    );
+    let mut run = NetHarness::new(compiled(&text), golden(), [0.0; 7]);
+    let mut seen = Vec::new();
+    for _ in 0..4 {
+        run.step();
+        seen.push((run.value("count.out"), run.value("before.out")));
+    }
+    assert_eq!(seen, [(1.0, -3.0), (2.0, -1.0), (3.0, 2.0), (4.0, 4.0)]);
+}
+
+/// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+struct Random(u64);
+
+impl Random {
+    fn new(seed: u64) -> Random {
+        Random(seed)
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((bits ^ (bits >> 31)) % count as u64) as usize
+    }
+}
+
+/// The value of a tree; `None` elements are null.
+#[derive(Clone, Debug, PartialEq)]
+enum Value {
+    Real(Option<f64>),
+    Int(Option<i64>),
+    Bool(Option<bool>),
+    Vector([Option<f64>; 3]),
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+/// A random tree: its text, and its value.
+struct Trees<'r> {
+    random: &'r mut Random,
+    reals: Vec<Option<f64>>,
+    ints: Vec<Option<i64>>,
+    bools: Vec<Option<bool>>,
+}
+
+impl Trees<'_> {
+    fn below(&mut self, count: usize) -> usize {
+        self.random.below(count)
+    }
+
+    fn real(&mut self, depth: usize) -> (String, Option<f64>) {
+        if depth == 0 {
+            if self.below(4) == 0 {
+                let value = (self.below(9) as f64 - 4.0) * 0.37;
+                return (format!("({value:?})"), Some(value));
+            }
+            let index = self.below(self.reals.len());
+            return (format!("r{index}.value"), self.reals[index]);
+        }
+        let next = depth - 1;
+        match self.below(11) {
+            0 => self.pair(next, "+", |a, b| finite(a + b)),
+            1 => self.pair(next, "-", |a, b| finite(a - b)),
+            2 => self.pair(next, "*", |a, b| finite(a * b)),
+            3 => self.pair(
+                next,
+                "/",
+                |a, b| if b == 0.0 { None } else { finite(a / b) },
+            ),
+            4 => {
+                let (a, x) = self.real(next);
+                (format!("-({a})"), x.map(|x| -x))
+            }
+            5 => {
+                let (a, x) = self.real(next);
+                (format!("abs({a})"), x.map(f64::abs))
+            }
+            6 => {
+                let (a, x) = self.real(next);
+                (format!("sqrt({a})"), x.filter(|x| *x >= 0.0).map(f64::sqrt))
+            }
+            7 => {
+                let (c, condition) = self.truth(next);
+                let ((a, x), (b, y)) = (self.real(next), self.real(next));
+                let value = condition.and_then(|yes| if yes { x } else { y });
+                (format!("(if {c} then {a} else {b})"), value)
+            }
+            8 => {
+                let (a, x) = self.vector(next);
+                let index = self.below(3);
+                (format!("({a}).{}", ["x", "y", "z"][index]), x[index])
+            }
+            9 => {
+                let ((a, x), (b, y)) = (self.real(next), self.real(next));
+                (format!("or_else({a}, {b})"), x.or(y))
+            }
+            _ => {
+                let (a, x) = self.int(next);
+                (format!("to_real({a})"), x.map(|x| x as f64))
+            }
+        }
+    }
+
+    fn pair(
+        &mut self,
+        depth: usize,
+        symbol: &str,
+        apply: impl Fn(f64, f64) -> Option<f64>,
+    ) -> (String, Option<f64>) {
+        let ((a, x), (b, y)) = (self.real(depth), self.real(depth));
+        let value = x.zip(y).and_then(|(x, y)| apply(x, y));
+        (format!("({a} {symbol} {b})"), value)
+    }
+
+    fn int(&mut self, depth: usize) -> (String, Option<i64>) {
+        if depth == 0 {
+            let index = self.below(self.ints.len());
+            return (format!("i{index}.value"), self.ints[index]);
+        }
+        let ((a, x), (b, y)) = (self.int(depth - 1), self.int(depth - 1));
+        let both = x.zip(y);
+        let whole = |value: Option<i64>| value.filter(|value| *value != i64::MIN);
+        match self.below(4) {
+            0 => (
+                format!("({a} + {b})"),
+                whole(both.and_then(|(x, y)| x.checked_add(y))),
+            ),
+            1 => (
+                format!("({a} - {b})"),
+                whole(both.and_then(|(x, y)| x.checked_sub(y))),
+            ),
+            2 => (
+                format!("({a} * {b})"),
+                whole(both.and_then(|(x, y)| x.checked_mul(y))),
+            ),
+            _ => (
+                format!("max({a}, {b}, 1)"),
+                both.map(|(x, y)| x.max(y).max(1)),
+            ),
+        }
+    }
+
+    fn truth(&mut self, depth: usize) -> (String, Option<bool>) {
+        if depth == 0 {
+            let index = self.below(self.bools.len());
+            return (format!("b{index}.value"), self.bools[index]);
+        }
+        let next = depth - 1;
+        match self.below(9) {
+            0 => {
+                let (a, x) = self.truth(next);
+                (format!("(not {a})"), x.map(|x| !x))
+            }
+            1 | 2 => {
+                let ((a, x), (b, y)) = (self.truth(next), self.truth(next));
+                if self.below(2) == 0 {
+                    return (format!("({a} and {b})"), x.zip(y).map(|(x, y)| x && y));
+                }
+                (format!("({a} or {b})"), x.zip(y).map(|(x, y)| x || y))
+            }
+            3 => {
+                let ((a, x), (b, y)) = (self.int(next), self.int(next));
+                (format!("({a} != {b})"), x.zip(y).map(|(x, y)| x != y))
+            }
+            case => {
+                let ((a, x), (b, y)) = (self.real(next), self.real(next));
+                let both = x.zip(y);
+                let (symbol, value) = match case {
+                    4 => ("<", both.map(|(x, y)| x < y)),
+                    5 => ("<=", both.map(|(x, y)| x <= y)),
+                    6 => (">", both.map(|(x, y)| x > y)),
+                    7 => (">=", both.map(|(x, y)| x >= y)),
+                    _ => ("==", both.map(|(x, y)| x == y)),
+                };
+                (format!("({a} {symbol} {b})"), value)
+            }
+        }
+    }
+
+    fn vector(&mut self, depth: usize) -> (String, [Option<f64>; 3]) {
+        let next = depth.saturating_sub(1);
+        if depth == 0 || self.below(3) == 0 {
+            let parts = [self.real(next.min(1)), self.real(0), self.real(0)];
+            let [(a, x), (b, y), (c, z)] = parts;
+            let known = x.is_some() && y.is_some() && z.is_some();
+            let value = if known { [x, y, z] } else { [None; 3] };
+            return (format!("vector({a}, {b}, {c})"), value);
+        }
+        let (a, x) = self.vector(next);
+        if self.below(2) == 0 {
+            let (k, factor) = self.real(next);
+            let value = x.map(|x| x.zip(factor).and_then(|(x, k)| finite(x * k)));
+            return (format!("({a} * {k})"), value);
+        }
+        let (b, y) = self.vector(next);
+        let sum = |index: usize| x[index].zip(y[index]).and_then(|(x, y)| finite(x + y));
+        (format!("({a} + {b})"), [sum(0), sum(1), sum(2)])
+    }
+
+    fn tree(&mut self, depth: usize) -> (String, Value) {
+        match self.below(4) {
+            0 => {
+                let (text, value) = self.int(depth);
+                (text, Value::Int(value))
+            }
+            1 => {
+                let (text, value) = self.truth(depth);
+                (text, Value::Bool(value))
+            }
+            2 => {
+                let (text, value) = self.vector(depth);
+                (text, Value::Vector(value))
+            }
+            _ => {
+                let (text, value) = self.real(depth);
+                (text, Value::Real(value))
+            }
+        }
+    }
+}
+
+/// Compares by the bits; null equals null.
+fn same(found: &[f64], want: &Value) -> bool {
+    let real = |found: f64, want: Option<f64>| match want {
+        None => found.is_nan(),
+        Some(want) => found.to_bits() == want.to_bits(),
+    };
+    match want {
+        Value::Real(want) => real(found[0], *want),
+        Value::Int(want) => real(found[0], want.map(|want| want as f64)),
+        Value::Bool(want) => real(found[0], want.map(|want| f64::from(u8::from(want)))),
+        Value::Vector(want) => found
+            .iter()
+            .zip(want)
+            .all(|(found, want)| real(*found, *want)),
+    }
+}
+
+fn maybe<T>(trees: &mut Trees<'_>, value: T) -> Option<T> {
+    (trees.below(6) != 0).then_some(value)
+}
+
+#[test]
+fn random_formulas_compute_what_their_trees_do() {
+    let cell = golden();
+    let mut compared = 0;
+    for seed in 0..150 {
+        let mut random = Random::new(seed);
+        let mut trees = Trees {
+            random: &mut random,
+            reals: Vec::new(),
+            ints: Vec::new(),
+            bools: Vec::new(),
+        };
+        for index in 0..4 {
+            let real = (trees.below(2001) as f64 - 1000.0) / 97.0;
+            let real = [0.0, -0.0, 1e200, real, real][trees.below(5)];
+            let real = maybe(&mut trees, real);
+            trees.reals.push(real);
+            let int = [0, 3, -7, i64::MAX / 2, index][trees.below(5)];
+            let int = maybe(&mut trees, int);
+            trees.ints.push(int);
+            let truth = trees.below(2) == 0;
+            let truth = maybe(&mut trees, truth);
+            trees.bools.push(truth);
+        }
+        let formulas: Vec<(String, Value)> = (0..4)
+            .map(|index| trees.tree(1 + index))
+            .filter(|(text, _)| text.len() < 3000)
+            .collect();
+        let mut primitives = String::new();
+        let mut discard = Vec::new();
+        for index in 0..4 {
+            for (letter, ty) in [("r", "Real"), ("i", "Int"), ("b", "Bool")] {
+                primitives +=
+                    &format!("  {letter}{index}: {{type: Input, parameters: {{type: {ty}}}}}\n");
+                primitives += &format!(
+                    "  read_{letter}{index}: {{type: IsNull, inputs: {{in: {letter}{index}.value}}}}\n"
+                );
+                discard.push(format!("read_{letter}{index}.out"));
+            }
+        }
+        for (index, (text, _)) in formulas.iter().enumerate() {
+            primitives +=
+                &format!("  f{index}: {{type: Formula, parameters: {{expr: '{text}'}}}}\n");
+            discard.push(format!("f{index}.out"));
+        }
+        let text = net(&primitives) + &format!("discard: [{}]\n", discard.join(", "));
+        let (reals, ints, bools) = (trees.reals.clone(), trees.ints.clone(), trees.bools.clone());
+        let mut run = NetHarness::new(compiled(&text), cell, [0.0; 7]);
+        for index in 0..4 {
+            run.set_element(&format!("r{index}.value"), reals[index], None, None);
+            run.set_element(&format!("i{index}.value"), None, ints[index], None);
+            run.set_element(&format!("b{index}.value"), None, None, bools[index]);
+        }
+        run.step();
+        for (index, (text, want)) in formulas.iter().enumerate() {
+            let found = run.values(&format!("f{index}.out"));
+            assert!(
+                same(&found, want),
+                "seed {seed}: {found:?}, want {want:?}\n{text}"
+            );
+            compared += 1;
+        }
+    }
+    assert!(compared >= 400, "{compared}");
+}
+
+#[test]
+fn hostile_texts_are_refused_without_overflow() {
+    for text in [
+        "(".repeat(4000),
+        "-".repeat(4000),
+        "[".repeat(4000),
+        "not ".repeat(1000),
+        "if ".repeat(1000),
+        "abs(".repeat(900),
+        format!("{}1{}", "(".repeat(2000), ")".repeat(2000)),
+        "1+".repeat(3000),
+    ] {
+        let text = net(&format!(
+            "  f: {{type: Formula, parameters: {{expr: '{text}'}}}}\n"
+        ));
+        let faults = compile(&text, "f.yaml", golden()).unwrap_err();
+        let known = faults
+            .diagnostics
+            .iter()
+            .any(|fault| fault.code == codes::BAD_FORMULA);
+        assert!(known, "{faults}");
+    }
+    // A long chain is not nested.
+    let chain = format!("x.out{}", " + x.out".repeat(500));
+    compiled(&net(&format!(
+        "  x: {{type: Time}}\n  m: {{type: Monitor, inputs: {{value: '= {chain}'}}}}\n"
+    )));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn any_text_gives_diagnostics_with_places(text in "[ a-z0-9.,()\\[\\]+*/<>=!$%-]{0,60}|(if|then|else|not|and|or|prev|x\\.out|1 mm|deg\\(|\\(|\\)|,|-|[*]|/| |\\.x|\\[0\\]){0,25}") {
+        let text = net(&format!("  x: {{type: Time}}\n  f: {{type: Formula, parameters: {{expr: '{text}'}}}}\n"));
+        if let Err(faults) = compile(&text, "f.yaml", golden()) {
+            for fault in &faults.diagnostics {
+                prop_assert!(fault.place.is_none_or(|place| place.end <= text.len() && text.is_char_boundary(place.start)), "{}", faults);
+            }
+        }
+    }
+}
