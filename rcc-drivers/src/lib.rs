@@ -7,6 +7,7 @@
 mod conformance;
 pub mod driver;
 pub mod drivers;
+pub mod fri_iiwa;
 pub mod fri_lwr;
 pub mod host;
 pub mod priority;
