@@ -18,11 +18,12 @@ pub use settings::Settings;
 pub struct Inputs {
     /// Joint positions, rad.
     pub position: Joints,
-    /// Joint torques, N·m.
+    /// Joint torques, N·m; NaN = unknown.
     pub torque: Joints,
-    /// External joint torques: measured torques minus those of the device's model, N·m.
+    /// External joint torques: measured torques minus those of the device's model, N·m; NaN = unknown.
     pub external_torque: Joints,
-    /// External force and torque at the flange `[fx fy fz tx ty tz]`, N and N·m, sensor frame of the device.
+    /// External force and torque at the flange `[fx fy fz tx ty tz]`, N and N·m, sensor frame of the device; NaN =
+    /// unknown.
     pub wrench: [f64; 6],
     /// Bit i: digital input i.
     pub digital: u64,

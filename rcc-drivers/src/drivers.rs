@@ -6,7 +6,9 @@ use rcc_config::DeviceConfig;
 use crate::driver::{Driver, DriverError};
 use crate::host::reason::Reason;
 
+pub mod fri_iiwa;
 pub mod fri_lwr;
+pub mod fri_socket;
 pub mod ideal_arm;
 pub mod modbus;
 #[cfg(test)]
@@ -25,6 +27,11 @@ pub struct DriverEntry {
 
 /// All drivers, by name.
 pub const DRIVERS: &[DriverEntry] = &[
+    DriverEntry {
+        name: "fri-iiwa",
+        open: boxed::<fri_iiwa::FriIiwa>,
+        reasons: fri_iiwa::REASONS,
+    },
     DriverEntry {
         name: "fri-lwr",
         open: boxed::<fri_lwr::FriLwr>,

@@ -47,6 +47,7 @@ fn the_cells_are_read_without_a_fault() {
     for (name, cell, devices) in [
         ("cells/demo.yaml", "demo", &["lwr", "io"][..]),
         ("cells/lwr.yaml", "lwr", &["lwr"]),
+        ("cells/iiwa.yaml", "iiwa", &["iiwa"]),
         ("cells/impedance.yaml", "impedance", &["lwr"]),
     ] {
         let config = load(name);

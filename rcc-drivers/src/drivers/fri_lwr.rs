@@ -5,24 +5,24 @@
 //! The controller sends first, on its own clock; the driver answers to the address that the datagram came from.
 
 use std::io;
-use std::net::{SocketAddr, UdpSocket};
+use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rcc_config::DeviceConfig;
 use rcc_core::impedance::ControlMode;
 use rcc_os::clock::monotonic_ns;
 
+use super::fri_socket::{Dialogue, FriSocket, Verdict};
 use crate::driver::{
     Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,
 };
-use crate::fri_lwr::wire::{HeaderRule, MSR_SIZE, MeasurementDatagram, Quality};
+use crate::fri_lwr::wire::{HeaderRule, MeasurementDatagram, Quality};
 use crate::host::reason::Reason;
 
 pub mod counters;
 pub mod fri_session;
 pub mod handshake;
-pub mod peer;
 pub mod plausibility;
 pub mod strategy;
 pub mod variables;
@@ -30,7 +30,8 @@ pub mod variables;
 use counters::FriCounters;
 use fri_session::{FriSession, SessionSettings};
 use handshake::KrlConvention;
-use peer::Peer;
+
+pub use super::fri_socket::{OTHER_VERSION, SOCKET};
 
 /// The controller is in monitor state.
 pub const MONITORING: u32 = 100;
@@ -42,12 +43,8 @@ pub const QUALITY: u32 = 102;
 pub const STRATEGY: u32 = 103;
 /// Command mode has just begun.
 pub const ENTERING: u32 = 104;
-/// The UDP socket failed.
-pub const SOCKET: u32 = 105;
 /// The controller's commanded Cartesian pose is not a valid pose.
 pub const POSE: u32 = 106;
-/// Datagrams arrive, but none of FRI 1.0.
-pub const OTHER_VERSION: u32 = 107;
 
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
@@ -80,27 +77,16 @@ pub const REASONS: &[Reason] = &[
     ),
 ];
 
-/// After this silence, another controller, or the same one restarted, is accepted.
-const CONTROLLER_TIMEOUT: Duration = Duration::from_millis(200);
-/// For this time after a datagram that cannot be decoded, a device without a controller says so.
-const UNREADABLE_KEPT: Duration = Duration::from_secs(1);
-/// Most datagrams that are read at once after a stall of the driver; further ones are left for the next cycle.
-const BURST_MAX: usize = 64;
-
 /// The driver, with its socket and the FRI session.
 #[derive(Debug)]
 pub struct FriLwr {
-    socket: UdpSocket,
-    /// The only controller that is answered; `None`: any.
-    peer: Option<Peer>,
-    /// The controller that is answered at present.
-    controller: Option<SocketAddr>,
-    /// Time without a valid datagram, counted only while the driver was waiting: a stall of the driver is not silence
-    /// of the controller.
-    silence: Duration,
-    read_timeout: Duration,
-    /// Arrival of the newest datagram that cannot be decoded.
-    unreadable_at: Option<Instant>,
+    socket: FriSocket,
+    dialogue: LwrDialogue,
+}
+
+/// The session and the counters of its datagrams.
+#[derive(Debug)]
+struct LwrDialogue {
     header: HeaderRule,
     session: FriSession,
     counters: Arc<FriCounters>,
@@ -125,66 +111,33 @@ impl Driver for FriLwr {
             value: listen.to_string(),
             source,
         };
-        let socket = UdpSocket::bind(listen).map_err(system)?;
-        let read_timeout = Duration::from_millis(1);
-        socket
-            .set_read_timeout(Some(read_timeout))
-            .map_err(system)?;
-        Ok(Self {
-            socket,
-            peer,
-            controller: None,
-            silence: Duration::ZERO,
-            read_timeout,
-            unreadable_at: None,
+        let socket = FriSocket::bind(listen, peer).map_err(system)?;
+        let dialogue = LwrDialogue {
             header: dialogue.header,
             session,
             counters: Arc::new(FriCounters::new(listen, peer, dialogue.header)),
-        })
+        };
+        Ok(Self { socket, dialogue })
     }
 
     fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
-        let deadline = Instant::now() + timeout;
-        let mut looked = false;
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            // Datagrams that arrived during a stall are already queued: read at least once.
-            if left.is_zero() && looked {
-                return Err(self.silent(timeout));
-            }
-            looked = true;
-            match self.receive_one(left.max(Duration::from_micros(1))) {
-                Ok(true) => break,
-                Ok(false) => {}
-                Err(error) if is_pause(&error) => return Err(self.silent(timeout)),
-                Err(error) => return Err(lost(&error)),
-            }
-        }
-        self.drain_socket().map_err(|error| lost(&error))?;
-        self.silence = Duration::ZERO;
-        Ok(self.session.exchange(inputs))
+        self.socket.receive(timeout, &mut self.dialogue)?;
+        Ok(self.dialogue.session.exchange(inputs))
     }
 
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
-        let Some(controller) = self.controller else {
-            return Err(LinkError::Silent);
-        };
-        let bytes = self.session.answer(outputs);
-        match self.socket.send_to(&bytes, controller) {
-            Ok(_) => {
-                self.counters.answered(monotonic_ns());
-                Ok(())
-            }
-            Err(error) => Err(lost(&error)),
-        }
+        let bytes = self.dialogue.session.answer(outputs);
+        self.socket.send(&bytes)?;
+        self.dialogue.counters.answered(monotonic_ns());
+        Ok(())
     }
 
     fn release(&mut self) {
-        self.session.release();
+        self.dialogue.session.release();
     }
 
     fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
-        Some(Arc::clone(&self.counters) as Arc<dyn LinkDiagnosis>)
+        Some(Arc::clone(&self.dialogue.counters) as Arc<dyn LinkDiagnosis>)
     }
 }
 
@@ -194,81 +147,32 @@ impl FriLwr {
     /// # Errors
     /// Returns the error of the operating system.
     pub fn address(&self) -> io::Result<SocketAddr> {
-        self.socket.local_addr()
+        self.socket.address()
     }
+}
 
-    /// Waits for one datagram; returns true if it was accepted.
-    fn receive_one(&mut self, timeout: Duration) -> io::Result<bool> {
-        if self.read_timeout != timeout {
-            self.socket.set_read_timeout(Some(timeout))?;
-            self.read_timeout = timeout;
-        }
-        // One byte more than a datagram has, so that a longer one is detected.
-        let mut bytes = [0; MSR_SIZE + 1];
-        let (size, source) = self.socket.recv_from(&mut bytes)?;
-        if !self.is_expected(source) {
-            self.session.refuse();
-            self.counters.foreign(source);
-            return Ok(false);
-        }
-        let bytes = bytes.get(..size).unwrap_or_default();
-        let counts = self.session.accept(bytes);
-        if counts {
-            self.controller = Some(source);
+impl Dialogue for LwrDialogue {
+    fn accept(&mut self, bytes: &[u8], source: SocketAddr) -> Verdict {
+        if self.session.accept(bytes) {
             let measured = self.session.measured();
             self.counters.accepted(monotonic_ns(), source, measured);
-        } else {
-            self.counters.refused(bytes, source, self.session.doubt());
-            if MeasurementDatagram::decode_as(bytes, self.header).is_err() {
-                self.unreadable_at = Some(Instant::now());
-            }
+            return Verdict::Accepted;
         }
-        Ok(counts)
-    }
-
-    /// Returns true if a datagram from this address is from the controller, or may be from a new one.
-    fn is_expected(&self, source: SocketAddr) -> bool {
-        match (self.controller, self.peer) {
-            (Some(controller), _) => source == controller,
-            (None, Some(peer)) => peer.accepts(source),
-            (None, None) => true,
+        self.counters.refused(bytes, source, self.session.doubt());
+        match MeasurementDatagram::decode_as(bytes, self.header) {
+            Ok(_) => Verdict::Refused,
+            Err(_) => Verdict::Unreadable,
         }
     }
 
-    /// Reads the datagrams that queued up during a stall of the driver: only the newest one is answered.
-    fn drain_socket(&mut self) -> io::Result<()> {
-        self.socket.set_nonblocking(true)?;
-        let timeout = self.read_timeout;
-        let mut result = Ok(());
-        for _ in 0..BURST_MAX {
-            match self.receive_one(timeout) {
-                Ok(_) => {}
-                Err(error) if is_pause(&error) => break,
-                Err(error) => {
-                    result = Err(error);
-                    break;
-                }
-            }
-        }
-        self.socket.set_nonblocking(false)?;
-        result
+    fn foreign(&mut self, source: SocketAddr) {
+        self.session.refuse();
+        self.counters.foreign(source);
     }
 
-    fn silent(&mut self, waited: Duration) -> LinkError {
-        self.silence = self.silence.saturating_add(waited);
-        if self.silence > CONTROLLER_TIMEOUT {
-            self.controller = None;
-            self.session.reset();
-            self.counters.forget();
-        }
-        // Beside a controller that is answered, such a datagram means nothing: its silence may be only a pause.
-        let unreadable = self.unreadable_at.filter(|_| self.controller.is_none());
-        match unreadable.is_some_and(|at| at.elapsed() < UNREADABLE_KEPT) {
-            true => LinkError::Lost {
-                reason: OTHER_VERSION,
-            },
-            false => LinkError::Silent,
-        }
+    fn forget(&mut self) {
+        self.session.reset();
+        self.counters.forget();
     }
 }
 
@@ -321,18 +225,6 @@ fn session_settings(settings: &mut Settings<'_>) -> Result<SessionSettings, Driv
             |value| value.as_f64().filter(|part| (0.0..=0.9).contains(part)),
         )?,
     })
-}
-
-fn is_pause(error: &io::Error) -> bool {
-    matches!(
-        error.kind(),
-        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
-    )
-}
-
-fn lost(error: &io::Error) -> LinkError {
-    tracing::warn!(%error, "the socket failed");
-    LinkError::Lost { reason: SOCKET }
 }
 
 #[cfg(test)]

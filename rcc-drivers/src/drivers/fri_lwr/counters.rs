@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use serde_json::{Value, json};
 
-use super::peer::Peer;
 use super::plausibility::Doubt;
 use crate::driver::LinkDiagnosis;
+use crate::drivers::fri_socket::peer::Peer;
 use crate::fri_lwr::wire::{
     FriControlStrategy, HeaderRule, MeasurementDatagram, Quality, SessionState, WireError,
 };

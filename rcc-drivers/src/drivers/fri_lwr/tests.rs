@@ -1,5 +1,7 @@
 //! The driver against the simulated controller: in virtual time without a socket, and over a socket.
 
+use std::net::UdpSocket;
+
 mod dialogue;
 mod impedance;
 
@@ -7,6 +9,7 @@ use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, Measureme
 
 use super::conforms::krc;
 use super::*;
+use crate::drivers::fri_socket::ROBOT_TIMEOUT;
 use crate::fri_lwr::wire::{
     CommandDatagram, FriControlStrategy, MeasurementDatagram, SessionState,
 };
@@ -476,7 +479,7 @@ fn receives(
 #[test]
 fn a_stall_of_the_driver_is_not_silence_of_the_controller() {
     let (mut driver, controller) = commanding_over_a_socket();
-    std::thread::sleep(CONTROLLER_TIMEOUT + Duration::from_millis(10));
+    std::thread::sleep(ROBOT_TIMEOUT + Duration::from_millis(10));
     let nothing = driver.receive(Duration::from_millis(1), &mut Inputs::NONE.clone());
     assert_eq!(nothing, Err(LinkError::Silent));
     let exchange = receives(&mut driver, &controller, 6).expect("it sends");
@@ -489,7 +492,7 @@ fn a_stall_of_the_driver_is_not_silence_of_the_controller() {
 #[test]
 fn after_a_silence_another_controller_may_come() {
     let (mut driver, _) = commanding_over_a_socket();
-    let nothing = driver.receive(CONTROLLER_TIMEOUT * 2, &mut Inputs::NONE.clone());
+    let nothing = driver.receive(ROBOT_TIMEOUT * 2, &mut Inputs::NONE.clone());
     assert_eq!(nothing, Err(LinkError::Silent));
     let other = UdpSocket::bind("127.0.0.1:0").expect("loopback");
     let exchange = receives(&mut driver, &other, 3).expect("another one");
@@ -499,7 +502,11 @@ fn after_a_silence_another_controller_may_come() {
 /// Sends a datagram from this address, which is not waited for.
 fn is_foreign(driver: &mut FriLwr, sender: &UdpSocket, sequence: u16) -> bool {
     let address = driver.address().expect("a socket");
-    let foreign = |driver: &FriLwr| driver.counters.link()["foreign"].as_u64().expect("counted");
+    let foreign = |driver: &FriLwr| {
+        driver.dialogue.counters.link()["foreign"]
+            .as_u64()
+            .expect("counted")
+    };
     let before = foreign(driver);
     sender
         .send_to(&measurement(sequence).encode(), address)
@@ -525,7 +532,7 @@ fn a_peer_without_a_port_pins_the_robot_and_nobody_else_is_ever_adopted() {
     assert!(is_foreign(&mut driver, &stranger, 1), "before the robot");
     assert!(receives(&mut driver, &robot, 1).is_ok(), "from any port");
     assert!(is_foreign(&mut driver, &stranger, 2), "beside the robot");
-    let nothing = driver.receive(CONTROLLER_TIMEOUT * 2, &mut Inputs::NONE.clone());
+    let nothing = driver.receive(ROBOT_TIMEOUT * 2, &mut Inputs::NONE.clone());
     assert_eq!(nothing, Err(LinkError::Silent));
     assert!(is_foreign(&mut driver, &stranger, 3), "after a silence");
     let restarted = bind("127.0.0.2:0");
