@@ -69,8 +69,8 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         OTHER_VERSION,
-        "datagrams arrive that are not of settings.version: another version of FRI, or another program; `rcc-cli doctor \
-         device DEVICE` shows the last error",
+        "datagrams arrive that are not of settings.version: another version of FRI, or another program; the driver's log \
+         says which",
     ),
     (
         REJOINED,
@@ -80,7 +80,7 @@ pub const REASONS: &[Reason] = &[
     (
         STATION_IO,
         "the robot does not list an input or output of this device with this direction and type: compare the channels' \
-         addresses with the I/O configuration of the station; `rcc-cli doctor device DEVICE` names it",
+         addresses with the I/O configuration of the station; the driver's log names it",
     ),
 ];
 

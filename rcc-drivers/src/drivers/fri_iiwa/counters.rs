@@ -83,6 +83,9 @@ impl IiwaCounters {
             texts.robot = Some(source);
             if texts.missing_io.as_deref() != missing_io {
                 texts.missing_io = missing_io.map(str::to_owned);
+                if let Some(name) = missing_io {
+                    tracing::warn!("the robot does not list `{name}` with this direction and type");
+                }
             }
         }
     }
@@ -93,9 +96,14 @@ impl IiwaCounters {
             Some(_) => &self.unreadable,
             None => &self.refused,
         };
-        counter.fetch_add(1, Relaxed);
+        let count = counter.fetch_add(1, Relaxed) + 1;
         if let Ok(mut texts) = self.texts.try_lock() {
-            texts.last_error = Some(format!("{source}: {refusal}"));
+            let text = format!("{source}: {refusal}");
+            // Ever more rarely: whoever sends garbage must not fill the log.
+            if refusal.wire.is_some() && count.is_power_of_two() {
+                tracing::warn!(count, "datagram not read: {text}");
+            }
+            texts.last_error = Some(text);
         }
     }
 
