@@ -56,7 +56,7 @@ pub struct Compiled {
     pub warnings: Faults,
 }
 
-/// What diagnostics are made of.
+/// Diagnostics so far, and the texts and words that they quote.
 struct Reports {
     sources: SourceMap,
     diagnostics: Vec<Diagnostic>,

@@ -1,4 +1,4 @@
-//! What can be wrong with an expression, and where. Runs on the loader's threads.
+//! Errors of expressions, with their place in the text. Runs on the loader's threads.
 
 use std::ops::Range;
 
@@ -27,7 +27,7 @@ pub enum Problem {
     /// A token at a place where another is needed.
     #[error("expected {wanted}, found {found}")]
     Token {
-        /// What is needed.
+        /// The expected token.
         wanted: &'static str,
         /// The token.
         found: String,

@@ -123,7 +123,8 @@ fn unit_of(spec: &Spec, inputs: &[&LiteralShape]) -> Option<Option<Unit>> {
     }
 }
 
-/// Runs the kernel of an arena once. Returns `None` if there is none, if a constant does not fit, and for null.
+/// Runs the kernel of an arena once. Returns `None` if the arena has no kernel, if a
+/// constant does not fit, and for null.
 fn evaluate(
     entry: &CatalogueEntry,
     inputs: &[&LiteralShape],

@@ -113,7 +113,7 @@ impl<'t> Lexer<'t> {
     /// Takes the text up to and including the next `]`; the opening bracket has been read.
     ///
     /// # Errors
-    /// Fails if there is none.
+    /// Returns an error if the bracket is never closed.
     pub fn bracket(&mut self, opening: &Range<usize>) -> Result<usize, ExpressionError> {
         let Some(length) = self.rest().find(']') else {
             return Err(Problem::Unclosed { opening: "[" }.at(opening.clone()));
@@ -178,7 +178,7 @@ fn quantity_length(text: &str) -> usize {
 }
 
 /// Returns the length of the unit that a text begins with, 0 if it begins with a keyword or an operator. The first word
-/// after a number is taken for a unit even if there is none of that name: it can be nothing else.
+/// after a number is taken for a unit even if no unit has that name.
 fn unit_length(text: &str) -> usize {
     if text.starts_with('%') {
         return 1;

@@ -23,7 +23,7 @@ pub struct Expression {
 /// A term and its place in the text, bytes.
 #[derive(Clone, Debug)]
 pub struct Term {
-    /// What it is.
+    /// Operation, constant or name.
     pub kind: TermKind,
     /// The place.
     pub place: Range<usize>,
