@@ -111,13 +111,7 @@ impl Driver for FriIiwa {
         let dialogue = session_settings(&mut settings)?;
         settings.finish()?;
         let session = IiwaSession::new(device, dialogue)?;
-        let system = |source| DriverError::System {
-            device: device.name.clone(),
-            key: "listen",
-            value: listen.to_string(),
-            source,
-        };
-        let socket = FriSocket::bind(listen, peer).map_err(system)?;
+        let socket = FriSocket::bind(device, listen, peer)?;
         let counters = Arc::new(IiwaCounters::new(listen, peer, dialogue.version));
         let dialogue = IiwaDialogue { session, counters };
         Ok(Self { socket, dialogue })

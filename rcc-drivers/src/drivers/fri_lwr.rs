@@ -105,13 +105,7 @@ impl Driver for FriLwr {
         let dialogue = session_settings(&mut settings)?;
         settings.finish()?;
         let session = FriSession::new(device, dialogue)?;
-        let system = |source| DriverError::System {
-            device: device.name.clone(),
-            key: "listen",
-            value: listen.to_string(),
-            source,
-        };
-        let socket = FriSocket::bind(listen, peer).map_err(system)?;
+        let socket = FriSocket::bind(device, listen, peer)?;
         let dialogue = LwrDialogue {
             header: dialogue.header,
             session,

@@ -5,7 +5,9 @@ use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use crate::driver::LinkError;
+use rcc_config::DeviceConfig;
+
+use crate::driver::{DriverError, LinkError};
 use peer::Peer;
 
 pub mod peer;
@@ -64,14 +66,26 @@ pub struct FriSocket {
 }
 
 impl FriSocket {
-    /// Binds the socket.
+    /// Binds the socket of a device to `listen`.
     ///
     /// # Errors
-    /// Returns the error of the operating system.
-    pub fn bind(listen: SocketAddr, peer: Option<Peer>) -> io::Result<Self> {
-        let socket = UdpSocket::bind(listen)?;
+    /// Returns the error of the operating system with the setting that caused it.
+    pub fn bind(
+        device: &DeviceConfig,
+        listen: SocketAddr,
+        peer: Option<Peer>,
+    ) -> Result<Self, DriverError> {
+        let system = |source| DriverError::System {
+            device: device.name.clone(),
+            key: "listen",
+            value: listen.to_string(),
+            source,
+        };
+        let socket = UdpSocket::bind(listen).map_err(system)?;
         let read_timeout = Duration::from_millis(1);
-        socket.set_read_timeout(Some(read_timeout))?;
+        socket
+            .set_read_timeout(Some(read_timeout))
+            .map_err(system)?;
         Ok(Self {
             socket,
             peer,
