@@ -196,7 +196,7 @@ pub struct IiwaSession {
     own_sequence: u32,
     /// Number of consecutive messages while commands are executed.
     commanding: u32,
-    /// The position that was sent last since the robot began to command, rad.
+    /// The position of the last answer since the robot began to command, rad.
     sent: Option<Joints>,
     releasing: bool,
     refused: u64,
@@ -379,17 +379,15 @@ impl IiwaSession {
         if idle || self.received < robot.multiplier || self.has_rejoined(robot) {
             return None;
         }
-        let data = self.command(robot, outputs);
+        let position = self.commanded_position(robot, outputs);
+        let data = self.command(robot, position.as_ref(), outputs);
         let header = Header {
             identifier: Some(COMMAND_ID),
             sequence: Some(self.own_sequence),
             reflected: Some(robot.sequence),
         };
         if robot.session >= SessionState::CommandingWait {
-            self.sent = data
-                .position
-                .as_ref()
-                .and_then(|values| joints(Some(values)).ok()?);
+            self.sent = position;
         }
         let answer = Command {
             header: Some(header),
@@ -401,23 +399,35 @@ impl IiwaSession {
         encode(self.settings.version, &answer).ok()
     }
 
-    fn command(&self, robot: &RobotState, outputs: &Outputs) -> CommandData {
-        let mut data = CommandData {
-            io: self.io.write(outputs),
-            ..CommandData::default()
-        };
+    /// Returns the set-point while the robot can be commanded, else the position at which it holds; `None` if the answer
+    /// has none.
+    fn commanded_position(&self, robot: &RobotState, outputs: &Outputs) -> Option<Joints> {
         let commands = robot.session >= SessionState::CommandingWait;
         // 2.x expects a header alone before the robot commands.
         if self.releasing || (!commands && self.settings.version.is_second()) {
-            return data;
+            return None;
         }
         let finite = outputs.position.iter().all(|q| q.is_finite());
-        let position = match self.is_commandable() && finite {
+        Some(match self.is_commandable() && finite {
             true => outputs.position,
             false => self.held(),
+        })
+    }
+
+    /// Returns the content of an answer: in the overlays that are not commanded, what the robot wants beside or instead
+    /// of the position.
+    fn command(
+        &self,
+        robot: &RobotState,
+        position: Option<&Joints>,
+        outputs: &Outputs,
+    ) -> CommandData {
+        let mut data = CommandData {
+            position: position.map(values),
+            io: self.io.write(outputs),
+            ..CommandData::default()
         };
-        data.position = Some(values(&position));
-        if !commands {
+        if position.is_none() || robot.session < SessionState::CommandingWait {
             return data;
         }
         match ClientCommandMode::from_wire(robot.command_mode) {

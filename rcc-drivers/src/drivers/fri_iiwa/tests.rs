@@ -7,6 +7,7 @@ use super::session::{IiwaSession, SessionSettings};
 use super::*;
 use crate::fri_iiwa::wire::schema::{
     Command, Connection, Header, Interpolator, JointValues, MonitorData, Monitoring, Robot,
+    Transformation,
 };
 use crate::fri_iiwa::wire::{COMMAND_ID, JOINTS, MONITORING_ID, decode, encode};
 
@@ -229,6 +230,36 @@ fn overlays_of_torque_and_wrench_get_zeros_and_cannot_be_commanded() {
             (false, COMMAND_MODE)
         );
     }
+}
+
+#[test]
+fn an_overlay_of_a_pose_is_held_at_the_robots_own_pose() {
+    let version = Version::V2_7;
+    let pose = Transformation {
+        name: Some(String::new()),
+        element: vec![1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0],
+        timestamp: None,
+    };
+    let mut session = session(version);
+    for sequence in 1..=8 {
+        let state = if sequence < 3 {
+            COMMANDING_WAIT
+        } else {
+            COMMANDING_ACTIVE
+        };
+        let mut message = message(sequence, state);
+        let interpolator = message.interpolator.as_mut().expect("set above");
+        interpolator.command_mode = Some(4);
+        interpolator.pose = Some(pose.clone());
+        let command = answer(&mut session, version, &message).expect("it is answered");
+        let data = command.data.expect("sent");
+        assert_eq!((data.position, data.pose), (None, Some(pose.clone())));
+    }
+    let exchange = session.exchange(&mut Inputs::NONE.clone());
+    assert_eq!(
+        (exchange.commandable, exchange.reason),
+        (false, COMMAND_MODE)
+    );
 }
 
 #[test]
