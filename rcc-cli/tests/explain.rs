@@ -166,12 +166,12 @@ fn cells_robots_and_libraries_have_checks_of_their_own() {
         "{out}"
     );
     let out = kind(&["configs/cells", "configs/robots"]);
-    let files = |folder: &str| std::fs::read_dir(folder).expect("a folder").count();
-    let counts = format!(
-        "{} cells and {} robots: all valid",
-        files(&rooted("configs/cells")),
-        files(&rooted("configs/robots"))
-    );
+    let files = |folder: &str| {
+        let files = std::fs::read_dir(repository().join(folder));
+        files.expect("a folder").count()
+    };
+    let (cells, robots) = (files("configs/cells"), files("configs/robots"));
+    let counts = format!("{cells} cells and {robots} robots: all valid");
     assert!(out.starts_with(&counts), "{out}");
 
     let folder = Folder::new();
