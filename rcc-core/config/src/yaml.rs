@@ -3,6 +3,7 @@
 //! thread.
 
 pub mod annotated;
+mod common_forms;
 pub mod layout;
 pub mod scalar;
 
@@ -174,6 +175,11 @@ pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
         let fault = Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere();
         return (None, vec![fault]);
     }
+    common_forms::read(text).map_or_else(|| read_any_form(text), TreeBuilder::finish)
+}
+
+/// Reads with the general parser.
+fn read_any_form(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
     let mut builder = TreeBuilder::new(text);
     for next in Parser::new_from_str(text) {
         let step = match next {
@@ -188,11 +194,7 @@ pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
             return (None, builder.faults);
         }
     }
-    let null = Node {
-        value: Value::Null,
-        span: Span::new(0, 0),
-    };
-    (Some(builder.root.unwrap_or(null)), builder.faults)
+    builder.finish()
 }
 
 fn broken(text: &str, at: usize, message: &str) -> Diagnostic {
@@ -221,10 +223,25 @@ enum OpenNode {
     List(Vec<Node>),
     Map {
         entries: Vec<Entry>,
+        /// Names of all entries, once there are many.
         keys: HashSet<String>,
         /// The key whose value comes next, and whether it is the first one with its name.
         key: Option<(Key, bool)>,
     },
+}
+
+/// Up to this number of entries a name is looked for in the entries themselves.
+const FEW_ENTRIES: usize = 16;
+
+/// Whether a mapping has no entry of this name yet.
+fn is_new(name: &str, entries: &[Entry], keys: &mut HashSet<String>) -> bool {
+    if entries.len() < FEW_ENTRIES {
+        return entries.iter().all(|entry| entry.key.name != name);
+    }
+    if keys.is_empty() {
+        keys.extend(entries.iter().map(|entry| entry.key.name.clone()));
+    }
+    keys.insert(name.to_owned())
 }
 
 struct TreeBuilder<'a> {
@@ -244,6 +261,14 @@ impl<'a> TreeBuilder<'a> {
             root: None,
             faults: Vec::new(),
         }
+    }
+
+    fn finish(self) -> (Option<Node>, Vec<Diagnostic>) {
+        let null = Node {
+            value: Value::Null,
+            span: Span::new(0, 0),
+        };
+        (Some(self.root.unwrap_or(null)), self.faults)
     }
 
     fn take(&mut self, event: Event<'_>, span: ParserSpan) -> Result<(), Box<Diagnostic>> {
@@ -278,18 +303,8 @@ impl<'a> TreeBuilder<'a> {
                 "remove the tag; quote a value to keep it text",
             ),
             Event::Scalar(text, style, ..) => self.scalar(text, style, place),
-            Event::SequenceStart(..) => self.open(OpenNode::List(Vec::new()), place),
-            Event::MappingStart(..) => {
-                let (entries, keys) = (Vec::new(), HashSet::new());
-                self.open(
-                    OpenNode::Map {
-                        entries,
-                        keys,
-                        key: None,
-                    },
-                    place,
-                )
-            }
+            Event::SequenceStart(..) => self.open_list(place),
+            Event::MappingStart(..) => self.open_map(place),
             Event::SequenceEnd | Event::MappingEnd => self.close(place),
             _ => Ok(()),
         }
@@ -308,11 +323,11 @@ impl<'a> TreeBuilder<'a> {
         span: Span,
     ) -> Result<(), Box<Diagnostic>> {
         self.faults.extend(unprintable(&text, span));
-        if let Some((OpenNode::Map { keys, key, .. }, _)) = self.stack.last_mut()
+        if let Some((OpenNode::Map { entries, keys, key }, _)) = self.stack.last_mut()
             && key.is_none()
         {
             let name = text.into_owned();
-            let first = keys.insert(name.clone());
+            let first = is_new(&name, entries, keys);
             if !first {
                 let message = format!("`{name}` is given twice in one mapping");
                 let fault = Diagnostic::error(DUPLICATE_KEY, span, message).label("given before");
@@ -327,6 +342,19 @@ impl<'a> TreeBuilder<'a> {
             Value::Text(text.into_owned())
         };
         self.put(Node { value, span })
+    }
+
+    fn open_list(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
+        self.open(OpenNode::List(Vec::new()), span)
+    }
+
+    fn open_map(&mut self, span: Span) -> Result<(), Box<Diagnostic>> {
+        let map = OpenNode::Map {
+            entries: Vec::new(),
+            keys: HashSet::new(),
+            key: None,
+        };
+        self.open(map, span)
     }
 
     fn open(&mut self, open: OpenNode, span: Span) -> Result<(), Box<Diagnostic>> {
