@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::collections::HashSet;
 
 use rcc_core::printable::first_unprintable;
-use serde_saphyr::granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan};
+use granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan};
 
 use crate::diagnostic::{Diagnostic, Span};
 

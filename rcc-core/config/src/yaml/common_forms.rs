@@ -7,7 +7,7 @@
 
 use std::borrow::Cow;
 
-use serde_saphyr::granit_parser::ScalarStyle;
+use granit_parser::ScalarStyle;
 
 use super::TreeBuilder;
 use crate::diagnostic::Span;
