@@ -2,7 +2,14 @@
 //! all other RCC code.
 //! Each simulator is a program of its own; its model is pure and also runs in virtual time.
 
+pub mod arm;
 pub mod control_socket;
 pub mod io;
 pub mod line_server;
 pub mod lwr;
+pub mod network;
+pub mod number_list;
+pub mod quality;
+pub mod requests;
+pub mod robot_program;
+pub mod trace;

@@ -5,7 +5,7 @@ mod common;
 
 use common::Simulator;
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState, flags};
-use rcc_drivers::sim::lwr::trace::TraceRecord;
+use rcc_drivers::sim::trace::TraceRecord;
 use serde_json::json;
 use std::fs;
 use std::net::UdpSocket;

@@ -4,9 +4,10 @@
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, flags};
 use rcc_drivers::sim::io::{control as io_control, process_image::ProcessImage};
-use rcc_drivers::sim::lwr::control::{ControlAnswer, KrcCommand, to_line};
+use rcc_drivers::sim::lwr::control::{ControlError, KrcCommand};
 use rcc_drivers::sim::lwr::krc::Krc;
 use rcc_drivers::sim::lwr::settings::{KrlProgram, Settings};
+use rcc_drivers::sim::requests::{ControlAnswer, RequestError, to_line};
 
 use crate::plan::real;
 
@@ -42,12 +43,13 @@ pub fn run(data: &[u8]) {
         .chain(&snapshot.velocity)
         .all(|value| value.is_finite());
     assert!(finite, "{snapshot:?}");
-    assert!(!to_line(Ok(ControlAnswer::State(Box::new(snapshot)))).contains('\n'));
+    let answer = Ok::<_, ControlError>(ControlAnswer::State(Box::new(snapshot)));
+    assert!(!to_line(answer).contains('\n'));
 }
 
 fn send_line(krc: &mut Krc, line: &str) {
     let answer = serde_json::from_str::<KrcCommand>(line)
-        .map_err(Into::into)
+        .map_err(|error| RequestError::from(error).into())
         .and_then(|command| krc.execute(command));
     assert!(!to_line(answer).contains('\n'), "an answer is one line");
 }

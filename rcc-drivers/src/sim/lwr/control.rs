@@ -15,16 +15,18 @@
 //! requested fault, and acknowledges. A command without content may also be a bare name, `"state"`.
 //! Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
-use super::dynamics::{FlangeLoad, LoadError};
-use super::environment::{Wall, WallError};
 use super::krc::Krc;
-use super::network::{NetworkRates, impossible};
-use super::settings::{KrlLoopback, KrlStrategy};
+use super::settings::KrlLoopback;
 use super::statistics::{KrlVariables, Snapshot};
 use crate::fri_lwr::wire::{KrlBlock, Quality};
-use crate::sim::control_socket::PathError;
+use crate::sim::arm::dynamics::FlangeLoad;
+use crate::sim::arm::environment::Wall;
+use crate::sim::arm::impedance::ControlLaw;
+use crate::sim::network::{NetworkRates, impossible};
+use crate::sim::requests::{
+    ControlAnswer, DriveSwitch, DropRate, InjectedWrench, RequestError, TraceFile,
+};
 use serde::Deserialize;
-use std::path::PathBuf;
 
 /// A request at the control port.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -59,7 +61,7 @@ pub enum KrcCommand {
     /// Sets `$FRI_TO_INT[number]`.
     SetInt(KrlVariable<i32>),
     /// Changes the control strategy, in monitor mode only.
-    Strategy(KrlStrategy),
+    Strategy(ControlLaw),
     /// Loops `$FRI_FRM_BOOL[from]` back to `$FRI_TO_BOOL[to]`.
     WireBool(KrlLoopback),
     /// Loops `$FRI_FRM_REA[from]` back to `$FRI_TO_REA[to]`.
@@ -74,34 +76,6 @@ pub enum KrcCommand {
     Quit,
 }
 
-/// Force (N) and torque (Nm) on the flange, base axes.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct InjectedWrench {
-    /// N.
-    #[serde(default)]
-    pub force: [f64; 3],
-    /// Nm.
-    #[serde(default)]
-    pub torque: [f64; 3],
-}
-
-/// State of the drives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DriveSwitch {
-    /// The drives are on.
-    pub on: bool,
-}
-
-/// Share of answers to drop.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DropRate {
-    /// Percentage, 0 to 100.
-    pub percent: f64,
-}
-
 /// A KRL variable and its new value.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -112,59 +86,18 @@ pub struct KrlVariable<T> {
     pub value: T,
 }
 
-/// File of a trace.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TraceFile {
-    /// The file, below the folder of the control socket; records are appended.
-    pub path: PathBuf,
-}
-
 /// Why a command was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
-    /// The line is not a command.
-    #[error("not a command: {0}")]
-    Syntax(#[from] serde_json::Error),
-    /// The wall is invalid.
+    /// A reason that all simulated robots have.
     #[error(transparent)]
-    Wall(#[from] WallError),
-    /// The load is invalid.
-    #[error(transparent)]
-    Load(#[from] LoadError),
+    Request(#[from] RequestError),
     /// No KRL variable has this number.
     #[error("KRL variable {0} does not exist: write a number from 1 to 16")]
     Number(usize),
     /// The control strategy cannot be changed.
     #[error("the strategy may change only in monitor mode, while the arm is at rest")]
     Strategy,
-    /// Not a percentage.
-    #[error("invalid percentage {0}: write 0 to 100")]
-    Percent(f64),
-    /// Not a probability.
-    #[error("invalid probability {0}: write 0 to 1")]
-    Probability(f64),
-    /// The arm still moves, so the fault cannot be acknowledged.
-    #[error("the arm is still moving: send `ack` again when `at_rest` is true")]
-    Moving,
-    /// Requests may not name this file.
-    #[error(transparent)]
-    Path(#[from] PathError),
-    /// The trace cannot be written.
-    #[error(transparent)]
-    Trace(#[from] super::trace::TraceError),
-    /// The clock thread does not answer.
-    #[error("the controller's clock does not answer within 5 s")]
-    NoAnswer,
-}
-
-/// Result of a command.
-#[derive(Clone, Debug)]
-pub enum ControlAnswer {
-    /// The command was executed.
-    Done,
-    /// The whole state.
-    State(Box<Snapshot>),
 }
 
 impl Krc {
@@ -172,33 +105,30 @@ impl Krc {
     ///
     /// # Errors
     /// Returns an error for values out of range, or an acknowledgement while the arm moves; nothing has changed then.
-    pub fn execute(&mut self, command: KrcCommand) -> Result<ControlAnswer, ControlError> {
+    pub fn execute(
+        &mut self,
+        command: KrcCommand,
+    ) -> Result<ControlAnswer<Snapshot>, ControlError> {
         match command {
             KrcCommand::State => return Ok(ControlAnswer::State(Box::new(self.snapshot()))),
-            KrcCommand::Wrench(InjectedWrench {
-                force: [fx, fy, fz],
-                torque: [tx, ty, tz],
-            }) => {
-                self.environment.injected = [fx, fy, fz, tx, ty, tz];
-            }
+            KrcCommand::Wrench(wrench) => self.environment.injected = wrench.elements(),
             KrcCommand::Wall(wall) => {
-                self.environment.wall = wall.map(Wall::checked).transpose()?
+                let wall = wall.map(Wall::checked).transpose();
+                self.environment.wall = wall.map_err(RequestError::from)?;
             }
             KrcCommand::Load(load) => {
-                self.environment.load = load.map(FlangeLoad::checked).transpose()?
+                let load = load.map(FlangeLoad::checked).transpose();
+                self.environment.load = load.map_err(RequestError::from)?;
             }
             KrcCommand::Estop => self.press_emergency_stop(),
-            KrcCommand::Ack if !self.acknowledge() => return Err(ControlError::Moving),
+            KrcCommand::Ack if !self.acknowledge() => return Err(RequestError::Moving.into()),
             KrcCommand::Ack => {}
             KrcCommand::Drives(DriveSwitch { on }) => self.switch_drives(on),
             KrcCommand::FreezeMs(time_ms) => self.withhold(time_ms as f64 * 1e-3),
-            KrcCommand::Drop(DropRate { percent }) if (0.0..=100.0).contains(&percent) => {
-                self.drop_answers(percent)
-            }
-            KrcCommand::Drop(DropRate { percent }) => return Err(ControlError::Percent(percent)),
+            KrcCommand::Drop(rate) => self.drop_answers(rate.checked()?),
             KrcCommand::Network(rates) => {
                 if let Some(rate) = impossible(&rates) {
-                    return Err(ControlError::Probability(rate));
+                    return Err(RequestError::Probability(rate).into());
                 }
                 self.network.set(rates);
             }
@@ -211,7 +141,7 @@ impl Krc {
                 self.environment.load = self.settings.load;
                 self.switch_drives(true);
                 if !self.acknowledge() {
-                    return Err(ControlError::Moving);
+                    return Err(RequestError::Moving.into());
                 }
             }
             KrcCommand::SetBool(KrlVariable { number, value }) => {
@@ -274,7 +204,7 @@ impl Krc {
             wrench: self.wrench,
             wall: self.environment.wall,
             load: self.environment.load,
-            answer_rate: figures.answered as f64 / super::quality::WINDOW as f64,
+            answer_rate: figures.answered as f64 / crate::sim::quality::WINDOW as f64,
             latency_s: figures.latency_s,
             jitter_s: figures.jitter_s,
             counts: self.counts,
@@ -308,22 +238,11 @@ fn variables(block: &KrlBlock) -> KrlVariables {
     }
 }
 
-/// Formats the answer as one line of JSON.
-pub fn to_line(answer: Result<ControlAnswer, ControlError>) -> String {
-    let value = match answer {
-        Ok(ControlAnswer::Done) => serde_json::json!({ "ok": true }),
-        Ok(ControlAnswer::State(snapshot)) => match serde_json::to_value(&*snapshot) {
-            Ok(value) => value,
-            Err(error) => serde_json::json!({ "error": error.to_string() }),
-        },
-        Err(error) => serde_json::json!({ "error": error.to_string() }),
-    };
-    value.to_string()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::arm::environment::WallError;
+    use crate::sim::requests::to_line;
 
     fn parse(line: &str) -> KrcCommand {
         serde_json::from_str(line).unwrap()
@@ -358,7 +277,7 @@ mod tests {
         let mut krc = Krc::new(super::super::settings::Settings::default());
         assert!(matches!(
             krc.execute(parse(r#"{"drop":{"percent":101}}"#)),
-            Err(ControlError::Percent(_))
+            Err(ControlError::Request(RequestError::Percent(_)))
         ));
         assert!(matches!(
             krc.execute(parse(r#"{"set_bool":{"number":17,"value":true}}"#)),
@@ -368,7 +287,7 @@ mod tests {
             krc.execute(parse(
                 r#"{"wall":{"point":[0,0,0],"normal":[0,0,0],"stiffness":1}}"#
             )),
-            Err(ControlError::Wall(WallError::Normal))
+            Err(ControlError::Request(RequestError::Wall(WallError::Normal)))
         ));
         assert!(krc.environment.wall.is_none() && krc.to_pc.booleans == 0);
     }
@@ -376,7 +295,8 @@ mod tests {
     #[test]
     fn an_answer_is_one_line() {
         let krc = Krc::new(super::super::settings::Settings::default());
-        let line = to_line(Ok(ControlAnswer::State(Box::new(krc.snapshot()))));
+        let state = ControlAnswer::State(Box::new(krc.snapshot()));
+        let line = to_line(Ok::<_, ControlError>(state));
         assert!(!line.contains('\n') && line.contains("\"fri_state\":\"monitor\""));
     }
 }

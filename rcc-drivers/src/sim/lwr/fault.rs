@@ -2,6 +2,7 @@
 //! Plain data; created by the clock thread, read through the control port.
 
 use crate::fri_lwr::wire::Quality;
+use crate::sim::arm::command_stream::StreamFault;
 use thiserror::Error;
 
 /// Cause of a stop. Joints are counted from 0 here and from 1 in messages.
@@ -26,42 +27,9 @@ pub enum KrcFault {
     /// The first command differs from the controller's own position.
     #[error("at the entry {0}; mirror commanded position + offset until command state")]
     Mirror(MirrorError),
-    /// A commanded position is out of range.
-    #[error("joint {} was commanded to {value} rad, the limit is ±{limit} rad", joint + 1)]
-    Position {
-        /// Index of the joint.
-        joint: usize,
-        /// Commanded, rad.
-        value: f64,
-        /// Limit, rad.
-        limit: f64,
-    },
-    /// The commanded positions exceed the velocity limit.
-    #[error("joint {} was commanded with {value} rad/s, the limit is ±{limit} rad/s", joint + 1)]
-    Velocity {
-        /// Index of the joint.
-        joint: usize,
-        /// Commanded, rad/s.
-        value: f64,
-        /// Limit, rad/s.
-        limit: f64,
-    },
-    /// The commanded positions exceed the acceleration limit.
-    #[error("joint {} was commanded with {value} rad/s², the limit is ±{limit} rad/s²", joint + 1)]
-    Acceleration {
-        /// Index of the joint.
-        joint: usize,
-        /// Commanded, rad/s².
-        value: f64,
-        /// Limit, rad/s².
-        limit: f64,
-    },
-    /// A commanded position is NaN or infinite.
-    #[error("joint {} was commanded to a value that is not a number", joint + 1)]
-    NotFinite {
-        /// Index of the joint.
-        joint: usize,
-    },
+    /// A commanded position is out of range, too fast, or not finite.
+    #[error(transparent)]
+    Stream(#[from] StreamFault),
     /// The command flags have changed in command state.
     #[error(
         "the command flags are {have:#06x}, command state was entered with {want:#06x}; flags may change in monitor state \
@@ -180,10 +148,10 @@ impl KrcFault {
             Self::Lost { .. } => 1,
             Self::Quality { .. } => 2,
             Self::Mirror(_) => 3,
-            Self::Position { .. } => 4,
-            Self::Velocity { .. } => 5,
-            Self::Acceleration { .. } => 6,
-            Self::NotFinite { .. } => 7,
+            Self::Stream(StreamFault::Position { .. }) => 4,
+            Self::Stream(StreamFault::Velocity { .. }) => 5,
+            Self::Stream(StreamFault::Acceleration { .. }) => 6,
+            Self::Stream(StreamFault::NotFinite { .. }) => 7,
             Self::Flags { .. } => 8,
             Self::EmergencyStop => 9,
             Self::DrivesOff => 10,
@@ -197,12 +165,10 @@ impl KrcFault {
     /// Returns the drives that report an error because of this fault, one bit per drive.
     pub fn drive_bits(&self) -> u16 {
         match *self {
-            Self::Mirror(MirrorError::Joint { joint, .. })
-            | Self::Runaway { joint, .. }
-            | Self::Position { joint, .. }
-            | Self::Velocity { joint, .. }
-            | Self::Acceleration { joint, .. }
-            | Self::NotFinite { joint } => 1 << joint,
+            Self::Mirror(MirrorError::Joint { joint, .. }) | Self::Runaway { joint, .. } => {
+                1 << joint
+            }
+            Self::Stream(fault) => 1 << fault.joint(),
             _ => 0,
         }
     }

@@ -10,19 +10,21 @@
 //! `$FRI_TO_INT[2]` is the code of the unacknowledged fault ([`KrcFault::code`]), or 0; and those of its handshake with the PC
 //! ([`super::settings::KrlProgram`]).
 
-use super::arm::SimulatedArm;
-use super::command_stream::CommandStream;
-use super::environment::Environment;
 use super::fault::{KrcFault, MonitorReason};
-use super::impedance::ImpedanceSettings;
-use super::model::{Geometry, geometry};
-use super::network::Network;
-use super::quality::QualityMeter;
-use super::settings::{KrlLoopback, KrlStrategy, Settings};
+use super::model::{LWR_4_PLUS, geometry};
+use super::settings::{KrlLoopback, Settings};
 use super::statistics::{FAULTS_KEPT, FaultRecord, KrcCounts};
-use super::trace::TraceRecord;
 use super::{JOINTS, Joints};
-use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError, flags};
+use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, Quality, WireError, flags};
+use crate::sim::arm::command_stream::CommandStream;
+use crate::sim::arm::environment::Environment;
+use crate::sim::arm::impedance::{ControlLaw, ImpedanceControl, ImpedanceSettings};
+use crate::sim::arm::model::Geometry;
+use crate::sim::arm::simulated_arm::SimulatedArm;
+use crate::sim::network::Network;
+use crate::sim::quality::QualityMeter;
+use crate::sim::requests::Chance;
+use crate::sim::trace::TraceRecord;
 
 mod command_target;
 mod set_point;
@@ -46,7 +48,7 @@ pub struct Krc {
     pub(super) monitor_reason: Option<MonitorReason>,
     pub(super) faults: Vec<FaultRecord>,
     pub(super) counts: KrcCounts,
-    pub(super) quality: QualityMeter,
+    pub(super) quality: QualityMeter<Quality>,
     pub(super) arm: SimulatedArm,
     /// The commanded impedance, or the values of `$STIFFNESS` while nothing is commanded.
     pub(super) impedance: ImpedanceSettings,
@@ -69,7 +71,7 @@ pub struct Krc {
     withheld_ticks: u64,
     drop_percent: f64,
     pub(super) network: Network,
-    chance: u64,
+    chance: Chance,
     pub(super) closing_cycles: Option<u32>,
     sent: Option<TraceRecord>,
     exchanged: Option<TraceRecord>,
@@ -113,7 +115,7 @@ impl Krc {
             withheld_ticks: 0,
             drop_percent: 0.0,
             network: Network::new(settings.seed),
-            chance: settings.seed,
+            chance: Chance(settings.seed),
             closing_cycles: None,
             sent: None,
             exchanged: None,
@@ -128,7 +130,7 @@ impl Krc {
             Err(WireError::Size { .. }) => return self.counts.wrong_size += 1,
             Err(_) => return self.counts.wrong_identity += 1,
         };
-        if self.drop_percent > 0.0 && self.next_chance() * 100.0 < self.drop_percent {
+        if self.drop_percent > 0.0 && self.chance.draw() * 100.0 < self.drop_percent {
             return self.counts.dropped += 1;
         }
         if answer.reflected_sequence != self.sequence() || self.sent.is_none() {
@@ -169,12 +171,16 @@ impl Krc {
         let gone_on = self.continue_through_stall(periods.saturating_sub(passed));
         let step_s = (passed + gone_on) as f64 * self.settings.period_s;
         match self.settings.strategy {
-            KrlStrategy::Position => self.arm.follow(&self.from, &self.desired, step_s),
+            ControlLaw::Position => self.arm.follow(&self.from, &self.desired, step_s),
             strategy => {
-                let law = (strategy, &self.impedance);
+                let control = ImpedanceControl {
+                    law: strategy,
+                    settings: &self.impedance,
+                    model: &LWR_4_PLUS,
+                };
                 let goal = (&self.from, &self.desired);
                 self.arm
-                    .step_impedance(goal, step_s, law, &self.environment);
+                    .step_impedance(goal, step_s, &control, &self.environment);
             }
         }
         self.geometry = geometry(&self.arm.position);
@@ -300,7 +306,9 @@ impl Krc {
     fn pair(&self, sent: TraceRecord, answer: Option<&(CommandDatagram, f64)>) -> TraceRecord {
         TraceRecord {
             answered: answer.is_some(),
-            commanded: answer.map_or([f32::NAN; JOINTS], |(answer, _)| answer.joint_position),
+            commanded: answer.map_or([f64::NAN; JOINTS], |(answer, _)| {
+                answer.joint_position.map(f64::from)
+            }),
             booleans: self.from_pc.booleans,
             ..sent
         }
@@ -332,7 +340,7 @@ impl Krc {
     /// Stops an arm that yields if it leaves its range or exceeds the supervised velocities, which only the commanded
     /// springs and forces can bring about.
     fn supervise_arm(&mut self) {
-        if self.settings.strategy == KrlStrategy::Position || !self.in_command_state() {
+        if self.settings.strategy == ControlLaw::Position || !self.in_command_state() {
             return;
         }
         let (limits, scale) = (&self.settings.limits, self.settings.safety_limits);
@@ -374,12 +382,12 @@ impl Krc {
         self.sent = Some(TraceRecord {
             tick: self.tick,
             time_s: self.time_s,
-            sequence: datagram.send_sequence,
+            sequence: u32::from(datagram.send_sequence),
             state: datagram.state as u16,
             quality: datagram.quality as u16,
             answered: false,
             measured: self.arm.position,
-            commanded: [f32::NAN; JOINTS],
+            commanded: [f64::NAN; JOINTS],
             booleans: 0,
             flange: self.geometry.position,
             force: [self.wrench[0], self.wrench[1], self.wrench[2]],
@@ -391,15 +399,6 @@ impl Krc {
         }
         self.counts.sent += 1;
         Some(datagram.encode())
-    }
-
-    /// SplitMix64: returns the next number in [0, 1).
-    fn next_chance(&mut self) -> f64 {
-        self.chance = self.chance.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.chance;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 

@@ -2,11 +2,11 @@
 //! Pure; run by the clock thread once per tick.
 
 use super::fault::{KrcFault, MonitorReason};
-use super::impedance::ImpedanceSettings;
 use super::krc::Krc;
-use super::settings::{Acknowledge, KrlProgram, KrlStrategy};
+use super::settings::{Acknowledge, KrlProgram};
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, Quality};
+use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings};
 
 /// Integers with which a PC and a KRL program agree on command mode. Variables are counted from 1.
 #[derive(Clone, Copy, Debug)]
@@ -97,7 +97,7 @@ impl Krc {
         } else if handshake.stop.contains(&request) {
             self.wants_command = false;
         }
-        let chosen = KrlStrategy::from_krl(integer(handshake.strategy));
+        let chosen = ControlLaw::from_krl(integer(handshake.strategy));
         if let Some(strategy) = chosen.filter(|strategy| *strategy != self.settings.strategy) {
             self.choose_strategy(strategy);
         }
@@ -105,7 +105,7 @@ impl Krc {
 
     /// Changes the strategy if the arm rests in monitor state; returns whether it is now the wanted one. The set-point is
     /// where the arm is, which may have yielded.
-    pub(super) fn choose_strategy(&mut self, strategy: KrlStrategy) -> bool {
+    pub(super) fn choose_strategy(&mut self, strategy: ControlLaw) -> bool {
         if self.in_command_state() || !self.is_at_rest() {
             return strategy == self.settings.strategy;
         }

@@ -1,14 +1,14 @@
 //! The measurement datagram of the simulated controller.
 //! Pure; run by the clock thread once per tick.
 
-use super::dynamics::{friction_torque, gravity_torque, mass_matrix};
-use super::environment::wire_wrench;
 use super::krc::Krc;
-use super::model::geometry;
-use super::quality::WINDOW;
-use super::settings::KrlStrategy;
+use super::model::{LWR_4_PLUS, geometry};
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{FriControlStrategy, MeasurementDatagram, SessionState};
+use crate::sim::arm::dynamics::{friction_torque, gravity_torque, mass_matrix};
+use crate::sim::arm::environment::wire_wrench;
+use crate::sim::arm::impedance::ControlLaw;
+use crate::sim::quality::WINDOW;
 
 impl Krc {
     /// The torques (external wrench, weight of the links and friction, no inertia), the mass matrix and the temperature
@@ -18,9 +18,9 @@ impl Krc {
         let (base, desired) = (geometry(&self.base), geometry(&self.desired));
         let narrow = |values: &Joints| values.map(|value| value as f32);
         let external = self.geometry.joint_torque(&self.wrench);
-        let gravity = gravity_torque(&self.arm.position);
-        let masses = mass_matrix(&self.arm.position);
-        let friction = friction_torque(&self.arm.velocity);
+        let gravity = gravity_torque(&LWR_4_PLUS, &self.arm.position);
+        let masses = mass_matrix(&LWR_4_PLUS, &self.arm.position);
+        let friction = friction_torque(&LWR_4_PLUS, &self.arm.velocity);
         let measured: Joints =
             std::array::from_fn(|joint| external[joint] + gravity[joint] + friction[joint]);
         let answered = figures.answered as f32 / WINDOW as f32;
@@ -45,9 +45,9 @@ impl Krc {
             miss_count: self.counts.missed as u32,
             power: if self.drives_on() { 0x7f } else { 0 },
             control: match self.settings.strategy {
-                KrlStrategy::Position => FriControlStrategy::Position,
-                KrlStrategy::CartesianImpedance => FriControlStrategy::CartesianImpedance,
-                KrlStrategy::JointImpedance => FriControlStrategy::JointImpedance,
+                ControlLaw::Position => FriControlStrategy::Position,
+                ControlLaw::CartesianImpedance => FriControlStrategy::CartesianImpedance,
+                ControlLaw::JointImpedance => FriControlStrategy::JointImpedance,
             },
             error: self.fault.map_or(0, |fault| fault.drive_bits()),
             warning: 0,

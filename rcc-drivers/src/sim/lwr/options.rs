@@ -1,14 +1,15 @@
 //! The command line of `lwr-sim`. Thresholds that KUKA does not publish are our own, and marked as such.
 //! Read once, by the main thread.
 
-use super::dynamics::FlangeLoad;
-use super::environment::{Wall, WallError};
-use super::settings::{
-    Acknowledge, EntryQuality, KrlLoopback, KrlProgram, KrlStrategy, QualityThresholds, Settings,
-    SupervisedLimits,
-};
+use super::settings::{Acknowledge, EntryQuality, KrlLoopback, KrlProgram, Settings};
 use super::{JOINTS, Joints};
+use crate::sim::arm::command_stream::SupervisedLimits;
+use crate::sim::arm::dynamics::FlangeLoad;
+use crate::sim::arm::environment::{Wall, WallError};
+use crate::sim::arm::impedance::ControlLaw;
 use crate::sim::control_socket;
+use crate::sim::number_list::NumberList;
+use crate::sim::quality::QualityThresholds;
 use clap::Parser;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -43,7 +44,7 @@ pub struct Options {
     /// the arm yields; what the command flags leave out is taken from `$STIFFNESS`. The PC may choose another one in
     /// monitor mode (INT[2], INT[15] or INT[1] in the order of --krl), and so may the control port
     #[arg(long, value_enum, default_value = "position")]
-    pub strategy: KrlStrategy,
+    pub strategy: ControlLaw,
     /// Who acknowledges a fault: the KRL program once the arm has been at rest for 0.5 s and the PC mirrors, or the
     /// control port (the 0.5 s are our own value)
     #[arg(long, value_enum, default_value = "auto")]
@@ -132,24 +133,9 @@ pub struct Options {
     pub parent_death: bool,
 }
 
-/// Numbers in one argument, separated by commas.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NumberList<const N: usize>(pub [f64; N]);
-
 /// Why an option is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptionError {
-    /// The list has the wrong length.
-    #[error("expected {want} numbers separated by commas, found {have}")]
-    Count {
-        /// Expected.
-        want: usize,
-        /// Given.
-        have: usize,
-    },
-    /// An element is not a finite number.
-    #[error("invalid number `{0}`: write a finite number")]
-    Number(String),
     /// An invalid loopback.
     #[error("invalid loopback `{0}`: write FROM=TO with numbers from 1 to 16")]
     Wire(String),
@@ -176,29 +162,6 @@ pub enum OptionError {
     /// The wall is invalid.
     #[error("--wall: {0}")]
     Wall(#[from] WallError),
-}
-
-impl<const N: usize> FromStr for NumberList<N> {
-    type Err = OptionError;
-
-    fn from_str(text: &str) -> Result<Self, OptionError> {
-        let numbers = text
-            .split(',')
-            .map(|part| {
-                let number = part
-                    .trim()
-                    .parse::<f64>()
-                    .ok()
-                    .filter(|number| number.is_finite());
-                number.ok_or_else(|| OptionError::Number(part.trim().to_owned()))
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let have = numbers.len();
-        numbers
-            .try_into()
-            .map(Self)
-            .map_err(|_| OptionError::Count { want: N, have })
-    }
 }
 
 impl FromStr for KrlLoopback {
@@ -343,6 +306,7 @@ fn wall(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::number_list::ListError;
 
     fn parsed(arguments: &[&str]) -> Options {
         let fixed = ["lwr-sim", "--driver", "127.0.0.1:1"];
@@ -373,11 +337,11 @@ mod tests {
     fn a_list_of_the_wrong_length_and_a_wire_out_of_range_are_refused() {
         assert_eq!(
             "1,2".parse::<NumberList<3>>(),
-            Err(OptionError::Count { want: 3, have: 2 })
+            Err(ListError::Count { want: 3, have: 2 })
         );
         assert_eq!(
             "1,inf,2".parse::<NumberList<3>>(),
-            Err(OptionError::Number("inf".into()))
+            Err(ListError::Number("inf".into()))
         );
         assert_eq!(
             "1=17".parse::<KrlLoopback>(),

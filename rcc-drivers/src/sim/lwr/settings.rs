@@ -5,9 +5,12 @@
 //! those values are **our own**. The supervised limits are values that users have read from a controller's files.
 
 use super::Joints;
-use super::dynamics::FlangeLoad;
-use super::environment::Wall;
 use crate::fri_lwr::wire::Quality;
+use crate::sim::arm::command_stream::{StreamRules, SupervisedLimits};
+use crate::sim::arm::dynamics::FlangeLoad;
+use crate::sim::arm::environment::Wall;
+use crate::sim::arm::impedance::ControlLaw;
+use crate::sim::quality::QualityThresholds;
 
 /// How the KRL program of the simulated controller enters and leaves command mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -44,20 +47,6 @@ impl EntryQuality {
     }
 }
 
-/// Control strategy, `$STIFFNESS.STRATEGY`; the KRL program may change it in monitor mode.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
-)]
-#[serde(rename_all = "kebab-case")]
-pub enum KrlStrategy {
-    /// 10: joint position control.
-    Position,
-    /// 20: Cartesian impedance control at the flange.
-    CartesianImpedance,
-    /// 30: joint impedance control.
-    JointImpedance,
-}
-
 /// Who acknowledges a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Acknowledge {
@@ -68,51 +57,14 @@ pub enum Acknowledge {
     Manual,
 }
 
-/// Limits of the commanded positions that the controller supervises, symmetric about 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SupervisedLimits {
-    /// rad.
-    pub position: Joints,
-    /// rad/s.
-    pub velocity: Joints,
-    /// rad/s².
-    pub acceleration: Joints,
-}
-
-impl Default for SupervisedLimits {
-    /// Values that users read from a controller's `rsidef7.dat` (TUM FRICheck); not published by KUKA.
-    fn default() -> Self {
-        let radians = |degrees: Joints| degrees.map(f64::to_radians);
-        Self {
-            position: radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0]),
-            velocity: radians([120.0, 120.0, 160.0, 160.0, 250.0, 220.0, 220.0]),
-            acceleration: radians([1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0]),
-        }
-    }
-}
-
-/// Thresholds of the connection quality. All values are our own.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct QualityThresholds {
-    /// Smallest answered share of the last 100 cycles for PERFECT; mean delay + 2 × jitter must also be below half a
-    /// period.
-    pub perfect: f64,
-    /// Smallest answered share for OK.
-    pub ok: f64,
-    /// Smallest answered share for BAD; below it the quality is UNACCEPTABLE.
-    pub bad: f64,
-    /// Cycles for which a better quality must last before it takes effect; a worse one takes effect at once.
-    pub raise_cycles: u32,
-}
-
-impl Default for QualityThresholds {
-    fn default() -> Self {
-        Self {
-            perfect: 0.99,
-            ok: 0.95,
-            bad: 0.80,
-            raise_cycles: 50,
-        }
+/// Returns the limits of the commanded positions that users read from a controller's `rsidef7.dat` (TUM FRICheck); KUKA
+/// does not publish them.
+pub fn supervised_limits() -> SupervisedLimits {
+    let radians = |degrees: Joints| degrees.map(f64::to_radians);
+    SupervisedLimits {
+        position: radians([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0]),
+        velocity: radians([120.0, 120.0, 160.0, 160.0, 250.0, 220.0, 220.0]),
+        acceleration: radians([1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0]),
     }
 }
 
@@ -137,8 +89,9 @@ pub struct Settings {
     pub script: KrlProgram,
     /// Quality that it waits for.
     pub entry_quality: EntryQuality,
-    /// Control strategy at the start.
-    pub strategy: KrlStrategy,
+    /// Control strategy, `$STIFFNESS.STRATEGY`, at the start: 10 position, 20 Cartesian, 30 joint impedance. The KRL
+    /// program may change it in monitor mode.
+    pub strategy: ControlLaw,
     /// Who acknowledges a fault.
     pub acknowledge: Acknowledge,
     /// How long the arm must be at rest before the KRL program acknowledges, s. The default is our own.
@@ -187,10 +140,10 @@ impl Default for Settings {
             start: [0.0, 0.5236, 0.0, -1.5708, 0.0, 1.0472, 0.0],
             script: KrlProgram::FirstApp,
             entry_quality: EntryQuality::Ok,
-            strategy: KrlStrategy::Position,
+            strategy: ControlLaw::Position,
             acknowledge: Acknowledge::Auto,
             acknowledge_after_s: 0.5,
-            limits: SupervisedLimits::default(),
+            limits: supervised_limits(),
             safety_limits: 1.0,
             acceleration_filter_s: 0.01,
             mirror_tolerance_rad: 0.01,
@@ -204,6 +157,18 @@ impl Default for Settings {
             wall: None,
             load: None,
             seed: 1,
+        }
+    }
+}
+
+impl Settings {
+    /// Returns by what the commanded positions are judged.
+    pub fn stream_rules(&self) -> StreamRules {
+        StreamRules {
+            period_s: self.period_s,
+            limits: self.limits,
+            scale: self.safety_limits,
+            acceleration_filter_s: self.acceleration_filter_s,
         }
     }
 }

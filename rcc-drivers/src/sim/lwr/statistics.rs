@@ -2,10 +2,10 @@
 //! Plain data; written by the clock thread, converted to JSON by the control port's threads.
 
 use super::Joints;
-use super::dynamics::FlangeLoad;
-use super::environment::Wall;
-use super::network::NetworkCounts;
-use super::settings::KrlStrategy;
+use crate::sim::arm::dynamics::FlangeLoad;
+use crate::sim::arm::environment::Wall;
+use crate::sim::arm::impedance::ControlLaw;
+use crate::sim::network::NetworkCounts;
 use serde::Serialize;
 
 /// Number of faults in the history.
@@ -80,7 +80,7 @@ pub struct Snapshot {
     /// Controller's time since the start, s.
     pub time_s: f64,
     /// Control strategy.
-    pub strategy: KrlStrategy,
+    pub strategy: ControlLaw,
     /// `monitor` or `command`.
     pub fri_state: &'static str,
     /// `unacceptable`, `bad`, `ok` or `perfect`.

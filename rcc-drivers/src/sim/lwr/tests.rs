@@ -13,6 +13,8 @@ use super::krc::Krc;
 use super::settings::{Acknowledge, KrlLoopback, KrlProgram, Settings};
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, Quality, SessionState, flags};
+use crate::sim::arm::command_stream::StreamFault;
+use crate::sim::arm::impedance::ControlLaw;
 
 /// A PC that mirrors unless told otherwise.
 struct Pc {

@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 
 use super::*;
 use crate::drivers::fri_lwr::plausibility::Doubt;
-use crate::sim::lwr::settings::{KrlProgram, KrlStrategy};
+use crate::sim::arm::impedance::ControlLaw;
+use crate::sim::lwr::settings::KrlProgram;
 
 /// Returns the LWR of the demo with this one analog channel.
 fn with_channel(kind: ChannelKind, address: Value) -> DeviceConfig {
@@ -42,9 +43,9 @@ fn driver_and_program_agree_by_each_convention_and_the_strategy_is_the_one_asked
         (KrlConvention::Centro, KrlProgram::Centro),
     ];
     let modes = [
-        (ControlMode::Position, KrlStrategy::JointImpedance),
-        (ControlMode::JointImpedance, KrlStrategy::Position),
-        (ControlMode::CartesianImpedance, KrlStrategy::Position),
+        (ControlMode::Position, ControlLaw::JointImpedance),
+        (ControlMode::JointImpedance, ControlLaw::Position),
+        (ControlMode::CartesianImpedance, ControlLaw::Position),
     ];
     for (krl, script) in rows {
         for (strategy, before) in modes {

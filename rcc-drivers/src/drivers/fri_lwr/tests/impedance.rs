@@ -4,13 +4,13 @@ use rcc_core::impedance::{ControlMode, Impedance};
 
 use super::*;
 use crate::fri_lwr::wire::CMD_SIZE;
-use crate::sim::lwr::settings::KrlStrategy;
+use crate::sim::arm::impedance::ControlLaw;
 
-const CARTESIAN: KrlStrategy = KrlStrategy::CartesianImpedance;
-const JOINT: KrlStrategy = KrlStrategy::JointImpedance;
+const CARTESIAN: ControlLaw = ControlLaw::CartesianImpedance;
+const JOINT: ControlLaw = ControlLaw::JointImpedance;
 
 /// Returns a ready fixture whose controller runs this strategy.
-fn bench(strategy: KrlStrategy) -> FriFixture {
+fn bench(strategy: ControlLaw) -> FriFixture {
     let mut bench = FriFixture::new();
     bench.krc = Krc::new(KrcSettings {
         strategy,
@@ -104,7 +104,7 @@ fn joint_set_points_go_out_with_their_flags() {
 #[test]
 fn the_flags_are_the_same_from_the_first_answer_to_the_last() {
     for (strategy, flags) in [
-        (KrlStrategy::Position, 0x1),
+        (ControlLaw::Position, 0x1),
         (CARTESIAN, 0x3501),
         (JOINT, 0x35),
     ] {
@@ -179,7 +179,7 @@ fn null_and_the_loss_of_the_executor_take_the_force_away_and_keep_the_springs() 
 
 #[test]
 fn a_net_for_another_strategy_is_not_followed_and_the_driver_says_why() {
-    let strategies = [KrlStrategy::Position, CARTESIAN, JOINT];
+    let strategies = [ControlLaw::Position, CARTESIAN, JOINT];
     let asked = [Impedance::NONE, soft(), joints()];
     for (runs, strategy) in strategies.into_iter().enumerate() {
         for (wants, impedance) in asked.into_iter().enumerate() {
@@ -260,7 +260,7 @@ fn an_invalid_pose_is_not_commanded() {
 
 /// Returns a bench whose arm has been pressed for 4 s into a wall that stands 5 mm behind the commanded flange, with its
 /// normal along `axis`.
-fn pressed(strategy: KrlStrategy, impedance: Impedance, axis: usize) -> FriFixture {
+fn pressed(strategy: ControlLaw, impedance: Impedance, axis: usize) -> FriFixture {
     let mut bench = bench(strategy);
     let hold = bench.measured().hold;
     let flange = lwr().model().arm.expect("kinematics").forward(&hold);

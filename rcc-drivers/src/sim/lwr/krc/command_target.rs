@@ -6,10 +6,10 @@
 
 use super::Krc;
 use crate::fri_lwr::wire::{CommandDatagram, flags};
+use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings, deflection, nearest_joints};
+use crate::sim::arm::model::Geometry;
 use crate::sim::lwr::fault::{KrcFault, MirrorError};
-use crate::sim::lwr::impedance::{ImpedanceSettings, deflection, nearest_joints};
-use crate::sim::lwr::model::{Geometry, geometry, geometry_of};
-use crate::sim::lwr::settings::KrlStrategy;
+use crate::sim::lwr::model::{LWR_4_PLUS, geometry, geometry_of};
 use crate::sim::lwr::{JOINTS, Joints};
 
 /// Largest added force or torque at the entry into command state, N or N·m: users report that a real controller refuses
@@ -25,7 +25,7 @@ impl Krc {
     /// control that is one; in impedance control there may be none, and the controller's own springs hold the arm.
     pub(in crate::sim::lwr) fn reads(&self, flags: u32) -> bool {
         let strategy = self.settings.strategy;
-        let enough = flags != 0 || strategy != KrlStrategy::Position;
+        let enough = flags != 0 || strategy != ControlLaw::Position;
         enough && flags & !strategy.flags() == 0
     }
 
@@ -75,7 +75,7 @@ impl Krc {
             return Err(KrcFault::Rotation);
         }
         if !selected(flags::JOINT_POSITION) {
-            return nearest_joints(&self.desired, &commanded).map_err(|left| {
+            return nearest_joints(&LWR_4_PLUS, &self.desired, &commanded).map_err(|left| {
                 let (distance, angle) = lengths(left);
                 KrcFault::Unreachable { distance, angle }
             });
@@ -97,7 +97,7 @@ impl Krc {
         command: &CommandDatagram,
         is_first: bool,
     ) -> Result<ImpedanceSettings, KrcFault> {
-        if self.settings.strategy == KrlStrategy::Position {
+        if self.settings.strategy == ControlLaw::Position {
             return Ok(self.impedance);
         }
         let impedance = ImpedanceSettings::of(command, self.settings.strategy)?;

@@ -3,11 +3,11 @@
 
 use super::Krc;
 use crate::fri_lwr::wire::CommandDatagram;
+use crate::sim::arm::command_stream::CommandStream;
+use crate::sim::arm::impedance::ControlLaw;
+use crate::sim::arm::stop_ramp::StopRamp;
 use crate::sim::lwr::Joints;
-use crate::sim::lwr::command_stream::CommandStream;
 use crate::sim::lwr::fault::KrcFault;
-use crate::sim::lwr::settings::KrlStrategy;
-use crate::sim::lwr::stop_ramp::StopRamp;
 
 /// Longest stall, in periods, through which the arm continues to move; in longer ones time stands still, because the PC
 /// may or may not have been stalled as well.
@@ -89,7 +89,7 @@ impl Krc {
         }
         let target = self.target(command)?;
         let impedance = self.impedance_of(command, !mirror_checked)?;
-        stream.accept(&target, &self.settings)?;
+        stream.accept(&target, &self.settings.stream_rules())?;
         self.impedance = impedance;
         self.desired = target;
         self.last_stream = stream;
@@ -155,7 +155,7 @@ impl Krc {
     /// Closes the brakes of an arm that follows commands. An arm that yields is stopped where it is, not where its springs
     /// pull it.
     pub(super) fn close_brakes(&mut self) {
-        if self.settings.strategy == KrlStrategy::Position {
+        if self.settings.strategy == ControlLaw::Position {
             return self.brake();
         }
         if self.in_command_state() {

@@ -2,7 +2,8 @@
 //! Runs in the test harness.
 
 use super::*;
-use crate::sim::lwr::dynamics::{GRAVITY, gravity_torque};
+use crate::sim::arm::dynamics::{GRAVITY, gravity_torque};
+use crate::sim::lwr::model::LWR_4_PLUS;
 
 #[test]
 fn wrong_datagrams_are_counted_and_change_nothing() {
@@ -81,7 +82,7 @@ fn torques_contain_the_weight_of_the_links_and_external_ones_that_of_a_load() {
     let mut pc = Pc::new(Settings::default());
     pc.mirror_for(1);
     assert_eq!(pc.seen.external_torque, [0.0; JOINTS]);
-    let weight = gravity_torque(&pc.krc.arm.position);
+    let weight = gravity_torque(&LWR_4_PLUS, &pc.krc.arm.position);
     assert!(weight[1].abs() > 5.0, "{weight:?}");
     for joint in 0..JOINTS {
         let torque = f64::from(pc.seen.measured_torque[joint]);
@@ -163,9 +164,9 @@ fn a_trace_record_pairs_a_measurement_with_its_answer() {
             record.state,
             record.answered
         ),
-        (seen.send_sequence, 0x21, 2, true)
+        (u32::from(seen.send_sequence), 0x21, 2, true)
     );
-    assert_eq!(record.commanded, answer.joint_position);
+    assert_eq!(record.commanded, answer.joint_position.map(f64::from));
     assert_eq!(record.measured.map(|q| q as f32), seen.measured_position);
     pc.miss();
     let record = pc.krc.exchanged().unwrap();

@@ -2,7 +2,7 @@
 //! Runs in the test harness.
 
 use super::*;
-use crate::sim::lwr::settings::{EntryQuality, KrlStrategy};
+use crate::sim::lwr::settings::EntryQuality;
 
 /// A PC that writes integers into `$FRI_FRM_INT`, with the command flags of the controller's strategy.
 impl Pc {
@@ -115,19 +115,19 @@ fn the_pc_chooses_the_strategy_in_monitor_mode_only() {
 fn the_control_port_changes_the_strategy_in_monitor_mode_and_refuses_it_in_command_mode() {
     let mut pc = Pc::new(Settings::default());
     pc.execute(r#"{"strategy":"cartesian-impedance"}"#);
-    assert_eq!(pc.krc.settings.strategy, KrlStrategy::CartesianImpedance);
+    assert_eq!(pc.krc.settings.strategy, ControlLaw::CartesianImpedance);
     let mut pc = Pc::commanding(Settings::default());
     let refused = pc
         .krc
-        .execute(KrcCommand::Strategy(KrlStrategy::JointImpedance));
+        .execute(KrcCommand::Strategy(ControlLaw::JointImpedance));
     assert!(refused.is_err_and(|error| error.to_string().contains("monitor mode")));
-    assert_eq!(pc.krc.settings.strategy, KrlStrategy::Position);
+    assert_eq!(pc.krc.settings.strategy, ControlLaw::Position);
 }
 
 #[test]
 fn an_arm_that_has_yielded_stays_where_it_is_when_the_strategy_changes() {
     let mut pc = Pc::new(Settings {
-        strategy: KrlStrategy::JointImpedance,
+        strategy: ControlLaw::JointImpedance,
         ..Settings::default()
     });
     pc.execute(r#"{"wrench":{"force":[0,20,0],"torque":[0,0,0]}}"#);

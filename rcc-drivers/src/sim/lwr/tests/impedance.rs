@@ -2,10 +2,9 @@
 //! Runs in the test harness.
 
 use super::*;
-use crate::sim::lwr::impedance::ImpedanceSettings;
-use crate::sim::lwr::settings::KrlStrategy;
+use crate::sim::arm::impedance::ImpedanceSettings;
 
-fn settings(strategy: KrlStrategy) -> Settings {
+fn settings(strategy: ControlLaw) -> Settings {
     Settings {
         strategy,
         ..Settings::default()
@@ -38,7 +37,7 @@ impl Pc {
         }
     }
 
-    fn soft_commanding(strategy: KrlStrategy) -> Self {
+    fn soft_commanding(strategy: ControlLaw) -> Self {
         let mut pc = Self::new(settings(strategy));
         pc.soft_for(200, |_| {});
         assert_eq!(
@@ -51,7 +50,7 @@ impl Pc {
     }
 }
 
-const SOFT: [KrlStrategy; 2] = [KrlStrategy::CartesianImpedance, KrlStrategy::JointImpedance];
+const SOFT: [ControlLaw; 2] = [ControlLaw::CartesianImpedance, ControlLaw::JointImpedance];
 
 #[test]
 fn the_strategy_is_reported_and_its_flags_stay_as_they_were_at_the_entry() {
@@ -66,7 +65,7 @@ fn the_strategy_is_reported_and_its_flags_stay_as_they_were_at_the_entry() {
 
 /// Clients that take part of a strategy: KUKA's second sample, the Stanford library's Cartesian mode, the predecessor of this
 /// project, and torques or springs alone.
-const SUBSETS: [(KrlStrategy, u32); 8] = [
+const SUBSETS: [(ControlLaw, u32); 8] = [
     (SOFT[0], 0x0000),
     (SOFT[1], 0x0001),
     (SOFT[0], 0x0500),
@@ -121,11 +120,11 @@ fn a_subset_of_the_flags_is_taken_and_the_rest_is_the_controllers_own() {
 #[test]
 fn no_flags_and_flags_of_another_strategy_are_waited_for() {
     let foreign = [
-        (KrlStrategy::Position, 0),
+        (ControlLaw::Position, 0),
         (SOFT[0], 0x0011),
         (SOFT[1], 0x0101),
-        (KrlStrategy::Position, 0x0003),
-        (KrlStrategy::Position, 0x0005),
+        (ControlLaw::Position, 0x0003),
+        (ControlLaw::Position, 0x0005),
     ];
     for (strategy, subset) in foreign {
         let mut pc = Pc::new(settings(strategy));
@@ -214,7 +213,7 @@ fn without_stiffness_and_damping_a_torque_moves_the_arm_until_it_would_run_away(
 #[test]
 fn a_stiffness_or_damping_outside_the_krl_range_is_a_fault() {
     type Change = fn(&mut CommandDatagram);
-    let bad: [(KrlStrategy, Change); 7] = [
+    let bad: [(ControlLaw, Change); 7] = [
         (SOFT[0], |answer| answer.cartesian_stiffness[2] = 5001.0),
         (SOFT[0], |answer| answer.cartesian_stiffness[3] = 301.0),
         (SOFT[0], |answer| answer.cartesian_stiffness[0] = -1.0),
@@ -233,7 +232,7 @@ fn a_stiffness_or_damping_outside_the_krl_range_is_a_fault() {
 #[test]
 fn a_pose_that_does_not_match_the_joint_positions_is_a_fault() {
     for element in [3, 7, 11] {
-        let mut pc = Pc::soft_commanding(KrlStrategy::CartesianImpedance);
+        let mut pc = Pc::soft_commanding(ControlLaw::CartesianImpedance);
         pc.soft_for(1, |answer| answer.cartesian_position[element] += 0.1);
         assert_eq!(
             pc.krc.fault.map(|fault| fault.code()),
@@ -257,7 +256,7 @@ fn an_added_force_at_the_entry_is_a_fault() {
 
 #[test]
 fn the_arm_yields_and_the_commanded_position_is_reported_unchanged() {
-    let mut pc = Pc::soft_commanding(KrlStrategy::CartesianImpedance);
+    let mut pc = Pc::soft_commanding(ControlLaw::CartesianImpedance);
     let pose = pc.seen.measured_pose;
     pc.execute(r#"{"wrench":{"force":[0,10,0],"torque":[0,0,0]}}"#);
     pc.soft_for(3000, |answer| answer.cartesian_stiffness[1] = 500.0);

@@ -10,7 +10,10 @@ fn too_fast_a_command_brakes_and_names_the_joint() {
     pc.command_joint_4(next);
     assert_eq!(pc.state(), SessionState::Monitor);
     assert!(
-        matches!(pc.krc.fault, Some(KrcFault::Velocity { joint: 3, .. })),
+        matches!(
+            pc.krc.fault,
+            Some(KrcFault::Stream(StreamFault::Velocity { joint: 3, .. }))
+        ),
         "{:?}",
         pc.krc.fault
     );
@@ -147,7 +150,10 @@ fn a_command_that_is_not_finite_is_dropped_in_monitor_state_and_a_fault_in_comma
     assert_eq!((pc.krc.counts.not_finite, pc.krc.fault), (1, None));
     let mut pc = Pc::moving(Settings::default(), 0.5);
     pc.command_joint_4(f64::INFINITY);
-    assert_eq!(pc.krc.fault, Some(KrcFault::NotFinite { joint: 3 }));
+    assert_eq!(
+        pc.krc.fault,
+        Some(KrcFault::Stream(StreamFault::NotFinite { joint: 3 }))
+    );
 }
 
 #[test]

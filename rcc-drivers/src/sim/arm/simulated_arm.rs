@@ -1,4 +1,4 @@
-//! Dynamics of the simulated arm: each joint follows its set-point like a critically damped oscillator.
+//! Motion of the simulated arm under position control: each joint follows its set-point like a critically damped oscillator.
 //! Pure; run by the clock thread.
 //!
 //! There is no velocity feed-forward: at constant velocity `v` a joint lags `2 v / ω` behind (25 mrad at 1 rad/s with

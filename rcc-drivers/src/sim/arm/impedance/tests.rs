@@ -2,32 +2,41 @@
 //! Runs in the test harness.
 
 use super::*;
-use crate::sim::lwr::environment::Wall;
+use crate::sim::arm::environment::Wall;
+use crate::sim::lwr::model::{LWR_4_PLUS, geometry};
 use crate::sim::lwr::settings::Settings;
 
-const CARTESIAN: KrlStrategy = KrlStrategy::CartesianImpedance;
-const JOINT: KrlStrategy = KrlStrategy::JointImpedance;
+const CARTESIAN: ControlLaw = ControlLaw::CartesianImpedance;
+const JOINT: ControlLaw = ControlLaw::JointImpedance;
 
 fn start() -> Joints {
     Settings::default().start
 }
 
+fn control(law: ControlLaw, settings: &ImpedanceSettings) -> ImpedanceControl<'_> {
+    ImpedanceControl {
+        law,
+        settings,
+        model: &LWR_4_PLUS,
+    }
+}
+
 /// Returns the arm after `time_s` with a set-point that stays at the start.
 fn settled(
-    strategy: KrlStrategy,
+    strategy: ControlLaw,
     impedance: &ImpedanceSettings,
     around: &Environment,
     time_s: f64,
 ) -> SimulatedArm {
     let (goal, mut arm) = (start(), SimulatedArm::new(start(), 80.0));
     for _ in 0..(time_s * 1e3) as usize {
-        arm.step_impedance((&goal, &goal), 1e-3, (strategy, impedance), around);
+        arm.step_impedance((&goal, &goal), 1e-3, &control(strategy, impedance), around);
     }
     assert!(arm.is_at_rest(), "{:?}", arm.velocity);
     arm
 }
 
-fn soft(strategy: KrlStrategy) -> ImpedanceSettings {
+fn soft(strategy: ControlLaw) -> ImpedanceSettings {
     ImpedanceSettings {
         stiffness: std::array::from_fn(|element| [400.0, 60.0, 150.0][kind(strategy, element)]),
         ..ImpedanceSettings::default_for(strategy)
@@ -117,7 +126,8 @@ fn overshoot(ratio: f64) -> f64 {
     arm.position[0] += 0.01;
     let mut beyond = 0.0_f64;
     for _ in 0..2000 {
-        arm.step_impedance((&goal, &goal), 1e-3, (JOINT, &impedance), &pushed([0.0; 6]));
+        let law = control(JOINT, &impedance);
+        arm.step_impedance((&goal, &goal), 1e-3, &law, &pushed([0.0; 6]));
         beyond = beyond.max(goal[0] - arm.position[0]);
     }
     beyond / 0.01
@@ -145,7 +155,8 @@ fn a_set_point_at_constant_velocity_is_followed_without_lag() {
         for i in 0..3000 {
             let (from, to) = (f64::from(i) * 1e-3, f64::from(i + 1) * 1e-3);
             let goal = (&at(from), &at(to));
-            arm.step_impedance(goal, 1e-3, (strategy, &impedance), &pushed([0.0; 6]));
+            let law = control(strategy, &impedance);
+            arm.step_impedance(goal, 1e-3, &law, &pushed([0.0; 6]));
         }
         for (now, wanted) in arm.position.iter().zip(at(3.0)) {
             assert!((now - wanted).abs() < 1e-3, "{strategy:?}: {now} {wanted}");
@@ -160,8 +171,9 @@ fn joint_velocities_stay_bounded_at_a_singularity() {
     let (goal, mut arm) = ([0.0; JOINTS], SimulatedArm::new([0.0; JOINTS], 80.0));
     let around = pushed([5.0, 3.0, -20.0, 0.0, 0.0, 0.0]);
     for _ in 0..2000 {
-        let law = (CARTESIAN, &soft(CARTESIAN));
-        arm.step_impedance((&goal, &goal), 1e-3, law, &around);
+        let impedance = soft(CARTESIAN);
+        let law = control(CARTESIAN, &impedance);
+        arm.step_impedance((&goal, &goal), 1e-3, &law, &around);
         assert!(arm.position.iter().all(|q| q.is_finite()));
     }
     assert!(

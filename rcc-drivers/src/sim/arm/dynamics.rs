@@ -3,30 +3,11 @@
 //! and no weight moves the arm.
 //! Pure functions; run by the clock thread.
 
-use super::model::{Geometry, LinkFrame, Matrix, cross, link_frames};
+use super::model::{ArmModel, Geometry, LinkFrame, Matrix, cross, link_frames};
 use super::{JOINTS, Joints};
 
 /// Standard gravity, m/s² (CGPM 1901).
 pub const GRAVITY: f64 = 9.806_65;
-/// Masses of the links behind J1 to J7, kg: the URDF of the LWR by Centro E. Piaggio (kuka-lwr); KUKA publishes none.
-const MASS: Joints = [2.0, 2.0, 2.0, 2.0, 2.0, 0.2, 0.2];
-/// Centres of mass of an upright arm, base frame, m; from the same source.
-const CENTRE: [[f64; 3]; JOINTS] = [
-    [0.0, -0.06, 0.24],
-    [0.0, 0.06, 0.3805],
-    [0.0, 0.06, 0.6405],
-    [0.0, -0.06, 0.7805],
-    [0.0, 0.0, 1.0345],
-    [0.0, 0.0, 1.163],
-    [0.0, 0.0, 1.1785],
-];
-/// Radius of the solid sphere whose moment of inertia each link has about its centre, m. Our own value: KUKA publishes
-/// none, and the URDFs of others contradict each other.
-const RADIUS: f64 = 0.07;
-/// Dry friction, N·m. Our own values.
-const FRICTION: Joints = [0.4, 0.4, 0.2, 0.2, 0.2, 0.1, 0.1];
-/// Viscous friction, N·m·s/rad. Our own values.
-const DAMPING: Joints = [0.4, 0.4, 0.2, 0.2, 0.2, 0.1, 0.1];
 /// Velocity at which dry friction reaches 76 % (the hyperbolic tangent of 1) of its value, rad/s.
 const STICTION_RATE: f64 = 1e-3;
 
@@ -84,11 +65,11 @@ impl std::str::FromStr for FlangeLoad {
 }
 
 /// Returns the joint torques by the weight of the links at `q` (rad), Nm; positive turns a joint in its direction.
-pub fn gravity_torque(q: &Joints) -> Joints {
-    let here = link_frames(q);
+pub fn gravity_torque(model: &ArmModel, q: &Joints) -> Joints {
+    let here = link_frames(model, q);
     let mut torques = [0.0; JOINTS];
-    for (link, centre) in centres(&here).into_iter().enumerate() {
-        let weight = -MASS[link] * GRAVITY;
+    for (link, centre) in centres(model, &here).into_iter().enumerate() {
+        let weight = -model.mass[link] * GRAVITY;
         for (torque, frame) in torques.iter_mut().zip(&here).take(link + 1) {
             let lever = difference(&centre, &frame.origin);
             // axis · (lever × [0, 0, weight])
@@ -99,11 +80,12 @@ pub fn gravity_torque(q: &Joints) -> Joints {
 }
 
 /// Returns the mass matrix at `q` (rad), kg m²: `Σ m Jvᵀ Jv + I Jωᵀ Jω` over the links. Approximate, as the masses are.
-pub fn mass_matrix(q: &Joints) -> [Joints; JOINTS] {
-    let here = link_frames(q);
+pub fn mass_matrix(model: &ArmModel, q: &Joints) -> [Joints; JOINTS] {
+    let here = link_frames(model, q);
     let mut matrix = [[0.0; JOINTS]; JOINTS];
-    for (link, centre) in centres(&here).into_iter().enumerate() {
-        let (mass, inertia) = (MASS[link], 0.4 * MASS[link] * RADIUS.powi(2));
+    for (link, centre) in centres(model, &here).into_iter().enumerate() {
+        let mass = model.mass[link];
+        let inertia = 0.4 * mass * model.radius.powi(2);
         let moves = |joint: &LinkFrame| cross(&joint.axis, &difference(&centre, &joint.origin));
         for (row, one) in here.iter().enumerate().take(link + 1) {
             for (column, other) in here.iter().enumerate().take(link + 1) {
@@ -116,13 +98,13 @@ pub fn mass_matrix(q: &Joints) -> [Joints; JOINTS] {
 }
 
 /// Returns the centre of mass of each link, base frame, m.
-fn centres(here: &[LinkFrame; JOINTS]) -> [[f64; 3]; JOINTS] {
-    let upright = link_frames(&[0.0; JOINTS]);
+fn centres(model: &ArmModel, here: &[LinkFrame; JOINTS]) -> [[f64; 3]; JOINTS] {
+    let upright = link_frames(model, &[0.0; JOINTS]);
     std::array::from_fn(|link| {
         // The centre in the link's own frame, and from there to where the link is.
         let local = back(
             &upright[link].rotation,
-            &difference(&CENTRE[link], &upright[link].position),
+            &difference(&model.centre[link], &upright[link].position),
         );
         let turned = rotated(&here[link].rotation, &local);
         std::array::from_fn(|i| here[link].position[i] + turned[i])
@@ -130,10 +112,10 @@ fn centres(here: &[LinkFrame; JOINTS]) -> [[f64; 3]; JOINTS] {
 }
 
 /// Returns the joint torques by friction, Nm; they oppose the velocities (rad/s).
-pub fn friction_torque(velocity: &Joints) -> Joints {
+pub fn friction_torque(model: &ArmModel, velocity: &Joints) -> Joints {
     std::array::from_fn(|joint| {
         let rate = velocity[joint];
-        -FRICTION[joint] * (rate / STICTION_RATE).tanh() - DAMPING[joint] * rate
+        -model.friction[joint] * (rate / STICTION_RATE).tanh() - model.damping[joint] * rate
     })
 }
 
@@ -158,6 +140,7 @@ fn back(m: &Matrix, v: &[f64; 3]) -> [f64; 3] {
 mod tests {
     use super::super::model::geometry;
     use super::*;
+    use crate::sim::lwr::model::LWR_4_PLUS as MODEL;
 
     const BENT: Joints = [0.3, -0.5, 0.2, 1.4, -0.6, 0.9, 0.4];
 
@@ -168,7 +151,12 @@ mod tests {
         let robot = cell.devices[0].robot.as_ref().expect("an arm");
         assert_eq!(robot.dynamics.len(), JOINTS);
         for (joint, link) in robot.dynamics.iter().enumerate() {
-            let ours = (MASS[joint], CENTRE[joint], FRICTION[joint], DAMPING[joint]);
+            let ours = (
+                MODEL.mass[joint],
+                MODEL.centre[joint],
+                MODEL.friction[joint],
+                MODEL.damping[joint],
+            );
             let theirs = (
                 link.mass_kg,
                 link.centre_m,
@@ -183,9 +171,9 @@ mod tests {
     fn weight_turns_a_level_arm_by_the_levers_of_its_links() {
         // Level forwards: each centre is as far in front of the shoulder as it was above it, and offsets along y stay.
         let level = [0.0, -90_f64.to_radians(), 0.0, 0.0, 0.0, 0.0, 0.0];
-        let torques = gravity_torque(&level);
+        let torques = gravity_torque(&MODEL, &level);
         let from_shoulder: f64 = (1..JOINTS)
-            .map(|link| MASS[link] * GRAVITY * (CENTRE[link][2] - 0.3105))
+            .map(|link| MODEL.mass[link] * GRAVITY * (MODEL.centre[link][2] - 0.3105))
             .sum();
         assert!((torques[1] + from_shoulder).abs() < 1e-9, "{torques:?}");
         let wrist = 0.2 * GRAVITY * (1.163 - 1.1005 + 0.078);
@@ -205,7 +193,7 @@ mod tests {
             .map(|step| {
                 let (from, to) = (at(step), at(step + 1));
                 let middle = std::array::from_fn(|joint| 0.5 * (from[joint] + to[joint]));
-                let torques = gravity_torque(&middle);
+                let torques = gravity_torque(&MODEL, &middle);
                 (0..JOINTS)
                     .map(|joint| torques[joint] * (to[joint] - from[joint]))
                     .sum::<f64>()
@@ -217,18 +205,19 @@ mod tests {
     #[test]
     fn the_mass_matrix_is_that_of_the_kinetic_energy() {
         let rate: Joints = [0.3, -0.7, 1.1, 0.4, -0.9, 0.6, -1.3];
-        let matrix = mass_matrix(&BENT);
+        let matrix = mass_matrix(&MODEL, &BENT);
         let row = |i: usize| (0..JOINTS).map(|j| matrix[i][j] * rate[j]).sum::<f64>();
         let of_matrix = 0.5 * (0..JOINTS).map(|i| rate[i] * row(i)).sum::<f64>();
         // The same from differences of positions and rotations, without a Jacobian.
         let step_s = 1e-6;
         let at = |time_s: f64| -> [LinkFrame; JOINTS] {
-            link_frames(&std::array::from_fn(|joint| {
-                BENT[joint] + rate[joint] * time_s
-            }))
+            link_frames(
+                &MODEL,
+                &std::array::from_fn(|joint| BENT[joint] + rate[joint] * time_s),
+            )
         };
         let (before, after) = (at(-step_s), at(step_s));
-        let (from, to) = (centres(&before), centres(&after));
+        let (from, to) = (centres(&MODEL, &before), centres(&MODEL, &after));
         let energy: f64 = (0..JOINTS)
             .map(|link| {
                 let v = difference(&to[link], &from[link]).map(|way| way / (2.0 * step_s));
@@ -237,8 +226,8 @@ mod tests {
                 let turned = r.as_flattened().iter().zip(s.as_flattened());
                 let squared: f64 = turned.map(|(r, s)| (s - r).powi(2)).sum();
                 let omega_squared = 0.5 * squared / (2.0 * step_s).powi(2);
-                let inertia = 0.4 * MASS[link] * RADIUS.powi(2);
-                0.5 * (MASS[link] * dot(&v, &v) + inertia * omega_squared)
+                let inertia = 0.4 * MODEL.mass[link] * MODEL.radius.powi(2);
+                0.5 * (MODEL.mass[link] * dot(&v, &v) + inertia * omega_squared)
             })
             .sum();
         assert!((of_matrix - energy).abs() < 1e-6, "{of_matrix} {energy}");
@@ -250,7 +239,7 @@ mod tests {
 
     #[test]
     fn a_load_hangs_on_the_flange() {
-        let here = geometry(&BENT);
+        let here = geometry(&MODEL, &BENT);
         let load: FlangeLoad = "2,0,0,0.1".parse().expect("a load");
         let wrench = load.wrench(&here);
         assert_eq!(wrench[2], -2.0 * GRAVITY);

@@ -1,21 +1,58 @@
 //! Connection quality, from the answers in a window of 100 cycles.
 //! Pure; run by the clock thread. KUKA publishes no thresholds; all of them are our own.
 
-use super::settings::QualityThresholds;
-use crate::fri_lwr::wire::Quality;
+/// The four ratings of a connection on a wire.
+pub trait QualityScale: Copy + PartialOrd {
+    /// From the worst to the best.
+    const LEVELS: [Self; 4];
+}
+
+impl QualityScale for crate::fri_lwr::wire::Quality {
+    const LEVELS: [Self; 4] = [Self::Unacceptable, Self::Bad, Self::Ok, Self::Perfect];
+}
+
+impl QualityScale for crate::fri_iiwa::wire::Quality {
+    const LEVELS: [Self; 4] = [Self::Poor, Self::Fair, Self::Good, Self::Excellent];
+}
+
+/// Thresholds of the connection quality. All values are our own. The names are those of the LWR; an iiwa calls the same
+/// ratings EXCELLENT, GOOD, FAIR and POOR.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QualityThresholds {
+    /// Smallest answered share of the last 100 cycles for PERFECT; mean delay + 2 × jitter must also be below half a
+    /// period.
+    pub perfect: f64,
+    /// Smallest answered share for OK.
+    pub ok: f64,
+    /// Smallest answered share for BAD; below it the quality is UNACCEPTABLE.
+    pub bad: f64,
+    /// Cycles for which a better quality must last before it takes effect; a worse one takes effect at once.
+    pub raise_cycles: u32,
+}
+
+impl Default for QualityThresholds {
+    fn default() -> Self {
+        Self {
+            perfect: 0.99,
+            ok: 0.95,
+            bad: 0.80,
+            raise_cycles: 50,
+        }
+    }
+}
 
 /// Length of the window, cycles.
 pub const WINDOW: usize = 100;
 
 /// The last [`WINDOW`] cycles and the present quality.
 #[derive(Clone, Debug)]
-pub struct QualityMeter {
+pub struct QualityMeter<Q> {
     rules: QualityThresholds,
     period_s: f64,
     /// Delay of each answer, s; `None` is a miss. Cycles before the start count as misses.
     window: [Option<f64>; WINDOW],
     next: usize,
-    quality: Quality,
+    quality: Q,
     better_for: u32,
     figures: QualityFigures,
 }
@@ -31,7 +68,7 @@ pub struct QualityFigures {
     pub jitter_s: f64,
 }
 
-impl QualityMeter {
+impl<Q: QualityScale> QualityMeter<Q> {
     /// A connection without any answer yet.
     pub fn new(rules: QualityThresholds, period_s: f64) -> Self {
         Self {
@@ -39,7 +76,7 @@ impl QualityMeter {
             period_s,
             window: [None; WINDOW],
             next: 0,
-            quality: Quality::Unacceptable,
+            quality: Q::LEVELS[0],
             better_for: 0,
             figures: QualityFigures::default(),
         }
@@ -64,7 +101,7 @@ impl QualityMeter {
     }
 
     /// Returns the present quality.
-    pub fn quality(&self) -> Quality {
+    pub fn quality(&self) -> Q {
         self.quality
     }
 
@@ -73,17 +110,18 @@ impl QualityMeter {
         self.figures
     }
 
-    fn judge(&self) -> Quality {
+    fn judge(&self) -> Q {
+        let [unacceptable, bad, ok, perfect] = Q::LEVELS;
         let rate = self.figures.answered as f64 / WINDOW as f64;
         let delay = self.figures.latency_s + 2.0 * self.figures.jitter_s;
         if rate >= self.rules.perfect && delay < 0.5 * self.period_s {
-            Quality::Perfect
+            perfect
         } else if rate >= self.rules.ok {
-            Quality::Ok
+            ok
         } else if rate >= self.rules.bad {
-            Quality::Bad
+            bad
         } else {
-            Quality::Unacceptable
+            unacceptable
         }
     }
 }
@@ -108,8 +146,9 @@ fn figures(window: &[Option<f64>]) -> QualityFigures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fri_lwr::wire::Quality;
 
-    fn meter_after(answers: usize, delay_s: f64) -> QualityMeter {
+    fn meter_after(answers: usize, delay_s: f64) -> QualityMeter<Quality> {
         let mut meter = QualityMeter::new(QualityThresholds::default(), 1e-3);
         for _ in 0..answers {
             meter.record(Some(delay_s));

@@ -1,7 +1,7 @@
 //! The trace: a record of the datagrams of each cycle, as comma-separated values.
 //! Written by a thread of its own: the clock thread only hands records over and never waits.
 
-use super::{JOINTS, Joints};
+use super::arm::Joints;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -20,26 +20,26 @@ const FLUSH_EVERY: Duration = Duration::from_millis(100);
 pub const HEADER: &str = "tick,time_s,sequence,state,quality,answered,\
     q1,q2,q3,q4,q5,q6,q7,c1,c2,c3,c4,c5,c6,c7,frm_bool,x,y,z,fx,fy,fz";
 
-/// One measurement datagram and the answer to it.
+/// One datagram of the robot and the answer to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceRecord {
     /// Cycles since the start.
     pub tick: u64,
     /// Controller's time, s.
     pub time_s: f64,
-    /// `send_sequence` of the measurement datagram.
-    pub sequence: u16,
+    /// The sender's counter in the robot's datagram.
+    pub sequence: u32,
     /// 1 monitor, 2 command.
     pub state: u16,
-    /// 0 unacceptable to 3 perfect.
+    /// 0, the worst, to 3, the best.
     pub quality: u16,
     /// A valid answer was received.
     pub answered: bool,
-    /// Joint positions sent as measured, rad, before rounding to binary32.
+    /// Joint positions sent as measured, rad, before rounding for the wire.
     pub measured: Joints,
     /// Joint positions of the answer as received, rad; NaN without an answer.
-    pub commanded: [f32; JOINTS],
-    /// `$FRI_FRM_BOOL` of the answer, or the last value without one.
+    pub commanded: Joints,
+    /// Boolean outputs (`$FRI_FRM_BOOL`) of the answer, or the last values without one.
     pub booleans: u16,
     /// Position of the flange at `measured`, base frame, m.
     pub flange: [f64; 3],
@@ -287,7 +287,7 @@ mod tests {
             quality: 3,
             answered: true,
             measured: std::array::from_fn(|i| 1.0 / (i as f64 + 3.0)),
-            commanded: std::array::from_fn(|i| 1.0 / (i as f32 - 9.5)),
+            commanded: std::array::from_fn(|i| 1.0 / (i as f64 - 9.5)),
             booleans: 0x8001,
             flange: [0.1, -0.2, 1e-9],
             force: [0.0, -0.0, 1e300],

@@ -1,4 +1,4 @@
-//! Simulated network faults between the controller and the PC.
+//! Simulated network faults between a robot's controller and the PC.
 //! Run by the clock thread; one time step is one cycle.
 
 use serde::{Deserialize, Serialize};
