@@ -235,6 +235,7 @@ mod tests {
                 port("pose", Store::Real, 4, 7),
                 port("done", Store::Bool, 0, 1),
             ],
+            never_null: false,
         }];
         let names = Names {
             net: "line".into(),

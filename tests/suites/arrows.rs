@@ -116,6 +116,8 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-process",
         ],
     ),
+    // Message types and files of recordings, for the monitor, for `replay` and for gateways.
+    ("rcc-recording", &["rcc-core"]),
     (
         "rcc-monitor",
         &[
@@ -124,6 +126,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-config",
             "rcc-protocol",
             "rcc-ipc",
+            "rcc-recording",
         ],
     ),
     (
@@ -141,6 +144,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-graph",
             "rcc-robot",
             "rcc-api",
+            "rcc-recording",
             // `replay` and `simulate` run the same cycle in virtual time.
             "rcc-engine",
         ],

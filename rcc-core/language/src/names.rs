@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::infer::Typed;
 use crate::lower::{ItemSlots, Lowered, SlotRange};
+use crate::null_analysis::analyse_nulls;
 use crate::resolve::{InputSource, ListElement, ResolvedLink, ResolvedPrimitive, every};
 
 /// Names of one command.
@@ -62,6 +63,9 @@ pub struct PrimitiveNames {
     pub inputs: Vec<PortNames>,
     /// Outputs.
     pub outputs: Vec<PortNames>,
+    /// No output is ever null, by the null analysis of the net.
+    #[serde(default)]
+    pub never_null: bool,
 }
 
 /// Name, slots, type and unit of a port.
@@ -107,6 +111,9 @@ pub struct MonitorNames {
     pub rate_hz: f64,
     /// Number of evaluations of the net between two samples.
     pub every: u32,
+    /// The value is never null, by the null analysis of the net.
+    #[serde(default)]
+    pub never_null: bool,
 }
 
 /// A topic that a net publishes.
@@ -151,6 +158,7 @@ pub struct InputNames {
 /// Returns the names of a lowered net.
 #[must_use]
 pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
+    let nulls = analyse_nulls(net.graph);
     let items = net.graph.items.iter().enumerate();
     let primitives = items
         .clone()
@@ -164,6 +172,7 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
                 outputs: outputs
                     .map(|(port, slot)| port_names(net, number, port, *slot))
                     .collect(),
+                never_null: nulls.item(number).is_none(),
             }
         });
     let monitors = items
@@ -171,7 +180,11 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
         .filter_map(|((number, item), slots)| {
             let (port, slot) = (item.spec().inputs.first()?, slots.inputs.first()?);
             let is_monitor = item.spec().role == Role::Monitor;
-            is_monitor.then(|| monitor_names(net, number, item, port, *slot))
+            let never_null = nulls.input(item, 0).is_none();
+            is_monitor.then(|| MonitorNames {
+                never_null,
+                ..monitor_names(net, number, item, port, *slot)
+            })
         });
     Names {
         net: net.graph.net.name.name.clone(),
@@ -305,6 +318,7 @@ fn monitor_names(
         unit: names.unit,
         rate_hz: net.graph.evaluations_hz() / f64::from(every),
         every,
+        never_null: false,
     }
 }
 

@@ -306,6 +306,7 @@ mod tests {
             type_name: "Any".to_owned(),
             inputs,
             outputs,
+            never_null: false,
         };
         Names {
             net: "line".to_owned(),

@@ -1,0 +1,13 @@
+//! Recordings as MCAP files with `ros2msg` schemas and CDR messages, which Foxglove, Lichtblick, PlotJuggler, Rerun and
+//! Python read without ROS; also their messages alone, for live views. Used by recorders, by `replay`, and by whoever reads a
+//! recording again; never by a real-time thread.
+
+pub mod arm;
+pub mod cdr;
+pub mod device;
+pub mod file;
+pub mod messages;
+pub mod read;
+pub mod recording;
+pub mod schemas;
+pub mod table;
