@@ -95,6 +95,35 @@ pub struct StreamValues {
     pub values: serde_json::Map<String, serde_json::Value>,
 }
 
+/// Data of the event `monitored` of a stream: all values of monitors since the last such event, and how far it is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StreamMonitored {
+    /// Executor cycle in which the values were read; those of the last cycles may follow.
+    pub cycle: u64,
+    /// Period of the executor, s.
+    pub period_s: f64,
+    /// The values by command and port.
+    pub batches: Vec<MonitorBatch>,
+}
+
+/// Values of one monitored port, in order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct MonitorBatch {
+    /// The command's id.
+    pub id: u64,
+    /// The net's name.
+    pub net: String,
+    /// The observed port: `primitive.port`, or `primitive.port[index]`.
+    pub port: String,
+    /// Executor cycle of the command's first evaluation.
+    pub started_cycle: u64,
+    /// Executor cycles of the values.
+    pub cycles: Vec<u64>,
+    /// The values; null is null.
+    #[schema(value_type = Vec<Object>)]
+    pub values: Vec<serde_json::Value>,
+}
+
 /// Data of the event `state` of a stream: the state of a command, at the beginning and at each change.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct StreamState {
@@ -123,4 +152,7 @@ pub struct StreamLoss {
     pub samples: u64,
     /// Events of the event log.
     pub events: u64,
+    /// Records of monitors.
+    #[serde(default)]
+    pub records: u64,
 }

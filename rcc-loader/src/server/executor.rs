@@ -8,12 +8,14 @@ use std::time::Duration;
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use rcc_core::helper::{HelperEntry, HelperTable};
-use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
+use rcc_core::message::{
+    CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, MonitorRecord, Tables,
+};
 use rcc_core::timing::CycleTiming;
-use rcc_ipc::{BoardReader, Cell, Client, Session};
+use rcc_ipc::{BoardReader, Cell, Client, Session, StreamError, Subscriber};
 use rcc_os::process_instance::Liveness;
 use rcc_protocol::announcement::EXECUTOR_LABEL;
-use rcc_protocol::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMING};
+use rcc_protocol::control::{Answer, CONTROL, Call, HELPERS, RECORDS, STATUS, TABLES, TIMING};
 use rcc_protocol::{Announcement, Build, Role, wire};
 
 use super::caller::Caller;
@@ -287,6 +289,29 @@ impl ExecutorLink {
             cell: cell.to_owned(),
             client: client.map_err(|error| cannot_open(cell, &error))?,
         })
+    }
+
+    /// Subscribes to the records of the monitors of an executor.
+    ///
+    /// # Errors
+    /// Returns an error if the executor is gone or has no room for another reader.
+    pub fn subscribe_records(
+        &self,
+        attached: &ExecutorConnection,
+    ) -> Result<Subscriber<MonitorRecord>, ApiError> {
+        let cell = self.session.cell().name();
+        let records = attached.announcement.services.get(RECORDS);
+        let records = records.ok_or_else(|| no_executor(cell))?;
+        self.session
+            .subscribe(records)
+            .map_err(|error| match error {
+                StreamError::Full { .. } => ApiError::new(
+                    codes::TOO_MANY_PORTS,
+                    error.to_string(),
+                    "close another stream of monitored values",
+                ),
+                error => cannot_open(cell, &error),
+            })
     }
 
     fn open(&self, announcement: Announcement) -> Result<ExecutorConnection, ApiError> {

@@ -19,7 +19,7 @@ use rcc_api::bodies::{
 };
 use rcc_api::error::ApiError;
 use rcc_api::streams::{
-    ChannelError, ChannelOpened, ChannelSet, StreamLoss, StreamPorts, StreamState,
+    ChannelError, ChannelOpened, ChannelSet, StreamLoss, StreamMonitored, StreamPorts, StreamState,
 };
 use rcc_api::{catalogue, codes};
 use rcc_core::printable::Printable;
@@ -109,6 +109,7 @@ struct ServerState {
         ChannelError,
         StreamPorts,
         StreamState,
+        StreamMonitored,
         StreamLoss
     ))
 )]

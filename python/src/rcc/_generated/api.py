@@ -485,6 +485,22 @@ class Loaded(TypedDict):
     """`loading`."""
 
 
+class MonitorBatch(TypedDict):
+    """Values of one monitored port, in order."""
+    cycles: list[int]
+    """Executor cycles of the values."""
+    id: int
+    """The command's id."""
+    net: str
+    """The net's name."""
+    port: str
+    """The observed port: `primitive.port`, or `primitive.port[index]`."""
+    started_cycle: int
+    """Executor cycle of the command's first evaluation."""
+    values: list[dict[str, Any]]
+    """The values; null is null."""
+
+
 class ParameterView(TypedDict):
     """A parameter of a primitive."""
     above: NotRequired[float | None]
@@ -653,8 +669,20 @@ class StreamLoss(TypedDict):
     """Data of the event `lost` of a stream: counts since the last such event. The client read too slowly, or the samples could not be taken at the rate."""
     events: int
     """Events of the event log."""
+    records: NotRequired[int]
+    """Records of monitors."""
     samples: int
     """Samples of values."""
+
+
+class StreamMonitored(TypedDict):
+    """Data of the event `monitored` of a stream: all values of monitors since the last such event, and how far it is."""
+    batches: list[MonitorBatch]
+    """The values by command and port."""
+    cycle: int
+    """Executor cycle in which the values were read; those of the last cycles may follow."""
+    period_s: float
+    """Period of the executor, s."""
 
 
 class StreamPort(TypedDict):

@@ -30,6 +30,8 @@ pub(super) struct StreamQuery {
     #[serde(default)]
     rate: Option<f64>,
     #[serde(default)]
+    monitors: Option<String>,
+    #[serde(default)]
     states: bool,
     #[serde(default)]
     events: bool,
@@ -37,11 +39,14 @@ pub(super) struct StreamQuery {
 
 /// Stream: values of ports of up to eight nets at a rate, changes of states, and events, as server-sent events over one
 /// connection: `ports` (types and units, before the first values of a command), `values` (as shown), `state`, `event`,
-/// and `lost` (how many samples and events the client was too slow for). A name stands for the newest command of that
+/// `monitored` (every value of the nets' `Monitor`s, in batches), and `lost` (how many samples, events and records the
+/// client was too slow for). A name stands for the newest command of that
 /// name, also for one that is loaded later. A net is sent only if it was evaluated since the last sample.
 #[utoipa::path(get, path = "/stream", operation_id = "openStream", tag = "values",
     params(("ports" = Option<String>, Query, description = "patterns such as `belt/soft.out,line/ik.*`"),
         ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to 250; 10 by default"),
+        ("monitors" = Option<String>, Query,
+            description = "patterns of ports that a `Monitor` observes, such as `line/*`: every value at its rate"),
         ("states" = Option<bool>, Query, description = "also the state of each command, now and at each change"),
         ("events" = Option<bool>, Query, description = "also the events of the event log from now on")),
     responses(
@@ -57,9 +62,13 @@ pub(super) async fn stream(
     let place = Arc::clone(&state.streams).try_acquire_owned();
     let place = place.map_err(|_| too_many_streams(STREAMS_MAX, "streams"))?;
     let ports = ValuesQuery { ports: query.ports };
+    let monitors = ValuesQuery {
+        ports: query.monitors,
+    };
     let request = StreamRequest {
         ports: ports.patterns(),
         rate: query.rate.unwrap_or(RATE_DEFAULT),
+        monitors: monitors.patterns(),
         states: query.states,
         events: query.events,
     };

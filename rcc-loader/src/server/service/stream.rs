@@ -18,6 +18,9 @@ use super::values::{SelectedPort, no_names, select, view};
 use crate::server::executor::{ExecutorConnection, ExecutorPort};
 use crate::server::live::LiveSender;
 use crate::server::store::CommandStore;
+use monitors::MonitorReader;
+
+mod monitors;
 
 /// Maximum rate of a stream, samples per second: each sample of a net is one request to the executor.
 pub const STREAM_RATE_MAX: f64 = 250.0;
@@ -25,7 +28,7 @@ pub const STREAM_RATE_MAX: f64 = 250.0;
 pub const STREAM_RATE_MIN: f64 = 0.1;
 /// Maximum number of nets of a stream.
 pub const STREAM_NETS_MAX: usize = 8;
-/// Interval at which states and events are looked at.
+/// Interval at which states, events and monitored values are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Time without a piece after which a comment shows that the stream is alive.
 const SILENCE_MAX: Duration = Duration::from_secs(5);
@@ -39,6 +42,8 @@ pub struct StreamRequest {
     pub ports: Vec<String>,
     /// Samples per second.
     pub rate: f64,
+    /// Patterns of monitored ports, of which every value is sent.
+    pub monitors: Vec<String>,
     /// States of commands.
     pub states: bool,
     /// Events of the event log.
@@ -52,6 +57,7 @@ pub struct EventStream {
     port: Option<ExecutorPort>,
     states: Option<BTreeMap<u64, StateKey>>,
     reader: Option<EventReader>,
+    monitors: Option<MonitorReader>,
     waiting: VecDeque<Event>,
     loss: StreamLoss,
     spoke: Instant,
@@ -93,7 +99,10 @@ impl Service {
         let port = has_ports.then(|| self.executor.open_port()).transpose()?;
         let state = self.executor.cell().state();
         let reader = request.events.then(|| EventReader::open_at_end(&state));
+        let monitors = (!request.monitors.is_empty())
+            .then(|| MonitorReader::open(&request.monitors, &self.executor, &attached));
         Ok(EventStream {
+            monitors: monitors.transpose()?,
             subscriptions,
             period: Duration::from_secs_f64(1.0 / request.rate),
             port,
@@ -128,8 +137,10 @@ impl Service {
 /// Checks a request, and sorts its ports by net.
 fn subscriptions(request: &StreamRequest) -> Result<Vec<Subscription>, ApiError> {
     let refused = |message: String, help: &str| ApiError::new(codes::BAD_REQUEST, message, help);
-    if request.ports.is_empty() && !request.states && !request.events {
-        let help = "add `ports=NET/PRIMITIVE.PORT`, `states=true` or `events=true`";
+    let is_empty = request.ports.is_empty() && request.monitors.is_empty();
+    if is_empty && !request.states && !request.events {
+        let help =
+            "add `ports=NET/PRIMITIVE.PORT`, `monitors=NET/*`, `states=true` or `events=true`";
         return Err(refused("the stream has no subject".to_owned(), help));
     }
     if !(STREAM_RATE_MIN..=STREAM_RATE_MAX).contains(&request.rate) {
@@ -137,7 +148,8 @@ fn subscriptions(request: &StreamRequest) -> Result<Vec<Subscription>, ApiError>
             "rate: {} is not between {STREAM_RATE_MIN} and {STREAM_RATE_MAX} samples per second",
             request.rate
         );
-        return Err(refused(message, "a `Monitor` in the net shows every cycle"));
+        let help = "a `Monitor` in the net shows every cycle: add one, and `monitors=NET/*`";
+        return Err(refused(message, help));
     }
     let mut all: Vec<Subscription> = Vec::new();
     for port in &request.ports {
@@ -274,7 +286,30 @@ impl EventStream {
         })
     }
 
-    /// Sends changed states and new events, and finds a restarted executor.
+    /// Sends the values of monitors; those for which the client has no room are lost.
+    fn send_monitored(&mut self, service: &Service, client: &LiveSender) {
+        let Some(mut reader) = self.monitors.take() else {
+            return;
+        };
+        if let Ok((attached, store)) = service.attach()
+            && reader.subscribe(&service.executor, &attached).is_ok()
+        {
+            let (message, lost) = reader.read(&attached, &store);
+            self.loss.records += lost;
+            if let Some(message) = message
+                && !self.send(client, "monitored", &message)
+            {
+                let values = message
+                    .batches
+                    .iter()
+                    .map(|batch| batch.cycles.len() as u64);
+                self.loss.records += values.sum::<u64>();
+            }
+        }
+        self.monitors = Some(reader);
+    }
+
+    /// Sends changed states, new events and monitored values, and finds a restarted executor.
     fn look(&mut self, service: &Service, client: &LiveSender) {
         if self.port.is_none() && !self.subscriptions.is_empty() {
             self.port = service.executor.open_port().ok();
@@ -288,6 +323,7 @@ impl EventStream {
             self.look_at_states(service, client, &mut known);
             self.states = Some(known);
         }
+        self.send_monitored(service, client);
         if let Some(reader) = &mut self.reader {
             // The log may be out of reach for a moment: the events come later.
             for event in reader.poll().unwrap_or_default() {

@@ -62,6 +62,7 @@ fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
         port: None,
         states: None,
         reader: None,
+        monitors: None,
         waiting: VecDeque::new(),
         loss: StreamLoss::default(),
         spoke: Instant::now(),
@@ -90,7 +91,7 @@ fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
     (0..live::PIECES_MAX).for_each(|_| assert!(take().starts_with("event: values\n")));
     assert!(send(1000), "there is room again");
     let lost = 1000 - live::PIECES_MAX;
-    let told = format!("event: lost\ndata: {{\"samples\":{lost},\"events\":0}}\n\n");
+    let told = format!("event: lost\ndata: {{\"samples\":{lost},\"events\":0,\"records\":0}}\n\n");
     assert_eq!(take(), told);
     assert!(take().contains("\"id\":1000"));
 }
