@@ -14,3 +14,14 @@ def test_latency(cell_name, cell, monkeypatch, capsys):
     assert re.search(r"3 times  p50 +[1-9]", outcome)
     # In a hand-over the last cycle of one net is followed by the first of the other.
     assert re.search(r"3 times  p50 +[01]\.0 ms .* max +[01]\.0 ms", hand_over)
+
+
+def test_streams(cell_name, cell, monkeypatch, capsys):
+    monkeypatch.setenv("RCC_CELL", cell_name)
+    monkeypatch.setattr(sys, "argv", ["streams.py", "--seconds", "0.3"])
+    runpy.run_path(str(Path(__file__).parents[1] / "benches/streams.py"), run_name="__main__")
+    slow, fast, *sent = capsys.readouterr().out.splitlines()
+    for line, rate in ((slow, 100), (fast, 1000)):
+        got, expected, gaps, lost = map(int, re.findall(r"(\d+) of +(\d+) values +gaps (\d+) +lost (\d+)", line)[0])
+        assert expected >= 0.3 * rate - 1 and (got == expected and gaps == 0 or lost > 0), line
+    assert all(re.search(r"[1-9]\d* sent  took effect [1-9]", line) for line in sent)

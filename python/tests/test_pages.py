@@ -28,8 +28,8 @@ def test_the_other_programs_are_valid(cell_name):
     kinds = [part["type"] for part in built["net"].document()["primitives"].values()]
     assert kinds == ["ForceTorque", "Abs", "Greater"]
     exec(compile(programs("docs/python.md")[2], "docs/python.md", "exec"), built)
-    assert [net.name for net in built["all_of_it"].steps()] == ["lin", "parallel", "lin"]
-    for net in built["all_of_it"].steps():
+    assert [net.name for net in built["all_of_it"].nets()] == ["lin", "parallel", "lin"]
+    for net in built["all_of_it"].nets():
         net.check()
     for program in programs("docs/python.md")[3:]:
         compile(program, "docs/python.md", "exec")

@@ -4,19 +4,24 @@ Nets run in the cell, in hard real time; this program may be slow, or die.
 """
 
 from . import _io
-from .actions import Action, Arm, Expr, Motion, Output, analog_input, digital_input, parallel, sequence
+from .actions import Action, parallel
 from .blocking import Cell, Command
 from .blocks import UNSET, Block, Port
-from .commands import AsyncCell, AsyncCommand, Outcome, Sample
-from .errors import CellNotFound, NetCanceled, NetFault, NetRejected, RccError
+from .commands import AsyncCell, AsyncCommand, Outcome
+from .errors import ActionFailed, Busy, CellNotFound, NetCanceled, NetFault, NetRejected, RccError
+from .expressions import Expr, analog_input, digital_input
+from .motions import Arm, Motion, sequence
+from .outputs import Device, Gripper, Output
+from .streams import Batch, Recording, Sample
 from .tools import Net, Simulation
 from .units import Hz, K, N, Quantity, deg, kg, m, mm, ms, rad, s
 
 __all__ = [
-    "UNSET", "Action", "Arm", "AsyncCell", "AsyncCommand", "Block", "Cell", "CellNotFound", "Command", "Expr", "Hz",
-    "K", "Motion", "N", "Net", "NetCanceled", "NetFault", "NetRejected", "Outcome", "Output", "Port", "Quantity",
-    "RccError", "Sample", "Simulation", "aconnect", "analog_input", "connect", "deg", "digital_input", "kg", "m",
-    "mm", "ms", "parallel", "rad", "s", "sequence",
+    "Action", "ActionFailed", "Arm", "AsyncCell", "AsyncCommand", "Batch", "Block", "Busy", "Cell", "CellNotFound",
+    "Command", "Device", "Expr", "Gripper", "Hz", "K", "Motion", "N", "Net", "NetCanceled", "NetFault",
+    "NetRejected", "Outcome", "Output", "Port", "Quantity", "RccError", "Recording", "Sample", "Simulation",
+    "UNSET", "aconnect", "analog_input", "connect", "deg", "digital_input", "kg", "m", "mm", "ms", "parallel",
+    "rad", "s", "sequence",
 ]  # fmt: skip
 
 

@@ -7,9 +7,12 @@ Everything above this module is written with `async`. The blocking transport's c
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
+import socket
+import threading
 import time
-from collections.abc import AsyncIterator, Coroutine, Iterable, Iterator
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 from urllib.parse import quote
@@ -19,7 +22,18 @@ import httpx
 from . import errors
 
 T = TypeVar("T")
-Params = dict[str, Any]
+#: Work in the background: it gets a transport, and calls the function when it has begun.
+Work = Callable[["Io", Callable[[], None]], Coroutine[Any, Any, None]]
+
+
+class Background(Protocol):
+    """Work beside the program."""
+
+    def is_over(self) -> bool:
+        """True if it has ended, or failed."""
+
+    async def stop(self) -> None:
+        """Ends it; raises the error that it ended with."""
 
 
 class Io(Protocol):
@@ -28,8 +42,14 @@ class Io(Protocol):
     async def send(self, request: httpx.Request, timeout: float | None) -> httpx.Response:
         """Sends a request and reads the whole answer."""
 
-    def lines(self, request: httpx.Request) -> AsyncIterator[str]:
-        """Sends a request and reads the answer line by line."""
+    def lines(self, request: httpx.Request, opened: Callable[[], None] = ...) -> AsyncIterator[str]:
+        """Sends a request and reads the answer line by line; calls `opened` when it begins."""
+
+    async def background(self, address: Address, work: Work) -> Background:
+        """Does `work` beside the program, until it is stopped; returns when the work has called `opened`."""
+
+    async def pause(self, time_s: float) -> None:
+        """Waits for a time."""
 
     def build(self, method: str, path: str, **parts: Any) -> httpx.Request:
         """Builds a request."""
@@ -81,6 +101,8 @@ class BlockingIo:
         transport = httpx.HTTPTransport(uds=address.socket)
         self._client = httpx.Client(transport=transport, base_url=address.url, headers=address.headers)
         self._deadline: float | None = None
+        self._live: list[httpx.Response] = []
+        self._is_cut = False
 
     async def within(self, timeout: float | None, work: Coroutine[Any, Any, T]) -> T:
         """Waits for `work`; raises `TimeoutError` after that many seconds."""
@@ -111,22 +133,87 @@ class BlockingIo:
         request.extensions["timeout"] = httpx.Timeout(timeout).as_dict()
         return self._client.send(request)
 
-    async def lines(self, request: httpx.Request) -> AsyncIterator[str]:
-        """Sends a request and reads the answer line by line."""
+    async def lines(self, request: httpx.Request, opened: Callable[[], None] = lambda: None) -> AsyncIterator[str]:
+        """Sends a request and reads the answer line by line; calls `opened` when it begins."""
         request.extensions["timeout"] = httpx.Timeout(self._pause_max(), connect=STEP_S).as_dict()
         response = self._client.send(request, stream=True)
+        self._live.append(response)
         try:
             if response.status_code >= 400:
                 response.read()
                 raise error_of(response)
+            opened()
             for line in response.iter_lines():
                 yield line
+        except httpx.TransportError:
+            if not self._is_cut:
+                raise
         finally:
+            self._live.remove(response)
             response.close()
+
+    def cut(self) -> None:
+        """Ends the streams that another thread reads."""
+        self._is_cut = True
+        for response in list(self._live):
+            stream = response.extensions.get("network_stream")
+            connection = stream.get_extra_info("socket") if stream is not None else None
+            if connection is not None:
+                # It may be closed already.
+                with contextlib.suppress(OSError):
+                    connection.shutdown(socket.SHUT_RDWR)
+
+    async def background(self, address: Address, work: Work) -> Background:
+        """Does `work` in a thread."""
+        thread = _Thread(address, work)
+        thread.await_opened()
+        return thread
+
+    async def pause(self, time_s: float) -> None:
+        """Waits for a time."""
+        time.sleep(time_s)
 
     async def close(self) -> None:
         """Closes all connections."""
         self._client.close()
+
+
+class _Thread:
+    """Work in a thread, with a transport of its own."""
+
+    def __init__(self, address: Address, work: Work) -> None:
+        self._io = BlockingIo(address)
+        self._begun = threading.Event()
+        self._work = work
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="rcc-stream", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            run(self._work(self._io, self._begun.set))
+        except BaseException as error:
+            self._error = error
+        finally:
+            self._begun.set()
+            run(self._io.close())
+
+    def await_opened(self) -> None:
+        """Waits until the work has begun; raises its error."""
+        self._begun.wait()
+        if self._error is not None:
+            raise self._error
+
+    def is_over(self) -> bool:
+        """True if it has ended, or failed."""
+        return not self._thread.is_alive()
+
+    async def stop(self) -> None:
+        """Ends it; raises the error that it ended with."""
+        self._io.cut()
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
 
 
 class AsyncIo:
@@ -160,22 +247,55 @@ class AsyncIo:
         request.extensions["timeout"] = httpx.Timeout(timeout).as_dict()
         return await self._client.send(request)
 
-    async def lines(self, request: httpx.Request) -> AsyncIterator[str]:
-        """Sends a request and reads the answer line by line."""
+    async def lines(self, request: httpx.Request, opened: Callable[[], None] = lambda: None) -> AsyncIterator[str]:
+        """Sends a request and reads the answer line by line; calls `opened` when it begins."""
         request.extensions["timeout"] = httpx.Timeout(None, connect=STEP_S).as_dict()
         response = await self._client.send(request, stream=True)
         try:
             if response.status_code >= 400:
                 await response.aread()
                 raise error_of(response)
+            opened()
             async for line in response.aiter_lines():
                 yield line
         finally:
             await response.aclose()
 
+    async def background(self, address: Address, work: Work) -> Background:
+        """Does `work` in a task."""
+        opened = asyncio.Event()
+        task = asyncio.create_task(work(self, opened.set))
+        waiting = asyncio.create_task(opened.wait())
+        await asyncio.wait((task, waiting), return_when=asyncio.FIRST_COMPLETED)
+        waiting.cancel()
+        if task.done() and not opened.is_set():
+            task.result()
+        return _Task(task)
+
+    async def pause(self, time_s: float) -> None:
+        """Waits for a time."""
+        await asyncio.sleep(time_s)
+
     async def close(self) -> None:
         """Closes all connections."""
         await self._client.aclose()
+
+
+class _Task:
+    """Work in a task."""
+
+    def __init__(self, task: asyncio.Task[None]) -> None:
+        self._task = task
+
+    def is_over(self) -> bool:
+        """True if it has ended, or failed."""
+        return self._task.done()
+
+    async def stop(self) -> None:
+        """Ends it; raises the error that it ended with."""
+        self._task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._task
 
 
 async def _slowly(parts: Iterable[bytes]) -> AsyncIterator[bytes]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 from ._generated import api
 from ._io import iterate, run
 from .blocks import Value
-from .commands import AsyncCell, AsyncCommand, Outcome, Sample, Text
+from .commands import AsyncCell, AsyncCommand, Outcome, Text
+from .streams import Batch, Recording, Sample
 
 
 class Cell:
@@ -24,7 +26,11 @@ class Cell:
 
     def __exit__(self, *_: object) -> None:
         """Closes the connection; what runs goes on."""
-        run(self._inner.__aexit__())
+        self.close()
+
+    def close(self) -> None:
+        """Closes the connection; what runs goes on."""
+        run(self._inner.close())
 
     def status(self) -> api.StatusView:
         """The executor's health and the cell's processes."""
@@ -57,9 +63,13 @@ class Cell:
     def run(self, net: Text, timeout: float | None = None) -> Outcome:
         """Loads, starts and follows a net, and unloads it; Ctrl-C cancels it.
 
-        Raises `NetFault` or `NetCanceled` for every other end than `finished`.
+        Raises `NetFault`, `NetCanceled` or `ActionFailed` for every other end than `finished`.
         """
         return run(self._inner.run(net, timeout))
+
+    def start(self, net: Text) -> Command:
+        """Loads and starts a net, to be waited for, canceled and unloaded by this program."""
+        return Command(run(self._inner.start(net)))
 
     def switch(self, stop: Sequence[Command], start: Sequence[Command]) -> int:
         """Hand-over: stops some commands and starts others between the same two cycles; returns the cycle."""
@@ -68,6 +78,27 @@ class Cell:
     def watch(self, *ports: str, rate: float = 10.0) -> Iterator[Sample]:
         """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to 250)."""
         return iterate(self._inner.watch(*ports, rate=rate))
+
+    def monitored(self, *ports: str) -> Iterator[Batch]:
+        """Every value of ports that a `Monitor` observes, such as ``line/*``, at its rate, in batches; from now on."""
+        return iterate(self._inner.monitored(*ports))
+
+    @contextmanager
+    def recording(self, *ports: str, rate: float | None = None) -> Iterator[Recording]:
+        """Records ports while the block runs: `with cell.recording("line/*", rate=100) as values:`.
+
+        Without `rate` it has every value of the ports that a `Monitor` observes; these may belong to nets that are
+        loaded later. With a rate, Hz (0.1 to 250), it has samples of ports of loaded nets.
+        """
+        inner = self._inner.recording(*ports, rate=rate)
+        recording = run(inner.__aenter__())
+        try:
+            yield recording
+        except BaseException as error:
+            if not run(inner.__aexit__(type(error), error, error.__traceback__)):
+                raise
+        else:
+            run(inner.__aexit__(None, None, None))
 
 
 class Command:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar, Union
 
 from .units import Quantity
@@ -169,6 +170,8 @@ class Net:
         self._primitives: dict[str, dict[str, Any]] = {}
         self._discard: list[str] = []
         self._extra: dict[str, Any] = {}
+        #: Outcomes that mean failure, with their descriptions: `cell.run` raises `ActionFailed` for them.
+        self.failures: dict[str, str] = {}
 
     def discard(self, *ports: Port) -> None:
         """Says that these outputs are left unread on purpose."""
@@ -184,6 +187,20 @@ class Net:
         if unknown:
             raise TypeError(f"`{kind}`: unknown argument {sorted(unknown)}: give `parameters` and `inputs`")
         return self._add(Block, name, arguments.get("parameters", {}), arguments.get("inputs", {}), kind)
+
+    def remove_unread(self, *kinds: str) -> None:
+        """Removes primitives of these types whose output nothing reads."""
+        while True:
+            read = str([part.get("inputs") for part in self._primitives.values()])
+            unread = [
+                name
+                for name, part in self._primitives.items()
+                if part["type"] in kinds and f"'{name}.out'" not in read
+            ]
+            if not unread:
+                return
+            for name in unread:
+                del self._primitives[name]
 
     def document(self) -> dict[str, Any]:
         """The net as JSON, which the cell loads."""
@@ -236,9 +253,26 @@ class Net:
         return constant(value)
 
 
+@dataclass(frozen=True)
+class Held:
+    """An output that must keep a value after its net."""
+
+    device: str
+    channel: str
+    value: bool
+
+
 class Action(ABC):
     """Something to do that becomes one net, or several one after the other."""
 
     @abstractmethod
-    def steps(self) -> list[Any]:
-        """Its nets."""
+    def nets(self) -> list[Any]:
+        """Its nets, one after the other."""
+
+    def held(self) -> list[Held]:
+        """Outputs that must keep a value after its net, which needs `on_release: hold`."""
+        return []
+
+    def _repr_html_(self) -> str:
+        """Notebooks draw its nets."""
+        return "\n".join(f"<div>{net.graph()}</div>" for net in self.nets())

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
-from contextlib import aclosing
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import aclosing, asynccontextmanager
+from dataclasses import dataclass, replace
 from typing import Any, Union, cast
 
 from . import _io, errors
 from ._generated import api
 from .blocks import Action, Net, Value, constant
+from .streams import Batch, Recording, Sample
 
 Text = Union[Net, Action, str, Mapping[str, Any]]
 #: States of a command that has ended.
@@ -37,19 +38,19 @@ class Outcome:
         return f"{self.net}#{self.id}  {self.words or self.reason}"
 
 
-@dataclass(frozen=True)
-class Sample:
-    """Values of a net's ports, all from one cycle."""
+#: Longest time between two questions about a command, s.
+ASK_EVERY_S = 0.05
+#: Code of a refusal because of too many requests: nets that end at once would open too many streams.
+TOO_MANY = "RCC4010"
+#: Time after a cycle within which its monitored values have arrived at the loader, s.
+READ_AFTER_S = 0.1
 
-    net: str
-    id: int
-    cycle: int
-    time_s: float
-    values: dict[str, Any]
 
-    def __getitem__(self, port: str) -> Any:
-        """The value of a port; `None` is null."""
-        return self.values[port]
+@dataclass
+class Progress:
+    """How far a stream is."""
+
+    cycle: int = 0
 
 
 class AsyncCell:
@@ -65,6 +66,10 @@ class AsyncCell:
         return self
 
     async def __aexit__(self, *_: object) -> None:
+        """Closes the connection; what runs goes on."""
+        await self.close()
+
+    async def close(self) -> None:
         """Closes the connection; what runs goes on."""
         await self._io.close()
 
@@ -95,14 +100,20 @@ class AsyncCell:
 
     async def load(self, net: Text) -> AsyncCommand:
         """LOAD: returns the command when it is ready; raises `NetRejected` with all faults."""
+        await self._check_held(net)
+        return await self._load(net)
+
+    async def _load(self, net: Text) -> AsyncCommand:
         text, kind = text_of(net)
         headers = {"content-type": kind}
         loaded = cast(
             api.Loaded, await self._ask("POST", "/commands", content=text, headers=headers, timeout=60.0)
         )
         command = AsyncCommand(self, loaded["id"])
-        view = await command._until(lambda state: state != "loading")
+        view = await command._loaded()
         if view["state"] == "rejected":
+            # Nobody has a use for it: the error has all that it knows.
+            await command.unload()
             raise errors.NetRejected(
                 "", f"net {view['net']} is not valid", None, cast(Any, view.get("diagnostics", []))
             )
@@ -116,17 +127,46 @@ class AsyncCell:
     async def run(self, net: Text, timeout: float | None = None) -> Outcome:
         """Loads, starts and follows a net, and unloads it; a program that is interrupted cancels it.
 
-        Raises `NetFault` or `NetCanceled` for every other end than `finished`. The nets of a sequence are run one after
-        the other; the outcome is that of the last one, and `timeout` is for each.
+        Raises `NetFault`, `NetCanceled` or `ActionFailed` for every other end than `finished`. The nets of a sequence
+        are run one after the other; the outcome is that of the last one, and `timeout` is for each.
         """
-        first, *others = net.steps() if isinstance(net, Action) else [net]
-        outcome = await self._run(first, timeout)
-        for step in others:
+        await self._check_held(net)
+        outcome: Outcome | None = None
+        for step in net.nets() if isinstance(net, Action) else [net]:
             outcome = await self._run(step, timeout)
+        assert outcome is not None, "an action has a net"
         return outcome
 
-    async def _run(self, net: Text, timeout: float | None) -> Outcome:
+    async def start(self, net: Text) -> AsyncCommand:
+        """Loads and starts a net, to be awaited, canceled and unloaded by this program."""
         command = await self.load(net)
+        try:
+            await command.start()
+        except BaseException:
+            await self._io.finish(command._end())
+            raise
+        return command
+
+    async def _check_held(self, net: Text) -> None:
+        """Refuses an output that would lose its value with the end of its net."""
+        held = net.held() if isinstance(net, Action) else []
+        if not held:
+            return
+        devices = {device["name"]: device for device in await self.devices()}
+        for each in held:
+            channels = devices[each.device]["channels"] if each.device in devices else []
+            released = next((one.get("on_release") for one in channels if one["name"] == each.channel), "hold")
+            if released not in ("hold", f"safe: {int(each.value)}"):
+                output = f"{each.device}.{each.channel}"
+                raise errors.RccError(
+                    "",
+                    f"{output} would not stay {'on' if each.value else 'off'}: its `on_release` is `{released}`, "
+                    "which applies at the end of the net",
+                    f"use `pulse`, or `rcc.parallel({output}.on(), …)`, or configure `on_release: hold`",
+                )
+
+    async def _run(self, net: Text, timeout: float | None) -> Outcome:
+        command = await self._load(net)
         try:
             await command.start()
             outcome = await command.wait(timeout)
@@ -135,7 +175,7 @@ class AsyncCell:
             await self._io.finish(command._end())
             raise
         await command.unload()
-        return finished(outcome)
+        return finished(outcome, net.failures if isinstance(net, Net) else {})
 
     async def switch(self, stop: Sequence[AsyncCommand], start: Sequence[AsyncCommand]) -> int:
         """Hand-over: stops some commands and starts others between the same two cycles; returns the cycle."""
@@ -144,17 +184,76 @@ class AsyncCell:
 
     async def watch(self, *ports: str, rate: float = 10.0) -> AsyncIterator[Sample]:
         """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to 250)."""
-        params = {"ports": ",".join(ports), "rate": rate}
-        async with aclosing(self._stream(params)) as stream:
+        lost = 0
+        async for piece in self._pieces({"ports": ",".join(ports), "rate": rate}):
+            lost += piece.lost
+            if isinstance(piece, Sample) and piece.net:
+                yield replace(piece, lost=lost)
+                lost = 0
+
+    async def monitored(self, *ports: str) -> AsyncIterator[Batch]:
+        """Every value of ports that a `Monitor` observes, such as ``line/*``, at its rate, in batches; from now on."""
+        lost = 0
+        async for piece in self._pieces({"monitors": ",".join(ports)}):
+            lost += piece.lost
+            if isinstance(piece, Batch):
+                yield replace(piece, lost=lost)
+                lost = 0
+
+    @asynccontextmanager
+    async def recording(self, *ports: str, rate: float | None = None) -> AsyncIterator[Recording]:
+        """Records ports while the block runs: `async with cell.recording("line/*", rate=100) as values:`.
+
+        Without `rate` it has every value of the ports that a `Monitor` observes; these may belong to nets that are
+        loaded later. With a rate, Hz (0.1 to 250), it has samples of ports of loaded nets.
+        """
+        params: dict[str, Any] = {"monitors": ",".join(ports)}
+        if rate is not None:
+            params = {"ports": ",".join(ports), "rate": rate}
+        recording, seen = Recording(), Progress()
+
+        async def follow(io: _io.Io, opened: Callable[[], None]) -> None:
+            async for piece in AsyncCell(self._address, io)._pieces(params, opened):
+                recording.add(piece)
+                if isinstance(piece, Sample):
+                    seen.cycle = max(seen.cycle, piece.cycle)
+
+        background = await self._io.background(self._address, follow)
+        try:
+            yield recording
+            if rate is None:
+                await self._await_cycle(seen, background)
+        finally:
+            await background.stop()
+
+    async def _await_cycle(self, seen: Progress, background: _io.Background) -> None:
+        """Waits until the values of all cycles before now have been received."""
+        view = (await self.status())["executor"]
+        last = view["cycle"] + int(READ_AFTER_S * 1e9 / view["period_ns"])
+        while seen.cycle < last and not background.is_over():
+            await self._io.pause(0.01)
+
+    async def _pieces(
+        self, params: Mapping[str, Any], opened: Callable[[], None] = lambda: None
+    ) -> AsyncIterator[Sample | Batch]:
+        """The pieces of a stream; a sample without net tells what was lost, or how far the stream is."""
+        async with aclosing(self._stream(params, opened)) as stream:
             async for event, data in stream:
                 if event == "values":
-                    values = data["values"]
-                    yield Sample(data["net"], data["id"], data["cycle"], data["time_s"], values)
+                    yield Sample(data["net"], data["id"], data["cycle"], data["time_s"], data["values"])
+                elif event == "lost":
+                    yield Sample("", 0, 0, 0.0, {}, data.get("samples", 0) + data.get("records", 0))
+                elif event == "monitored":
+                    for batch in data["batches"]:
+                        start, period = batch["started_cycle"], data["period_s"]
+                        times = [(cycle - start) * period for cycle in batch["cycles"]]
+                        yield Batch(batch["net"], batch["id"], batch["port"], batch["cycles"], times, batch["values"])
+                    yield Sample("", 0, data["cycle"], 0.0, {})
 
-    async def _stream(self, params: Mapping[str, Any]) -> Any:
+    async def _stream(self, params: Mapping[str, Any], opened: Callable[[], None] = lambda: None) -> Any:
         event = ""
         request = self._io.build("GET", "/stream", params=dict(params))
-        async with aclosing(cast(Any, self._io.lines(request))) as lines:
+        async with aclosing(cast(Any, self._io.lines(request, opened))) as lines:
             async for line in lines:
                 if line.startswith("event: "):
                     event = line[7:]
@@ -163,11 +262,15 @@ class AsyncCell:
 
 
 class AsyncCommand:
-    """A loaded net."""
+    """A loaded net; `await command` awaits its outcome."""
 
     def __init__(self, cell: AsyncCell, id: int) -> None:
         """Made by `AsyncCell.load`."""
         self._cell, self.id = cell, id
+
+    def __await__(self) -> Generator[Any, None, Outcome]:
+        """Waits until the command has ended."""
+        return self.wait().__await__()
 
     async def _do(self, method: str, what: str = "", **parts: Any) -> Any:
         return await self._cell._ask(method, f"/commands/{self.id}{what}", **parts)
@@ -239,7 +342,24 @@ class AsyncCommand:
                         return await self.state()
             raise errors.RccError("", "the cell ended its stream of states", "look at `rcc-cli status`")
 
-        return await self._cell._io.within(timeout, follow())
+        async def follow_patiently() -> api.CommandView:
+            while True:
+                try:
+                    return await follow()
+                except errors.RccError as error:
+                    if error.code != TOO_MANY:
+                        raise
+                await self._cell._io.pause(ASK_EVERY_S)
+
+        return await self._cell._io.within(timeout, follow_patiently())
+
+    async def _loaded(self) -> api.CommandView:
+        """Waits until the net is ready or rejected, which is soon: asks, instead of opening a stream."""
+        pause = 0.001
+        while (view := await self.state())["state"] == "loading":
+            await self._cell._io.pause(pause)
+            pause = min(2 * pause, ASK_EVERY_S)
+        return view
 
     async def _end(self) -> None:
         """CANCEL, or ABORT if it cannot be canceled; waits for the end and unloads."""
@@ -258,7 +378,7 @@ def text_of(net: Text) -> tuple[str, str]:
     if isinstance(net, str):
         return net, "application/yaml"
     if isinstance(net, Action):
-        first, *others = net.steps()
+        first, *others = net.nets()
         if others:
             raise TypeError("a sequence becomes several nets: give it to `cell.run`")
         net = first
@@ -266,9 +386,11 @@ def text_of(net: Text) -> tuple[str, str]:
     return json.dumps(document), "application/json"
 
 
-def finished(outcome: Outcome) -> Outcome:
-    """The outcome of a net that finished; raises for any other."""
+def finished(outcome: Outcome, failures: Mapping[str, str]) -> Outcome:
+    """The outcome of a net that finished; raises for any other, and for an outcome that means failure."""
     if outcome:
+        if why := failures.get(outcome.outcome or ""):
+            raise errors.ActionFailed("", f"{why} ({outcome})", "what should follow was not begun")
         return outcome
     if outcome.reason == "canceled":
         raise errors.NetCanceled("", f"{outcome}", "what should follow was not begun")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -40,9 +41,27 @@ class NetCanceled(RccError):
     """A net was canceled: what should follow it must not begin."""
 
 
+class ActionFailed(RccError):
+    """An action did not do what it should, such as a gripper that did not close: what should follow must not begin."""
+
+
+class Busy(RccError):
+    """Another command holds an arm or an output that the net needs; `holder` is its name, `net#id`."""
+
+    @property
+    def holder(self) -> str | None:
+        """The command that holds it."""
+        found = re.search(r"[^\s,]+#\d+(?= holds)", self.message)
+        return found.group() if found else None
+
+
+#: Classes of errors by their codes.
+CLASSES: dict[str, type[RccError]] = {"RCC3004": Busy}
+
+
 def of_body(status: int, body: object) -> RccError:
     """The error in the body of an answer."""
     if not isinstance(body, dict) or "code" not in body:
         return RccError("", f"unexpected answer with status {status}", "use a client of the cell's version")
-    kind = NetRejected if body.get("diagnostics") else RccError
+    kind = NetRejected if body.get("diagnostics") else CLASSES.get(str(body["code"]), RccError)
     return kind(str(body["code"]), str(body["message"]), body.get("help"), body.get("diagnostics") or ())
