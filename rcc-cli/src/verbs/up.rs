@@ -3,7 +3,8 @@
 
 use std::path::PathBuf;
 
-use rcc_api::codes::exit;
+use rcc_api::codes::{self, exit};
+use rcc_process::signals;
 
 use crate::context::{Context, OutputFormat};
 use crate::failure::Failure;
@@ -16,6 +17,9 @@ use crate::supervisor::{POLL_INTERVAL, Supervisor, SupervisorEvent, processes};
 pub struct Arguments {
     /// Cell configuration
     file: PathBuf,
+    /// End the cell when the process that started this one dies
+    #[arg(long)]
+    parent_death: bool,
 }
 
 /// Runs the verb.
@@ -23,6 +27,9 @@ pub struct Arguments {
 /// # Errors
 /// Fails if the configuration is invalid, the cell is already running, or a process failed.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    if arguments.parent_death {
+        follow_parent()?;
+    }
     let interrupts = Interrupts::listen()?;
     let prepared = processes::prepare(&arguments.file)?;
     let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
@@ -55,6 +62,18 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Err(Failure::reported(exit::FAILED));
     }
     Ok(())
+}
+
+/// Ends the cell with the program that started this one. Such a program may have blocked the signals that end the cell.
+fn follow_parent() -> Result<(), Failure> {
+    let followed = signals::unblock_stop_signals().and_then(|()| signals::end_with_parent());
+    followed.map_err(|error| {
+        Failure::new(
+            codes::PROCESS_FAILED,
+            error.to_string(),
+            "start it from a process that lives longer, or without --parent-death",
+        )
+    })
 }
 
 fn print_event(printer: &BackgroundPrinter, line: &SupervisorEvent, json: bool) {

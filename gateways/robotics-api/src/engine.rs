@@ -1,0 +1,244 @@
+//! The engine: reads the nets that run, decides rules, pushes what has changed, and cleans up. One thread.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use rcc_api::codes;
+
+use crate::firing;
+use crate::gateway::{Gateway, read_values};
+use crate::loader::{LoaderClient, LoaderError};
+use crate::pushes::NetState;
+use crate::state::{GatewayNet, RuleState};
+
+/// Time between two looks at the running nets, and the additional time for each of them: the loader takes at most 1000
+/// requests a second from one process.
+const LOOK_EVERY: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(1)];
+/// The same while nothing runs and no rule waits.
+const IDLE_LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Time between two looks at the devices, and at sessions that nobody belongs to.
+const TIDY_EVERY: Duration = Duration::from_millis(100);
+/// Time for a net of a session that ended to come to rest before it is aborted.
+const CANCEL_TIME_MAX: Duration = Duration::from_secs(3);
+
+/// Runs for ever.
+pub fn run(gateway: &Gateway) -> ! {
+    let mut loader = gateway.loader();
+    let mut tidied = None::<Instant>;
+    loop {
+        let busy = step(gateway, &mut loader);
+        if tidied.is_none_or(|at| at.elapsed() > TIDY_EVERY) {
+            tidied = Some(Instant::now());
+            look_at_devices(gateway, &mut loader);
+            end_sessions(gateway, &mut loader);
+            gateway.state().forget();
+        }
+        let [base, each] = LOOK_EVERY;
+        gateway.sleep(match busy {
+            Some(count) => base + each * count,
+            None => IDLE_LOOK_EVERY,
+        });
+    }
+}
+
+/// One turn. Returns the number of running nets, or `None` if nothing can happen by itself.
+fn step(gateway: &Gateway, loader: &mut LoaderClient) -> Option<u32> {
+    let active: Vec<(String, GatewayNet, u64)> = {
+        let state = gateway.state();
+        let active = state.nets.iter().filter(|(_, net)| net.state.is_active());
+        active
+            .filter_map(|(name, net)| Some((name.clone(), net.clone(), net.command?)))
+            .collect()
+    };
+    for (name, net, command) in &active {
+        look_at_net(gateway, loader, name, net, *command);
+    }
+    firing::fire_due(gateway, loader);
+    let ended = {
+        let mut state = gateway.state();
+        state.push_nets(Instant::now());
+        let ended = state.nets.values_mut().filter(|net| net.state.is_over());
+        let ended: Vec<u64> = ended.filter_map(|net| net.command.take()).collect();
+        ended
+    };
+    // The core's table is small; what the application may still read is remembered here.
+    for command in ended {
+        if let Err(error) = loader.unload(command) {
+            tracing::warn!(command, %error, "a net that has ended cannot be unloaded");
+        }
+    }
+    let state = gateway.state();
+    let waits = state
+        .rules
+        .values()
+        .any(|rule| rule.state == RuleState::Active)
+        || state.nets.values().any(|net| net.held_by.is_some());
+    (waits || !active.is_empty()).then(|| u32::try_from(active.len()).unwrap_or(u32::MAX))
+}
+
+/// Reads values and state of a net.
+fn look_at_net(
+    gateway: &Gateway,
+    loader: &mut LoaderClient,
+    name: &str,
+    net: &GatewayNet,
+    command: u64,
+) {
+    let mut values: BTreeMap<String, String> = net.values.clone();
+    let read = read_values(loader, net, command, &mut values);
+    let state = match read {
+        Ok((_, other)) if other != name => lost(name, "the executor was started again"),
+        Ok((state, _)) => match state.as_str() {
+            "terminated" => how_it_ended(loader, name, command),
+            "canceling" => NetState::Cancelling,
+            "ready" => return,
+            _ => net.state,
+        },
+        Err(LoaderError::Refused(body)) if body.code == codes::UNKNOWN_COMMAND.code => {
+            lost(name, &body.message)
+        }
+        // The loader or the executor is being started again: later looks tell what became of the net.
+        Err(_) => return,
+    };
+    let mut gateway_state = gateway.state();
+    if let Some(net) = gateway_state.nets.get_mut(name) {
+        net.values = values;
+        // A cancel may have been carried out meanwhile.
+        if !(net.state == NetState::Cancelling && state == NetState::Running) {
+            net.state = state;
+        }
+    }
+}
+
+fn lost(name: &str, reason: &str) -> NetState {
+    tracing::warn!(net = name, reason, "the net is lost");
+    NetState::Error
+}
+
+fn how_it_ended(loader: &mut LoaderClient, name: &str, command: u64) -> NetState {
+    let Ok(detail) = loader.state(command) else {
+        return NetState::Terminated;
+    };
+    let words = detail.command.words.unwrap_or_default();
+    match detail.command.reason.as_deref() {
+        Some("fault") => {
+            tracing::warn!(net = name, words, "the net has ended by a fault");
+            NetState::Error
+        }
+        _ => {
+            tracing::info!(net = name, words, "the net has ended");
+            NetState::Terminated
+        }
+    }
+}
+
+/// Reads the states of the devices.
+fn look_at_devices(gateway: &Gateway, loader: &mut LoaderClient) {
+    if !gateway.state().are_devices_watched()
+        || gateway.own.as_ref().is_some_and(|own| own.is_restarting())
+    {
+        // While the gateway starts its cell again, devices keep the state that they had.
+        return;
+    }
+    let devices = loader.devices().unwrap_or_default();
+    let mut state = gateway.state();
+    for reported in state.devices.values_mut() {
+        let device = devices
+            .iter()
+            .find(|device| device.name == reported.cell_name);
+        reported.state = match device.map(|device| device.state.as_str()) {
+            Some("ready" | "commanded" | "stopping") => "op",
+            Some("online") => "safeop",
+            _ => "off",
+        };
+    }
+    state.push_devices();
+}
+
+/// Stops the nets of sessions that nobody has belonged to for some time, and forgets them.
+fn end_sessions(gateway: &Gateway, loader: &mut LoaderClient) {
+    let now = Instant::now();
+    let mut stop = Vec::new();
+    let mut unload = Vec::new();
+    {
+        let mut state = gateway.state();
+        let timeout = gateway.options.session_timeout;
+        let is_left =
+            |left: Option<Instant>| left.is_some_and(|left| now.duration_since(left) > timeout);
+        let ended: Vec<String> = state
+            .sessions
+            .iter()
+            .filter(|(_, session)| session.is_ending || is_left(session.left))
+            .map(|(name, _)| name.clone())
+            .collect();
+        for name in ended {
+            if let Some(session) = state
+                .sessions
+                .get_mut(&name)
+                .filter(|session| !session.is_ending)
+            {
+                tracing::info!(
+                    session = name,
+                    client = session.description,
+                    "the client is gone: its nets end"
+                );
+                session.is_ending = true;
+            }
+            // First of all nothing starts any more.
+            state.rules.retain(|_, rule| rule.session != name);
+            let nets = state.nets.iter_mut().filter(|(_, net)| net.session == name);
+            for (name, net) in nets.filter(|(_, net)| net.state.is_active()) {
+                let since = *net.cancelled_at.get_or_insert(now);
+                let is_first = since == now;
+                let is_late = now.duration_since(since) > CANCEL_TIME_MAX;
+                if let Some(command) = net.command.filter(|_| is_first || is_late) {
+                    let operation = if net.can_cancel && is_first {
+                        "cancel"
+                    } else {
+                        "abort"
+                    };
+                    stop.push((name.clone(), command, operation));
+                }
+            }
+            if state
+                .nets
+                .values()
+                .all(|net| net.session != name || !net.state.is_active())
+            {
+                let over = state.nets.values().filter(|net| net.session == name);
+                unload.extend(over.filter_map(|net| net.command));
+                state.nets.retain(|_, net| net.session != name);
+                state.sessions.remove(&name);
+            }
+        }
+    }
+    for (name, command, operation) in stop {
+        if let Err(error) = loader.operate(command, operation) {
+            tracing::warn!(net = name, %error, "{operation} was refused");
+        }
+    }
+    for command in unload {
+        if let Err(error) = loader.unload(command) {
+            tracing::warn!(command, %error, "a net of a session that ended cannot be unloaded");
+        }
+    }
+}
+
+/// Stops every net when the gateway ends: whoever relied on it is no longer served.
+pub fn end_all(gateway: &Gateway) {
+    let active: Vec<(String, u64, bool)> = {
+        let mut state = gateway.state();
+        state.rules.clear();
+        let active = state.nets.iter().filter(|(_, net)| net.state.is_active());
+        active
+            .filter_map(|(name, net)| Some((name.clone(), net.command?, net.can_cancel)))
+            .collect()
+    };
+    let mut loader = gateway.loader();
+    for (name, command, can_cancel) in active {
+        let operation = if can_cancel { "cancel" } else { "abort" };
+        if let Err(error) = loader.operate(command, operation) {
+            tracing::warn!(net = name, %error, "{operation} was refused");
+        }
+    }
+}

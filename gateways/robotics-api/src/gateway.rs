@@ -1,0 +1,412 @@
+//! The gateway: its state, its cell, and how nets get into the core and out of it. Shared by all threads.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
+use std::time::{Duration, Instant};
+
+use rcc_api::bodies::CommandDetail;
+use rcc_api::codes;
+use rcc_language::names::Names;
+
+use crate::devices::DeviceSpec;
+use crate::loader::{LoaderClient, LoaderError};
+use crate::net_text::{self, NetText, NetUse, STOP_INPUT};
+use crate::own_cell::OwnCell;
+use crate::pace::Pace;
+use crate::pushes::NetState;
+use crate::state::{GatewayNet, GatewayState, ReportedValue};
+
+/// How the gateway behaves.
+#[derive(Clone, Debug)]
+pub struct GatewayOptions {
+    /// Time after which the nets of a session without connections are stopped.
+    pub session_timeout: Duration,
+}
+
+/// Everything that the threads share.
+#[derive(Debug)]
+pub struct Gateway {
+    /// How it behaves.
+    pub options: GatewayOptions,
+    /// The cell's control socket.
+    pub socket: PathBuf,
+    /// The cell that the gateway made itself; `None` if it is attached to one.
+    pub own: Option<OwnCell>,
+    state: Mutex<GatewayState>,
+    changed: Condvar,
+    /// Read by whoever loads or starts a net; written while the cell is started again.
+    gate: RwLock<()>,
+    pace: Arc<Pace>,
+}
+
+impl Gateway {
+    /// Returns the gateway of a cell.
+    #[must_use]
+    pub fn new(options: GatewayOptions, socket: PathBuf, own: Option<OwnCell>) -> Gateway {
+        Gateway {
+            options,
+            socket,
+            own,
+            state: Mutex::default(),
+            changed: Condvar::new(),
+            gate: RwLock::new(()),
+            pace: Arc::default(),
+        }
+    }
+
+    /// Returns a client of the cell's loader for the thread of a connection: at the common pace of all of them.
+    #[must_use]
+    pub fn paced_loader(&self) -> LoaderClient {
+        self.loader().at(Arc::clone(&self.pace))
+    }
+
+    /// Returns a client of the cell's loader, for a thread of the gateway's own.
+    #[must_use]
+    pub fn loader(&self) -> LoaderClient {
+        LoaderClient::new(&self.socket)
+    }
+
+    /// Locks the state.
+    pub fn state(&self) -> MutexGuard<'_, GatewayState> {
+        // Each change is complete when it could panic.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Wakes the engine: there is something to do.
+    pub fn wake(&self) {
+        self.changed.notify_all();
+    }
+
+    /// Waits until there is something to do, at most for `time`.
+    pub fn sleep(&self, time: Duration) {
+        let waited = self.changed.wait_timeout(self.state(), time);
+        drop(waited.unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// Waits until the cell is not being started again, and keeps it running.
+    pub fn keep_cell(&self) -> RwLockReadGuard<'_, ()> {
+        self.gate.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Runs `restart` while nobody uses the cell, unless a net runs; afterwards no net is loaded there. Returns false
+    /// if a net runs.
+    pub fn without_nets(&self, restart: impl FnOnce()) -> bool {
+        let _gate = self.gate.write().unwrap_or_else(PoisonError::into_inner);
+        if self.state().nets.values().any(|net| net.state.is_active()) {
+            return false;
+        }
+        restart();
+        for net in self.state().nets.values_mut() {
+            net.command = None;
+        }
+        true
+    }
+
+    /// Loads a net for a session; returns its name.
+    ///
+    /// # Errors
+    /// Returns why the net was rejected, in one sentence.
+    pub fn load(
+        &self,
+        loader: &mut LoaderClient,
+        session: &str,
+        text: &str,
+    ) -> Result<String, String> {
+        let name = format!("rpinet{}", self.state().number("net"));
+        let text = net_text::prepare(text, &name, &self.device_names(), NetUse::Run)
+            .map_err(|error| error.to_string())?;
+        let _cell = self.keep_cell();
+        let (command, detail) = self.install(loader, &text)?;
+        let net = described(session, text, command, &detail);
+        self.state().nets.insert(name.clone(), net);
+        Ok(name)
+    }
+
+    /// Loads a net again that is not in the core at the moment.
+    ///
+    /// # Errors
+    /// Returns why it was rejected.
+    pub fn ensure_loaded(&self, loader: &mut LoaderClient, name: &str) -> Result<(), String> {
+        let text = match self.state().nets.get(name) {
+            Some(net) if net.command.is_none() && !net.state.is_over() => net.text.clone(),
+            _ => return Ok(()),
+        };
+        let (command, _) = self.install(loader, &text)?;
+        let written = {
+            let mut state = self.state();
+            let Some(net) = state.nets.get_mut(name) else {
+                drop(state);
+                // It was unloaded meanwhile.
+                return loader.unload(command).map_err(|error| error.to_string());
+            };
+            net.command = Some(command);
+            net.written.clone()
+        };
+        match written.is_empty() {
+            true => Ok(()),
+            false => loader
+                .set(command, &written)
+                .map_err(|error| error.to_string()),
+        }
+    }
+
+    /// Returns the names of the cell's devices by those of the library.
+    #[must_use]
+    pub fn device_names(&self) -> BTreeMap<String, String> {
+        let state = self.state();
+        let devices = state.devices.iter();
+        devices
+            .map(|(name, device)| (name.clone(), device.cell_name.clone()))
+            .collect()
+    }
+
+    /// Loads a text; where the core's table is full, nets that no rule would start make room.
+    fn install(
+        &self,
+        loader: &mut LoaderClient,
+        text: &NetText,
+    ) -> Result<(u64, CommandDetail), String> {
+        loop {
+            match loader.load(&text.text) {
+                Ok(detail) if detail.command.state == "rejected" => {
+                    let id = detail.command.id;
+                    // A rejected command takes a place until it is unloaded.
+                    let _ = loader.unload(id);
+                    return Err(rejection(&detail));
+                }
+                Ok(detail) => return Ok((detail.command.id, detail)),
+                Err(error) if error.code() == codes::TABLE_FULL.code && self.make_room(loader) => {}
+                Err(error) => return Err(error.to_string()),
+            }
+        }
+    }
+
+    /// Unloads the oldest net that no rule would start; it is loaded again when a rule names it.
+    fn make_room(&self, loader: &mut LoaderClient) -> bool {
+        let command = {
+            let mut state = self.state();
+            let idle = state.nets.iter().filter(|(name, net)| {
+                net.command.is_some() && !net.state.is_active() && !state.is_scheduled(name)
+            });
+            let oldest = idle
+                .min_by_key(|(_, net)| net.command)
+                .map(|(name, _)| name.clone());
+            oldest.and_then(|name| state.nets.get_mut(&name)?.command.take())
+        };
+        command.is_some_and(|command| loader.unload(command).is_ok())
+    }
+
+    /// Evaluates a net for one cycle, without commanding anything; returns its values by key.
+    ///
+    /// # Errors
+    /// Returns why it cannot be evaluated, in one sentence.
+    pub fn evaluate(
+        &self,
+        loader: &mut LoaderClient,
+        text: &str,
+    ) -> Result<Vec<(String, String)>, String> {
+        let name = format!("rpieval{}", self.state().number("eval"));
+        let text = net_text::prepare(text, &name, &self.device_names(), NetUse::Evaluate)
+            .map_err(|error| error.to_string())?;
+        let _cell = self.keep_cell();
+        let (command, detail) = self.install(loader, &text)?;
+        let net = described("", text, command, &detail);
+        let values = match net.uses.first() {
+            Some(used) => Err(format!(
+                "a net that is only evaluated must not command {used}"
+            )),
+            None => evaluated(loader, &net, command).map_err(|error| error.to_string()),
+        };
+        // It has ended, or never began; if it cannot be unloaded, the loader's message says why.
+        if let Err(error) = loader.unload(command) {
+            tracing::warn!(%error, "an evaluated net cannot be unloaded");
+        }
+        values
+    }
+
+    /// Adds a device; returns the reason if it cannot be created.
+    ///
+    /// # Errors
+    /// Returns the HTTP status and the reason.
+    pub fn create_device(&self, spec: DeviceSpec) -> Result<(), (u16, String)> {
+        let Some(own) = &self.own else {
+            let reason = "this gateway is attached to a cell, whose devices are fixed: name its device as the library does, \
+                          or with --device";
+            return Err((409, reason.to_owned()));
+        };
+        let exists = |state: &GatewayState| match state.devices.contains_key(&spec.name) {
+            true => Err((400, format!("device '{}' exists", spec.name))),
+            false => Ok(()),
+        };
+        exists(&self.state())?;
+        let recognised = own
+            .recognise(&spec)
+            .map_err(|error| (400, error.to_string()))?;
+        let mut state = self.state();
+        exists(&state)?;
+        refuse_while_running(&state, "created")?;
+        own.add(&mut state, spec, recognised);
+        state.push_devices();
+        drop(state);
+        own.wake();
+        Ok(())
+    }
+
+    /// Removes a device.
+    ///
+    /// # Errors
+    /// Returns the HTTP status and the reason.
+    pub fn remove_device(&self, name: &str) -> Result<(), (u16, String)> {
+        let Some(own) = &self.own else {
+            let reason = "this gateway is attached to a cell, whose devices are fixed";
+            return Err((409, reason.to_owned()));
+        };
+        let mut state = self.state();
+        if !state.devices.contains_key(name) {
+            return Err((404, format!("device '{name}' does not exist")));
+        }
+        refuse_while_running(&state, "removed")?;
+        own.remove(&mut state, name);
+        state.push_devices();
+        drop(state);
+        own.wake();
+        Ok(())
+    }
+}
+
+/// The devices of a cell are fixed while it runs: it is started again, which must not end a net.
+fn refuse_while_running(state: &GatewayState, what: &str) -> Result<(), (u16, String)> {
+    let running = state.nets.iter().find(|(_, net)| net.state.is_active());
+    match running {
+        Some((name, _)) => Err((
+            409,
+            format!("no device can be {what} while a net runs: {name}"),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Starts an evaluated net and reads its values when it has ended.
+fn evaluated(
+    loader: &mut LoaderClient,
+    net: &GatewayNet,
+    command: u64,
+) -> Result<Vec<(String, String)>, LoaderError> {
+    const TIME_MAX: Duration = Duration::from_secs(5);
+    loader.operate(command, "start")?;
+    let begun = Instant::now();
+    while loader.state(command)?.command.state != "terminated" {
+        if begun.elapsed() > TIME_MAX {
+            // It has been told to end in its first cycle; nothing is commanded.
+            loader.operate(command, "abort")?;
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let mut found = BTreeMap::new();
+    read_values(loader, net, command, &mut found)?;
+    Ok(found.into_iter().collect())
+}
+
+/// Reads the values that a net reports; null values are missing. Returns the state of the command.
+///
+/// # Errors
+/// Returns the loader's refusal.
+pub fn read_values(
+    loader: &mut LoaderClient,
+    net: &GatewayNet,
+    command: u64,
+    values: &mut BTreeMap<String, String>,
+) -> Result<(String, String), LoaderError> {
+    /// More ports than this are asked for by one pattern.
+    const NAMED_MAX: usize = 48;
+    if net.reported.is_empty() {
+        let detail = loader.state(command)?;
+        return Ok((detail.command.state, detail.command.net));
+    }
+    let ports: Vec<String> = match net.reported.len() {
+        0..=NAMED_MAX => net
+            .reported
+            .iter()
+            .map(|value| value.port.clone())
+            .collect(),
+        _ => vec!["out*.value".to_owned()],
+    };
+    let view = loader.values(command, &ports)?;
+    let by_port: BTreeMap<&str, &serde_json::Value> = view
+        .values
+        .iter()
+        .map(|value| (value.port.as_str(), &value.value))
+        .collect();
+    for reported in &net.reported {
+        let value = by_port.get(reported.port.as_str());
+        let text = value.and_then(|value| crate::values::to_library(&reported.type_name, value));
+        match text {
+            Some(text) => values.insert(reported.key.clone(), text),
+            None => values.remove(&reported.key),
+        };
+    }
+    Ok((view.state, view.net))
+}
+
+/// Returns a net that has just been loaded.
+fn described(session: &str, text: NetText, command: u64, detail: &CommandDetail) -> GatewayNet {
+    // The loader has written it from the same type.
+    let names: Names = serde_json::from_value(detail.names.clone()).unwrap_or_default();
+    let reported = names.monitors.iter().filter_map(|monitor| {
+        Some(ReportedValue {
+            port: format!("{}.value", monitor.primitive),
+            type_name: monitor.type_name.clone(),
+            key: text.reported.get(&monitor.primitive)?.clone(),
+        })
+    });
+    let inputs = names
+        .settable()
+        .map(|(_, input)| (input.primitive.clone(), input.type_name.clone()));
+    GatewayNet {
+        session: session.to_owned(),
+        state: NetState::Ready,
+        command: Some(command),
+        reported: reported.collect(),
+        inputs: inputs.filter(|(id, _)| id != STOP_INPUT).collect(),
+        written: serde_json::Map::new(),
+        uses: detail
+            .command
+            .uses
+            .iter()
+            .filter(|used| !used.starts_with("topic "))
+            .cloned()
+            .collect::<BTreeSet<_>>(),
+        can_cancel: detail.command.can_cancel,
+        values: BTreeMap::new(),
+        is_overtaken: false,
+        held_by: None,
+        is_ending: false,
+        cancelled_at: None,
+        text,
+    }
+}
+
+/// Returns the errors of a rejected net as one sentence.
+fn rejection(detail: &CommandDetail) -> String {
+    let errors = detail
+        .command
+        .diagnostics
+        .iter()
+        .filter(|finding| finding.severity == "error");
+    let words: Vec<String> = errors
+        .map(|finding| {
+            let help = finding
+                .help
+                .as_deref()
+                .map_or(String::new(), |help| format!(" ({help})"));
+            format!("{}: {}{help}", finding.code, finding.message)
+        })
+        .collect();
+    match (words.first(), words.len()) {
+        (None, _) => "the net was rejected".to_owned(),
+        (Some(first), 1) => first.clone(),
+        (Some(first), count) => format!("{first}; and {} more", count - 1),
+    }
+}

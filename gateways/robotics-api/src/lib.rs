@@ -1,0 +1,24 @@
+//! Gateway for the Java Robotics API v2: its applications drive a cell of RCC over their own protocol, unmodified. A
+//! process of its own and a client of the loader; nothing of it runs in the cycle. See `docs/robotics-api.md`.
+
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+pub mod attached;
+pub mod condition;
+pub mod devices;
+pub mod dio;
+pub mod engine;
+pub mod firing;
+pub mod gateway;
+pub mod http;
+pub mod loader;
+pub mod net_text;
+pub mod outbox;
+pub mod own_cell;
+pub mod pace;
+pub mod pushes;
+pub mod requests;
+pub mod server;
+pub mod state;
+pub mod values;
+pub mod websocket;
