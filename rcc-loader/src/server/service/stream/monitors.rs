@@ -251,6 +251,7 @@ mod tests {
             unit: None,
             rate_hz: 1000.0,
             every: 1,
+            never_null: false,
         }
     }
 
