@@ -4,6 +4,7 @@
 
 pub mod arm;
 pub mod control_socket;
+pub mod iiwa;
 pub mod io;
 pub mod line_server;
 pub mod lwr;

@@ -30,7 +30,9 @@ fn every_robot_returns_to_every_pose_in_every_branch() {
             "kr150_r3100_2.yaml",
             "kr6_r700_sixx.yaml",
             "kr6_r900_2.yaml",
-            "lwr4plus.yaml"
+            "lwr4plus.yaml",
+            "med14.yaml",
+            "med7.yaml"
         ]
     );
     for (file, robot) in robots {

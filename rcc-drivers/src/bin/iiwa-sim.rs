@@ -1,0 +1,25 @@
+//! `iiwa-sim`: a simulated Sunrise Cabinet with a KUKA LBR iiwa or LBR Med that speaks FRI 1.11 to 2.7 over UDP.
+//! The main thread reads the command line and waits for the end; see `rcc_drivers::sim::iiwa`.
+
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+use clap::Parser;
+use rcc_drivers::sim::iiwa::{options::Options, program};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    rcc_process::log();
+    let options = Options::parse();
+    let result = program::run(&options, rcc_process::say);
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            rcc_process::remark(&format!("iiwa-sim: {error}"));
+            ExitCode::from(if matches!(error, program::RunError::Option(_)) {
+                2
+            } else {
+                1
+            })
+        }
+    }
+}

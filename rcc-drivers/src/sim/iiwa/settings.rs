@@ -1,0 +1,258 @@
+//! Settings of the simulated cabinet with their defaults.
+//! Plain data; read only by the clock thread.
+//!
+//! KUKA publishes neither thresholds of the connection quality, nor tolerances, nor the number of bridged answers: those
+//! values are **our own**.
+
+use super::Joints;
+use super::robot::ArmKind;
+use super::station::{SignalLoopback, StationSignal};
+use crate::fri_iiwa::wire::{ClientCommandMode, ControlMode, OperationMode, Version};
+use crate::sim::arm::command_stream::{StreamRules, SupervisedLimits};
+use crate::sim::arm::dynamics::FlangeLoad;
+use crate::sim::arm::environment::Wall;
+use crate::sim::arm::impedance::{ControlLaw, ImpedanceSettings};
+use crate::sim::quality::QualityThresholds;
+
+/// Longest time between two answers with which commands are executed, ms (KUKA).
+pub const COMMAND_PERIOD_MAX_MS: u32 = 10;
+
+/// What the motion's overlay lets the client command.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum OverlayMode {
+    /// Joint positions.
+    Position,
+    /// Joint positions and a wrench; Cartesian impedance control.
+    Wrench,
+    /// Joint positions and joint torques; joint impedance control.
+    Torque,
+    /// A Cartesian pose; 2.x.
+    CartesianPose,
+}
+
+impl OverlayMode {
+    /// Returns the mode on the wire.
+    #[must_use]
+    pub fn on_wire(self) -> ClientCommandMode {
+        match self {
+            OverlayMode::Position => ClientCommandMode::JointPosition,
+            OverlayMode::Wrench => ClientCommandMode::Wrench,
+            OverlayMode::Torque => ClientCommandMode::Torque,
+            OverlayMode::CartesianPose => ClientCommandMode::CartesianPose,
+        }
+    }
+
+    /// Returns the control law that the mode needs; `None`: any.
+    #[must_use]
+    pub fn needed_law(self) -> Option<ControlLaw> {
+        match self {
+            OverlayMode::Position | OverlayMode::CartesianPose => None,
+            OverlayMode::Wrench => Some(ControlLaw::CartesianImpedance),
+            OverlayMode::Torque => Some(ControlLaw::JointImpedance),
+        }
+    }
+}
+
+/// Returns the law on the wire.
+#[must_use]
+pub fn law_on_wire(law: ControlLaw) -> ControlMode {
+    match law {
+        ControlLaw::Position => ControlMode::Position,
+        ControlLaw::CartesianImpedance => ControlMode::CartesianImpedance,
+        ControlLaw::JointImpedance => ControlMode::JointImpedance,
+    }
+}
+
+/// Operating mode, as the selector on the pendant has it.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Selector {
+    /// Manual, reduced speed.
+    T1,
+    /// Manual, full speed.
+    T2,
+    /// Automatic.
+    Aut,
+}
+
+impl Selector {
+    /// Returns the mode on the wire.
+    #[must_use]
+    pub fn on_wire(self) -> OperationMode {
+        match self {
+            Selector::T1 => OperationMode::T1,
+            Selector::T2 => OperationMode::T2,
+            Selector::Aut => OperationMode::Automatic,
+        }
+    }
+}
+
+/// When the application starts a motion with an overlay, and starts it again after a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum MotionStart {
+    /// As soon as its conditions hold; after a fault once the arm has been at rest for 0.5 s (our own value).
+    Auto,
+    /// At a request of the control port only.
+    Manual,
+}
+
+/// How a motion moves the joints, and what its overlay lets the client command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlSettings {
+    /// Controller of the joints.
+    pub law: ControlLaw,
+    /// What the client commands.
+    pub overlay: OverlayMode,
+    /// Springs and dampers.
+    pub impedance: ImpedanceSettings,
+}
+
+/// Why a motion cannot have this control law and overlay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OverlayError {
+    /// The overlay needs another law.
+    #[error("the overlay {overlay:?} needs {law:?} control")]
+    Law {
+        /// The overlay.
+        overlay: OverlayMode,
+        /// What it needs.
+        law: ControlLaw,
+    },
+    /// The version has no Cartesian overlay.
+    #[error("FRI 1.x has no overlay of Cartesian poses: choose version 2.5 or 2.7")]
+    Version,
+}
+
+impl OverlayMode {
+    /// Checks that a motion with this law can have the overlay in this version.
+    ///
+    /// # Errors
+    /// Returns what it needs.
+    pub fn check(self, law: ControlLaw, version: Version) -> Result<(), OverlayError> {
+        if self == OverlayMode::CartesianPose && !version.is_second() {
+            return Err(OverlayError::Version);
+        }
+        match self.needed_law() {
+            Some(needed) if needed != law => Err(OverlayError::Law {
+                overlay: self,
+                law: needed,
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// All settings of one simulated cabinet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Version of the wire.
+    pub version: Version,
+    /// Arm.
+    pub arm: ArmKind,
+    /// Send period, ms.
+    pub period_ms: u32,
+    /// Receive multiplier.
+    pub multiplier: u32,
+    /// Joint positions at the start, rad.
+    pub start: Joints,
+    /// Controller of the joints.
+    pub law: ControlLaw,
+    /// What the overlay lets the client command.
+    pub overlay: OverlayMode,
+    /// Springs and dampers in impedance control; the application's, FRI does not command them.
+    pub impedance: ImpedanceSettings,
+    /// When motions start.
+    pub motion: MotionStart,
+    /// How long the arm must be at rest before a fault is acknowledged, s.
+    pub acknowledge_after_s: f64,
+    /// Answers with which the robot synchronises before it executes commands.
+    pub synchronising_answers: u32,
+    /// Operating mode at the start.
+    pub selector: Selector,
+    /// Supervised limits.
+    pub limits: SupervisedLimits,
+    /// Time constant of the low-pass that the supervised acceleration is taken behind, s.
+    pub acceleration_filter_s: f64,
+    /// Largest difference between the command and the interpolated position while the robot synchronises, rad.
+    pub mirror_tolerance_rad: f64,
+    /// Number of consecutive missed answers that are bridged with the last velocity; one more ends the motion.
+    pub bridged_misses: u32,
+    /// Largest deceleration of a stop, rad/s².
+    pub brake_deceleration: f64,
+    /// Largest jerk of a stop, rad/s³.
+    pub brake_jerk: f64,
+    /// Bandwidth of the simulated position control, rad/s.
+    pub bandwidth_rad_s: f64,
+    /// Thresholds of the quality.
+    pub quality: QualityThresholds,
+    /// Inputs and outputs of the station.
+    pub signals: Vec<StationSignal>,
+    /// Outputs that are looped back to inputs.
+    pub loopbacks: Vec<SignalLoopback>,
+    /// Obstacle at the start.
+    pub wall: Option<Wall>,
+    /// Load at the start.
+    pub load: Option<FlangeLoad>,
+    /// Seed of the random numbers for answers that are dropped on request.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    #[expect(
+        clippy::approx_constant,
+        reason = "the start is a pose, given with four digits as on the command line"
+    )]
+    fn default() -> Self {
+        Self {
+            version: Version::V1_14,
+            arm: ArmKind::Iiwa7,
+            period_ms: 1,
+            multiplier: 1,
+            start: [0.0, 0.5236, 0.0, -1.5708, 0.0, 1.0472, 0.0],
+            law: ControlLaw::Position,
+            overlay: OverlayMode::Position,
+            impedance: ImpedanceSettings::default_for(ControlLaw::Position),
+            motion: MotionStart::Auto,
+            acknowledge_after_s: 0.5,
+            synchronising_answers: 10,
+            selector: Selector::Aut,
+            limits: ArmKind::Iiwa7.limits(),
+            acceleration_filter_s: 0.01,
+            mirror_tolerance_rad: 0.01,
+            bridged_misses: 5,
+            brake_deceleration: 8.0,
+            brake_jerk: 200.0,
+            bandwidth_rad_s: 80.0,
+            quality: QualityThresholds::default(),
+            signals: Vec::new(),
+            loopbacks: Vec::new(),
+            wall: None,
+            load: None,
+            seed: 1,
+        }
+    }
+}
+
+impl Settings {
+    /// Returns the send period, s.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        f64::from(self.period_ms) * 1e-3
+    }
+
+    /// Returns by what the commanded positions are judged, one message after the other.
+    #[must_use]
+    pub fn stream_rules(&self) -> StreamRules {
+        StreamRules {
+            period_s: self.period_s(),
+            limits: self.limits,
+            scale: 1.0,
+            acceleration_filter_s: self.acceleration_filter_s,
+        }
+    }
+}
