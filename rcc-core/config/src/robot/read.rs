@@ -239,19 +239,24 @@ fn impedance(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Impe
     })
 }
 
-/// Reads two bounds of 0 or more. With a least stiffness of 0, a net may take the springs away; see docs/force.md.
+/// Reads two bounds of 0 or more. With a least stiffness of 0, a net may take the springs away; see docs/force.md. Equal
+/// bounds are springs that only the robot's own application chooses; see docs/iiwa.md.
 fn bounds_from_zero(
     reader: &mut ConfigReader,
     node: &Node,
     key: &str,
     unit: Unit,
 ) -> Option<[f64; 2]> {
-    let [least, _] = reader.array(node, key)?;
+    let [least, greatest] = reader.array(node, key)?;
     let not_negative = QuantityRange {
         least: 0.0,
         ..QuantityRange::any(unit)
     };
-    reader.quantity(least, key, not_negative)?;
+    let least = reader.quantity(least, key, not_negative)?;
+    let greatest = reader.quantity(greatest, key, QuantityRange::any(unit))?;
+    if least == greatest {
+        return Some([least, greatest]);
+    }
     reader.bounds(node, key, unit)
 }
 
