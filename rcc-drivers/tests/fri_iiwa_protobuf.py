@@ -5,7 +5,9 @@ the bytes as Google writes them; `make M SEED` prints the bytes of a message wit
 """
 
 import random
+import struct
 import sys
+import zlib
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
@@ -122,7 +124,10 @@ def answer(order, kind, text):
         kept.DiscardUnknownFields()
         if kept.ByteSize() != message.ByteSize():
             return "unknown fields"
-    return message.SerializeToString().hex()
+    body = message.SerializeToString()
+    if order == "frame":  # 2.7: length, message, CRC-32 of zlib over the message alone
+        body = struct.pack("<I", len(body)) + body + struct.pack("<I", zlib.crc32(body))
+    return body.hex()
 
 
 print("ready", flush=True)

@@ -93,6 +93,11 @@ fn both_ways<M: FriMessage + Clone + PartialEq>(google: &mut Google, kind: &str)
             let read: M =
                 decode(version, &datagram).unwrap_or_else(|error| panic!("{kind} {seed}: {error}"));
             assert!(read == message, "{kind} {seed} {version:?}");
+            let theirs = match version.is_framed() {
+                true => google.ask("frame", kind, &made),
+                false => made.clone(),
+            };
+            assert_eq!(to_hex(&datagram), theirs, "{kind} {seed} {version:?}");
             fit += 1;
         }
     }
@@ -107,4 +112,9 @@ fn google_reads_what_we_write_and_we_read_what_google_writes() {
     };
     both_ways::<Monitoring>(&mut google, "Monitoring");
     both_ways::<Command>(&mut google, "Command");
+    // A header alone, as the robot gets it in every monitoring state.
+    let header = "0a080881800d10641864".to_owned();
+    let framed = format!("0a000000{header}4679d783");
+    assert_eq!(google.ask("read", "Command", &header), header);
+    assert_eq!(google.ask("frame", "Command", &header), framed);
 }

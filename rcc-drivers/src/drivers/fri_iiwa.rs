@@ -1,5 +1,5 @@
-//! The driver `fri-iiwa`: a KUKA LBR iiwa or LBR Med over FRI 1.11 to 2.7 on UDP, in joint position control, with the
-//! station's inputs and outputs as channels.
+//! The driver `fri-iiwa`: a KUKA LBR iiwa or LBR Med over FRI 1.11 to 2.7 on UDP, with overlays of joint positions,
+//! torques, wrenches and poses, and the station's inputs and outputs as channels.
 //! Run by the host's thread; [`session::IiwaSession`] is the pure protocol state machine, this file adds the socket.
 //!
 //! The robot sends first, on its own clock; the driver answers to the address that the datagram came from.
@@ -18,6 +18,9 @@ use crate::fri_iiwa::wire::{Quality, Version};
 use crate::host::reason::Reason;
 
 pub mod counters;
+pub mod overlay;
+pub mod robot_state;
+pub mod robot_values;
 pub mod session;
 pub mod station_io;
 
@@ -31,7 +34,7 @@ pub const MONITORING: u32 = 100;
 pub const DRIVES_OFF: u32 = 101;
 /// The robot's connection quality is below `quality_min`.
 pub const QUALITY: u32 = 102;
-/// The motion's overlay is not of joint positions.
+/// The motion's overlay cannot be commanded.
 pub const COMMAND_MODE: u32 = 103;
 /// Commanding has just begun.
 pub const ENTERING: u32 = 104;
@@ -41,6 +44,8 @@ pub const IDLE: u32 = 106;
 pub const STATION_IO: u32 = 108;
 /// The robot executes a motion that another session began.
 pub const REJOINED: u32 = 109;
+/// The overlay is of forces, and the robot's file does not say which springs hold the arm.
+pub const SPRINGS: u32 = 110;
 
 /// Meaning of the reason numbers.
 pub const REASONS: &[Reason] = &[
@@ -58,8 +63,8 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         COMMAND_MODE,
-        "the motion's overlay is not of joint positions: use ClientCommandMode.POSITION (1.x) or JOINT_POSITION (2.x) in the \
-         robot's application",
+        "the motion's overlay cannot be commanded: use ClientCommandMode.POSITION (1.x), JOINT_POSITION (2.x), TORQUE, WRENCH or \
+         CARTESIAN_POSE in the robot's application",
     ),
     (ENTERING, "commanding has just begun"),
     (SOCKET, "the network socket failed; see the driver's log"),
@@ -76,6 +81,11 @@ pub const REASONS: &[Reason] = &[
         REJOINED,
         "the robot is in the middle of a motion that this driver did not begin: it gets no answer and brakes; start the motion \
          again",
+    ),
+    (
+        SPRINGS,
+        "the overlay is of torques or wrenches, but FRI does not command the springs: write those of the robot's application \
+         under `impedance:` in the robot's file, as ranges of one value",
     ),
     (
         STATION_IO,

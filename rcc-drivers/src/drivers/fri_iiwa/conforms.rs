@@ -1,5 +1,5 @@
-//! The driver in the conformance suite, with a robot at the other end of a socket that judges strictly.
-//! Test code only; the test is the robot's clock.
+//! The driver in the conformance suite, with the simulated cabinet at the other end of a socket.
+//! Test code only; the test is the cabinet's clock.
 
 use std::net::{SocketAddr, UdpSocket};
 
@@ -15,19 +15,21 @@ use crate::conformance::capture::Capture;
 use crate::conformance::fault_path::PacketSource;
 use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance};
 use crate::driver::Inputs;
-use crate::fri_iiwa::wire::schema::{
-    Command, Connection, Header, Interpolator, IoValue, JointValues, MonitorData, Monitoring, Robot,
-};
-use crate::fri_iiwa::wire::{IoDirection, IoKind, JOINTS, MONITORING_ID, Version, decode, encode};
+use crate::fri_iiwa::wire::schema::Command;
+use crate::fri_iiwa::wire::{Version, decode};
 use crate::host::reason::Reason;
+use crate::sim::iiwa::cabinet::Cabinet;
+use crate::sim::iiwa::settings::Settings as CabinetSettings;
+use crate::sim::iiwa::station::SignalLoopback;
+use crate::sim::lwr::settings::supervised_limits;
 
-/// Answered cycles in monitoring until a motion begins, and in which the robot then wants to be mirrored.
-const READY_CYCLES: u32 = 20;
-const WAIT_CYCLES: u32 = 10;
-/// Consecutive cycles without an answer that end the motion.
-const MISSES_MAX: u32 = 10;
-/// Largest deviation of a mirrored position, rad.
-const MIRROR_RAD: f64 = 1e-3;
+/// The cabinet and the driver speak 1.15.
+const VERSION: Version = Version::V1_14;
+
+/// Faults of the simulated cabinet that losses on the wire cause: missed answers, connection quality.
+const OF_THE_WIRE: [i32; 2] = [1, 2];
+/// A released driver sends no position any more, which ends the motion: FRI has no other word for it.
+const RELEASED: i32 = 8;
 
 /// The address of a channel of the demo device on the station.
 fn station_name(index: usize, kind: ChannelKind) -> String {
@@ -51,153 +53,78 @@ fn iiwa(at: SocketAddr) -> DeviceConfig {
     device
 }
 
-/// A robot that speaks 1.15, each message a step of 1 ms.
-struct TestRobot {
+/// Returns the signals of the station for the demo device's channels, and the first output of each kind looped back to the
+/// first input.
+pub(super) fn cabinet(version: Version) -> Cabinet {
+    let device = iiwa(([127, 0, 0, 1], 0).into());
+    let signals = device.channels.iter().map(|channel| {
+        let kind = match channel.kind {
+            AnalogInput | AnalogOutput => "analog",
+            _ => "boolean",
+        };
+        let direction = match channel.kind {
+            DigitalOutput | AnalogOutput => "output",
+            _ => "input",
+        };
+        let name = channel.address.as_str().expect("a name");
+        let text = format!("{name}={kind}:{direction}");
+        text.parse().expect("a signal")
+    });
+    let loopback = |output, input| SignalLoopback {
+        output: station_name(0, output),
+        input: station_name(0, input),
+    };
+    Cabinet::new(CabinetSettings {
+        version,
+        signals: signals.collect(),
+        loopbacks: vec![
+            loopback(DigitalOutput, DigitalInput),
+            loopback(AnalogOutput, AnalogInput),
+        ],
+        // The demo's arm is an LWR.
+        limits: supervised_limits(),
+        ..CabinetSettings::default()
+    })
+}
+
+/// The simulated cabinet at the other end of the wire, each message a step of 1 ms.
+struct Controller {
+    cabinet: Cabinet,
     socket: UdpSocket,
     driver: Option<SocketAddr>,
     present: bool,
-    sequence: u32,
-    /// Counter of the last answer.
-    reflected: u32,
-    /// As on the wire: 1 to 4.
-    session: i32,
-    /// Answered cycles in this state.
-    cycles: u32,
-    misses: u32,
-    answered: bool,
-    position: Joints,
-    /// Where the motion began, and where it is interpolated to: what the client commands is not part of it.
-    start: Joints,
-    io: Vec<IoValue>,
+    /// Commands were executed in the last cycle.
+    commands: bool,
+    /// Counter of the last answer that was taken.
+    answered: Option<u32>,
     protocol_violations: Vec<String>,
 }
 
-fn values(joints: &Joints) -> Option<JointValues> {
-    let value = joints.iter().take(JOINTS).copied().collect();
-    Some(JointValues { value })
-}
-
-impl TestRobot {
-    fn message(&self) -> Monitoring {
-        Monitoring {
-            header: Some(Header {
-                identifier: Some(MONITORING_ID),
-                sequence: Some(self.sequence),
-                reflected: Some(self.reflected),
-            }),
-            robot: Some(Robot {
-                joints: Some(7),
-                safety: Some(0),
-                drives: vec![2; JOINTS],
-                operation: Some(2),
-                control: Some(0),
-            }),
-            data: Some(MonitorData {
-                measured_position: values(&self.position),
-                measured_torque: values(&[0.0; JOINTS_MAX]),
-                commanded_position: values(&self.position),
-                external_torque: values(&[0.0; JOINTS_MAX]),
-                io: self.io.clone(),
-                ..MonitorData::default()
-            }),
-            connection: Some(Connection {
-                session: Some(self.session),
-                quality: Some(if self.session == 1 { 1 } else { 3 }),
-                send_period_ms: Some(1),
-                receive_multiplier: Some(1),
-            }),
-            interpolator: (self.session >= 3).then(|| Interpolator {
-                position: values(&self.start),
-                command_mode: Some(1),
-                overlay: Some(1),
-                ..Interpolator::default()
-            }),
-            ..Monitoring::default()
-        }
-    }
-
-    fn enter(&mut self, session: i32) {
-        (self.session, self.cycles) = (session, 0);
-        if session == 3 {
-            self.start = self.position;
-        }
-    }
-
-    /// Judges the cycle that ends: states rise with answers and fall without.
-    fn step(&mut self) {
-        if !self.answered {
-            self.misses += 1;
-            if self.misses > MISSES_MAX && self.session > 1 {
-                self.enter(1);
-            }
-            return;
-        }
-        self.misses = 0;
-        self.cycles += 1;
-        match self.session {
-            1 if self.cycles >= READY_CYCLES => self.enter(2),
-            2 if self.cycles >= READY_CYCLES => self.enter(3),
-            3 if self.cycles >= WAIT_CYCLES => self.enter(4),
-            _ => {}
-        }
-    }
-
-    /// Connects the first output of a kind with the first input.
-    fn loop_back(&mut self, output: ChannelKind, input: ChannelKind) {
-        let of = |kind| Some(station_name(0, kind));
-        let written = self.io.iter().find(|io| io.name == of(output)).cloned();
-        let read = self.io.iter_mut().find(|io| io.name == of(input));
-        if let (Some(written), Some(read)) = (written, read) {
-            (read.digital, read.analog) = (written.digital, written.analog);
-        }
-    }
-
-    fn take(&mut self, command: &Command) {
-        let header = command.header.expect("checked when it was read");
-        if header.reflected != Some(self.sequence) {
-            return;
-        }
-        self.answered = true;
-        self.reflected = header.sequence.unwrap_or(0);
-        let data = command.data.as_ref();
-        for written in data.map_or(&[][..], |data| &data.io) {
-            let listed = self.io.iter_mut().find(|io| io.name == written.name);
-            match listed.filter(|io| io.direction == written.direction && io.kind == written.kind) {
-                Some(io) => (io.digital, io.analog) = (written.digital, written.analog),
-                None => self.protocol_violations.push(format!("wrote {written:?}")),
-            }
-        }
-        self.loop_back(DigitalOutput, DigitalInput);
-        self.loop_back(AnalogOutput, AnalogInput);
-        if self.session < 3 {
-            return;
-        }
-        let Some(position) = data.and_then(|data| data.position.as_ref()) else {
-            // Without a position the motion ends, as it does when the driver ends.
-            return self.enter(1);
-        };
-        let asked: Joints =
-            std::array::from_fn(|joint| position.value.get(joint).copied().unwrap_or(0.0));
-        let pairs = asked.iter().zip(self.start);
-        let mirrors = pairs
-            .into_iter()
-            .all(|(asked, own)| (asked - own).abs() <= MIRROR_RAD);
-        if self.session == 3 && !mirrors {
-            self.protocol_violations
-                .push(format!("not mirrored: {asked:?}"));
-        }
-        if self.session == 4 {
-            self.position = asked;
-        }
+impl Controller {
+    /// While commands are executed, the cabinet takes no answer with an older counter, such as a restarted driver's.
+    fn takes(&self, answer: &Command) -> bool {
+        let header = answer.header.expect("checked when it was read");
+        let own = header.sequence.unwrap_or(0);
+        let backward = self
+            .answered
+            .is_some_and(|last| own.wrapping_sub(last).cast_signed() <= 0);
+        header.reflected == Some(self.cabinet.sequence()) && !(backward && self.commands)
     }
 }
 
-impl Peer for TestRobot {
+impl Peer for Controller {
     fn before_receive(&mut self) {
-        self.step();
-        self.answered = false;
-        self.sequence = self.sequence.wrapping_add(1);
-        let bytes = encode(Version::V1_14, &self.message()).expect("it fits");
+        let Some(bytes) = self.cabinet.tick(1) else {
+            return;
+        };
+        let commands = self.cabinet.is_commanded();
+        if self.commands && !commands {
+            let faults = self.cabinet.snapshot().faults.into_iter();
+            let ours =
+                faults.filter(|fault| !OF_THE_WIRE.contains(&fault.code) && fault.code != RELEASED);
+            self.protocol_violations = ours.map(|fault| fault.reason).collect();
+        }
+        self.commands = commands;
         if let Some(driver) = self.driver.filter(|_| self.present) {
             self.socket.send_to(&bytes, driver).expect("loopback");
         }
@@ -206,9 +133,12 @@ impl Peer for TestRobot {
     fn after_exchange(&mut self) {
         let mut bytes = [0; 1500];
         while let Ok((size, _)) = self.socket.recv_from(&mut bytes) {
-            if let Ok(command) = decode::<Command>(Version::V1_14, &bytes[..size]) {
-                self.take(&command);
+            let taken = decode::<Command>(VERSION, &bytes[..size]);
+            if let Some(answer) = taken.ok().filter(|answer| self.takes(answer)) {
+                self.answered = answer.header.and_then(|header| header.sequence);
             }
+            // What is not taken is counted by the cabinet.
+            let _ = self.cabinet.receive(&bytes[..size], 1e-4);
         }
     }
 
@@ -217,7 +147,7 @@ impl Peer for TestRobot {
     }
 }
 
-impl Subject for TestRobot {
+impl Subject for Controller {
     type Driver = FriIiwa;
     const NAME: &'static str = "fri-iiwa";
     const REASONS: &'static [Reason] = REASONS;
@@ -244,41 +174,13 @@ impl Subject for TestRobot {
     fn start() -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
         socket.set_nonblocking(true).expect("a socket");
-        let device = iiwa(([127, 0, 0, 1], 0).into());
-        let io = device.channels.iter().map(|channel| {
-            let analog = matches!(channel.kind, AnalogInput | AnalogOutput);
-            let output = matches!(channel.kind, DigitalOutput | AnalogOutput);
-            let kind = if analog {
-                IoKind::Analog
-            } else {
-                IoKind::Boolean
-            };
-            let direction = if output {
-                IoDirection::Output
-            } else {
-                IoDirection::Input
-            };
-            IoValue {
-                name: channel.address.as_str().map(str::to_owned),
-                kind: Some(kind as i32),
-                direction: Some(direction as i32),
-                digital: (!analog).then_some(0),
-                analog: analog.then_some(0.0),
-            }
-        });
         Self {
+            cabinet: cabinet(VERSION),
             socket,
             driver: None,
             present: true,
-            sequence: 0,
-            reflected: 0,
-            session: 1,
-            cycles: 0,
-            misses: 0,
-            answered: false,
-            position: [0.0; JOINTS_MAX],
-            start: [0.0; JOINTS_MAX],
-            io: io.collect(),
+            commands: false,
+            answered: None,
             protocol_violations: Vec::new(),
         }
     }
@@ -296,28 +198,30 @@ impl Subject for TestRobot {
     }
 
     fn outputs(&mut self) -> ObservedOutputs {
+        let io = self.cabinet.snapshot().io;
         let of = |kind: ChannelKind, index: usize| {
-            let name = Some(station_name(index, kind));
-            self.io.iter().find(|io| io.name == name)
+            let name = station_name(index, kind);
+            let found = io.iter().find(|signal| signal.name == name);
+            found.map(|signal| signal.value)
         };
-        let digital = (0..3).filter_map(|index| Some((index, of(DigitalOutput, index)?.digital?)));
-        let digital = digital.fold(0, |bits, (index, value)| bits | value << index);
+        let digital = (0..3).filter_map(|index| Some((index, of(DigitalOutput, index)?)));
+        let digital = digital.fold(0, |bits, (index, value)| {
+            bits | u64::from(value != 0.0) << index
+        });
         let mut analog = [f64::NAN; ANALOG_MAX];
-        analog[0] = of(AnalogOutput, 0)
-            .and_then(|io| io.analog)
-            .unwrap_or(f64::NAN);
+        analog[0] = of(AnalogOutput, 0).unwrap_or(f64::NAN);
         ObservedOutputs { digital, analog }
     }
 
     fn followed(&self, packet: &[u8]) -> Option<Joints> {
-        let command: Command = decode(Version::V1_14, packet).ok()?;
-        let current = command.header?.reflected == Some(self.sequence);
+        let command: Command = decode(VERSION, packet).ok()?;
+        let follows = self.commands && self.takes(&command);
         let position = command.data?.position?.value;
         let mut joints = [0.0; JOINTS_MAX];
         for (place, value) in joints.iter_mut().zip(position) {
             *place = value;
         }
-        (current && self.session == 4).then_some(joints)
+        follows.then_some(joints)
     }
 
     fn protocol_violations(&self) -> Vec<String> {
@@ -349,4 +253,4 @@ impl Subject for TestRobot {
     }
 }
 
-conformance!(arm: TestRobot);
+conformance!(arm: Controller);

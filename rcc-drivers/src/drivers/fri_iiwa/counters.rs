@@ -12,7 +12,8 @@ use super::session::{Refusal, RobotState};
 use crate::driver::LinkDiagnosis;
 use crate::drivers::fri_socket::peer::Peer;
 use crate::fri_iiwa::wire::{
-    ClientCommandMode, ControlMode, OperationMode, Quality, SafetyState, SessionState, Version,
+    ClientCommandMode, ControlMode, DriveState, OperationMode, Quality, SafetyState, SessionState,
+    Version,
 };
 
 /// Counters of one connection.
@@ -34,6 +35,10 @@ pub struct IiwaCounters {
     operation: AtomicI32,
     control: AtomicI32,
     command_mode: AtomicI32,
+    /// The lowest state of a drive.
+    drives: AtomicI32,
+    period_ms: AtomicU64,
+    multiplier: AtomicU64,
     texts: Mutex<Texts>,
 }
 
@@ -41,6 +46,7 @@ pub struct IiwaCounters {
 struct Texts {
     robot: Option<SocketAddr>,
     last_error: Option<String>,
+    foreign_last: Option<SocketAddr>,
     missing_io: Option<String>,
 }
 
@@ -64,6 +70,9 @@ impl IiwaCounters {
             operation: unknown(),
             control: unknown(),
             command_mode: unknown(),
+            drives: unknown(),
+            period_ms: AtomicU64::new(0),
+            multiplier: AtomicU64::new(0),
             texts: Mutex::new(Texts::default()),
         }
     }
@@ -77,6 +86,10 @@ impl IiwaCounters {
         self.operation.store(state.operation, Relaxed);
         self.control.store(state.control, Relaxed);
         self.command_mode.store(state.command_mode, Relaxed);
+        let drives = state.drives.iter().copied().min().unwrap_or(-1);
+        self.drives.store(drives, Relaxed);
+        self.period_ms.store(state.period_ns / 1_000_000, Relaxed);
+        self.multiplier.store(u64::from(state.multiplier), Relaxed);
         if (first || missing_io.is_some())
             && let Ok(mut texts) = self.texts.try_lock()
         {
@@ -112,6 +125,7 @@ impl IiwaCounters {
         self.foreign.fetch_add(1, Relaxed);
         if let Ok(mut texts) = self.texts.try_lock() {
             texts.last_error = Some(format!("{source}: not the robot that is answered"));
+            texts.foreign_last = Some(source);
         }
     }
 
@@ -132,9 +146,11 @@ impl LinkDiagnosis for IiwaCounters {
             "listen": self.listen.to_string(),
             "peer": self.peer.map(|peer| peer.to_string()),
             "robot": texts.robot.map(|robot| robot.to_string()),
+            "datagrams": accepted + number(&self.foreign) + number(&self.unreadable) + number(&self.refused),
             "accepted": accepted,
             "answered": number(&self.answered),
             "foreign": number(&self.foreign),
+            "foreign_last": texts.foreign_last.map(|source| source.to_string()),
             "unreadable": number(&self.unreadable),
             "refused": number(&self.refused),
             "last_error": texts.last_error,
@@ -144,6 +160,9 @@ impl LinkDiagnosis for IiwaCounters {
             "safety": word(SafetyState::from_wire(state(&self.safety))),
             "operation": word(OperationMode::from_wire(state(&self.operation))),
             "control": word(ControlMode::from_wire(state(&self.control))),
+            "drives": word(DriveState::from_wire(state(&self.drives))),
+            "send_period_ms": number(&self.period_ms),
+            "receive_multiplier": number(&self.multiplier),
             "command_mode": word(ClientCommandMode::from_wire(state(&self.command_mode))),
         })
     }

@@ -4,22 +4,22 @@
 //! Before the robot executes commands, and in the first cycles in which it does, every answer repeats (mirrors) the
 //! robot's own position: otherwise it aborts the motion.
 
-use std::fmt;
-
 use rcc_config::DeviceConfig;
-use rcc_core::impedance::ControlMode;
+use rcc_core::impedance::{ControlMode, Impedance};
 use rcc_core::message::{JOINTS_MAX, Joints};
 
+use super::overlay::OverlayEncoder;
+use super::robot_state::refusal;
+pub use super::robot_state::{Refusal, RobotState};
+use super::robot_values::RobotValues;
 use super::station_io::StationIo;
-use super::{COMMAND_MODE, DRIVES_OFF, ENTERING, IDLE, MONITORING, QUALITY, REJOINED, STATION_IO};
-use crate::driver::{DriverError, Exchange, Inputs, Outputs};
-use crate::fri_iiwa::wire::schema::{
-    CartesianVector, Command, CommandData, Header, JointValues, Monitoring, Redundancy,
-    Transformation,
+use super::{
+    COMMAND_MODE, DRIVES_OFF, ENTERING, IDLE, MONITORING, QUALITY, REJOINED, SPRINGS, STATION_IO,
 };
+use crate::driver::{DriverError, Exchange, Inputs, Outputs};
+use crate::fri_iiwa::wire::schema::{Command, CommandData, Header, Monitoring};
 use crate::fri_iiwa::wire::{
-    COMMAND_ID, ClientCommandMode, DriveState, JOINTS, Quality, SafetyState, SessionState, Version,
-    WireError, decode, encode,
+    COMMAND_ID, JOINTS, Quality, SafetyState, SessionState, Version, decode, encode,
 };
 
 /// Number of cycles in which commands are executed and the driver still mirrors.
@@ -42,152 +42,13 @@ pub struct SessionSettings {
     pub quality_min: Quality,
 }
 
-/// Why a datagram is refused.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal {
-    /// The bytes are not the expected message.
-    pub wire: Option<WireError>,
-    /// Otherwise, what is wrong in the message.
-    pub cause: &'static str,
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.wire {
-            Some(error) => error.fmt(f),
-            None => f.write_str(self.cause),
-        }
-    }
-}
-
-fn refusal(cause: &'static str) -> Refusal {
-    Refusal { wire: None, cause }
-}
-
-/// What one message says. Enumerations that only people read are as on the wire; -1 = missing.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RobotState {
-    sequence: u32,
-    /// State of the session.
-    pub session: SessionState,
-    /// Rating of the connection.
-    pub quality: Quality,
-    /// State of the safety controller.
-    pub safety: i32,
-    /// Operating mode.
-    pub operation: i32,
-    /// Controller of the joints.
-    pub control: i32,
-    /// What the motion's overlay lets a client command.
-    pub command_mode: i32,
-    drives_active: bool,
-    period_ns: u64,
-    multiplier: u32,
-    measured: Joints,
-    torque: Joints,
-    external_torque: Joints,
-    wrench: [f64; 6],
-    /// 1.x.
-    commanded: Option<Joints>,
-    /// The robot's own position, without the client's overlay: only while it commands.
-    interpolated: Option<Joints>,
-    pose: Option<Transformation>,
-    redundancy: Option<Redundancy>,
-}
-
-impl RobotState {
-    fn of(message: &Monitoring) -> Result<Self, Refusal> {
-        let connection = message
-            .connection
-            .ok_or(refusal("`connection` is missing"))?;
-        let session = connection.session.and_then(SessionState::from_wire);
-        let session = session.ok_or(refusal("unknown session state"))?;
-        let quality = connection.quality.and_then(Quality::from_wire);
-        let quality = quality.ok_or(refusal("unknown quality"))?;
-        let period_ms = connection
-            .send_period_ms
-            .filter(|ms| (1..=100).contains(ms));
-        let period_ms = period_ms.ok_or(refusal("the send period is not from 1 to 100 ms"))?;
-        let data = message.data.as_ref();
-        let data = data.ok_or(refusal("the measured values are missing"))?;
-        let measured = joints(data.measured_position.as_ref())?;
-        let measured = measured.ok_or(refusal("the measured position is missing"))?;
-        let ipo = message.interpolator.as_ref();
-        let interpolated = joints(ipo.and_then(|ipo| ipo.position.as_ref()))?;
-        if session >= SessionState::CommandingWait && interpolated.is_none() {
-            return Err(refusal("the interpolated position is missing"));
-        }
-        let robot = message.robot.as_ref();
-        let unknown = [f64::NAN; JOINTS_MAX];
-        let word = |value: Option<i32>| value.unwrap_or(-1);
-        Ok(Self {
-            sequence: message
-                .header
-                .and_then(|header| header.sequence)
-                .unwrap_or(0),
-            session,
-            quality,
-            safety: word(robot.and_then(|robot| robot.safety)),
-            operation: word(robot.and_then(|robot| robot.operation)),
-            control: word(robot.and_then(|robot| robot.control)),
-            command_mode: word(ipo.and_then(|ipo| ipo.command_mode)),
-            drives_active: robot.is_some_and(|robot| {
-                let active = DriveState::Active as i32;
-                robot.drives.len() == JOINTS && robot.drives.iter().all(|drive| *drive == active)
-            }),
-            period_ns: u64::from(period_ms) * 1_000_000,
-            multiplier: connection.receive_multiplier.unwrap_or(1).max(1),
-            measured,
-            torque: joints(data.measured_torque.as_ref())?.unwrap_or(unknown),
-            external_torque: joints(data.external_torque.as_ref())?.unwrap_or(unknown),
-            wrench: wrench(data.external_force.as_ref())?,
-            commanded: joints(data.commanded_position.as_ref())?,
-            interpolated,
-            pose: ipo.and_then(|ipo| ipo.pose.clone()),
-            redundancy: ipo.and_then(|ipo| ipo.redundancy),
-        })
-    }
-
-    fn has_power(&self) -> bool {
-        self.safety == SafetyState::Normal as i32 && self.drives_active
-    }
-
-    /// Returns what differs from another message of the same session although it rarely changes.
-    fn changed(&self, other: &RobotState) -> Option<&'static str> {
-        let rows = [
-            ("the session state changed", self.session != other.session),
-            (
-                "the command mode changed",
-                self.command_mode != other.command_mode,
-            ),
-            (
-                "power or safety changed",
-                self.has_power() != other.has_power(),
-            ),
-            ("the send period changed", self.period_ns != other.period_ns),
-            (
-                "the receive multiplier changed",
-                self.multiplier != other.multiplier,
-            ),
-        ];
-        rows.into_iter().find(|row| row.1).map(|row| row.0)
-    }
-
-    fn is_near(&self, other: &RobotState, bound_rad: f64) -> bool {
-        let (Some(one), Some(other)) = (self.interpolated, other.interpolated) else {
-            return self.interpolated.is_none() && other.interpolated.is_none();
-        };
-        one.iter()
-            .zip(other)
-            .all(|(one, other)| (one - other).abs() <= bound_rad)
-    }
-}
-
 /// State of the FRI dialogue with one robot.
 #[derive(Clone, Debug)]
 pub struct IiwaSession {
     settings: SessionSettings,
     io: StationIo,
+    values: RobotValues,
+    overlay: OverlayEncoder,
     robot: Option<RobotState>,
     out_of_order: u32,
     ticks: u64,
@@ -220,6 +81,8 @@ impl IiwaSession {
         Ok(Self {
             settings,
             io: StationIo::new(device, settings.version.has_io())?,
+            values: RobotValues::new(device),
+            overlay: OverlayEncoder::of(device),
             robot: None,
             out_of_order: 0,
             ticks: 0,
@@ -282,6 +145,7 @@ impl IiwaSession {
         if state.session < SessionState::CommandingWait {
             self.sent = None;
         }
+        self.overlay.observe(&state);
         self.robot = Some(state);
         Ok(())
     }
@@ -347,6 +211,7 @@ impl IiwaSession {
     /// Copies the newest measurement to `inputs` and returns the status of the exchange.
     pub fn exchange(&mut self, inputs: &mut Inputs) -> Exchange {
         self.io.fill(inputs);
+        self.values.fill(self.robot.as_ref(), inputs);
         let reason = self.reason();
         let commandable = self.is_commandable();
         let robot = self.robot.as_ref();
@@ -359,7 +224,7 @@ impl IiwaSession {
         Exchange {
             commandable,
             startable: commandable && reason == 0,
-            strategy: ControlMode::Position,
+            strategy: self.strategy(),
             mirror: self.held(),
             ticks: std::mem::take(&mut self.ticks).max(1),
             period_ns: robot.map_or(1_000_000, |robot| robot.period_ns),
@@ -414,8 +279,8 @@ impl IiwaSession {
         })
     }
 
-    /// Returns the content of an answer: in the overlays that are not commanded, what the robot wants beside or instead
-    /// of the position.
+    /// Returns the content of an answer: what the robot wants beside or instead of the position; zeros until it can be
+    /// commanded.
     fn command(
         &self,
         robot: &RobotState,
@@ -423,27 +288,24 @@ impl IiwaSession {
         outputs: &Outputs,
     ) -> CommandData {
         let mut data = CommandData {
-            position: position.map(values),
             io: self.io.write(outputs),
             ..CommandData::default()
         };
-        if position.is_none() || robot.session < SessionState::CommandingWait {
+        let Some(position) = position else {
             return data;
-        }
-        match ClientCommandMode::from_wire(robot.command_mode) {
-            Some(ClientCommandMode::Wrench) => {
-                data.wrench = Some(CartesianVector {
-                    element: vec![0.0; 6],
-                });
-            }
-            Some(ClientCommandMode::Torque) => data.torque = Some(values(&[0.0; JOINTS_MAX])),
-            Some(ClientCommandMode::CartesianPose) => {
-                data.position = None;
-                data.pose.clone_from(&robot.pose);
-                data.redundancy = robot.redundancy;
-            }
-            _ => {}
-        }
+        };
+        let commanded = self.is_commandable()
+            && outputs.impedance.strategy == self.strategy() as u64
+            && outputs
+                .impedance
+                .added
+                .iter()
+                .all(|value| value.is_finite());
+        let added = match commanded {
+            true => outputs.impedance.added,
+            false => Impedance::NONE.added,
+        };
+        self.overlay.fill(robot, (position, &added), &mut data);
         data
     }
 
@@ -467,11 +329,18 @@ impl IiwaSession {
         own.or(robot.commanded).unwrap_or(robot.measured)
     }
 
+    /// Returns the control mode in which the robot takes set-points; position control before there is a motion.
+    fn strategy(&self) -> ControlMode {
+        let commanded = self
+            .robot
+            .as_ref()
+            .and_then(|robot| self.overlay.mode(robot));
+        commanded.unwrap_or(ControlMode::Position)
+    }
+
     fn is_commandable(&self) -> bool {
         let able = |robot: &RobotState| {
-            !self.has_rejoined(robot)
-                && robot.has_power()
-                && robot.command_mode == ClientCommandMode::JointPosition as i32
+            !self.has_rejoined(robot) && robot.has_power() && self.overlay.mode(robot).is_some()
         };
         !self.releasing && self.commanding > ENTRY_CYCLES && self.robot.as_ref().is_some_and(able)
     }
@@ -480,52 +349,18 @@ impl IiwaSession {
         let Some(robot) = &self.robot else {
             return IDLE;
         };
-        let overlay = robot.command_mode == ClientCommandMode::JointPosition as i32;
         match () {
             () if robot.session == SessionState::Idle => IDLE,
             () if robot.safety != SafetyState::Normal as i32 => DRIVES_OFF,
             () if robot.quality < self.settings.quality_min => QUALITY,
             () if robot.session < SessionState::CommandingWait => MONITORING,
-            () if !robot.drives_active => DRIVES_OFF,
-            () if !overlay => COMMAND_MODE,
+            () if !robot.drives_active() => DRIVES_OFF,
+            () if self.overlay.lacks_springs(robot) => SPRINGS,
+            () if self.overlay.mode(robot).is_none() => COMMAND_MODE,
             () if self.has_rejoined(robot) => REJOINED,
             () if self.commanding <= ENTRY_CYCLES => ENTERING,
             () if self.io.missing().is_some() => STATION_IO,
             () => 0,
         }
-    }
-}
-
-/// Returns the seven values, if they are there.
-fn joints(values: Option<&JointValues>) -> Result<Option<Joints>, Refusal> {
-    let Some(values) = values else {
-        return Ok(None);
-    };
-    if values.value.iter().any(|value| !value.is_finite()) {
-        return Err(refusal("a value of a joint is not finite"));
-    }
-    let mut joints = [0.0; JOINTS_MAX];
-    for (place, value) in joints.iter_mut().zip(&values.value) {
-        *place = *value;
-    }
-    Ok(Some(joints))
-}
-
-fn values(joints: &Joints) -> JointValues {
-    JointValues {
-        value: joints.iter().take(JOINTS).copied().collect(),
-    }
-}
-
-/// Returns `[fx fy fz tx ty tz]`, N and N·m; the wire has the torques about z, y, x. Unknown before 2.7.
-fn wrench(vector: Option<&CartesianVector>) -> Result<[f64; 6], Refusal> {
-    let Some(vector) = vector else {
-        return Ok([f64::NAN; 6]);
-    };
-    match vector.element.as_slice() {
-        [fx, fy, fz, tz, ty, tx] if vector.element.iter().all(|value| value.is_finite()) => {
-            Ok([*fx, *fy, *fz, *tx, *ty, *tz])
-        }
-        _ => Err(refusal("the external force is not finite")),
     }
 }

@@ -6,11 +6,12 @@ use rcc_core::primitive::ChannelKind::{
     self, AnalogInput, AnalogOutput, DigitalInput, DigitalOutput,
 };
 
+use super::robot_values::is_robot_value;
 use crate::driver::{DriverError, Inputs, Outputs, channel_error, channels, to_raw, to_si};
 use crate::fri_iiwa::wire::schema::IoValue;
 use crate::fri_iiwa::wire::{IO_MAX, IO_NAME_MAX, IoDirection, IoKind};
 
-const EXPECTED: &str = "the name of the station's input or output, such as \"FRI.Out_Bool\", at most 63 bytes, that no other channel of this kind has";
+const EXPECTED: &str = "the name of the station's input or output, such as \"FRI.Out_Bool\", at most 63 bytes, that no other channel of this kind has; for an input also a value of the robot, such as \"interpolated 3\" or \"safety normal\"";
 
 /// The channels of a device, and which of them the robot listed last.
 #[derive(Clone, Debug)]
@@ -39,6 +40,9 @@ impl StationIo {
         let mut rows: Vec<Row> = Vec::new();
         for kind in [DigitalInput, DigitalOutput, AnalogInput, AnalogOutput] {
             for (index, channel) in channels(device, kind).into_iter().enumerate() {
+                if is_robot_value(channel) {
+                    continue;
+                }
                 let refuse = |cause: String| channel_error(device, channel, cause, EXPECTED);
                 if !supported {
                     return Err(refuse("FRI 1.11 has no inputs and outputs".to_owned()));

@@ -1,13 +1,16 @@
 //! The dialogue without a socket: what is answered in which state, version by version.
 
 use rcc_config::DeviceConfig;
+use rcc_core::impedance::{ControlMode, Impedance};
 use rcc_core::message::JOINTS_MAX;
+use rcc_core::pose::Pose;
+use rcc_core::primitive::ChannelKind;
 
 use super::session::{IiwaSession, SessionSettings};
 use super::*;
 use crate::fri_iiwa::wire::schema::{
-    Command, Connection, Header, Interpolator, JointValues, MonitorData, Monitoring, Robot,
-    Transformation,
+    Command, CommandData, Connection, Header, Interpolator, JointValues, MonitorData, Monitoring,
+    Redundancy, Robot, Transformation,
 };
 use crate::fri_iiwa::wire::{COMMAND_ID, JOINTS, MONITORING_ID, decode, encode};
 
@@ -196,51 +199,15 @@ fn the_end_of_a_motion_needs_two_messages() {
     assert_eq!((exchange.commandable, exchange.reason), (false, MONITORING));
 }
 
-#[test]
-fn overlays_of_torque_and_wrench_get_zeros_and_cannot_be_commanded() {
+/// Goes through the states of an overlay; returns the session, and the content of the last answer.
+fn overlay(device: &DeviceConfig, mode: i32, outputs: &Outputs) -> (IiwaSession, CommandData) {
     let version = Version::V2_5;
-    for (mode, torque, wrench) in [(2, None, Some(6)), (3, Some(7), None)] {
-        let mut session = session(version);
-        for sequence in 1..=8 {
-            let state = if sequence < 3 {
-                COMMANDING_WAIT
-            } else {
-                COMMANDING_ACTIVE
-            };
-            let mut message = message(sequence, state);
-            message
-                .interpolator
-                .as_mut()
-                .expect("set above")
-                .command_mode = Some(mode);
-            let command = answer(&mut session, version, &message).expect("it is answered");
-            assert_eq!(position(&command), Some(OWN), "it only holds");
-            let data = command.data.expect("sent");
-            let zeros = |values: Option<Vec<f64>>| {
-                let values = values?;
-                assert!(values.iter().all(|value| *value == 0.0));
-                Some(values.len())
-            };
-            assert_eq!(zeros(data.torque.map(|values| values.value)), torque);
-            assert_eq!(zeros(data.wrench.map(|values| values.element)), wrench);
-        }
-        let exchange = session.exchange(&mut Inputs::NONE.clone());
-        assert_eq!(
-            (exchange.commandable, exchange.reason),
-            (false, COMMAND_MODE)
-        );
-    }
-}
-
-#[test]
-fn an_overlay_of_a_pose_is_held_at_the_robots_own_pose() {
-    let version = Version::V2_7;
-    let pose = Transformation {
-        name: Some(String::new()),
-        element: vec![1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0],
-        timestamp: None,
+    let settings = SessionSettings {
+        version,
+        quality_min: Quality::Good,
     };
-    let mut session = session(version);
+    let mut session = IiwaSession::new(device, settings).expect("an arm with 7 joints");
+    let mut last = CommandData::default();
     for sequence in 1..=8 {
         let state = if sequence < 3 {
             COMMANDING_WAIT
@@ -248,18 +215,232 @@ fn an_overlay_of_a_pose_is_held_at_the_robots_own_pose() {
             COMMANDING_ACTIVE
         };
         let mut message = message(sequence, state);
-        let interpolator = message.interpolator.as_mut().expect("set above");
-        interpolator.command_mode = Some(4);
-        interpolator.pose = Some(pose.clone());
-        let command = answer(&mut session, version, &message).expect("it is answered");
-        let data = command.data.expect("sent");
-        assert_eq!((data.position, data.pose), (None, Some(pose.clone())));
+        let own = message.interpolator.as_mut().expect("set above");
+        own.command_mode = Some(mode);
+        own.pose = Some(own_pose());
+        own.redundancy = Some(Redundancy {
+            strategy: Some(0),
+            value: Some(OWN),
+        });
+        let bytes = encode(version, &message).expect("it fits");
+        session.accept(&bytes).expect("a good message");
+        let answer = session.answer(outputs).expect("it is answered");
+        let answer: Command = decode(version, &answer).expect("its own bytes");
+        last = answer.data.expect("sent");
+        if sequence <= 5 {
+            let zeros = |values: &[f64]| values.iter().all(|value| *value == 0.0);
+            assert!(
+                last.torque
+                    .as_ref()
+                    .is_none_or(|torque| zeros(&torque.value))
+            );
+            assert!(
+                last.wrench
+                    .as_ref()
+                    .is_none_or(|wrench| zeros(&wrench.element))
+            );
+            assert!(last.pose.is_none() || last.pose == Some(own_pose()));
+            let own = last.position.as_ref();
+            assert!(own.is_none_or(|position| position.value == [OWN; JOINTS]));
+        }
+        session.exchange(&mut Inputs::NONE.clone());
+    }
+    (session, last)
+}
+
+/// A pose that the arm of the demo may have with a tool of some kind.
+fn own_pose() -> Transformation {
+    Transformation {
+        name: Some(String::new()),
+        element: vec![100.0, 200.0, 300.0, 1.0, 0.0, 0.0, 0.0],
+        timestamp: None,
+    }
+}
+
+/// The arm of the demo with the springs of an application.
+fn sprung() -> DeviceConfig {
+    let mut device = arm();
+    let robot = device.robot.as_mut().expect("an arm");
+    let limits = robot.impedance.as_mut().expect("an LWR has springs");
+    limits.translation = [2000.0; 2];
+    limits.rotation = [200.0; 2];
+    limits.joint = [1000.0; 2];
+    limits.damping = [0.7; 2];
+    device
+}
+
+fn pressing(strategy: ControlMode) -> Outputs {
+    Outputs {
+        position: [0.3; JOINTS_MAX],
+        impedance: Impedance {
+            strategy: strategy as u64,
+            added: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 0.0],
+            ..Impedance::NONE
+        },
+        ..Outputs::NONE
+    }
+}
+
+#[test]
+fn without_the_springs_of_the_application_torques_and_wrenches_are_zero() {
+    for (mode, strategy) in [
+        (2, ControlMode::CartesianImpedance),
+        (3, ControlMode::JointImpedance),
+    ] {
+        let (mut session, last) = overlay(&arm(), mode, &pressing(strategy));
+        assert_eq!(last.position.expect("required").value, [OWN; JOINTS]);
+        let exchange = session.exchange(&mut Inputs::NONE.clone());
+        assert_eq!((exchange.commandable, exchange.reason), (false, SPRINGS));
+    }
+}
+
+#[test]
+fn with_its_springs_torques_and_wrenches_are_commanded_beside_the_position() {
+    let (mut session, last) = overlay(&sprung(), 3, &pressing(ControlMode::JointImpedance));
+    let exchange = session.exchange(&mut Inputs::NONE.clone());
+    assert_eq!(
+        (exchange.startable, exchange.strategy),
+        (true, ControlMode::JointImpedance)
+    );
+    assert_eq!(last.position.expect("required").value, [0.3; JOINTS]);
+    let torque = last.torque.expect("the overlay's");
+    assert_eq!(torque.value, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    let (mut session, last) = overlay(&sprung(), 2, &pressing(ControlMode::CartesianImpedance));
+    let exchange = session.exchange(&mut Inputs::NONE.clone());
+    let strategy = ControlMode::CartesianImpedance;
+    assert_eq!((exchange.startable, exchange.strategy), (true, strategy));
+    // KUKA turns about z first.
+    let wrench = last.wrench.expect("the overlay's").element;
+    assert_eq!(wrench, [1.0, 2.0, 3.0, 6.0, 5.0, 4.0]);
+    // What is meant for another strategy is not sent.
+    let (_, last) = overlay(&sprung(), 2, &pressing(ControlMode::JointImpedance));
+    assert_eq!(last.wrench.expect("the overlay's").element, [0.0; 6]);
+}
+
+#[test]
+fn an_overlay_of_a_pose_gets_the_pose_of_the_commanded_joints() {
+    let (mut session, last) = overlay(&arm(), 4, &pressing(ControlMode::Position));
+    let exchange = session.exchange(&mut Inputs::NONE.clone());
+    assert_eq!(
+        (exchange.startable, exchange.strategy),
+        (true, ControlMode::Position)
+    );
+    assert_eq!(last.position, None);
+    assert_eq!(last.redundancy.and_then(|found| found.value), Some(0.3));
+    let arm = arm().model().arm.expect("an arm");
+    let own = arm.forward(&[OWN; JOINTS_MAX]);
+    let held = Pose {
+        position: [0.1, 0.2, 0.3],
+        orientation: [0.0, 0.0, 0.0, 1.0],
+    };
+    let tool = own.inverse().compose(&held);
+    let expected = arm.forward(&[0.3; JOINTS_MAX]).compose(&tool);
+    let sent = last.pose.expect("the overlay's").element;
+    for (axis, metres) in expected.position.into_iter().enumerate() {
+        assert!((sent[axis] - metres * 1e3).abs() < 1e-9, "{sent:?}");
+    }
+    let [i, j, k, w] = expected.orientation;
+    for (sent, part) in sent[3..].iter().zip([w, i, j, k]) {
+        assert!((sent - part).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn an_overlay_of_a_pose_without_a_pose_cannot_be_commanded() {
+    let mut session = session(Version::V2_7);
+    for sequence in 1..=8 {
+        let state = if sequence < 3 {
+            COMMANDING_WAIT
+        } else {
+            COMMANDING_ACTIVE
+        };
+        let mut message = message(sequence, state);
+        message
+            .interpolator
+            .as_mut()
+            .expect("set above")
+            .command_mode = Some(4);
+        answer(&mut session, Version::V2_7, &message).expect("it is answered");
     }
     let exchange = session.exchange(&mut Inputs::NONE.clone());
     assert_eq!(
         (exchange.commandable, exchange.reason),
         (false, COMMAND_MODE)
     );
+}
+
+#[test]
+fn values_of_the_robot_are_channels() {
+    let rows = [
+        ("interpolated 3", OWN),
+        ("commanded 7", OWN),
+        ("session", 4.0),
+        ("quality", 3.0),
+        ("safety", 0.0),
+        ("operation", 2.0),
+        ("control", 0.0),
+        ("command mode", 1.0),
+        ("drives", 2.0),
+        ("send period", 0.005),
+        ("receive multiplier", 1.0),
+        ("redundancy", 0.125),
+        ("commanded torque 1", f64::NAN),
+        ("tracking", f64::NAN),
+    ];
+    let mut device = arm();
+    let channel = |(index, address): (usize, &str), kind| rcc_config::ChannelConfig {
+        name: format!("value_{index}"),
+        kind,
+        index: index as u32,
+        address: address.into(),
+        unit: rcc_core::unit::Unit::ONE,
+        scale: 1.0,
+        offset: 0.0,
+        range: None,
+        on_release: None,
+    };
+    let analog = rows.iter().map(|row| row.0).enumerate();
+    device
+        .channels
+        .extend(analog.map(|row| channel(row, ChannelKind::AnalogInput)));
+    let conditions = ["commanding", "drives active", "safety normal"];
+    let digital = conditions.into_iter().enumerate();
+    device
+        .channels
+        .extend(digital.map(|row| channel(row, ChannelKind::DigitalInput)));
+    let settings = SessionSettings {
+        version: Version::V2_5,
+        quality_min: Quality::Good,
+    };
+    let mut session = IiwaSession::new(&device, settings).expect("all are known");
+    let mut message = message(1, COMMANDING_ACTIVE);
+    message.data.as_mut().expect("set above").redundancy = Some(Redundancy {
+        strategy: Some(0),
+        value: Some(0.125),
+    });
+    session
+        .accept(&encode(Version::V2_5, &message).expect("it fits"))
+        .expect("a good message");
+    let mut inputs = Inputs::NONE;
+    session.exchange(&mut inputs);
+    for ((address, expected), found) in rows.into_iter().zip(inputs.analog) {
+        let same = found == expected || (found.is_nan() && expected.is_nan());
+        assert!(same, "{address}: {found}");
+    }
+    assert_eq!((inputs.digital, inputs.digital_known), (0b111, 0b111));
+    assert_eq!(session.missing_io(), None);
+    for wrong in [
+        "interpolated 0",
+        "interpolated 8",
+        "interpolated",
+        "speed 1",
+    ] {
+        let mut device = arm();
+        device
+            .channels
+            .push(channel((0, wrong), ChannelKind::AnalogInput));
+        assert!(IiwaSession::new(&device, settings).is_err(), "{wrong}");
+    }
 }
 
 #[test]
