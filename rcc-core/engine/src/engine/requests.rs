@@ -85,9 +85,12 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
+    /// Reserves a free row. In a full table the oldest rejected command gives way: it can only be read, and a client
+    /// that leaves its rejected commands there would keep all others from loading.
     fn reserve(&mut self) -> Result<u64, Refusal> {
-        let row = RowIndex::all()
-            .find(|row| self.commands[*row].entry.id == 0)
+        let free = RowIndex::all().find(|row| self.commands[*row].entry.id == 0);
+        let row = free
+            .or_else(|| self.oldest_rejected())
             .ok_or(Refusal::TableFull)?;
         let id = self.next_id;
         self.next_id += 1;
@@ -98,6 +101,13 @@ impl<B: DeviceBoards> Engine<B> {
         };
         self.set_state(row, CommandState::Loading);
         Ok(id)
+    }
+
+    fn oldest_rejected(&self) -> Option<RowIndex> {
+        let is_rejected = |row: &RowIndex| self.commands[*row].state() == CommandState::Rejected;
+        RowIndex::all()
+            .filter(is_rejected)
+            .min_by_key(|row| self.commands[*row].entry.id)
     }
 
     fn install(&mut self, id: u64, net: Box<Net>) -> Result<(), Refusal> {

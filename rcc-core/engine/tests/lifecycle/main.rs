@@ -214,6 +214,35 @@ fn reserving_a_row_of_a_full_table_is_refused() {
 }
 
 #[test]
+fn in_a_full_table_the_oldest_rejected_command_gives_way() {
+    let mut fixture = EngineFixture::new();
+    let mut ids = Vec::new();
+    for _ in 0..rcc_core::message::COMMANDS_MAX {
+        let answer = fixture.ask(|ticket| EngineRequest::Reserve { ticket });
+        let Answer::Reserved { id } = answer else {
+            panic!("{answer:?}");
+        };
+        ids.push(id);
+    }
+    // The younger one is rejected first.
+    for id in [ids[40], ids[7]] {
+        let answer = fixture.ask(|ticket| EngineRequest::Reject { ticket, id });
+        assert!(matches!(answer, Answer::Done { .. }), "{answer:?}");
+    }
+    for gone in [ids[7], ids[40]] {
+        let answer = fixture.ask(|ticket| EngineRequest::Reserve { ticket });
+        assert!(matches!(answer, Answer::Reserved { id } if !ids.contains(&id)));
+        let tables = fixture.engine.tables();
+        assert!(tables.commands.iter().all(|row| row.id != gone));
+    }
+    assert_eq!(
+        refused(fixture.ask(|ticket| EngineRequest::Reserve { ticket })),
+        Refusal::TableFull,
+        "commands that are being loaded stay"
+    );
+}
+
+#[test]
 fn a_motion_ends_when_its_arm_has_played_everything() {
     let mut fixture = EngineFixture::new();
     let id = fixture.load(line_net());
