@@ -409,6 +409,21 @@ pub fn await_within<T>(limit: Duration, what: &str, mut ask: impl FnMut() -> Opt
     }
 }
 
+/// Like [`await_some`], with the last reason why the value was not there in the message of a failure.
+pub fn await_told<T>(what: &str, mut ask: impl FnMut() -> Result<T, String>) -> T {
+    let begun = Instant::now();
+    loop {
+        match ask() {
+            Ok(value) => return value,
+            Err(why) => assert!(
+                begun.elapsed() < LIMIT,
+                "timed out waiting for {what}; at last: {why}"
+            ),
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 /// Returns all files below a folder, recursively.
 pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();

@@ -24,6 +24,6 @@ pub mod simulator;
 pub mod unsupervised_cell;
 
 pub use cell::TestCell;
-pub use cell_fixture::{CellFixture, LIMIT, await_some};
+pub use cell_fixture::{CellFixture, LIMIT, await_some, await_told};
 pub use programs::{program, repository};
 pub use unsupervised_cell::UnsupervisedCell;

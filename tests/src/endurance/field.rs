@@ -12,11 +12,11 @@ use rcc_os::process_instance::ProcessInstance;
 use serde_json::Value;
 
 use super::{Options, PRIORITY, restart};
-use crate::await_some;
 use crate::cell_fixture::{CellFixture, ExecutorBoards};
 use crate::journal::{Journal, Random};
 use crate::process::Process;
 use crate::rest::Reply;
+use crate::{await_some, await_told};
 
 /// Index of the arm in the demo's configuration.
 pub const ARM: usize = 0;
@@ -166,19 +166,20 @@ impl<'a> Field<'a> {
     /// One request, again and again until it is answered by a loader that reaches its executor. A loader that was killed
     /// is restarted.
     pub fn ask(&self, method: &str, path: &str, body: &str) -> Reply {
-        await_some(&format!("an answer to {method} {path}"), || {
+        await_told(&format!("an answer to {method} {path}"), || {
             let reply = self.try_ask(method, path, body);
             if reply.is_none()
                 && let Ok(mut loader) = self.loader.try_lock()
             {
                 restart::loader(self, &mut loader);
             }
-            let reply = reply?;
+            let reply = reply.ok_or("no answer")?;
             let later = reply.status >= 500 || reply.status == 429;
             if later {
                 std::thread::sleep(Duration::from_millis(20));
+                return Err(format!("{reply:?}"));
             }
-            (!later).then_some(reply)
+            Ok(reply)
         })
     }
 
@@ -194,43 +195,51 @@ impl<'a> Field<'a> {
 
     /// Loads a net whose name is given to no other one, also when the loader dies meanwhile; it must become ready.
     pub fn load(&self, name: &str, text: &str) -> u64 {
-        await_some(&format!("net {name} to be ready"), || {
+        await_told(&format!("net {name} to be ready"), || {
             let found = self.ask("GET", &format!("/commands/{name}"), "");
             let row = match found.status {
                 200 => found.body,
                 _ => {
                     // Without an answer it may have been taken: the next round looks.
-                    let reply = self.try_ask("POST", "/commands", text)?;
+                    let reply = self.try_ask("POST", "/commands", text);
+                    let reply = reply.ok_or("no answer to LOAD")?;
                     assert!(
                         reply.status == 202 || reply.status >= 429,
                         "{name}: {reply:?}"
                     );
-                    return None;
+                    return Err(format!("{found:?}, LOAD: {reply:?}"));
                 }
             };
-            let id = row["id"].as_u64()?;
+            let id = row["id"].as_u64().ok_or_else(|| row.to_string())?;
             if row["state"] == "rejected" {
                 // A loader that died while it loaded: RCC3017.
                 let died = row.to_string().contains("RCC3017");
                 assert!(died, "{name}: {row}");
                 self.unload(id);
-                return None;
+                return Err(row.to_string());
             }
-            (row["state"] != "loading").then_some(id)
+            match row["state"] != "loading" {
+                true => Ok(id),
+                false => Err(row.to_string()),
+            }
         })
     }
 
     /// Starts a command as soon as its devices allow it, also when the loader dies meanwhile.
     pub fn start(&self, id: u64) {
-        await_some(&format!("the start of {id}"), || {
+        await_told(&format!("the start of {id}"), || {
             if self.row(id)["state"] != "ready" {
-                return Some(());
+                return Ok(());
             }
-            let reply = self.try_ask("POST", &format!("/commands/{id}/start"), "")?;
+            let reply = self.try_ask("POST", &format!("/commands/{id}/start"), "");
+            let reply = reply.ok_or("no answer")?;
             let later = matches!(reply.code(), "RCC3008" | "RCC3004" | "RCC3003");
             let later = later || reply.status >= 429;
             assert!(reply.status == 200 || later, "start {id}: {reply:?}");
-            (reply.status == 200).then_some(())
+            match reply.status {
+                200 => Ok(()),
+                _ => Err(format!("{reply:?}")),
+            }
         });
     }
 
@@ -295,10 +304,13 @@ impl<'a> Field<'a> {
 
     /// Waits until the executor sees this life of a driver, and its device is ready.
     pub fn await_driver(&self, watch: &ExecutorBoards, device: usize, pid: u32) {
-        await_some(&format!("driver {pid} to be ready"), || {
+        await_told(&format!("driver {pid} to be ready"), || {
             let row = watch.tables().devices[device];
-            let seen = ProcessInstance::from_incarnation(row.incarnation).pid == pid;
-            (seen && row.state == DeviceState::Ready as u32).then_some(())
+            let seen = ProcessInstance::from_incarnation(row.incarnation).pid;
+            match seen == pid && row.state == DeviceState::Ready as u32 {
+                true => Ok(()),
+                false => Err(format!("driver {seen} is seen, in state {}", row.state)),
+            }
         });
     }
 

@@ -91,14 +91,14 @@ pub fn due(field: &Field<'_>) -> bool {
 }
 
 /// Kills all victims, guests and the executor, if given, while the processes are locked: no thread checks or restarts
-/// one of them meanwhile.
+/// one of them before it is dead. A process that dies slowly would seem to live, and nobody would start it again.
 fn kill(field: &Field<'_>, victims: &[Victim], guests: Vec<Child>, executor: Option<u32>) {
     let places = [
         (Victim::ArmDriver, &field.arm_driver),
         (Victim::IoDriver, &field.io_driver),
         (Victim::Loader, &field.loader),
     ];
-    let holders: Vec<_> = places
+    let mut holders: Vec<_> = places
         .iter()
         .filter(|(victim, _)| victims.contains(victim))
         .map(|(_, process)| held(process))
@@ -110,6 +110,11 @@ fn kill(field: &Field<'_>, victims: &[Victim], guests: Vec<Child>, executor: Opt
         .collect();
     for pid in pids {
         signal(pid, Signal::SIGKILL);
+    }
+    for process in &mut holders {
+        await_some("a killed process to be dead", || {
+            (process.pid() == 0 || process.ended().is_some()).then_some(())
+        });
     }
     drop(holders);
     for mut guest in guests {
