@@ -12,10 +12,13 @@ use rcc_language::{Faults, formula, write};
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
-use crate::output::print_diagnostics;
+use crate::output::{print_diagnostics, print_note};
 use crate::result_file::ResultTarget;
 use crate::scenario::load_config;
 use crate::supervisor::paths;
+use smooth::smooth;
+
+mod smooth;
 
 /// Arguments of `convert`.
 #[derive(clap::Args, Debug)]
@@ -36,6 +39,17 @@ pub struct Arguments {
     /// Map a channel in the text to one of the cell: io.InBool.8=door_closed
     #[arg(long = "channel", value_name = "DEVICE.TYPE.PORT=NAME")]
     channels: Vec<String>,
+    /// Insert a low-pass filter before each joint set-point, and end the net when it has settled: steps in acceleration,
+    /// which profiles of the predecessor have, then keep the limits of jerk
+    #[arg(
+        long,
+        value_name = "CUTOFF",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = smooth::CUTOFF_HZ,
+        value_parser = smooth::cutoff
+    )]
+    smooth: Option<f64>,
     /// Output to the application that ends the net when it becomes true
     #[arg(long, value_name = "KEY")]
     end: Vec<String>,
@@ -69,7 +83,21 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         .compile(&text, &name)
         .map_err(|faults| invalid(&faults))?;
     let mut faults = Vec::new();
-    let net = parse(&text, &name, &cell, &[NOTATION], &mut faults);
+    let mut net = parse(&text, &name, &cell, &[NOTATION], &mut faults);
+    if let (Some(net), Some(cutoff_hz)) = (&mut net, arguments.smooth) {
+        if arguments.to == NetFormat::Directionet {
+            return Err(Failure::new(
+                codes::BAD_REQUEST,
+                "--smooth is for nets of RCC, and the predecessor needs no filter",
+                "omit --smooth, or convert to yaml or json",
+            ));
+        }
+        let done = smooth(net, cutoff_hz)?;
+        print_note(&format!(
+            "{} low-pass filters of {cutoff_hz} Hz inserted; the net ends {} s later, and a path is kept less exactly",
+            done.filters, done.settling_s
+        ));
+    }
     let converted = net.and_then(|net| match arguments.to {
         NetFormat::Yaml => Some(write::yaml(&net)),
         NetFormat::Json => Some(write::json(&net)),
