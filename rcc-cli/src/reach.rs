@@ -51,6 +51,7 @@ impl Verb {
             | Verb::Schema(_)
             | Verb::Status(_)
             | Verb::Top(_)
+            | Verb::Tail(_)
             | Verb::Events(_)
             | Verb::Incidents(_)
             | Verb::Explain(_)
@@ -88,10 +89,6 @@ impl Verb {
             Verb::Doctor(_) => machine(
                 "checks this machine and the cells on it",
                 "run it there: `ssh HOST rcc-cli doctor`; `rcc-cli status`, `devices` and `events` serve the address",
-            ),
-            Verb::Tail(_) => machine(
-                "reads shared memory of this machine",
-                "`rcc-cli watch NET` shows values of the cell at the address; or run it there: `ssh HOST rcc-cli tail`",
             ),
             Verb::InstallUnits(_) => machine(
                 "installs units on this machine",

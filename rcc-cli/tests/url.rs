@@ -94,6 +94,7 @@ const SERVED: &[(&[&str], &str)] = &[
     (&["top", "--once"], "GET /status"),
     (&["events"], "GET /events"),
     (&["events", "--follow"], "GET /events"),
+    (&["tail"], "GET /history"),
     (&["incidents"], "GET /incidents"),
     (&["incidents", "record"], "POST /incidents"),
     (
@@ -114,7 +115,6 @@ const REFUSED: &[&[&str]] = &[
     &["fault", "lwr", "estop"],
     &["doctor", "--measure", "0"],
     &["doctor", "device", "lwr"],
-    &["tail"],
     &["install-units", CELL, "--dry-run"],
     &["rt-setup", "--root", "/nonexistent"],
     &["incidents", "--folder", "."],

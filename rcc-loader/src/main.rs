@@ -19,6 +19,7 @@ use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
+use rcc_loader::server::service::history::{READ_EVERY, RecordFollower};
 use rcc_os::memory::MemoryTrimmer;
 use rcc_process::helpers::Hang;
 use rcc_process::oom;
@@ -112,6 +113,13 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
             memory.trim_if_grown();
         }
     })?;
+    let followed = Arc::clone(&service);
+    helpers.spawn("history", SLOW_TURN_MAX, move |helper| {
+        let mut follower = RecordFollower::default();
+        while !helper.rest(READ_EVERY) {
+            followed.follow_records(&mut follower);
+        }
+    })?;
     let workers = WorkerPriority::raise_calling_thread()
         .inspect_err(|error| {
             tracing::info!(
@@ -128,10 +136,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
                 workers.apply();
             }
         })
-        // One thread for each request, compilation and stream, so that none waits for a thread.
-        .max_blocking_threads(
-            routes::REQUESTS_MAX + routes::LOADING_MAX + routes::CHANNELS_MAX + routes::STREAMS_MAX,
-        )
+        .max_blocking_threads(routes::THREADS_MAX)
         .enable_all()
         .thread_keep_alive(IDLE_THREAD_LIFETIME)
         .build()?;

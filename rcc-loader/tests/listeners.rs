@@ -31,6 +31,7 @@ use rcc_loader::server::connection::{
 };
 use rcc_loader::server::listeners::{ListenError, Listeners};
 use rcc_loader::server::request_head::{HEAD_MAX, HEADERS_MAX};
+use rcc_loader::server::service::history;
 use rcc_loader::server::{bodies, live, routes, store};
 use test_server::{LIMIT, TestServer, answer, ask, exchange};
 
@@ -137,10 +138,13 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         let ConnectionLimits {
             connections,
             connections_of_peer,
+            reserve,
             rate,
             burst,
         } = limits;
-        format!("{connections}; {connections_of_peer} a peer | {rate} a second, {burst} at once")
+        format!(
+            "{connections}; {connections_of_peer} a peer | {reserve} | {rate} a second, {burst} at once"
+        )
     };
     for row in [
         format!("| Unix socket | process | {} |", requests(UNIX)),
@@ -154,7 +158,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             requests(STREAMS)
         ),
         format!(
-            "| TCP, without the token | address | refused | {} a second, {} at once |",
+            "| TCP, without the token | address | refused | – | {} a second, {} at once |",
             UNAUTHENTICATED.0, UNAUTHENTICATED.1
         ),
         format!(
@@ -162,9 +166,10 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             seconds(HEAD_TIME_MAX)
         ),
         format!(
-            "| body of a LOAD | {}, all together {} | {} |",
+            "| body of a LOAD | {}, all together {}, of a peer {} | {} |",
             mib(TEXT_MAX),
-            mib(bodies::TEXTS_MAX),
+            mib(bodies::TEXTS.all),
+            mib(bodies::TEXTS.of_peer),
             seconds(bodies::BODY_TIME_MAX)
         ),
         format!(
@@ -173,8 +178,9 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             seconds(bodies::BODY_TIME_MAX)
         ),
         format!(
-            "| long answers, all together | {} | {} |",
-            mib(bodies::ANSWERS_MAX),
+            "| long answers, all together; of a peer | {}; {} | {} |",
+            mib(bodies::ANSWERS.all),
+            mib(bodies::ANSWERS.of_peer),
             seconds(EXCHANGE_TIME_MAX)
         ),
         format!(
@@ -192,10 +198,14 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             seconds(HEAD_TIME_MAX)
         ),
         format!(
-            "| work for a request | {} at a time, {} of them texts | {} |",
+            "| work for a request | {} at a time | {} |",
             routes::REQUESTS_MAX,
-            routes::LOADING_MAX,
             seconds(routes::REQUEST_TIME_MAX)
+        ),
+        format!(
+            "| texts that wait to be compiled; of a peer | {}; {} | – |",
+            routes::LOADING.all,
+            routes::LOADING.of_peer
         ),
         format!(
             "| whole request after its head, except for streams | – | {} |",
@@ -210,9 +220,19 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
             seconds(STALL_MAX)
         ),
         format!(
-            "| set-point channels; streams | {}; {} | – |",
-            routes::CHANNELS_MAX,
-            routes::STREAMS_MAX
+            "| set-point channels; of a peer | {}; {} | – |",
+            routes::CHANNELS.all,
+            routes::CHANNELS.of_peer
+        ),
+        format!(
+            "| streams; of a peer | {}; {} | – |",
+            routes::STREAMS.all,
+            routes::STREAMS.of_peer
+        ),
+        format!(
+            "| streams above 250 samples per second; of a peer | {}; {} | – |",
+            routes::FAST_STREAMS.all,
+            routes::FAST_STREAMS.of_peer
         ),
         format!(
             "| line of a set-point channel | {} | – |",
@@ -221,6 +241,11 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         format!(
             "| set-point channel without a line | – | {} |",
             seconds(routes::CHANNEL_IDLE_MAX)
+        ),
+        format!(
+            "| monitored values that are kept; of an answer | {}; {} | – |",
+            history::RECORDS_MAX,
+            history::VALUES_MAX
         ),
         format!(
             "| what a stream's client has not taken | {}, {} pieces | – |",

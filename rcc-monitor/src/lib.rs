@@ -8,4 +8,3 @@ pub mod reader;
 pub mod signals;
 pub mod stream;
 pub mod tail;
-pub mod value;

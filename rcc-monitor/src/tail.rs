@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::names::{CommandNames, MonitorInfo};
 use crate::signals::Signals;
 use crate::stream::{ExecutorFollower, StreamError};
-use crate::value::ElementType;
+use rcc_protocol::element_kind::ElementKind;
 use rcc_protocol::pattern::Pattern;
 
 /// Interval at which the stream is polled; its buffers hold more than 100 ms.
@@ -246,7 +246,7 @@ impl<'a> Printer<'a> {
     ) -> io::Result<()> {
         let first = *self.first_stamp_ns.get_or_insert(record.stamp_ns);
         let seconds = record.stamp_ns.saturating_sub(first) as f64 / 1e9;
-        let kind = ElementType::of(&monitor.ty);
+        let kind = ElementKind::of(&monitor.ty);
         let name = OneLine(name).to_string();
         let mut line = format!("{seconds:10.3} s  {name:<24}");
         for element in elements {
@@ -268,7 +268,7 @@ fn json_line(
     elements: &[f64],
     out: &mut impl Write,
 ) -> io::Result<()> {
-    let kind = ElementType::of(&monitor.ty);
+    let kind = ElementKind::of(&monitor.ty);
     let value = match elements {
         [one] => kind.json(*one),
         all => Value::Array(all.iter().map(|element| kind.json(*element)).collect()),

@@ -52,3 +52,26 @@ fn every_cancel_is_answered_and_executed_while_every_interface_is_flooded() {
     assert_eq!(report.failed().count(), 0, "{report}");
     assert!(!report.loader_restarted, "{report}");
 }
+
+#[test]
+fn a_load_is_taken_although_others_have_left_their_rejected_texts_behind() {
+    let cell = TestCell::demo();
+    let socket = cell.cell().socket();
+    let load = |text: &str| {
+        let reply = rcc_tests::rest::request(&socket, "POST", "/commands", text.as_bytes());
+        reply.expect("the loader answers")
+    };
+    for number in 0..rcc_core::message::COMMANDS_MAX + 8 {
+        let reply = load(&format!("net: faulty-{number}\n"));
+        let id = reply.body["id"].as_u64();
+        let id = id.unwrap_or_else(|| panic!("text {number} was refused: {reply:?}"));
+        rcc_tests::await_some("the text to be rejected", || {
+            let path = format!("/commands/{id}?brief=true");
+            let row = rcc_tests::rest::request(&socket, "GET", &path, b"").ok()?;
+            (row.body["state"] == "rejected").then_some(())
+        });
+    }
+    let reply = load(&flood::net("good", 2));
+    assert_eq!(reply.status, 202, "{reply:?}");
+    cell.stop();
+}

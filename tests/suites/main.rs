@@ -37,5 +37,6 @@ mod syscalls;
 mod threads;
 mod timing;
 mod together;
+mod two_users;
 mod values;
 mod version;

@@ -217,3 +217,44 @@ fn an_unknown_parameter_or_method_is_refused_and_a_stop_is_carried_out_all_the_s
     assert_eq!(cell.await_end(line)["reason"], "aborted");
     cell.stop();
 }
+
+#[test]
+fn tail_and_the_history_show_every_record_of_a_cell_on_another_machine() {
+    let remote = RemoteCell::start();
+    let text = "net: every\nprimitives:\n  clock: {type: Time}\n  cancel: {type: Cancel}\n  \
+                end: {type: Termination, inputs: {done: cancel.requested}}\n  \
+                watch: {type: Monitor, parameters: {rate: 1000 Hz}, inputs: {value: clock.out}}\n";
+    let id = remote.cell.run(text);
+    let shown = remote.json(&["tail", "every/clock.out", "--count", "500"]);
+    assert_eq!(shown.len(), 500);
+    // A busy machine may lose records: that is told, and the numbers of the cycles go on.
+    let values: Vec<&Value> = shown.iter().filter(|row| row["lost"].is_null()).collect();
+    let cycles: Vec<u64> = values
+        .iter()
+        .filter_map(|row| row["cycle"].as_u64())
+        .collect();
+    assert!(
+        cycles.windows(2).all(|pair| pair[0] < pair[1]),
+        "{cycles:?}"
+    );
+    let of_executor = |row: &&Value| row["name"] == "every/clock.out" && row["command"] == id;
+    assert!(values.iter().all(of_executor), "{shown:#?}");
+
+    // The history outlives the command.
+    remote
+        .cell
+        .cli_exits(0, &["cancel", &id.to_string(), "--wait"]);
+    remote.cell.cli_exits(0, &["unload", &id.to_string()]);
+    let socket = remote.cell.cell().socket();
+    let path = "/history?ports=every/clock.out&seconds=3600&limit=100";
+    let page = rcc_tests::rest::request(&socket, "GET", path, b"").expect("answered");
+    assert_eq!(page.status, 200, "{page:?}");
+    assert_eq!(page.body["values"].as_array().map(Vec::len), Some(100));
+    let human = remote.cli(&["tail", "--for", "200ms"]);
+    assert!(human.status.success(), "{human:?}");
+    let refused = remote.cli(&["tail", "a b"]);
+    assert_eq!(refused.status.code(), Some(1), "{refused:?}");
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(words.contains("invalid pattern `a b`"), "{words}");
+    remote.stop();
+}

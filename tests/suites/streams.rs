@@ -111,7 +111,8 @@ fn there_is_a_limit_of_channels_and_of_streams() {
     let cell = TestCell::demo();
     cell.run(&belt());
     let path = "/commands/belt/inputs/stream";
-    let channels: Vec<_> = (0..4).map(|_| open(&cell, path)).collect();
+    // One client has three of them at most, so that others can open theirs.
+    let channels: Vec<_> = (0..3).map(|_| open(&cell, path)).collect();
     let refused = cell.rest("POST", path, "");
     assert_eq!(
         (refused.status, refused.code()),
@@ -208,6 +209,40 @@ fn one_stream_shows_values_of_several_nets_states_and_events() {
 }
 
 #[test]
+fn a_stream_samples_at_the_rate_of_the_cell_and_one_client_has_one_of_them() {
+    let cell = TestCell::demo();
+    let id = cell.run(&nets::clock("clock"));
+    let path = "/stream?ports=clock/*&rate=1000";
+    let mut stream = events(&cell.cell().socket(), path);
+    let refused = cell.rest("GET", path, "");
+    assert_eq!(
+        (refused.status, refused.code()),
+        (429, "RCC4010"),
+        "{refused:?}"
+    );
+    let mut cycles = Vec::new();
+    while cycles.len() < 200 {
+        let (event, data) = next_event(&mut stream);
+        if event == "values" {
+            cycles.push(data["cycle"].as_u64().expect("a cycle"));
+        }
+    }
+    assert!(
+        cycles.windows(2).all(|pair| pair[0] < pair[1]),
+        "{cycles:?}"
+    );
+    let refused = cell.rest("GET", "/stream?ports=clock/*&rate=1001", "");
+    assert_eq!(
+        (refused.status, refused.code()),
+        (400, "RCC4011"),
+        "{refused:?}"
+    );
+    drop(stream);
+    cell.done(id, "cancel");
+    cell.stop();
+}
+
+#[test]
 fn the_python_programs_of_the_page_about_values_run() {
     if Command::new("python3").arg("--version").output().is_err() {
         eprintln!("skipped: no python3 (the_python_programs_of_the_page_about_values_run)");
@@ -219,11 +254,12 @@ fn the_python_programs_of_the_page_about_values_run() {
         .skip(1)
         .filter_map(|rest| rest.split("```").next())
         .collect();
-    let [teleoperation, watcher] = programs.as_slice() else {
+    let [teleoperation, watcher, history] = programs.as_slice() else {
         panic!("{} programs", programs.len());
     };
     let cell = TestCell::demo();
     let id = cell.run(&belt());
+    let clock = cell.run(&nets::clock("clock"));
     let python = |program: &str| {
         let mut python = Command::new("python3");
         python
@@ -236,6 +272,13 @@ fn the_python_programs_of_the_page_about_values_run() {
             .expect("python3")
     };
     let watching = python(watcher);
+    let output = python(history).wait_with_output().expect("python3");
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert!(output.status.success(), "{out}\n{err}");
+    assert!(out.contains("clock/"), "{out}");
     let output = python(teleoperation).wait_with_output().expect("python3");
     let (out, err) = (
         String::from_utf8_lossy(&output.stdout),
@@ -245,6 +288,7 @@ fn the_python_programs_of_the_page_about_values_run() {
     assert!(out.contains("'refused': 0"), "{out}\n{err}");
     assert!(!out.contains("'set': 0,"), "{out}");
     // It ends by itself when the net has ended.
+    cell.done(clock, "cancel");
     cell.done(id, "cancel");
     let output = watching.wait_with_output().expect("python3");
     let out = String::from_utf8_lossy(&output.stdout);

@@ -1,4 +1,5 @@
-//! `tail [PATTERN...]`: replaces this process by `rcc-monitor`, which is installed beside it.
+//! `tail [PATTERN...]`: replaces this process by `rcc-monitor`, which is installed beside it; with `--url` it asks the
+//! loader.
 
 use std::os::unix::process::CommandExt;
 use std::process::Command;
@@ -6,8 +7,12 @@ use std::process::Command;
 use rcc_api::codes;
 
 use crate::context::{Context, OutputFormat};
+use crate::duration::duration;
 use crate::failure::Failure;
 use crate::supervisor::paths;
+use remote::RemoteTail;
+
+mod remote;
 
 /// Arguments of `tail`.
 #[derive(clap::Args, Debug)]
@@ -22,11 +27,21 @@ pub struct Arguments {
     duration: Option<String>,
 }
 
-/// Runs the verb; returns only if it fails.
+/// Runs the verb; on this machine it returns only if it fails.
 ///
 /// # Errors
-/// Fails if the monitor cannot be started.
+/// Fails if the monitor cannot be started, or as [`RemoteTail::run`].
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    if context.remote.is_some() {
+        let given = arguments.duration.as_deref().map(duration).transpose();
+        let duration = given.map_err(|error| Failure::new(codes::BAD_REQUEST, error, ""))?;
+        let tail = RemoteTail {
+            patterns: &arguments.patterns,
+            count: arguments.count,
+            duration,
+        };
+        return tail.run(context);
+    }
     let program = paths::program("rcc-monitor")?;
     let mut command = Command::new(&program);
     command.arg("--cell").arg(context.cell_name()).arg("tail");

@@ -6,7 +6,9 @@ use utoipa::ToSchema;
 
 mod records;
 
-pub use records::{EventPage, EventSourceView, EventView, IncidentView};
+pub use records::{
+    EventPage, EventSourceView, EventView, HistoryPage, IncidentView, MonitoredValue,
+};
 
 /// An error, with the same codes as on the command line.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]

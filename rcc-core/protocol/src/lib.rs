@@ -5,6 +5,7 @@ pub mod announcement;
 pub mod build;
 pub mod configuration;
 pub mod control;
+pub mod element_kind;
 pub mod ending;
 pub mod events;
 pub mod pattern;

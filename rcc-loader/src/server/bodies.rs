@@ -10,22 +10,34 @@ use axum::body::{Body, Bytes};
 use axum::extract::Request;
 use axum::http::{Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use http_body_util::{BodyExt, Full};
+use http_body_util::BodyExt;
 use hyper::body::{Body as _, Frame, SizeHint};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use rcc_api::routes::TEXT_MAX;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use super::peer::ClientPeer;
+use super::shares::{Share, ShareLimits, Shares};
 
 /// Texts longer than this are compiled one after the other, bytes. Compiling takes a hundred times the text's size in
 /// memory, which is returned afterwards; shorter texts do not wait for long ones.
 pub const LONG_TEXT: usize = 256 << 10;
 /// Maximum size of any other request body, bytes.
 pub const SET_TEXT_MAX: usize = 64 << 10;
-/// Maximum size of all texts that are being received, wait to be compiled, or are being compiled, bytes.
-pub const TEXTS_MAX: usize = 32 << 20;
-/// Maximum size of all long answers that are being created or not yet taken by their clients, bytes.
-pub const ANSWERS_MAX: usize = 64 << 20;
+/// Limits of all texts together that are being received, wait to be compiled, or are being compiled, bytes.
+pub const TEXTS: ShareLimits = ShareLimits {
+    all: 32 << 20,
+    of_peer: 16 << 20,
+    reserve: 8 << 20,
+    small: 1 << 20,
+};
+/// Limits of all long answers together that are not yet taken by their clients, bytes.
+pub const ANSWERS: ShareLimits = ShareLimits {
+    all: 64 << 20,
+    of_peer: 32 << 20,
+    reserve: 16 << 20,
+    small: 8 << 20,
+};
 /// Bodies up to this size are not counted, bytes.
 const SHORT: usize = 64 << 10;
 /// Time allowed for a body to arrive.
@@ -47,22 +59,22 @@ pub fn body_max(method: &Method, route: &str) -> Option<usize> {
 /// Accounts for the memory of a text until the last clone is dropped.
 #[derive(Clone, Debug, Default)]
 pub struct TextMemory {
-    _permit: Option<Arc<OwnedSemaphorePermit>>,
+    _share: Option<Arc<Share>>,
 }
 
-/// Reads a body of at most `bytes_max` bytes; a long one is counted against `texts`.
+/// Reads a body of at most `bytes_max` bytes; a long one is counted as the peer's share of `texts`.
 ///
 /// # Errors
 /// Returns an error if the body is too long, incomplete or too slow, or if all of the memory for bodies is in use.
 pub async fn read(
     body: Body,
     bytes_max: usize,
-    texts: &Arc<Semaphore>,
+    (texts, peer): (&Arc<Shares>, ClientPeer),
 ) -> Result<(Bytes, TextMemory), ApiError> {
     if body.size_hint().lower() > bytes_max as u64 {
         return Err(too_large(bytes_max));
     }
-    match tokio::time::timeout(BODY_TIME_MAX, collect(body, bytes_max, texts)).await {
+    match tokio::time::timeout(BODY_TIME_MAX, collect(body, bytes_max, (texts, peer))).await {
         Ok(taken) => taken,
         Err(_) => Err(ApiError::new(
             codes::TOO_SLOW,
@@ -75,10 +87,10 @@ pub async fn read(
 async fn collect(
     mut body: Body,
     bytes_max: usize,
-    texts: &Arc<Semaphore>,
+    (texts, peer): (&Arc<Shares>, ClientPeer),
 ) -> Result<(Bytes, TextMemory), ApiError> {
     let mut bytes = Vec::new();
-    let mut permit: Option<OwnedSemaphorePermit> = None;
+    let mut share: Option<Share> = None;
     while let Some(frame) = body.frame().await {
         let frame = frame.map_err(|error| {
             let message = format!("the body is incomplete: {error}");
@@ -91,19 +103,22 @@ async fn collect(
             return Err(too_large(bytes_max));
         }
         if bytes.len() + data.len() > SHORT {
-            let memory = permit.as_ref().map_or(0, OwnedSemaphorePermit::num_permits);
-            let more = bytes.len() + data.len() - memory;
-            let more = Arc::clone(texts).try_acquire_many_owned(more as u32);
-            let more = more.map_err(|_| no_memory(TEXTS_MAX, "texts"))?;
-            match permit.as_mut() {
-                Some(permit) => permit.merge(more),
-                None => permit = Some(more),
+            let more = bytes.len() + data.len() - share.as_ref().map_or(0, Share::amount);
+            let is_free = match share.as_mut() {
+                Some(share) => share.grow(more),
+                None => {
+                    share = texts.take(peer, more);
+                    share.is_some()
+                }
+            };
+            if !is_free {
+                return Err(no_memory(TEXTS, "texts"));
             }
         }
         bytes.extend_from_slice(&data);
     }
     let memory = TextMemory {
-        _permit: permit.map(Arc::new),
+        _share: share.map(Arc::new),
     };
     Ok((bytes.into(), memory))
 }
@@ -139,59 +154,72 @@ fn too_large(bytes_max: usize) -> ApiError {
     }
 }
 
-fn no_memory(bytes_max: usize, what: &str) -> ApiError {
+fn no_memory(limits: ShareLimits, what: &str) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
         format!(
-            "all of the {} MiB that the loader reserves for {what} are in use",
-            bytes_max >> 20
+            "the memory that the loader reserves for {what} is in use: {} MiB, at most {} MiB of one client",
+            limits.all >> 20,
+            limits.of_peer >> 20
         ),
         "try again in a moment",
     )
 }
 
-/// Wraps a JSON answer that was serialized by a blocking thread; a long one is counted until the client has taken it.
+/// Marks a response whose body is in memory and long.
+#[derive(Clone, Copy)]
+struct LongAnswer(usize);
+
+/// Wraps a JSON answer that was serialized by a blocking thread.
+#[must_use]
+pub fn answer(bytes: Vec<u8>) -> Response {
+    let size = bytes.len();
+    let kind = [(header::CONTENT_TYPE, "application/json")];
+    let mut response = (StatusCode::OK, kind, Body::from(bytes)).into_response();
+    if size > SHORT {
+        response.extensions_mut().insert(LongAnswer(size));
+    }
+    response
+}
+
+/// Counts a long answer as the peer's share of `answers` until the client has taken it.
 ///
 /// # Errors
-/// Returns [`codes::TOO_MANY`] if all of the memory for answers is in use.
-pub fn answer(bytes: Vec<u8>, answers: &Arc<Semaphore>) -> Result<Response, ApiError> {
-    let permit = match bytes.len() {
-        0..=SHORT => None,
-        long => {
-            let permit = Arc::clone(answers).try_acquire_many_owned(long as u32);
-            Some(permit.map_err(|_| no_memory(ANSWERS_MAX, "answers"))?)
-        }
+/// Returns [`codes::TOO_MANY`] if too much is in use; the answer is dropped then.
+pub fn account(
+    response: Response,
+    (answers, peer): (&Arc<Shares>, ClientPeer),
+) -> Result<Response, ApiError> {
+    let Some(LongAnswer(size)) = response.extensions().get().copied() else {
+        return Ok(response);
     };
-    let body = Body::new(AccountedBody {
-        bytes: Full::new(bytes.into()),
-        _permit: permit,
-    });
-    let kind = [(header::CONTENT_TYPE, "application/json")];
-    Ok((StatusCode::OK, kind, body).into_response())
+    let share = answers.take(peer, size);
+    let _share = share.ok_or_else(|| no_memory(ANSWERS, "answers"))?;
+    Ok(response.map(|body| Body::new(AccountedBody { body, _share })))
 }
 
 /// A body together with its share of the memory for answers.
 struct AccountedBody {
-    bytes: Full<Bytes>,
-    _permit: Option<OwnedSemaphorePermit>,
+    body: Body,
+    _share: Share,
 }
 
 impl hyper::body::Body for AccountedBody {
     type Data = Bytes;
-    type Error = std::convert::Infallible;
+    type Error = axum::Error;
 
     fn poll_frame(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, Self::Error>>> {
-        Pin::new(&mut self.bytes).poll_frame(context)
+        Pin::new(&mut self.body).poll_frame(context)
     }
 
     fn is_end_stream(&self) -> bool {
-        self.bytes.is_end_stream()
+        self.body.is_end_stream()
     }
 
     fn size_hint(&self) -> SizeHint {
-        self.bytes.size_hint()
+        self.body.size_hint()
     }
 }

@@ -30,9 +30,10 @@ use tokio::time::timeout;
 use exchange::Answered;
 pub use exchange::STALL_MAX;
 pub(super) use quotas::RequestClass;
-use quotas::{ClientPeer, HeadPermit, Quotas, RequestPermit};
 pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, STREAMS, TCP, UNAUTHENTICATED, UNIX};
+use quotas::{HeadPermit, Quotas, RequestPermit};
 
+use super::peer::ClientPeer;
 use super::request_head::{self, RequestHead};
 use super::stop_steps::Arrived;
 
@@ -245,7 +246,7 @@ where
     }
     DATE_CACHED.set(true);
     let is_limited = head.class != RequestClass::Stream;
-    let answer = exchange::answer(arrived, head, io, router);
+    let answer = exchange::answer((peer, arrived), head, io, router);
     let answered = match is_limited {
         true => timeout(EXCHANGE_TIME_MAX, answer).await,
         false => Ok(answer.await),

@@ -12,6 +12,8 @@ use axum::response::{IntoResponse, Response};
 use hyper::body::Frame;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
+use super::shares::Share;
+
 /// Maximum number of pieces that a client has not taken.
 pub const PIECES_MAX: usize = 64;
 /// Maximum size of the pieces that a client has not taken, bytes.
@@ -71,13 +73,13 @@ fn share(piece: &str) -> u32 {
     piece.len().min(BYTES_MAX) as u32
 }
 
-/// Creates an answer of this content type, and its sender. `guard` is dropped with the answer.
-pub fn answer(content_type: &'static str, guard: OwnedSemaphorePermit) -> (LiveSender, Response) {
+/// Creates an answer of this content type, and its sender. `place` is dropped with the answer.
+pub fn answer(content_type: &'static str, place: Share) -> (LiveSender, Response) {
     let (pieces, taken) = mpsc::channel(PIECES_MAX);
     let room = Arc::new(Semaphore::new(BYTES_MAX));
     let body = Body::new(LiveBody {
         taken,
-        _guard: guard,
+        _place: place,
     });
     let headers = [
         (header::CONTENT_TYPE, content_type),
@@ -89,7 +91,7 @@ pub fn answer(content_type: &'static str, guard: OwnedSemaphorePermit) -> (LiveS
 
 struct LiveBody {
     taken: mpsc::Receiver<Piece>,
-    _guard: OwnedSemaphorePermit,
+    _place: Share,
 }
 
 impl hyper::body::Body for LiveBody {
@@ -108,24 +110,26 @@ impl hyper::body::Body for LiveBody {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::server::peer::ClientPeer;
+    use crate::server::shares::{ShareLimits, Shares};
 
     #[test]
     fn a_client_that_takes_nothing_is_sent_a_bounded_number_of_bytes_and_pieces() {
-        let places = Arc::new(Semaphore::new(1));
-        let guard = Arc::clone(&places).try_acquire_owned();
-        let (sender, response) = answer("text/plain", guard.expect("a place"));
+        let places = Shares::new(ShareLimits {
+            all: 2,
+            of_peer: 2,
+            reserve: 0,
+            small: 0,
+        });
+        let place = || places.take(ClientPeer::Process(1), 1);
+        let (sender, response) = answer("text/plain", place().expect("a place"));
         let sent = (0..1000).filter(|_| sender.send("x".repeat(4096)).is_ok());
         assert_eq!(sent.count(), BYTES_MAX / 4096);
-        let (small, other) = answer(
-            "text/plain",
-            Arc::new(Semaphore::new(1))
-                .try_acquire_owned()
-                .expect("a place"),
-        );
+        let (small, other) = answer("text/plain", place().expect("a place"));
         let sent = (0..1000).filter(|_| small.send("x".to_owned()).is_ok());
         assert_eq!(sent.count(), PIECES_MAX);
-        assert!(!sender.is_over() && places.available_permits() == 0);
+        assert!(!sender.is_over() && place().is_none());
         drop((response, other));
-        assert!(sender.is_over() && places.available_permits() == 1);
+        assert!(sender.is_over() && place().is_some());
     }
 }

@@ -7,51 +7,61 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Extension, Path, State};
-use axum::http::StatusCode;
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Json, Router};
 use rcc_api::bodies::{
     Acknowledged, CommandDetail, CommandRef, CommandView, DeviceView, Done, ErrorBody, Finding,
-    InputsSet, Loaded, PrimitiveView, Start, StatusView, Switch, Switched, TextLocation,
-    TimingView, TopicView, ValuesView,
+    InputsSet, PrimitiveView, Start, StatusView, Switch, Switched, TextLocation, TimingView,
+    TopicView, ValuesView,
 };
 use rcc_api::error::ApiError;
 use rcc_api::streams::{
     ChannelError, ChannelOpened, ChannelSet, StreamLoss, StreamMonitored, StreamPorts, StreamState,
 };
 use rcc_api::{catalogue, codes};
-use rcc_core::printable::Printable;
 use rcc_process::Helpers;
 use serde::Deserialize;
 use tokio::sync::Semaphore;
 use utoipa::OpenApi;
 
-use super::bodies::{ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
+use super::bodies::{ANSWERS, TEXTS};
 use super::caller::Caller;
+use super::connection::{TCP, UNIX};
 use super::error::ErrorResponse;
 use super::service::{Operation, Service};
+use super::shares::{ShareLimits, Shares};
 use super::stop_steps::{Arrived, StopSteps};
 use super::stop_workers::StopWorkers;
+use super::turns::Turns;
 use interface::Query;
-use requests::{answering, blocking, constant, json, limited, reading, text_of, too_many, written};
+use requests::{answering, constant, json, limited, reading, text_of, written};
 
-pub use set_points::{CHANNEL_IDLE_MAX, CHANNELS_MAX};
-pub use stream::STREAMS_MAX;
+pub use set_points::{CHANNEL_IDLE_MAX, CHANNELS};
+pub use stream::{FAST_STREAMS, STREAMS};
 
 mod document;
 mod interface;
+mod load;
 mod records;
 mod requests;
 mod set_points;
 mod stream;
 
-/// Maximum number of texts that are being compiled or wait for it; further ones are refused.
-pub const LOADING_MAX: usize = 32;
-/// Maximum number of concurrent requests; further ones are refused. CANCEL and ABORT are not counted.
-pub const REQUESTS_MAX: usize = 64;
-/// Maximum number of concurrent requests that read command files; further ones wait.
+/// Limits of texts that are being compiled or wait for it; further ones are refused.
+pub const LOADING: ShareLimits = ShareLimits {
+    all: 32,
+    of_peer: 16,
+    reserve: 16,
+    small: 1,
+};
+/// Maximum number of concurrent requests of all listeners; further ones are refused. CANCEL and ABORT are not counted.
+pub const REQUESTS_MAX: usize = UNIX.connections + UNIX.reserve + TCP.connections + TCP.reserve;
+/// Maximum number of threads that work for requests, one for each request, load and stream, so that none waits for a
+/// thread.
+pub const THREADS_MAX: usize = REQUESTS_MAX + LOADING.most() + CHANNELS.most() + STREAMS.most();
+/// Maximum number of concurrent requests that read command files; further ones wait, those of different peers in turns.
 pub const READING_MAX: usize = 2;
 /// Time allowed for a request after its body has arrived.
 pub const REQUEST_TIME_MAX: Duration = Duration::from_secs(10);
@@ -62,14 +72,15 @@ struct ServerState {
     service: Arc<Service>,
     stops: StopWorkers,
     requests: Arc<Semaphore>,
-    loading: Arc<Semaphore>,
-    compiling: Arc<Semaphore>,
-    compiling_long: Arc<Semaphore>,
-    reading: Arc<Semaphore>,
-    texts: Arc<Semaphore>,
-    answers: Arc<Semaphore>,
-    channels: Arc<Semaphore>,
-    streams: Arc<Semaphore>,
+    loading: Arc<Shares>,
+    compiling: Arc<Turns>,
+    compiling_long: Arc<Turns>,
+    reading: Arc<Turns>,
+    texts: Arc<Shares>,
+    answers: Arc<Shares>,
+    channels: Arc<Shares>,
+    streams: Arc<Shares>,
+    fast_streams: Arc<Shares>,
 }
 
 #[derive(OpenApi)]
@@ -79,7 +90,7 @@ struct ServerState {
         description = "Robot Control Core: load a net as a command, start it, cancel it, look at it."
     ),
     paths(
-        load,
+        load::load,
         list,
         detail,
         start,
@@ -133,26 +144,26 @@ fn described() -> Result<serde_json::Value, serde_json::Error> {
 /// # Errors
 /// Returns an error if the system cannot create a thread.
 pub fn router(service: Arc<Service>, helpers: &Helpers) -> io::Result<Router> {
-    let permits = |count| Arc::new(Semaphore::new(count));
     let state = ServerState {
         service,
         stops: StopWorkers::start(helpers)?,
-        requests: permits(REQUESTS_MAX),
-        loading: permits(LOADING_MAX),
-        compiling: permits(1),
-        compiling_long: permits(1),
-        reading: permits(READING_MAX),
-        texts: permits(TEXTS_MAX),
-        answers: permits(ANSWERS_MAX),
-        channels: permits(CHANNELS_MAX),
-        streams: permits(STREAMS_MAX),
+        requests: Arc::new(Semaphore::new(REQUESTS_MAX)),
+        loading: Shares::new(LOADING),
+        compiling: Turns::new(1),
+        compiling_long: Turns::new(1),
+        reading: Turns::new(READING_MAX),
+        texts: Shares::new(TEXTS),
+        answers: Shares::new(ANSWERS),
+        channels: Shares::new(CHANNELS),
+        streams: Shares::new(STREAMS),
+        fast_streams: Shares::new(FAST_STREAMS),
     };
     Ok(routes(state))
 }
 
 fn routes(state: ServerState) -> Router {
     Router::new()
-        .route("/commands", post(load).get(list))
+        .route("/commands", post(load::load).get(list))
         .route("/commands/{name}", get(detail).delete(unload))
         .route("/commands/{name}/start", post(start))
         .route("/commands/{name}/inputs", put(set))
@@ -179,52 +190,6 @@ fn routes(state: ServerState) -> Router {
         .layer(DefaultBodyLimit::disable())
         .layer(middleware::from_fn_with_state(state.clone(), limited))
         .with_state(state)
-}
-
-#[derive(Deserialize)]
-struct LoadQuery {
-    /// File name for diagnostics.
-    #[serde(default)]
-    file: Option<String>,
-}
-
-/// LOAD: the body is the text of a net, YAML or JSON. Answers at once; the command's state then changes from `loading`
-/// to `ready` or `rejected`.
-#[utoipa::path(post, path = "/commands", operation_id = "loadCommand", tag = "commands", request_body(content((Object = "application/json"), (String = "application/yaml")), description = "a net"),
-    params(("file" = Option<String>, Query, description = "file name for diagnostics")),
-    responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
-async fn load(
-    State(state): State<ServerState>,
-    Query(query): Query<LoadQuery>,
-    Extension(caller): Extension<Caller>,
-    Extension(memory): Extension<TextMemory>,
-    body: Bytes,
-) -> Result<Response, ErrorResponse> {
-    let permit = Arc::clone(&state.loading)
-        .try_acquire_owned()
-        .map_err(|_| too_many(LOADING_MAX))?;
-    let turns = Arc::clone(match body.len() > LONG_TEXT {
-        true => &state.compiling_long,
-        false => &state.compiling,
-    });
-    let id = blocking(state.clone(), move |service| {
-        service.reserve(&caller, text_of(body, "the text is")?)
-    })
-    .await?;
-    // The name appears in every source snippet.
-    let file = Printable(query.file.as_deref().unwrap_or("net")).to_string();
-    tokio::spawn(async move {
-        // The semaphores are never closed.
-        let _turn = turns.acquire().await;
-        let service = Arc::clone(&state.service);
-        let compiled = tokio::task::spawn_blocking(move || service.install(id, &file));
-        if let Err(error) = compiled.await {
-            tracing::error!(id, %error, "a load panicked");
-        }
-        drop((permit, memory));
-    });
-    let state = "loading".to_owned();
-    Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
 }
 
 /// Lists all commands, sorted by id.
@@ -502,6 +467,7 @@ mod tests {
             "/commands/{name}/values",
             "/devices",
             "/events",
+            "/history",
             "/incidents",
             "/incidents/{file}",
             "/openapi.json",

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
-use std::time::Duration;
 
 use rcc_api::bodies::{CommandView, Done, Finding};
 use rcc_api::codes;
@@ -30,13 +29,15 @@ use super::published::Published;
 use super::store::CommandStore;
 use configuration::WatchedFiles;
 pub use set_points::{LINES_MAX, LineQueue, SetPointChannel};
-pub use stream::{EventStream, STREAM_NETS_MAX, STREAM_RATE_MAX, StreamRequest};
+pub use stream::{EventStream, STREAM_NETS_MAX, USUAL_RATE_MAX, StreamRequest};
 
 mod configuration;
 pub mod events;
 mod handover;
+pub mod history;
 mod incidents;
 mod load;
+mod maintenance;
 mod recording;
 mod set_points;
 mod status;
@@ -44,9 +45,6 @@ mod stream;
 mod timing;
 mod topics;
 mod values;
-
-/// Minimum age at which the file of a command that is not in the table is removed.
-const SWEEP_AGE_MIN: Duration = Duration::from_secs(5);
 
 /// The loader of one cell.
 pub struct Service {
@@ -63,12 +61,15 @@ pub struct Service {
     loading: Published<BTreeMap<u64, Arc<CommandSummary>>>,
     /// Their texts, until they are compiled.
     texts: Mutex<BTreeMap<u64, String>>,
+    /// Commands that are `loading` in the executor's table and that this process is not loading.
+    unclaimed: Mutex<maintenance::Unclaimed>,
     recorder: Option<EventRecorder>,
     /// The helper threads of this process, for status queries.
     helpers: Helpers,
     /// Process id and incarnation of the executor that was last reported to the event log.
     reported_executor: RwLock<Option<(u32, u64)>>,
     event_log: events::SharedEventLog,
+    history: history::History,
     /// Incarnation of the executor, and its commands.
     store: RwLock<Option<(u64, Arc<CommandStore>)>>,
 }
@@ -142,10 +143,12 @@ impl Service {
             config,
             loading: Published::default(),
             texts: Mutex::default(),
+            unclaimed: Mutex::default(),
             recorder: None,
             helpers: Helpers::default(),
             reported_executor: RwLock::new(None),
             event_log: events::SharedEventLog::default(),
+            history: history::History::default(),
             store: RwLock::new(None),
         }
     }
@@ -247,15 +250,6 @@ impl Service {
                 *store = Some((incarnation, Arc::clone(&found)));
                 (found, Some(orphans))
             }
-        }
-    }
-
-    /// Periodic maintenance: attaches to the executor, and removes the files of unloaded commands.
-    pub fn maintain(&self) {
-        self.check_files();
-        if let Ok((attached, store)) = self.attach() {
-            let snapshot = attached.tables();
-            store.sweep(|id| snapshot.command(id).is_some(), SWEEP_AGE_MIN);
         }
     }
 

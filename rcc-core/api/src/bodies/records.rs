@@ -1,4 +1,4 @@
-//! Bodies about what a cell has recorded: events of its log, and incidents of the flight recorder.
+//! Bodies about what a cell has recorded: events of its log, monitored values, and incidents of the flight recorder.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -55,6 +55,49 @@ pub struct EventSourceView {
     pub pid: u32,
     /// Incarnation of the process, 16 hexadecimal digits.
     pub incarnation: String,
+}
+
+/// Monitored values, in the order in which the executor published them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct HistoryPage {
+    /// The values.
+    pub values: Vec<MonitoredValue>,
+    /// Position after the last of them: the value of `after` for the values that follow.
+    pub next: String,
+    /// False if values between `after` and the first of these are missing: the loader keeps no more, or the executor or
+    /// the loader was restarted.
+    pub continues: bool,
+    /// Number of records, of any port, that were lost within this part of the history because the machine was too slow.
+    pub lost: u64,
+}
+
+/// A value that a `Monitor` published.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct MonitoredValue {
+    /// `net/primitive.port`, or one element of it.
+    pub name: String,
+    /// The net's name.
+    pub net: String,
+    /// The command's id.
+    pub command: u64,
+    /// The monitored port, `primitive.port`.
+    pub source: String,
+    /// Id of the `Monitor` primitive.
+    pub monitor: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Its unit, if the type does not imply it.
+    pub unit: Option<String>,
+    /// Number of the record, counted over all records of the executor.
+    pub sequence: u64,
+    /// Executor cycle.
+    pub cycle: u64,
+    /// CLOCK_MONOTONIC of that cycle on the cell's machine, ns.
+    pub stamp_ns: u64,
+    /// The value, or the list of its elements; null is null.
+    #[schema(value_type = Object)]
+    pub value: serde_json::Value,
 }
 
 /// An incident file of the flight recorder.

@@ -20,6 +20,7 @@ use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 
+use crate::server::peer::ClientPeer;
 use crate::server::request_head::{HEAD_MAX, HEADERS_MAX, RequestHead};
 use crate::server::stop_steps::Arrived;
 
@@ -35,7 +36,7 @@ pub(super) enum Answered<I> {
 
 /// Answers one request.
 pub(super) async fn answer<I>(
-    arrived: Arrived,
+    (peer, arrived): (ClientPeer, Arrived),
     head: RequestHead,
     io: I,
     router: Router,
@@ -56,6 +57,7 @@ where
     let (router, observed) = (TowerToHyperService::new(router), Arc::clone(&progress));
     let service = service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(arrived);
+        request.extensions_mut().insert(peer);
         let (answer, observed) = (router.call(request), Arc::clone(&observed));
         async move { answer.await.map(|response| observed.observe(response)) }
     });

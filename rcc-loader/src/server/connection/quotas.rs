@@ -2,8 +2,6 @@
 //! from both, for their CANCEL and ABORT. Used by the serving thread and by `front`.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fmt;
-use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -12,6 +10,8 @@ use rcc_api::error::ApiError;
 use rcc_process::log_throttle::LogThrottle;
 use tokio::sync::oneshot;
 
+use crate::server::peer::ClientPeer;
+
 /// Limits of a listener or of a class of requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ConnectionLimits {
@@ -19,6 +19,9 @@ pub struct ConnectionLimits {
     pub connections: usize,
     /// Maximum number of concurrent requests of one peer.
     pub connections_of_peer: usize,
+    /// Number of further concurrent requests, for peers that have no other one, so that a few clients cannot keep out
+    /// all others.
+    pub reserve: usize,
     /// Maximum average number of requests of one peer per second.
     pub rate: u32,
     /// Maximum burst of requests of one peer after an idle time.
@@ -29,6 +32,7 @@ pub struct ConnectionLimits {
 pub const UNIX: ConnectionLimits = ConnectionLimits {
     connections: 64,
     connections_of_peer: 16,
+    reserve: 32,
     rate: 1000,
     burst: 2000,
 };
@@ -36,6 +40,7 @@ pub const UNIX: ConnectionLimits = ConnectionLimits {
 pub const TCP: ConnectionLimits = ConnectionLimits {
     connections: 32,
     connections_of_peer: 8,
+    reserve: 16,
     rate: 100,
     burst: 200,
 };
@@ -43,14 +48,16 @@ pub const TCP: ConnectionLimits = ConnectionLimits {
 pub const STOPS: ConnectionLimits = ConnectionLimits {
     connections: 32,
     connections_of_peer: 8,
+    reserve: 16,
     rate: 100,
     burst: 200,
 };
 /// Limits of set-point channels and of streams of values, states and events, together, for each listener; see also
-/// [`crate::server::routes::CHANNELS_MAX`] and [`crate::server::routes::STREAMS_MAX`]. They hold no place of other requests.
+/// [`crate::server::routes::CHANNELS`] and [`crate::server::routes::STREAMS`]. They hold no place of other requests.
 pub const STREAMS: ConnectionLimits = ConnectionLimits {
     connections: 12,
     connections_of_peer: 6,
+    reserve: 6,
     rate: 10,
     burst: 20,
 };
@@ -62,24 +69,6 @@ pub const UNAUTHENTICATED: (u32, u32) = (5, 20);
 pub const HEADS_MAX: usize = 192;
 /// Maximum number of known peers; beyond it, peers without a pending request are forgotten.
 pub(super) const PEERS_MAX: usize = 1024;
-
-/// The origin of a connection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum ClientPeer {
-    /// A process on the Unix socket.
-    Process(i32),
-    /// An address on TCP.
-    Address(IpAddr),
-}
-
-impl fmt::Display for ClientPeer {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            ClientPeer::Process(pid) => write!(formatter, "process {pid}"),
-            ClientPeer::Address(address) => address.fmt(formatter),
-        }
-    }
-}
 
 /// The class that a request is counted in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -222,6 +211,7 @@ impl Quotas {
             RequestClass::Unauthenticated => ConnectionLimits {
                 connections: usize::MAX,
                 connections_of_peer: usize::MAX,
+                reserve: 0,
                 rate: UNAUTHENTICATED.0,
                 burst: UNAUTHENTICATED.1,
             },
@@ -236,14 +226,10 @@ impl Quotas {
         let ConnectionLimits {
             connections,
             connections_of_peer,
+            reserve,
             rate,
             burst,
         } = limits;
-        if open >= connections {
-            return Err(too_many(format!(
-                "{connections} requests are being processed"
-            )));
-        }
         if inner.peers.len() >= PEERS_MAX {
             inner.peers.retain(|_, quota| quota.connections > 0);
         }
@@ -252,6 +238,11 @@ impl Quotas {
             credit: f64::from(burst),
             counted: now,
         });
+        let is_free = open < connections
+            || quota.connections == 0 && open < connections.saturating_add(reserve);
+        if !is_free {
+            return Err(too_many(format!("{open} requests are being processed")));
+        }
         if quota.connections >= connections_of_peer {
             return Err(too_many(format!(
                 "{connections_of_peer} requests of {peer} are being processed"

@@ -1,4 +1,4 @@
-//! The routes of what a cell has recorded: events of its log, and incident files. Run by the one thread that serves
+//! The routes of what a cell has recorded: events of its log, monitored values, and incident files. Run by the one thread that serves
 //! connections.
 
 use std::io::{Seek, SeekFrom};
@@ -9,29 +9,31 @@ use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use rcc_api::bodies::{ErrorBody, EventPage, IncidentView, WrittenIncident};
+use rcc_api::bodies::{ErrorBody, EventPage, HistoryPage, IncidentView, WrittenIncident};
 use rcc_api::codes;
 use rcc_api::error::ApiError;
 use serde::Deserialize;
 use utoipa::OpenApi;
 
-use super::ServerState;
 use super::interface::Query;
 use super::requests::{answering, blocking, reading};
+use super::{ServerState, ValuesQuery};
 use crate::server::caller::Caller;
 use crate::server::error::ErrorResponse;
 use crate::server::file_body::FileBody;
 use crate::server::service::Service;
+use crate::server::service::history::HistoryRequest;
 
 /// The part of the OpenAPI document about these routes.
 #[derive(OpenApi)]
-#[openapi(paths(events, incidents, incident, download))]
+#[openapi(paths(events, history, incidents, incident, download))]
 pub(super) struct RecordsDocument;
 
 /// Creates the router of these routes.
 pub(super) fn router() -> Router<ServerState> {
     Router::new()
         .route("/events", get(events))
+        .route("/history", get(history))
         .route("/incidents", get(incidents).post(incident))
         .route("/incidents/{file}", get(download))
 }
@@ -58,6 +60,44 @@ async fn events(
         service.events(query.after.as_deref(), query.limit)
     })
     .await
+}
+
+#[derive(Deserialize)]
+struct HistoryQuery {
+    /// Patterns, separated by commas.
+    #[serde(default)]
+    ports: Option<String>,
+    /// Position of an earlier answer.
+    after: Option<String>,
+    /// Only the last seconds.
+    seconds: Option<f64>,
+    /// Maximum number of values.
+    limit: Option<usize>,
+}
+
+/// Returns values that nets have published with `Monitor`, each with its cycle: the newest ones, those of the last
+/// seconds, or those after a position. Ask with the `next` of the last answer to follow them without a gap, at the full
+/// rate of the monitors; `limit=0` gives the position of now. The loader keeps the newest 65536 records, also of
+/// commands that have been unloaded.
+#[utoipa::path(get, path = "/history", operation_id = "getHistory", tag = "values",
+    params(("ports" = Option<String>, Query,
+            description = "patterns such as `line/move.pose,*/ik.joints[2]`; without, all monitored values"),
+        ("after" = Option<String>, Query, description = "`next` of an earlier answer: only the values that follow"),
+        ("seconds" = Option<f64>, Query, description = "only this long before the newest value"),
+        ("limit" = Option<usize>, Query, description = "at most as many values, up to 10000; 1000 by default")),
+    responses((status = 200, body = HistoryPage), (status = 400, body = ErrorBody)))]
+async fn history(
+    State(state): State<ServerState>,
+    Query(query): Query<HistoryQuery>,
+) -> Result<Response, ErrorResponse> {
+    let ports = ValuesQuery { ports: query.ports };
+    let request = HistoryRequest {
+        ports: ports.patterns(),
+        after: query.after,
+        seconds: query.seconds,
+        limit: query.limit,
+    };
+    reading(state, move |service| service.history(&request)).await
 }
 
 /// Lists the incident files, oldest first.

@@ -1,7 +1,7 @@
 //! What all routes have in common: limits on a request, its work on a blocking thread, and its answer. Run by the one
 //! thread that serves connections.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
@@ -18,7 +18,17 @@ use super::{REQUEST_TIME_MAX, REQUESTS_MAX, ServerState, interface};
 use crate::server::bodies;
 use crate::server::caller::Caller;
 use crate::server::error::ErrorResponse;
+use crate::server::peer::ClientPeer;
 use crate::server::service::Service;
+use crate::server::shares::ShareLimits;
+
+/// The peer of a request without a connection.
+const NO_PEER: ClientPeer = ClientPeer::Process(0);
+
+tokio::task_local! {
+    /// The peer of the request that this task answers.
+    static PEER: ClientPeer;
+}
 
 /// Limits the number of requests, the size of each, and the time for its arrival and its answer.
 pub(super) async fn limited(
@@ -56,18 +66,27 @@ pub(super) async fn limited(
         Ok(caller) => caller,
         Err(error) => return ErrorResponse(error).into_response(),
     };
+    let peer = peer_of(&request);
     // This future lives as long as the client's connection is open.
     let _presence = caller.guard();
     request.extensions_mut().insert(caller);
     // Read the body first: a slow sender occupies nothing that others need.
-    let request = match read_body(request, bytes_max, &state).await {
+    let request = match read_body(request, bytes_max, (&state, peer)).await {
         Ok(request) => request,
         Err(error) => return ErrorResponse(error).into_response(),
     };
     let Ok(_place) = state.requests.try_acquire() else {
         return ErrorResponse(too_many(REQUESTS_MAX)).into_response();
     };
-    with_time_limit(next.run(request)).await
+    let answer = with_time_limit(PEER.scope(peer, next.run(request))).await;
+    bodies::account(answer, (&state.answers, peer))
+        .unwrap_or_else(|error| ErrorResponse(error).into_response())
+}
+
+/// Returns the origin of a request, which its connection has set.
+fn peer_of(request: &Request) -> ClientPeer {
+    let peer = request.extensions().get::<ClientPeer>();
+    peer.copied().unwrap_or(NO_PEER)
 }
 
 async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
@@ -115,13 +134,13 @@ fn caller(head: &HeaderMap) -> Result<Caller, ApiError> {
 async fn read_body(
     request: Request,
     bytes_max: usize,
-    state: &ServerState,
+    (state, peer): (&ServerState, ClientPeer),
 ) -> Result<Request, ApiError> {
     if bytes_max == 0 {
         return bodies::require_no_body(&request).map(|()| request);
     }
     let (mut parts, body) = request.into_parts();
-    let (bytes, memory) = bodies::read(body, bytes_max, &state.texts).await?;
+    let (bytes, memory) = bodies::read(body, bytes_max, (&state.texts, peer)).await?;
     parts.extensions.insert(memory);
     Ok(Request::from_parts(parts, bytes.into()))
 }
@@ -132,7 +151,7 @@ fn is_json(response: &Response) -> bool {
     kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
 }
 
-pub(super) fn too_many(requests_max: usize) -> ApiError {
+fn too_many(requests_max: usize) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
         format!("{requests_max} requests of this kind are being processed; this one is refused"),
@@ -140,10 +159,26 @@ pub(super) fn too_many(requests_max: usize) -> ApiError {
     )
 }
 
-pub(super) fn too_many_streams(streams_max: usize, what: &str) -> ApiError {
+/// Returns the error for one more than these limits allow of something that a client does.
+pub(super) fn too_many_of(limits: ShareLimits, what: &str) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
-        format!("{streams_max} {what} are open; this one is refused"),
+        format!(
+            "{what}: at most {}, and {} of one client; this one is refused",
+            limits.all, limits.of_peer
+        ),
+        "try again when fewer are in progress",
+    )
+}
+
+/// Returns the error for one stream or channel more than these limits allow.
+pub(super) fn too_many_streams(limits: ShareLimits, what: &str) -> ApiError {
+    ApiError::new(
+        codes::TOO_MANY,
+        format!(
+            "too many {what} are open: at most {}, and {} of one client; this one is refused",
+            limits.all, limits.of_peer
+        ),
         "close one of them, or use one for several values",
     )
 }
@@ -169,9 +204,8 @@ pub(super) async fn answering<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
 ) -> Result<Response, ErrorResponse> {
-    let answers = Arc::clone(&state.answers);
     let bytes = blocking(state, |service| written(&what(service)?)).await?;
-    Ok(bodies::answer(bytes, &answers)?)
+    Ok(bodies::answer(bytes))
 }
 
 /// As [`answering`], for requests that read command files.
@@ -179,12 +213,11 @@ pub(super) async fn reading<T: Serialize>(
     state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
 ) -> Result<Response, ErrorResponse> {
-    let permits = Arc::clone(&state.reading);
-    // The semaphores are never closed.
-    let permit = permits.acquire_owned().await.ok();
+    let peer = PEER.try_with(|peer| *peer);
+    let turn = state.reading.take(peer.unwrap_or(NO_PEER)).await;
     answering(state, move |service| {
-        // Released when the files are read and the answer is serialized, even if nobody waits for it any more.
-        let _permit = permit;
+        // Passed on when the files are read, even if nobody waits for the answer any more.
+        let _turn = turn;
         what(service)
     })
     .await

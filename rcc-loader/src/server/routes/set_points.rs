@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::{Body, Bytes};
-use axum::extract::{Path, State};
+use axum::extract::{Extension, Path, State};
 use axum::response::Response;
 use http_body_util::BodyExt;
 use rcc_api::bodies::ErrorBody;
@@ -20,10 +20,17 @@ use super::requests::{blocking, too_many_streams};
 use crate::server::bodies::SET_TEXT_MAX;
 use crate::server::error::ErrorResponse;
 use crate::server::live;
+use crate::server::peer::ClientPeer;
 use crate::server::service::LineQueue;
+use crate::server::shares::ShareLimits;
 
-/// Maximum number of set-point channels; each may use one of the eight requests that the executor takes in a cycle.
-pub const CHANNELS_MAX: usize = 4;
+/// Limits of set-point channels; each may use one of the eight requests that the executor takes in a cycle.
+pub const CHANNELS: ShareLimits = ShareLimits {
+    all: 4,
+    of_peer: 3,
+    reserve: 2,
+    small: 1,
+};
 /// Time after which a channel without a line is closed.
 pub const CHANNEL_IDLE_MAX: Duration = Duration::from_secs(60);
 
@@ -64,10 +71,11 @@ pub(super) async fn set_points(
     State(state): State<ServerState>,
     Path(name): Path<String>,
     Query(query): Query<ChannelQuery>,
+    Extension(peer): Extension<ClientPeer>,
     body: Body,
 ) -> Result<Response, ErrorResponse> {
-    let place = Arc::clone(&state.channels).try_acquire_owned();
-    let place = place.map_err(|_| too_many_streams(CHANNELS_MAX, "set-point channels"))?;
+    let place = state.channels.take(peer, 1);
+    let place = place.ok_or_else(|| too_many_streams(CHANNELS, "set-point channels"))?;
     let opened = move |service: &crate::server::service::Service| service.open_channel(&name);
     let channel = blocking(state.clone(), opened).await?;
     let (client, response) = live::answer("application/x-ndjson", place);

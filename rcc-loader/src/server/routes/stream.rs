@@ -1,9 +1,7 @@
 //! The route of streams: values, states and events as server-sent events, for as long as the client reads. Run by the
 //! serving thread.
 
-use std::sync::Arc;
-
-use axum::extract::State;
+use axum::extract::{Extension, State};
 use axum::response::Response;
 use rcc_api::bodies::ErrorBody;
 use rcc_api::streams::StreamValues;
@@ -14,10 +12,24 @@ use super::requests::{blocking, too_many_streams};
 use super::{ServerState, ValuesQuery};
 use crate::server::error::ErrorResponse;
 use crate::server::live;
-use crate::server::service::{Service, StreamRequest};
+use crate::server::peer::ClientPeer;
+use crate::server::service::{Service, StreamRequest, USUAL_RATE_MAX};
+use crate::server::shares::ShareLimits;
 
-/// Maximum number of streams.
-pub const STREAMS_MAX: usize = 8;
+/// Limits of streams.
+pub const STREAMS: ShareLimits = ShareLimits {
+    all: 8,
+    of_peer: 6,
+    reserve: 4,
+    small: 1,
+};
+/// Limits of streams that sample faster than [`USUAL_RATE_MAX`]: each may use a request to the executor in every cycle.
+pub const FAST_STREAMS: ShareLimits = ShareLimits {
+    all: 2,
+    of_peer: 1,
+    reserve: 0,
+    small: 0,
+};
 /// Rate of a stream that names none, samples per second.
 const RATE_DEFAULT: f64 = 10.0;
 
@@ -44,7 +56,7 @@ pub(super) struct StreamQuery {
 /// name, also for one that is loaded later. A net is sent only if it was evaluated since the last sample.
 #[utoipa::path(get, path = "/stream", operation_id = "openStream", tag = "values",
     params(("ports" = Option<String>, Query, description = "patterns such as `belt/soft.out,line/ik.*`"),
-        ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to 250; 10 by default"),
+        ("rate" = Option<f64>, Query, description = "samples per second, 0.1 to the rate of the cell; 10 by default; two clients at a time may ask for more than 250"),
         ("monitors" = Option<String>, Query,
             description = "patterns of ports that a `Monitor` observes, such as `line/*`: every value at its rate"),
         ("states" = Option<bool>, Query, description = "also the state of each command, now and at each change"),
@@ -58,9 +70,10 @@ pub(super) struct StreamQuery {
 pub(super) async fn stream(
     State(state): State<ServerState>,
     Query(query): Query<StreamQuery>,
+    Extension(peer): Extension<ClientPeer>,
 ) -> Result<Response, ErrorResponse> {
-    let place = Arc::clone(&state.streams).try_acquire_owned();
-    let place = place.map_err(|_| too_many_streams(STREAMS_MAX, "streams"))?;
+    let place = state.streams.take(peer, 1);
+    let place = place.ok_or_else(|| too_many_streams(STREAMS, "streams"))?;
     let ports = ValuesQuery { ports: query.ports };
     let monitors = ValuesQuery {
         ports: query.monitors,
@@ -72,10 +85,19 @@ pub(super) async fn stream(
         states: query.states,
         events: query.events,
     };
+    let is_fast = request.rate > USUAL_RATE_MAX && !request.ports.is_empty();
+    let fast = is_fast.then(|| {
+        let place = state.fast_streams.take(peer, 1);
+        place.ok_or_else(|| too_many_streams(FAST_STREAMS, "streams above 250 samples per second"))
+    });
+    let fast = fast.transpose()?;
     let opened = move |service: &Service| service.open_stream(&request);
     let stream = blocking(state.clone(), opened).await?;
     let (client, response) = live::answer("text/event-stream", place);
     // It ends when the connection does.
-    tokio::task::spawn_blocking(move || stream.serve(&state.service, &client));
+    tokio::task::spawn_blocking(move || {
+        stream.serve(&state.service, &client);
+        drop(fast);
+    });
     Ok(response)
 }

@@ -32,26 +32,57 @@ pub(super) fn orphans(attached: &ExecutorConnection) -> Vec<u64> {
 impl Service {
     /// Rejects the commands that a dead loader was loading.
     pub(super) fn reject_orphans(&self, orphans: &[u64], store: &CommandStore) {
+        let lost = ApiError::new(
+            codes::LOADER_DIED,
+            "the loader died while loading this command",
+            "load the text again",
+        );
         for &id in orphans {
-            let lost = ApiError::new(
-                codes::LOADER_DIED,
-                "the loader died while loading this command",
-                "load the text again",
-            );
-            let mut file = store.read(id).unwrap_or_default();
-            file.id = id;
-            file.diagnostics.push(lost.finding());
-            store::discard_excess(&mut file);
-            if let Err(error) = store.write(&file) {
-                tracing::warn!(%error, "cannot write the file of a rejected command");
-            }
-            match self.executor.call(&Call::Reject { id }) {
-                Ok(_) => tracing::info!(id, "rejected a command of a dead loader"),
-                Err(error) => tracing::warn!(
-                    message = error.message,
-                    "cannot reject a command of a dead loader"
-                ),
-            }
+            self.reject(id, &lost, store);
+        }
+    }
+
+    /// Rejects a command that is not loaded by this loader, or not any more.
+    pub(super) fn reject(&self, id: u64, why: &ApiError, store: &CommandStore) {
+        let mut file = store.read(id).unwrap_or_default();
+        file.id = id;
+        file.diagnostics.push(why.finding());
+        store::discard_excess(&mut file);
+        if let Err(error) = store.write(&file) {
+            tracing::warn!(%error, "cannot write the file of a rejected command");
+        }
+        match self.executor.call(&Call::Reject { id }) {
+            Ok(_) => tracing::info!(id, "rejected: {}", why.message),
+            Err(error) => tracing::warn!(id, message = error.message, "cannot reject a command"),
+        }
+    }
+
+    /// Gives back an id whose client stopped waiting before it was told; nothing was loaded.
+    pub fn discard(&self, id: u64) {
+        self.texts().remove(&id);
+        self.loading.change(|loading| loading.remove(&id));
+        // If either fails, the executor is gone or `maintain` finds the row.
+        let freed = self
+            .executor
+            .call(&Call::Reject { id })
+            .and_then(|_| self.executor.call(&Call::Unload { id }));
+        match freed {
+            Ok(_) => tracing::info!(id, "discarded a load whose client stopped waiting"),
+            Err(error) => tracing::warn!(id, message = error.message, "cannot discard a load"),
+        }
+    }
+
+    /// Rejects a command whose load panicked.
+    pub fn fail(&self, id: u64) {
+        self.texts().remove(&id);
+        self.loading.change(|loading| loading.remove(&id));
+        let failed = ApiError::new(
+            codes::PROCESS_FAILED,
+            "the loader failed while loading this command",
+            "this is a bug in the loader: report it together with the text",
+        );
+        if let Ok((_, store)) = self.attach() {
+            self.reject(id, &failed, &store);
         }
     }
 

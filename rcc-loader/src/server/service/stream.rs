@@ -22,8 +22,11 @@ use monitors::MonitorReader;
 
 mod monitors;
 
-/// Maximum rate of a stream, samples per second: each sample of a net is one request to the executor.
-pub const STREAM_RATE_MAX: f64 = 250.0;
+/// Rate above which a stream is a fast one, samples per second: each sample of a net is one request to the executor,
+/// which takes eight in a cycle. The maximum is the rate of the cell.
+pub const USUAL_RATE_MAX: f64 = 250.0;
+/// Maximum rate while the period of the cell is not known, samples per second.
+const RATE_MAX_DEFAULT: f64 = 1000.0;
 /// Minimum rate of a stream, samples per second.
 pub const STREAM_RATE_MIN: f64 = 0.1;
 /// Maximum number of nets of a stream.
@@ -90,8 +93,12 @@ impl Service {
     /// Returns an error if the request has no or too many subjects or no possible rate, if there is no such net or
     /// port, or if the executor has no room for another client.
     pub fn open_stream(&self, request: &StreamRequest) -> Result<EventStream, ApiError> {
-        let mut subscriptions = subscriptions(request)?;
         let (attached, store) = self.attach()?;
+        let rate_max = match attached.status().period_ns {
+            0 => RATE_MAX_DEFAULT,
+            period_ns => 1e9 / period_ns as f64,
+        };
+        let mut subscriptions = subscriptions(request, rate_max)?;
         for subscription in &mut subscriptions {
             subscription.target = Some(self.target(&attached, &store, subscription)?);
         }
@@ -135,7 +142,7 @@ impl Service {
 }
 
 /// Checks a request, and sorts its ports by net.
-fn subscriptions(request: &StreamRequest) -> Result<Vec<Subscription>, ApiError> {
+fn subscriptions(request: &StreamRequest, rate_max: f64) -> Result<Vec<Subscription>, ApiError> {
     let refused = |message: String, help: &str| ApiError::new(codes::BAD_REQUEST, message, help);
     let is_empty = request.ports.is_empty() && request.monitors.is_empty();
     if is_empty && !request.states && !request.events {
@@ -143,9 +150,9 @@ fn subscriptions(request: &StreamRequest) -> Result<Vec<Subscription>, ApiError>
             "add `ports=NET/PRIMITIVE.PORT`, `monitors=NET/*`, `states=true` or `events=true`";
         return Err(refused("the stream has no subject".to_owned(), help));
     }
-    if !(STREAM_RATE_MIN..=STREAM_RATE_MAX).contains(&request.rate) {
+    if !(STREAM_RATE_MIN..=rate_max).contains(&request.rate) {
         let message = format!(
-            "rate: {} is not between {STREAM_RATE_MIN} and {STREAM_RATE_MAX} samples per second",
+            "rate: {} is not between {STREAM_RATE_MIN} and {rate_max} samples per second, the rate of the cell",
             request.rate
         );
         let help = "a `Monitor` in the net shows every cycle: add one, and `monitors=NET/*`";

@@ -1,11 +1,13 @@
 //! Tests of the quotas. Run by the test harness.
 
 use super::*;
+use std::net::IpAddr;
 use std::time::Duration;
 
 const LIMITS: ConnectionLimits = ConnectionLimits {
     connections: 3,
     connections_of_peer: 2,
+    reserve: 1,
     rate: 10,
     burst: 5,
 };
@@ -20,13 +22,31 @@ fn the_requests_of_a_peer_are_limited_and_others_keep_their_share() {
     let one = usual(&listener, ClientPeer::Process(1), now);
     let _two = usual(&listener, ClientPeer::Process(1), now);
     assert!(usual(&listener, ClientPeer::Process(1), now).is_err());
-    let _other = usual(&listener, ClientPeer::Process(2), now);
+    let other = usual(&listener, ClientPeer::Process(2), now);
     assert!(
-        usual(&listener, ClientPeer::Process(3), now).is_err(),
+        usual(&listener, ClientPeer::Process(2), now).is_err(),
         "all slots are taken"
     );
-    drop(one);
+    drop((one, other));
     assert!(usual(&listener, ClientPeer::Process(3), now).is_ok());
+}
+
+#[test]
+fn a_peer_without_requests_is_served_when_a_few_others_have_taken_all_places() {
+    let (listener, now) = (Quotas::new(LIMITS), Instant::now());
+    let flood = [1, 1, 2].map(|pid| usual(&listener, ClientPeer::Process(pid), now));
+    assert!(flood.iter().all(Result::is_ok));
+    assert!(usual(&listener, ClientPeer::Process(2), now).is_err());
+    let first = usual(&listener, ClientPeer::Process(3), now);
+    assert!(first.is_ok());
+    assert!(
+        usual(&listener, ClientPeer::Process(3), now).is_err(),
+        "only its first request takes a place of the reserve"
+    );
+    assert!(
+        usual(&listener, ClientPeer::Process(4), now).is_err(),
+        "the reserve is limited"
+    );
 }
 
 #[test]
@@ -34,7 +54,10 @@ fn a_peer_that_has_used_up_its_quota_can_still_cancel() {
     let (listener, now) = (Quotas::new(LIMITS), Instant::now());
     let peer = ClientPeer::Process(1);
     let held: Vec<_> = (0..2).map(|_| usual(&listener, peer, now)).collect();
-    while usual(&listener, ClientPeer::Process(2), now).is_ok() {}
+    let more: Vec<_> = (2..9)
+        .map(|pid| usual(&listener, ClientPeer::Process(pid), now))
+        .collect();
+    assert_eq!(more.iter().filter(|one| one.is_ok()).count(), 2);
     assert!(held.iter().all(Result::is_ok) && usual(&listener, peer, now).is_err());
     let stops: Vec<_> = (0..10)
         .map(|_| listener.admit(peer, RequestClass::Stop, now))

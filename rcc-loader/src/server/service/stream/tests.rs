@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::server::live;
+use crate::server::peer::ClientPeer;
+use crate::server::shares::{ShareLimits, Shares};
 use http_body_util::BodyExt;
-use std::sync::Arc;
-use tokio::sync::Semaphore;
 
 fn request(ports: &[&str], rate: f64) -> StreamRequest {
     StreamRequest {
@@ -17,7 +17,7 @@ fn request(ports: &[&str], rate: f64) -> StreamRequest {
 #[test]
 fn ports_are_sorted_by_net_and_fragments_stay_in_the_pattern() {
     let ports = ["belt/soft.out", "line#7/a/filter.out[1]", "belt/speed.*"];
-    let found = subscriptions(&request(&ports, 10.0)).map(|found| {
+    let found = subscriptions(&request(&ports, 1000.0), 1000.0).map(|found| {
         let rows = found.into_iter().map(|one| (one.net, one.patterns));
         rows.collect::<Vec<_>>()
     });
@@ -39,11 +39,11 @@ fn a_stream_without_subject_net_or_possible_rate_is_refused() {
         (&[][..], 10.0),
         (&["soft.out"], 10.0),
         (&["belt/soft.out"], 0.0),
-        (&["belt/soft.out"], STREAM_RATE_MAX * 1.01),
+        (&["belt/soft.out"], 1000.1),
         (&["belt/soft.out"], f64::NAN),
         (&many, 10.0),
     ] {
-        let refused = subscriptions(&request(ports, rate)).map(|_| ());
+        let refused = subscriptions(&request(ports, rate), 1000.0).map(|_| ());
         assert_eq!(
             refused.map_err(|error| error.code),
             Err(codes::BAD_REQUEST),
@@ -54,7 +54,13 @@ fn a_stream_without_subject_net_or_possible_rate_is_refused() {
 
 #[test]
 fn a_slow_reader_is_told_how_much_it_lost_before_it_sees_more() {
-    let place = Arc::new(Semaphore::new(1)).try_acquire_owned();
+    let limits = ShareLimits {
+        all: 1,
+        of_peer: 1,
+        reserve: 0,
+        small: 0,
+    };
+    let place = Shares::new(limits).take(ClientPeer::Process(1), 1);
     let (client, response) = live::answer("text/event-stream", place.expect("a place"));
     let mut stream = EventStream {
         subscriptions: Vec::new(),

@@ -1,0 +1,170 @@
+//! Shares of something limited, such as places for loads or memory for texts: no peer takes all of it, and a part is
+//! left for peers that use little. Used by the serving thread and, when they end, by blocking threads.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::peer::ClientPeer;
+
+/// How much there is, and how much of it one peer may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShareLimits {
+    /// All together, without the reserve.
+    pub all: usize,
+    /// Of one peer.
+    pub of_peer: usize,
+    /// For peers that use at most `small`, beyond what all others use.
+    pub reserve: usize,
+    /// What a peer that takes from the reserve uses at most.
+    pub small: usize,
+}
+
+impl ShareLimits {
+    /// Everything that may be in use at a time.
+    #[must_use]
+    pub const fn most(self) -> usize {
+        self.all + self.reserve
+    }
+}
+
+/// What is used of something limited.
+#[derive(Debug)]
+pub struct Shares {
+    limits: ShareLimits,
+    used: Mutex<Used>,
+}
+
+#[derive(Debug, Default)]
+struct Used {
+    all: usize,
+    of_peers: HashMap<ClientPeer, usize>,
+}
+
+impl Shares {
+    /// Creates shares of which none is taken.
+    #[must_use]
+    pub fn new(limits: ShareLimits) -> Arc<Shares> {
+        Arc::new(Shares {
+            limits,
+            used: Mutex::default(),
+        })
+    }
+
+    /// Returns the limits.
+    #[must_use]
+    pub fn limits(&self) -> ShareLimits {
+        self.limits
+    }
+
+    /// Takes a share for a peer; `None` if too much is used.
+    #[must_use]
+    pub fn take(self: &Arc<Shares>, peer: ClientPeer, amount: usize) -> Option<Share> {
+        let mut share = Share {
+            shares: Arc::clone(self),
+            peer,
+            amount: 0,
+        };
+        share.grow(amount).then_some(share)
+    }
+
+    fn used(&self) -> MutexGuard<'_, Used> {
+        // A panic in another thread leaves these numbers consistent.
+        self.used.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A share, until it is dropped.
+#[derive(Debug)]
+pub struct Share {
+    shares: Arc<Shares>,
+    peer: ClientPeer,
+    amount: usize,
+}
+
+impl Share {
+    /// Takes more; returns false, and takes nothing, if too much is used.
+    #[must_use]
+    pub fn grow(&mut self, more: usize) -> bool {
+        let limits = self.shares.limits;
+        let mut used = self.shares.used();
+        let of_peer = used.of_peers.get(&self.peer).copied().unwrap_or(0) + more;
+        let all = used.all + more;
+        let is_free = all <= limits.all || of_peer <= limits.small && all <= limits.most();
+        if of_peer > limits.of_peer || !is_free {
+            return false;
+        }
+        used.all = all;
+        used.of_peers.insert(self.peer, of_peer);
+        self.amount += more;
+        true
+    }
+
+    /// Returns its size.
+    #[must_use]
+    pub fn amount(&self) -> usize {
+        self.amount
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        let mut used = self.shares.used();
+        used.all -= self.amount;
+        let of_peer = used.of_peers.get(&self.peer).copied().unwrap_or(0);
+        match of_peer - self.amount {
+            0 => used.of_peers.remove(&self.peer),
+            left => used.of_peers.insert(self.peer, left),
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: ShareLimits = ShareLimits {
+        all: 10,
+        of_peer: 6,
+        reserve: 4,
+        small: 2,
+    };
+
+    fn peer(pid: i32) -> ClientPeer {
+        ClientPeer::Process(pid)
+    }
+
+    #[test]
+    fn no_peer_takes_everything_and_others_get_their_share() {
+        let shares = Shares::new(LIMITS);
+        let held: Vec<_> = (0..10).map_while(|_| shares.take(peer(1), 1)).collect();
+        assert_eq!(held.len(), LIMITS.of_peer);
+        assert!(
+            shares
+                .take(peer(2), 4)
+                .is_some_and(|share| share.amount() == 4)
+        );
+        drop(held);
+        assert!(shares.take(peer(1), 6).is_some());
+        assert!(shares.used().of_peers.is_empty() && shares.used().all == 0);
+    }
+
+    #[test]
+    fn a_peer_that_uses_little_is_served_when_others_have_taken_the_rest() {
+        let shares = Shares::new(LIMITS);
+        let _flood = (shares.take(peer(1), 6), shares.take(peer(2), 4));
+        assert!(shares.take(peer(2), 1).is_none() && shares.take(peer(3), 3).is_none());
+        let mut small = shares.take(peer(3), 1).expect("a share of the reserve");
+        assert!(small.grow(1) && !small.grow(1));
+        assert!(shares.take(peer(4), 2).is_some());
+    }
+
+    #[test]
+    fn the_reserve_is_limited_too() {
+        let shares = Shares::new(LIMITS);
+        let _flood = (shares.take(peer(1), 6), shares.take(peer(2), 4));
+        let held: Vec<_> = (3..100)
+            .map_while(|pid| shares.take(peer(pid), 1))
+            .collect();
+        assert_eq!(held.len(), LIMITS.reserve);
+    }
+}
