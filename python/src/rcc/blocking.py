@@ -76,7 +76,7 @@ class Cell:
         return run(self._inner.switch([one._inner for one in stop], [one._inner for one in start]))
 
     def watch(self, *ports: str, rate: float = 10.0) -> Iterator[Sample]:
-        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to 250)."""
+        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell)."""
         return iterate(self._inner.watch(*ports, rate=rate))
 
     def monitored(self, *ports: str) -> Iterator[Batch]:
@@ -88,7 +88,7 @@ class Cell:
         """Records ports while the block runs: `with cell.recording("line/*", rate=100) as values:`.
 
         Without `rate` it has every value of the ports that a `Monitor` observes; these may belong to nets that are
-        loaded later. With a rate, Hz (0.1 to 250), it has samples of ports of loaded nets.
+        loaded later. With a rate, Hz (0.1 to the rate of the cell), it has samples of ports of loaded nets.
         """
         inner = self._inner.recording(*ports, rate=rate)
         recording = run(inner.__aenter__())

@@ -183,7 +183,7 @@ class AsyncCell:
         return int((await self._ask("POST", "/switch", json=ids))["cycle"])
 
     async def watch(self, *ports: str, rate: float = 10.0) -> AsyncIterator[Sample]:
-        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to 250)."""
+        """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell)."""
         lost = 0
         async for piece in self._pieces({"ports": ",".join(ports), "rate": rate}):
             lost += piece.lost
@@ -205,7 +205,7 @@ class AsyncCell:
         """Records ports while the block runs: `async with cell.recording("line/*", rate=100) as values:`.
 
         Without `rate` it has every value of the ports that a `Monitor` observes; these may belong to nets that are
-        loaded later. With a rate, Hz (0.1 to 250), it has samples of ports of loaded nets.
+        loaded later. With a rate, Hz (0.1 to the rate of the cell), it has samples of ports of loaded nets.
         """
         params: dict[str, Any] = {"monitors": ",".join(ports)}
         if rate is not None:

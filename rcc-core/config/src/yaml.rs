@@ -10,8 +10,8 @@ pub mod scalar;
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-use rcc_core::printable::first_unprintable;
 use granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan};
+use rcc_core::printable::first_unprintable;
 
 use crate::diagnostic::{Diagnostic, Span};
 
@@ -212,10 +212,26 @@ fn broken(text: &str, at: usize, message: &str) -> Diagnostic {
         line.contains('\t')
     }) || text.get(at..).is_some_and(|rest| rest.starts_with('\t'));
     fault.help(if tab {
-        "YAML is indented with spaces, not with tabs"
+        "YAML is indented with spaces, not with tabs".to_owned()
+    } else if let Some(part) = unquoted_part(text, at) {
+        format!("within `{{…}}` and `[…]` a part of a value is written in quotes: \"{part}\"")
     } else {
-        "check the indentation, unclosed brackets and quotes, and the `: ` after keys"
+        "check the indentation, unclosed brackets and quotes, and the `: ` after keys".to_owned()
     })
+}
+
+/// Returns the text such as `a.out[2]` whose bracket is at this position.
+fn unquoted_part(text: &str, bracket: usize) -> Option<&str> {
+    let rest = text.get(bracket..)?.strip_prefix('[')?;
+    let is_name = |c: char| c.is_ascii_alphanumeric() || "._/-".contains(c);
+    let before = text.get(..bracket)?;
+    let begin = before.trim_end_matches(is_name).len();
+    let end = rest.find(']').filter(|end| {
+        rest[..*end]
+            .chars()
+            .all(|c| c.is_ascii_digit() || "., ".contains(c))
+    })?;
+    (begin < bracket).then(|| &text[begin..bracket + end + 2])
 }
 
 /// A list or mapping that is being parsed.

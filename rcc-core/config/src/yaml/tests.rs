@@ -165,3 +165,22 @@ fn every_fault_lies_inside_of_the_text() {
         }
     }
 }
+
+#[test]
+fn a_part_without_quotes_in_brackets_is_explained() {
+    for (text, part) in [
+        ("x: {a: start.out[5], b: 1}", "start.out[5]"),
+        ("x: [a.out, m.out[1, 2], b]", "m.out[1, 2]"),
+        ("x: {a: a.out[2..5]}", "a.out[2..5]"),
+    ] {
+        let faults = parse(text).unwrap_err();
+        let help = faults[0].help.clone().unwrap_or_default();
+        assert!(help.ends_with(&format!("in quotes: \"{part}\"")), "{help}");
+    }
+    let other = parse("x: {a: [1, 2}").unwrap_err()[0].help.clone();
+    assert!(
+        other
+            .unwrap_or_default()
+            .starts_with("check the indentation")
+    );
+}
