@@ -149,6 +149,20 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-engine",
         ],
     ),
+    (
+        // A client of the loader.
+        "rcc-robotics-api",
+        &[
+            "rcc-core",
+            "rcc-config",
+            "rcc-protocol",
+            "rcc-ipc",
+            "rcc-process",
+            "rcc-language",
+            "rcc-directionet",
+            "rcc-api",
+        ],
+    ),
 ];
 
 #[test]
@@ -229,6 +243,7 @@ fn unsafe_code_occurs_only_where_it_is_allowed() {
         "rcc-drivers",
         "rcc-monitor",
         "rcc-cli",
+        "gateways",
     ] {
         for path in files_below(&repository().join(package)) {
             let relative = path

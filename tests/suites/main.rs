@@ -29,6 +29,7 @@ mod plans;
 mod programs;
 mod readme;
 mod remote;
+mod robotics_api;
 mod rt_calls;
 mod services;
 mod several_arms;

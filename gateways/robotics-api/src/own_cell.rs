@@ -22,8 +22,10 @@ use crate::state::{GatewayState, ReportedDevice};
 
 /// Time that removed devices stay in the cell: the library often removes several, or creates others at once.
 const REMOVAL_DELAY: Duration = Duration::from_millis(500);
-/// Pause before another attempt, while a net runs or after `rcc-cli up` has ended.
+/// Pause before another attempt while a net runs.
 const AGAIN_AFTER: Duration = Duration::from_millis(200);
+/// Pause before the cell is started again after `rcc-cli up` has ended: the first one, and the longest after failures.
+const BACK_OFF: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(30)];
 /// Time for the cell to end before its supervisor is killed.
 const END_TIME_MAX: Duration = Duration::from_secs(20);
 /// Time for the cell's devices to be ready; the library waits 5 s for a device.
@@ -205,6 +207,8 @@ impl OwnCell {
     /// Keeps the cell running with the devices that are wanted, until [`OwnCell::end`].
     pub fn run(&self, gateway: &Gateway) {
         let mut child: Option<Child> = None;
+        let [first_pause, longest_pause] = BACK_OFF;
+        let mut pause = first_pause;
         loop {
             let (is_due, is_over) = {
                 let wanted = self.wanted();
@@ -230,16 +234,22 @@ impl OwnCell {
                 tracing::error!(%status, folder = %self.folder.display(), "rcc-cli up has ended: its nets are lost; see up.log");
                 child = None;
                 lose_nets(gateway);
-                self.wanted().change_due = Some(Instant::now() + AGAIN_AFTER);
+                self.wanted().change_due = Some(Instant::now() + pause);
+                pause = longest_pause.min(pause * 2);
             }
-            if is_due && !gateway.without_nets(|| self.restart(gateway, &mut child)) {
+            let mut is_ready = false;
+            if is_due && !gateway.without_nets(|| is_ready = self.restart(gateway, &mut child)) {
                 // A net was started meanwhile: the change waits for its end.
                 std::thread::sleep(AGAIN_AFTER);
+            }
+            if is_ready {
+                pause = first_pause;
             }
         }
     }
 
-    fn restart(&self, gateway: &Gateway, child: &mut Option<Child>) {
+    /// Starts the cell with the devices that are wanted now; returns true if all of them are ready.
+    fn restart(&self, gateway: &Gateway, child: &mut Option<Child>) -> bool {
         self.is_restarting.store(true, Ordering::Release);
         let devices = {
             let mut wanted = self.wanted();
@@ -254,12 +264,13 @@ impl OwnCell {
                 None
             }
         };
-        if let Some(child) = child {
-            self.await_ready(gateway, child, devices.len());
-        }
+        let is_ready = child
+            .as_mut()
+            .is_some_and(|child| self.await_ready(gateway, child, devices.len()));
         // A device that was added meanwhile needs another turn.
         let is_complete = self.wanted().change_due.is_none();
         self.is_restarting.store(!is_complete, Ordering::Release);
+        is_ready
     }
 
     fn start(&self, devices: &[OwnDevice]) -> Result<Child, OwnCellError> {
@@ -309,12 +320,12 @@ impl OwnCell {
     }
 
     /// Waits until every device is ready. One that does not become ready is reported as it is.
-    fn await_ready(&self, gateway: &Gateway, child: &mut Child, count: usize) {
+    fn await_ready(&self, gateway: &Gateway, child: &mut Child, count: usize) -> bool {
         let begun = Instant::now();
         let mut loader = gateway.loader();
         while begun.elapsed() < READY_TIME_MAX && !self.wanted().is_over {
             if child.try_wait().is_ok_and(|status| status.is_some()) {
-                return;
+                return false;
             }
             let ready = loader.devices().map(|devices| {
                 devices
@@ -324,10 +335,11 @@ impl OwnCell {
             });
             if ready.is_ok_and(|ready| ready == count) {
                 tracing::info!(devices = count, took = ?begun.elapsed(), "the cell is ready");
-                return;
+                return true;
             }
             std::thread::sleep(Duration::from_millis(20));
         }
+        false
     }
 }
 

@@ -95,7 +95,10 @@ pub fn cell_file(
             .iter()
             .for_each(|(name, io)| simulator(&mut text, name, io));
     }
-    text.push_str("devices:\n");
+    text.push_str(match devices.is_empty() {
+        true => "devices: {}\n",
+        false => "devices:\n",
+    });
     for (name, spec, robot) in devices {
         match (&spec.kind, robot) {
             (DeviceKind::Arm(arm), Some(robot)) => {
