@@ -327,6 +327,11 @@ impl ParameterReader<'_> {
                 "each must be greater than that of min_joint".to_owned(),
             ));
         }
+        if !self.parameters.contains_key("home_joint") {
+            for joint in &mut joints {
+                joint.home = joint.home.clamp(joint.least, joint.greatest);
+            }
+        }
         let outside = |joint: &JointSpec| joint.home < joint.least || joint.home > joint.greatest;
         if joints.iter().any(outside) {
             return Err(self.error(

@@ -1,6 +1,7 @@
 //! The port of the gateway: HTTP requests and upgraded connections. One thread accepts; each connection has a thread
 //! that reads and, once it is upgraded, one that writes.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
@@ -145,7 +146,11 @@ fn escaped(text: &str) -> String {
 
 /// Creates or removes a device; returns status and text.
 fn change_device(gateway: &Gateway, body: &str) -> (u16, String) {
-    let mut parameters = form(body);
+    // The library encodes nothing: a `+` is part of a number. Other clients may encode.
+    let parameters = form(body).into_iter();
+    let mut parameters: BTreeMap<String, String> = parameters
+        .map(|(name, value)| (name, decoded(&value.replace('+', "%2B"))))
+        .collect();
     let Some(name) = parameters.remove("name") else {
         return (400, "the body has no name\n".to_owned());
     };
@@ -166,7 +171,7 @@ fn change_device(gateway: &Gateway, body: &str) -> (u16, String) {
 fn create_device(
     gateway: &Gateway,
     name: &str,
-    mut parameters: std::collections::BTreeMap<String, String>,
+    mut parameters: BTreeMap<String, String>,
 ) -> Result<u16, (u16, String)> {
     let ty = parameters
         .remove("type")

@@ -2,7 +2,7 @@
 
 use super::client::{Client, LoadedNet, post};
 use super::gateway::GatewayFixture;
-use super::nets::{joint_positions, output, recorded, values};
+use super::nets::{flange, joint_positions, output, recorded, values};
 
 /// Goal of the recorded point-to-point motion, rad; it begins where all joints are 0.
 const AFTER_PTP: [f64; 7] = [0.3, 0.4, 0.0, -1.4, 0.0, 1.1, 0.0];
@@ -160,8 +160,8 @@ fn a_motion_is_cancelled_on_its_way_and_another_follows_it() {
     gateway.stop();
 }
 
-/// Rows of the KR 6 R700 sixx in standard form, with z of the base down, as KUKA counts its joints.
-const KR: &str = "type=kuka_kr_arm_sim&dh_d=[-0.4,0,0,-0.365,0,-0.08]&dh_a=[0.025,0.315,0.035,0,0,0]&dh_t=[0,0,-1.5707963267948966,0,0,0]\
+/// Rows of an arm as the KR 6 R700 sixx in standard form.
+const KR: &str = "type=kuka_kr_arm_sim&dh_d=[0.4,0,0,-0.365,0,-0.08]&dh_a=[0.025,0.315,0.035,0,0,0]&dh_t=[0,0,-1.5707963267948966,0,0,0]\
     &dh_al=[1.5707963267948966,0,1.5707963267948966,-1.5707963267948966,1.5707963267948966,3.141592653589793]\
     &min_joint=[-2.9,-3.3,-2.0,-3.2,-2.0,-6.1]&max_joint=[2.9,0.7,2.7,3.2,2.0,6.1]&home_joint=[0,-1.5,1.5,0,0.5,0]";
 
@@ -188,6 +188,13 @@ fn an_arm_of_denavit_and_hartenbergs_rows_is_recognised_or_refused() {
     assert_near(
         &positions(&client, "kr", 6),
         &[0.0, -1.5, 1.5, 0.0, 0.5, 0.0],
+    );
+    // The product of the six matrices by hand: x = 0.482489 m, z = 0.089143 m.
+    let found = values(&client.evaluate(&flange("kr", 6)));
+    let x = "x:0.48248882347655";
+    assert!(
+        found[0].1.contains(x) && found[0].1.contains("z:0.0891431223080"),
+        "{found:?}"
     );
     gateway.stop();
 }

@@ -38,6 +38,24 @@ pub fn joint_positions(device: &str, joints: usize) -> String {
     format!("{{{}}}", joints.collect::<Vec<_>>().join(","))
 }
 
+/// An evaluation of the pose of an arm's flange.
+pub fn flange(device: &str, joints: usize) -> String {
+    let set = (0..joints).map(|axis| {
+        let before = axis.checked_sub(1).map_or("z".to_owned(), |before| format!("a{before}"));
+        format!(
+            "m{axis}=RobotArm::JointMonitor(Robot='{device}',Axis='{axis}'),\
+             a{axis}=Core::DoubleArraySet(inArray={before}.outArray,inValue=m{axis}.outMeasuredPosition,\
+             Size='{joints}',Index='{axis}'),"
+        )
+    });
+    let last = joints - 1;
+    format!(
+        "{{{}z=Core::DoubleArray(Size='{joints}'),k=ArmKinematics::Kin(inJoints=a{last}.outArray,Robot='{device}'),\
+         o=World::FrameNetcommOut(inValue=k.outFrame,Key='f')}}",
+        set.collect::<String>()
+    )
+}
+
 /// Returns the values of an evaluation by key.
 pub fn values(document: &str) -> Vec<(String, String)> {
     let rows = document.split("<data key=\"").skip(1);

@@ -26,8 +26,8 @@ pub(super) const ROWS: &[ConversionRow] = &[
     ConversionRow::new("World::VectorToXYZ", A, "inValue:Vector", "outX:double outY:double outZ:double", "")
         .to(Last, Net("{s=SplitVector(in=parent.inValue),outX=s.x,outY=s.y,outZ=s.z}")),
     ConversionRow::new("World::RotationAverage", M, "inReset:bool inValue*:Rotation", "outValue:Rotation", "Duration:double=1")
-        .to(Last, None(NoCounterpart::Rare))
-        .note("a mean of rotations is composed of `RotationError` and a mean of vectors"),
+        .to(Last, Net("{outValue=RotationFromAxes(x=WindowMean(in=Rotate(rotation=parent.inValue,in=MakeVector(x='1',y='0',z='0').out).out,window=parent.Duration).out,y=WindowMean(in=Rotate(rotation=parent.inValue,in=MakeVector(x='0',y='1',z='0').out).out,window=parent.Duration).out).out}"))
+        .note("the means of the x and y axes, made perpendicular; `inReset` has no counterpart"),
     ConversionRow::new("World::RotationBezier", M, "inFrom*:Rotation inFromVel*:Vector inTo*:Rotation inToVel*:Vector inValue*:double", "outValue:Rotation", "")
         .to(Last, Net("{outValue=RotationBezier(from=parent.inFrom,to=parent.inTo,from_velocity=parent.inFromVel,to_velocity=parent.inToVel,s=parent.inValue).out}"))
         .note("always turns the short way, unlike the predecessor"),
