@@ -15,7 +15,6 @@ pub mod evidence;
 pub mod failure;
 pub mod follow;
 pub mod identify;
-pub mod incident;
 pub mod interrupt;
 pub mod output;
 pub mod plot;

@@ -57,6 +57,38 @@ fn elements(pose: &Pose) -> ([f64; 3], Vec<f64>) {
 }
 
 #[test]
+fn links_have_the_lengths_of_the_arm_and_end_at_the_flange() {
+    for (arm, case) in cases() {
+        let q = joints(&case);
+        let origins = arm.origins(&q);
+        let length = |from: usize| {
+            let squares =
+                (0..3).map(|axis| (origins[from + 1][axis] - origins[from][axis]).powi(2));
+            squares.sum::<f64>().sqrt()
+        };
+        let wanted = match arm {
+            Arm::Srs(it) => [
+                it.shoulder_height,
+                it.upper_arm,
+                it.forearm,
+                it.wrist_to_flange,
+            ],
+            Arm::OrthoParallel(it) => [
+                it.shoulder_height
+                    .hypot(it.shoulder_offset)
+                    .hypot(it.lateral_offset),
+                it.upper_arm,
+                it.forearm.hypot(it.elbow_offset),
+                it.wrist_to_flange,
+            ],
+        };
+        let found = [0, 1, 2, 3].map(length);
+        assert!(worst(&found, &wanted) < 1e-12, "{found:?}, not {wanted:?}");
+        assert_eq!(origins[4], arm.forward(&q).position);
+    }
+}
+
+#[test]
 fn forward_agrees_with_the_golden_data() {
     for (arm, case) in cases() {
         let (position, rotation) = elements(&arm.forward(&joints(&case)));

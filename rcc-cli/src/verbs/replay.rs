@@ -21,10 +21,10 @@ use super::incidents::{incidents_dir, newest, reason};
 use crate::context::{Context, OutputFormat};
 use crate::csv;
 use crate::failure::Failure;
-use crate::incident::{IncidentNet, ShownSlots, text, value_of};
 use crate::output::{print_line, print_note, print_record};
 use crate::result_file::WrittenFile;
 use crate::table::{self, counted, grouped};
+use rcc_api::incident_nets::{IncidentNet, ShownSlots, text, value_of};
 
 /// Arguments of `replay`.
 #[derive(clap::Args, Debug)]

@@ -10,6 +10,7 @@ pub mod command_file;
 pub mod compile;
 pub mod error;
 pub mod events;
+pub mod incident_nets;
 pub mod incidents;
 pub mod manual;
 pub mod messages;

@@ -104,6 +104,23 @@ impl Token {
         }
     }
 
+    /// Makes a token of 256 random bits.
+    ///
+    /// # Errors
+    /// Returns the system's error.
+    pub fn random() -> io::Result<Token> {
+        let mut bits = [0; 32];
+        io::Read::read_exact(&mut std::fs::File::open("/dev/urandom")?, &mut bits)?;
+        let digits: String = bits.iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Token(digits.into_bytes()))
+    }
+
+    /// Returns the token as text, to be given to a client.
+    #[must_use]
+    pub fn reveal(&self) -> String {
+        String::from_utf8_lossy(&self.0).into_owned()
+    }
+
     /// Returns the value of the header `authorization`.
     #[must_use]
     pub fn bearer(&self) -> Vec<u8> {
@@ -159,6 +176,14 @@ mod tests {
             assert!(!token.is(wrong.as_bytes()), "{wrong}");
         }
         assert_eq!(format!("{token:?}"), "Token(…)");
+        Ok(())
+    }
+
+    #[test]
+    fn a_random_token_is_long_and_never_the_same() -> io::Result<()> {
+        let (one, other) = (Token::random()?, Token::random()?);
+        assert_eq!(one.reveal().len(), 64);
+        assert!(one.is(one.reveal().as_bytes()) && !one.is(other.reveal().as_bytes()));
         Ok(())
     }
 

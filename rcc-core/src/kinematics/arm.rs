@@ -114,6 +114,16 @@ impl Arm {
         }
     }
 
+    /// Returns base, shoulder, elbow, wrist and flange in the base frame, m: the ends of the links as they are drawn. NaN
+    /// in, NaN out.
+    #[must_use]
+    pub fn origins(&self, joints: &Joints) -> [[f64; 3]; 5] {
+        match self {
+            Arm::Srs(arm) => arm.origins(&seven(joints)),
+            Arm::OrthoParallel(arm) => arm.origins(&six(joints)),
+        }
+    }
+
     /// Returns the geometric Jacobian. NaN in, NaN out.
     #[must_use]
     pub fn jacobian(&self, joints: &Joints) -> ArmJacobian {

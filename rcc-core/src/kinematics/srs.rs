@@ -68,6 +68,14 @@ impl SrsArm {
         Pose::from_rotation_matrix(chain.flange.into(), &rows(&chain.rotation))
     }
 
+    /// Returns base, shoulder, elbow, wrist and flange in the base frame, m, for joints in rad. NaN in, NaN out.
+    #[must_use]
+    pub fn origins(&self, joints: &[f64; 7]) -> [[f64; 3]; 5] {
+        let chain = self.chain(joints);
+        let base = Vector3::zeros();
+        [base, chain.shoulder, chain.elbow, chain.wrist, chain.flange].map(Into::into)
+    }
+
     /// Returns the geometric Jacobian for joints in rad: rows vx vy vz (m/s) wx wy wz (rad/s) of the flange origin, in
     /// base axes, per rad/s of each joint.
     #[must_use]

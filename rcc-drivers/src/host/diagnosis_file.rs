@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 use rcc_config::DeviceConfig;
-use rcc_core::message::{DeviceState, Measurement};
+use rcc_core::message::{DeviceState, JOINTS_MAX, Measurement};
 use rcc_ipc::Cell;
 use rcc_os::process_instance::ProcessInstance;
 use rcc_process::Helpers;
@@ -48,6 +48,9 @@ struct LinkCounters {
     quality_sum: AtomicU64,
     quality_count: AtomicU64,
     quality_min: AtomicU32,
+    joints: AtomicU32,
+    /// Bits of the measured joint positions. They may be of two exchanges, which is enough for a picture.
+    position: [AtomicU64; JOINTS_MAX],
 }
 
 /// One entry of the history.
@@ -87,6 +90,8 @@ struct DiagnosisContent<'a> {
     /// Number of times that the device went offline, and the last of them in seconds since the epoch.
     losses: u64,
     lost_at: Option<u64>,
+    /// Measured joint positions, rad; null while they are not known, empty without an arm.
+    position: Vec<Option<f64>>,
     /// History, oldest entry first.
     seconds: &'a VecDeque<SecondSummary>,
     /// The driver's own counters, see [`driver::LinkDiagnosis`].
@@ -172,6 +177,10 @@ impl DiagnosisFile {
         counters.late.store(measurement.late, Relaxed);
         counters.refused.store(measurement.refused, Relaxed);
         counters.starved.store(measurement.starved, Relaxed);
+        counters.joints.store(measurement.joints, Relaxed);
+        for (kept, position) in counters.position.iter().zip(measurement.position) {
+            kept.store(position.to_bits(), Relaxed);
+        }
         let exchanges = counters.exchanges.swap(measurement.sequence, Relaxed);
         if exchanges != measurement.sequence {
             counters
@@ -232,6 +241,17 @@ impl DiagnosisWriter {
         self.offline = offline;
     }
 
+    /// Returns the measured joint positions; all of them are unknown while the device is offline.
+    fn position(&self) -> Vec<Option<f64>> {
+        let counters = &self.counters;
+        let joints = counters.joints.load(Relaxed) as usize;
+        let known = counters.position.iter().take(joints).map(|bits| {
+            let position = f64::from_bits(bits.load(Relaxed));
+            (position.is_finite() && !self.offline).then_some(position)
+        });
+        known.collect()
+    }
+
     fn write(&self) -> io::Result<()> {
         let counters = &self.counters;
         let reason = counters.reason.load(Relaxed);
@@ -257,6 +277,7 @@ impl DiagnosisWriter {
             starved: counters.starved.load(Relaxed),
             losses: self.losses,
             lost_at: self.lost_at,
+            position: self.position(),
             seconds: &self.seconds,
             link: self
                 .link
@@ -320,6 +341,19 @@ mod tests {
             ..Measurement::zeroed()
         };
         diagnosis.update(&measurement);
+    }
+
+    #[test]
+    fn measured_positions_are_those_of_the_arm_and_unknown_while_it_is_offline() {
+        let mut writer = writer();
+        assert!(writer.position().is_empty());
+        let counters = &writer.counters;
+        counters.joints.store(2, Relaxed);
+        counters.position[0].store(0.5_f64.to_bits(), Relaxed);
+        counters.position[1].store(f64::NAN.to_bits(), Relaxed);
+        assert_eq!(writer.position(), [None, None]);
+        writer.offline = false;
+        assert_eq!(writer.position(), [Some(0.5), None]);
     }
 
     #[test]

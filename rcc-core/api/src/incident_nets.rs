@@ -1,6 +1,6 @@
-//! Names the nets, ports and slots of an incident, from the command files stored in it. Pure.
+//! Names the nets, ports and slots of an incident, from the command files stored in it. Pure; used by programs that replay.
 
-use rcc_api::command_file::CommandFile;
+use crate::command_file::CommandFile;
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_engine::net::Net;
 use rcc_engine::replay::SlotDifference;
