@@ -1,4 +1,4 @@
-//! `rcc-monitor`: shows the values that the nets of a cell publish with `Monitor`. It only reads. Single-threaded.
+//! `rcc-monitor`: shows the values of a cell's nets, in a terminal (`tail`) or in browsers (`serve`).
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -10,11 +10,12 @@ use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
 use rcc_core::duration::parse_seconds;
 use rcc_monitor::reader;
+use rcc_monitor::serve::{ServeOptions, serve};
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, TailEnd, TailOptions, print_note, tail};
 use rcc_protocol::pattern::Pattern;
 
-/// Shows the monitored values of a cell's nets.
+/// Shows the values of a cell's nets.
 #[derive(Parser)]
 #[command(version = rcc_protocol::version::version())]
 struct Arguments {
@@ -41,6 +42,18 @@ enum Verb {
         #[arg(long = "for", value_name = "DURATION", value_parser = duration)]
         duration: Option<Duration>,
     },
+    /// Serve the dashboard for browsers on this machine, and print its address.
+    Serve {
+        /// TCP port on 127.0.0.1; 0 takes any free one. Default: 7426, or any free one if it is in use.
+        #[arg(long)]
+        port: Option<u16>,
+        /// Refuse START; CANCEL and ABORT are always possible.
+        #[arg(long)]
+        no_start: bool,
+        /// End with the process that started this one.
+        #[arg(long)]
+        parent_death: bool,
+    },
 }
 
 /// Exit code after Ctrl-C, as shells use it.
@@ -53,18 +66,6 @@ fn main() -> ExitCode {
     // If memory runs out, the kernel should first end processes that only observe; raising the score is always allowed,
     // see proc(5).
     let _ = std::fs::write("/proc/self/oom_score_adj", "500");
-    let Verb::Tail {
-        patterns,
-        output,
-        count,
-        duration,
-    } = arguments.verb;
-    let options = TailOptions {
-        patterns,
-        format: output,
-        count,
-        duration,
-    };
     let mut signals = match Signals::catch() {
         Ok(signals) => signals,
         Err(error) => {
@@ -72,14 +73,57 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    let mut out = BufWriter::new(io::stdout().lock());
-    match tail(&arguments.cell, &options, &mut signals, &mut out, || {
-        reader::is_gone(&io::stdout())
-    }) {
-        Ok(TailEnd::Signal(signal)) if signal == Signal::SIGINT as i32 => {
-            ExitCode::from(INTERRUPTED)
+    match arguments.verb {
+        Verb::Tail {
+            patterns,
+            output,
+            count,
+            duration,
+        } => {
+            let options = TailOptions {
+                patterns,
+                format: output,
+                count,
+                duration,
+            };
+            run_tail(&arguments.cell, &options, &mut signals)
         }
+        Verb::Serve {
+            port,
+            no_start,
+            parent_death,
+        } => {
+            if parent_death && let Err(error) = rcc_process::signals::end_with_parent() {
+                print_note(&format!("error: {error}"));
+                return ExitCode::FAILURE;
+            }
+            let options = ServeOptions {
+                cell: arguments.cell,
+                port,
+                may_start: !no_start,
+            };
+            concluded(serve(&options, &mut signals, &mut io::stdout()))
+        }
+    }
+}
+
+fn run_tail(cell: &str, options: &TailOptions, signals: &mut Signals) -> ExitCode {
+    let mut out = BufWriter::new(io::stdout().lock());
+    let ended = tail(cell, options, signals, &mut out, || {
+        reader::is_gone(&io::stdout())
+    });
+    match ended {
+        Ok(TailEnd::Signal(signal)) => concluded(Ok::<_, std::convert::Infallible>(signal)),
         Ok(TailEnd::ReaderGone) => ExitCode::from(READER_GONE),
+        Ok(TailEnd::Done) => ExitCode::SUCCESS,
+        Err(error) => concluded(Err(error)),
+    }
+}
+
+/// Returns the exit code of a program that was ended by a signal or an error.
+fn concluded(ended: Result<i32, impl std::fmt::Display>) -> ExitCode {
+    match ended {
+        Ok(signal) if signal == Signal::SIGINT as i32 => ExitCode::from(INTERRUPTED),
         Ok(_) => ExitCode::SUCCESS,
         Err(error) => {
             print_note(&format!("error: {error}"));
