@@ -15,7 +15,7 @@ use super::hub::{Hub, Update};
 use super::values::{Series, Source};
 use crate::names::CommandDirectory;
 use crate::stream::ExecutorFollower;
-use crate::value::ElementType;
+use rcc_protocol::element_kind::ElementKind;
 
 /// Interval at which the stream is polled; its buffers hold more than 100 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
@@ -133,7 +133,7 @@ impl Selection {
 
 /// Converts a record: one element as itself, several as a list; null is null.
 fn value(record: &MonitorRecord, ty: &str) -> Value {
-    let kind = ElementType::of(ty);
+    let kind = ElementKind::of(ty);
     let width = (record.width as usize).min(record.values.len());
     match record.values.get(..width).unwrap_or_default() {
         [one] => kind.json(*one),

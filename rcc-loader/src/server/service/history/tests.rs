@@ -30,6 +30,7 @@ fn monitor(primitive: &str, source: &str) -> MonitorNames {
         unit: Some("m".to_owned()),
         rate_hz: 1000.0,
         every: 1,
+        never_null: false,
     }
 }
 
