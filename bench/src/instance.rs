@@ -159,6 +159,7 @@ impl GraphInstance {
             ints: &mut self.ints,
             models: &self.models,
             devices: &self.devices,
+            arms: &[],
             outputs: &mut [],
             motions: &mut (),
             dt_s: 1e-3,

@@ -156,6 +156,7 @@ pub fn switch(
     let switch = Switch {
         stop: named(stop),
         start: named(start),
+        ..Switch::default()
     };
     let body = serde_json::to_string(&switch)
         .map_err(|error| Failure::new(codes::BAD_REQUEST, error.to_string(), "use UTF-8 names"))?;

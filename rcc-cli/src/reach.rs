@@ -38,6 +38,8 @@ impl Verb {
             | Verb::Start(_)
             | Verb::Run(_)
             | Verb::Set(_)
+            | Verb::Rules(_)
+            | Verb::Task(_)
             | Verb::Watch(_)
             | Verb::Wait(_)
             | Verb::Cancel(_)

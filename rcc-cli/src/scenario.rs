@@ -32,7 +32,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 /// Net, devices and events of a simulation.
 #[derive(clap::Args, Debug)]
 pub struct SimulationScenario {
-    /// Net (YAML or JSON); - reads standard input
+    /// Net or task (YAML or JSON); - reads standard input
     pub file: String,
     /// Cell configuration whose devices are simulated [default: the demo cell's]
     #[arg(long)]
@@ -116,12 +116,7 @@ impl SimulationScenario {
     /// # Errors
     /// Fails if a file cannot be read or is invalid, or if an input cannot be parsed.
     pub fn prepare(&self) -> Result<PreparedScenario, Failure> {
-        let path = match &self.config {
-            Some(path) => path.clone(),
-            None => paths::config("cells/demo.yaml")?,
-        };
-        let config = load_config(&path)?;
-        require_valid_settings(&config)?;
+        let config = self.cell()?;
         let source = read_net(&self.file)?;
         let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
             let what = format!("{} is invalid", source.0);
@@ -140,6 +135,34 @@ impl SimulationScenario {
             names: compiled.names,
             options,
         })
+    }
+
+    /// Reads the cell, and the options of a text that is not one net.
+    ///
+    /// # Errors
+    /// As for [`SimulationScenario::prepare`].
+    pub fn cell_and_options(
+        &self,
+        source: &(String, String),
+    ) -> Result<(CellConfig, SimulationOptions), Failure> {
+        let config = self.cell()?;
+        let options = self.options(&ScenarioInputs {
+            config: &config,
+            source,
+            names: &Names::default(),
+        })?;
+        Ok((config, options))
+    }
+
+    /// Reads the configuration of the cell.
+    fn cell(&self) -> Result<CellConfig, Failure> {
+        let path = match &self.config {
+            Some(path) => path.clone(),
+            None => paths::config("cells/demo.yaml")?,
+        };
+        let config = load_config(&path)?;
+        require_valid_settings(&config)?;
+        Ok(config)
     }
 
     fn options(&self, inputs: &ScenarioInputs<'_>) -> Result<SimulationOptions, Failure> {

@@ -8,7 +8,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{CommandEntry, CommandState, Joints, MonitorRecord};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
+use rcc_engine::queue::{EngineEvent, EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_engine::rehearsal::{RehearsalScene, rehearse};
 use rcc_language::names::Names;
 use rcc_protocol::control::{Answer, InputValue, PlanData, Refusal};
@@ -23,6 +23,7 @@ pub mod dynamics;
 pub mod reading;
 pub mod script;
 pub mod settings;
+pub mod task;
 pub mod trace;
 pub mod tracks;
 pub mod wall;
@@ -97,6 +98,9 @@ struct VirtualCell {
     now_ns: u64,
     period_ns: u64,
     answers: [Option<Answer>; TICKETS],
+    /// Events since the last time that they were taken, if they are kept.
+    events: Vec<EngineEvent>,
+    keeps_events: bool,
 }
 
 impl VirtualCell {
@@ -121,6 +125,8 @@ impl VirtualCell {
             now_ns: 0,
             period_ns,
             answers: [const { None }; TICKETS],
+            events: Vec::new(),
+            keeps_events: false,
         }
     }
 
@@ -143,7 +149,11 @@ impl VirtualCell {
                 *slot = Some(answer);
             }
         }
-        while self.ends.events.pop().is_ok() {}
+        while let Ok(event) = self.ends.events.pop() {
+            if self.keeps_events {
+                self.events.push(event);
+            }
+        }
     }
 
     fn order(&mut self, order: EngineRequest) -> Result<(), SimulateError> {

@@ -31,6 +31,7 @@ pub mod primitives;
 pub mod replay;
 pub mod robot;
 pub mod rt_setup;
+pub mod rules;
 pub mod run;
 pub mod schema;
 pub mod set;
@@ -40,6 +41,7 @@ pub mod start;
 pub mod state;
 pub mod status;
 pub mod tail;
+pub mod task;
 pub mod top;
 pub mod topics;
 pub mod unload;
@@ -103,6 +105,10 @@ verbs! {
         Load = load;
         /// Start loaded nets at the next cycle (START)
         Start = start;
+        /// Run a task: nets, the rules between them, and what starts first
+        Task = task;
+        /// Install, list or remove rules: what follows what, in the same cycle
+        Rules = rules;
         /// Set or list the inputs of a net
         Set = set;
         /// Ask a net to end in its own way (CANCEL)

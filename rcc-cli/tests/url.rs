@@ -70,6 +70,7 @@ fn refusal(output: &Output) -> String {
 
 const NET: &str = "configs/nets/blink.yaml";
 const CELL: &str = "configs/cells/demo.yaml";
+const TASK: &str = "configs/tasks/blink-twice.yaml";
 
 /// Verbs that ask the loader at the address, and the beginning of their first request.
 const SERVED: &[(&[&str], &str)] = &[
@@ -86,6 +87,9 @@ const SERVED: &[(&[&str], &str)] = &[
     (&["state", "1"], "GET /commands/1"),
     (&["ls"], "GET /commands"),
     (&["topics"], "GET /topics"),
+    (&["rules", "ls"], "GET /rules"),
+    (&["rules", "remove", "1"], "DELETE /rules/1"),
+    (&["task", TASK], "POST /commands"),
     (&["devices"], "GET /devices"),
     (&["primitives"], "GET /primitives"),
     (&["schema"], "GET /schema"),

@@ -12,7 +12,7 @@ mod follower;
 mod slots;
 
 pub use follower::{AXIS_WORDS, AxisFollower};
-pub use slots::{AxisSlot, axes, is_new, rest_at, share_of, step_axis};
+pub use slots::{AxisSlot, axes, continued, is_new, rest_at, share_of, step_axis};
 
 /// Maximum number of phases of a motion: two or three to brake into the limits, seven to the goal.
 pub const PHASES_MAX: usize = 10;

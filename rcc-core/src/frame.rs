@@ -68,6 +68,29 @@ pub struct DeviceInput {
     pub measurement: Measurement,
 }
 
+/// Where an arm is in its motion: what its last set-point leaves for the net that follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ArmMotion {
+    /// Last set-point, rad.
+    pub position: Joints,
+    /// Velocity there, rad/s.
+    pub velocity: Joints,
+    /// Acceleration there, rad/s².
+    pub acceleration: Joints,
+}
+
+impl ArmMotion {
+    /// At rest at a position.
+    #[must_use]
+    pub fn at_rest(position: Joints) -> ArmMotion {
+        ArmMotion {
+            position,
+            velocity: [0.0; JOINTS_MAX],
+            acceleration: [0.0; JOINTS_MAX],
+        }
+    }
+}
+
 /// The commands of all nets to a device in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceOutput {
@@ -109,6 +132,8 @@ pub struct Frame<'a> {
     pub models: &'a [DeviceModel],
     /// Latched measurements, by device index.
     pub devices: &'a [DeviceInput],
+    /// In the first cycle of the net, what it takes over, by device index; `None`: nothing, or not known.
+    pub arms: &'a [Option<ArmMotion>],
     /// Commands, by device index.
     pub outputs: &'a mut [DeviceOutput],
     /// The motions of the net.

@@ -3,6 +3,7 @@
 
 use core::fmt;
 
+use crate::frame::ArmMotion;
 use crate::impedance::{AXES, ControlMode, Impedance, ImpedanceLimits};
 use crate::kinematics::Arm;
 use crate::message::JOINTS_MAX;
@@ -232,6 +233,8 @@ impl core::error::Error for Violation {}
 struct SetPointHistory {
     position: [f64; JOINTS_MAX],
     velocity: [f64; JOINTS_MAX],
+    /// The last two accelerations, the older one first.
+    accelerations: [[f64; JOINTS_MAX]; 2],
     /// Logical time between the last two set-points, s; `None` after the first one, when the device is at rest.
     dt_s: Option<f64>,
 }
@@ -299,6 +302,7 @@ impl Guard {
         let mut history = SetPointHistory {
             position: [0.0; JOINTS_MAX],
             velocity: [0.0; JOINTS_MAX],
+            accelerations: [[0.0; JOINTS_MAX]; 2],
             dt_s: None,
         };
         for ((joint, stored), index) in self.joints().zip(&mut history.position).zip(0..) {
@@ -337,7 +341,11 @@ impl Guard {
         // Each velocity is the mean over its interval, so two of them are half of each interval apart.
         let between_s = 0.5 * (dt_s + history.dt_s.unwrap_or(dt_s));
         let stored = history.position.iter_mut().zip(&mut history.velocity);
-        for ((joint, (last_position, last_velocity)), index) in self.joints().zip(stored).zip(0..) {
+        let [before, last] = &mut history.accelerations;
+        *before = *last;
+        let stored = stored.zip(last);
+        for ((joint, stored), index) in self.joints().zip(stored).zip(0..) {
+            let ((last_position, last_velocity), last_acceleration) = stored;
             let requested = element(position, index);
             joint.check_position(requested)?;
             let step = requested - *last_position;
@@ -353,6 +361,7 @@ impl Guard {
                 rounding / between_s,
             )?;
             (*last_position, *last_velocity) = (requested, velocity);
+            *last_acceleration = acceleration;
         }
         if let Some(workspace) = &mut self.workspace {
             workspace.check(&history.position)?;
@@ -377,6 +386,37 @@ impl Guard {
                 limit: self.first_tolerance,
             }),
         }
+    }
+
+    /// Returns the motion at the last accepted set-point; `None` without one.
+    ///
+    /// Velocity and acceleration are extrapolated from finite differences, the acceleration such that it is never more
+    /// than the true one: whoever plans on from a larger one would exceed the velocity limit before the jerk limit lets
+    /// it end.
+    #[must_use]
+    pub fn motion(&self) -> Option<ArmMotion> {
+        let SetPointHistory {
+            position,
+            velocity,
+            accelerations: [before, last],
+            dt_s,
+        } = self.history?;
+        let mut motion = ArmMotion::at_rest(position);
+        let Some(dt_s) = dt_s else {
+            return Some(motion);
+        };
+        let rates = motion.velocity.iter_mut().zip(&mut motion.acceleration);
+        let seen = velocity.into_iter().zip(before.into_iter().zip(last));
+        let seen = seen.zip(self.limits.jerk_max);
+        for ((rate, acceleration), ((velocity, (before, last)), jerk_max)) in rates.zip(seen) {
+            let next = 2.0 * last - before;
+            let least = libm::fmin(libm::fabs(last), libm::fabs(next)) - jerk_max * dt_s;
+            if least > 0.0 && last * next > 0.0 {
+                *acceleration = libm::copysign(least, last);
+            }
+            *rate = velocity + 0.5 * dt_s * *acceleration;
+        }
+        Some(motion)
     }
 
     /// Returns true if the last accepted set-points are so slow that the device may simply be left at the last one:

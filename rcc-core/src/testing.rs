@@ -8,7 +8,9 @@ use std::vec::Vec;
 use bytemuck::Zeroable;
 
 use crate::axis::{AxisState, Phases, stop_and_go};
-use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
+use crate::frame::{
+    ArmMotion, DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault,
+};
 use crate::guard::JointLimits;
 use crate::impedance::ImpedanceLimits;
 use crate::kinematics::Arm;
@@ -124,6 +126,7 @@ pub struct PrimitiveHarness {
     pub model: DeviceModel,
     pub device: DeviceInput,
     pub output: DeviceOutput,
+    pub arm: Option<ArmMotion>,
     pub hold: Option<Joints>,
     pub cycle: u64,
     pub cancel_requested: bool,
@@ -205,6 +208,7 @@ impl PrimitiveHarness {
                 measurement,
             },
             output: DeviceOutput::NONE,
+            arm: None,
             hold: Some([0.0; JOINTS_MAX]),
             cycle: 0,
             cancel_requested: false,
@@ -318,6 +322,7 @@ impl PrimitiveHarness {
             ints: &mut self.ints,
             models: &[self.model],
             devices: &[self.device],
+            arms: &[self.arm],
             outputs: outputs.as_mut_slice(),
             motions: &mut self.motions,
             dt_s: 1e-3,

@@ -32,9 +32,11 @@ use crate::net_builder::{BuildContext, BuildRequest, BuildSource, NetBuilderThre
 
 mod builds;
 mod drivers;
+mod rules;
 
 use builds::{BuildState, ReadyCommand};
 use drivers::DriverLinks;
+use rules::RuleTexts;
 
 /// Maximum time between two rounds when nothing is awaited: drivers and shutdown are looked at then.
 const IDLE_MAX: Duration = Duration::from_millis(2);
@@ -62,6 +64,10 @@ enum OnDone {
     Set(u64, Vec<InputValue>),
     /// Forget a command that was unloaded.
     Unloaded(u64),
+    /// Remember the names and conditions of rules.
+    RulesInstalled(Vec<[String; 2]>),
+    /// Forget a rule that was removed.
+    RuleRemoved(u64),
 }
 
 /// The state of the intake thread.
@@ -78,6 +84,7 @@ pub struct Intake {
     building: HashMap<u64, BuildState>,
     /// Calls that name a command in `building`, in order of arrival.
     deferred: VecDeque<(Call, Request)>,
+    rule_texts: RuleTexts,
     next_ticket: u64,
     error_log: LogThrottle,
     incident_writer: Option<Sender<incidents::PreparedNet>>,
@@ -136,6 +143,7 @@ impl Intake {
             ready: HashMap::new(),
             building: HashMap::new(),
             deferred: VecDeque::new(),
+            rule_texts: RuleTexts::default(),
             next_ticket: 1,
             error_log: LogThrottle::default(),
             incident_writer: None,
@@ -225,6 +233,8 @@ impl Intake {
                 }
             }
             EngineReply::Net(net) => drop(net),
+            EngineReply::RuleList(rules) => drop(rules),
+            EngineReply::Rules { ticket, list } => self.handle_rules(ticket, list),
             EngineReply::Board(board) => drop(board),
         }
     }
@@ -357,6 +367,13 @@ impl Intake {
                 return reply(request, &Answer::Recorded(recorded));
             }
             Call::Acknowledge => EngineRequest::Acknowledge { ticket },
+            call @ (Call::InstallRules { .. }
+            | Call::RemoveRule { .. }
+            | Call::Rules { .. }
+            | Call::GrantLease { .. }
+            | Call::RenewLease { .. }
+            | Call::EndLease { .. }
+            | Call::BindLease { .. }) => return self.dispatch_rules(ticket, call, request),
             Call::Install { id, plan } => {
                 let build_request = BuildRequest {
                     ticket,
@@ -374,12 +391,13 @@ impl Intake {
     }
 
     /// Takes the action of a confirmed request, and returns the answer for the caller.
-    fn finish_answer(&mut self, answer: Answer, on_done: OnDone) -> Answer {
+    fn finish_answer(&mut self, answer: Answer, mut on_done: OnDone) -> Answer {
+        self.note_rules(&answer, &mut on_done);
         let Answer::Done { cycle } = answer else {
             return answer;
         };
         let rehearsed = match on_done {
-            OnDone::Nothing => None,
+            OnDone::Nothing | OnDone::RulesInstalled(_) | OnDone::RuleRemoved(_) => None,
             OnDone::Ready(id, rehearsed, ready) => {
                 self.send_origin(id, &ready.origin);
                 self.ready.insert(id, ready);
@@ -439,6 +457,8 @@ fn commands_of(call: &Call) -> Vec<u64> {
         | Call::Set { id, .. }
         | Call::Reject { id } => vec![*id],
         Call::Switch { stop, start } => [&stop[..], start].concat(),
+        Call::BindLease { commands, .. } => commands.clone(),
+        Call::InstallRules { rules } => rules.iter().flat_map(|rule| rule.rule.targets()).collect(),
         _ => Vec::new(),
     }
 }

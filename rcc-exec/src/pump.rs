@@ -10,7 +10,9 @@ use rcc_core::message::{
 use rcc_core::timing::{LateCause, LateCycle};
 use rcc_ipc::events::{self, EventRecorder};
 use rcc_ipc::{Cell, Publisher};
+use rcc_protocol::control::Refusal;
 use rcc_protocol::events::{CommandFault, Event, EventKind, EventSeverity, hex_digits};
+use rcc_protocol::rules::{DisarmReason, RuleState, RuleStatus};
 use rtrb::Consumer;
 use tracing::{info, warn};
 
@@ -109,7 +111,9 @@ impl Pump {
     fn handle_event(&mut self, event: EngineEvent) {
         match event {
             EngineEvent::Late(late) => self.late.add(&late),
-            EngineEvent::Command { cycle, .. }
+            EngineEvent::Rule(RuleStatus { cycle, .. })
+            | EngineEvent::LeaseLost { cycle, .. }
+            | EngineEvent::Command { cycle, .. }
             | EngineEvent::Device { cycle, .. }
             | EngineEvent::Acknowledged { cycle, .. } => {
                 if let Some(what) = self.kind(&event) {
@@ -139,6 +143,17 @@ impl Pump {
         Some(match *event {
             EngineEvent::Late(_) => return None,
             EngineEvent::Acknowledged { late, .. } => EventKind::Acknowledged { late },
+            EngineEvent::Rule(ref status) => rule_event(status),
+            EngineEvent::LeaseLost {
+                lease,
+                rules,
+                commands,
+                ..
+            } => EventKind::LeaseLost {
+                lease,
+                rules,
+                commands,
+            },
             // The loader reports it, with the net's name.
             EngineEvent::Command { state, .. } if state == CommandState::Loading as u32 => {
                 return None;
@@ -309,5 +324,53 @@ impl Pump {
             limit: kind.and(number(fault.limit)),
             unit,
         }
+    }
+}
+
+/// The event of a rule that can no longer fire.
+fn rule_event(status: &RuleStatus) -> EventKind {
+    let disarmed = status.disarmed.map(|reason| match reason {
+        DisarmReason::Removed => (None, "it was removed".to_owned()),
+        DisarmReason::Stopped { command } => {
+            let why = "a client stopped this command, and the rule would start something after it";
+            (Some(command), why.to_owned())
+        }
+        DisarmReason::ClientLost { lease } => (None, format!("its client is gone (lease {lease})")),
+        DisarmReason::Stopping => (None, "the executor is stopping".to_owned()),
+    });
+    let refused = status.refusal.map(|(command, refusal)| {
+        let command = (command != 0).then_some(command);
+        (command, refusal_words(refusal, status.state))
+    });
+    let (command, why) = disarmed.or(refused).unwrap_or_default();
+    EventKind::Rule {
+        rule: status.id,
+        state: status.state.name().to_owned(),
+        command,
+        why,
+    }
+}
+
+/// Why nothing followed, in short; `GET /rules` gives names, values and limits.
+fn refusal_words(refusal: Refusal, state: RuleState) -> String {
+    match refusal {
+        Refusal::Busy { holder, .. } => format!("command {holder} has a resource that it needs"),
+        Refusal::WrongState { state } => {
+            format!("it is {}", CommandState::from_number(state).name())
+        }
+        Refusal::UnknownCommand => "it does not exist any more".to_owned(),
+        Refusal::Continuation { joint, .. } => {
+            format!("its first set-point does not continue the motion of joint {joint}")
+        }
+        Refusal::FirstSetPoint { joint, .. } => {
+            format!("its first set-point is not where joint {joint} is held")
+        }
+        Refusal::LetsGo { .. } => "it has no set-point for the arm in its first cycle".to_owned(),
+        Refusal::DeviceNotReady { .. } => "a device that it needs is not ready".to_owned(),
+        Refusal::NeverTogether => "its nets have no common cycle".to_owned(),
+        Refusal::Rule { .. } if state == RuleState::Expired => {
+            "its condition can never hold any more".to_owned()
+        }
+        _ => "the executor refused it".to_owned(),
     }
 }

@@ -5,6 +5,8 @@
 mod fake_executor;
 #[path = "server/refusals.rs"]
 mod refusals;
+#[path = "server/rules.rs"]
+mod rules;
 #[path = "server/test_server.rs"]
 mod test_server;
 
@@ -187,6 +189,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
         &Switch {
             stop: vec![line()],
             start: vec![line(), CommandRef::Id(5)],
+            ..Switch::default()
         },
     );
     let switched = switched.expect("done");
@@ -210,7 +213,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
     assert_eq!(nothing.code, codes::BAD_REQUEST);
     let nine = Switch {
         stop: vec![line(); 9],
-        start: Vec::new(),
+        ..Switch::default()
     };
     assert_eq!(
         service
@@ -222,6 +225,7 @@ fn a_hand_over_resolves_names_and_ids_to_active_and_ready_commands() {
     let unknown = Switch {
         stop: vec![line()],
         start: vec![CommandRef::Name("nobody".to_owned())],
+        ..Switch::default()
     };
     assert_eq!(
         service

@@ -19,6 +19,7 @@ pub mod records;
 pub mod reference;
 pub mod rest;
 pub mod rt_calls;
+pub mod rules;
 pub mod set_points;
 pub mod simulator;
 pub mod unsupervised_cell;

@@ -31,6 +31,7 @@ mod readme;
 mod remote;
 mod robotics_api;
 mod rt_calls;
+mod rules;
 mod services;
 mod several_arms;
 mod streams;

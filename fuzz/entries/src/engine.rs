@@ -206,6 +206,7 @@ impl EngineHarness {
                 EngineReply::Read {
                     reading, refused, ..
                 } => found = Some(refused.map_or(Answer::Values(reading.values), Answer::Refused)),
+                EngineReply::Rules { .. } => found = Some(Answer::Rules(Vec::new())),
                 _ => {}
             }
         }

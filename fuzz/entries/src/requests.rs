@@ -4,10 +4,12 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_api::command_file::CommandFile;
+use rcc_core::message::CommandState;
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::Store;
 use rcc_engine::queue::{EngineRequest, ValueReading};
 use rcc_protocol::control::{Answer, Call, InputValue, READ_ELEMENTS_MAX, SWITCH_MAX};
+use rcc_protocol::rules::{NewRule, Rule, RuleTerm};
 use rcc_protocol::{Announcement, wire};
 
 use crate::engine::EngineHarness;
@@ -64,6 +66,20 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
                 Call::Unload { id },
                 Call::Reject { id },
                 Call::Acknowledge,
+                Call::InstallRules {
+                    rules: vec![rule_about(id); 2],
+                },
+                Call::RemoveRule { id },
+                Call::Rules { after: 0 },
+                Call::GrantLease {
+                    expires_ns: 60_000_000,
+                },
+                Call::RenewLease { lease: id },
+                Call::BindLease {
+                    lease: id,
+                    commands: vec![id],
+                },
+                Call::EndLease { lease: id },
                 Call::Set {
                     id,
                     values: vec![InputValue {
@@ -94,6 +110,24 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
         }
     }
     Ok(call)
+}
+
+/// A rule that starts a command when it is ready.
+fn rule_about(id: u64) -> NewRule {
+    let mut rule = Rule {
+        goes_on: true,
+        ..Rule::EMPTY
+    };
+    let state = CommandState::Ready as u32;
+    let term = RuleTerm::State { command: id, state };
+    if let (Some(when), Some(start)) = (rule.when.first_mut(), rule.start.first_mut()) {
+        (*when, *start) = (Some(term), id);
+    }
+    NewRule {
+        rule,
+        name: "fuzzed".to_owned(),
+        when: String::new(),
+    }
 }
 
 /// Carries out a call as the executor's intake thread does.
@@ -137,6 +171,37 @@ fn obey(harness: &mut EngineHarness, call: Call) {
             harness.ask(|ticket| EngineRequest::Record { ticket })
         }
         Call::Acknowledge => harness.ask(|ticket| EngineRequest::Acknowledge { ticket }),
+        Call::InstallRules { rules } => {
+            let rules = rules.into_iter().map(|rule| rule.rule).collect();
+            harness.ask(|ticket| EngineRequest::InstallRules { ticket, rules })
+        }
+        Call::RemoveRule { id } => harness.ask(|ticket| EngineRequest::RemoveRule { ticket, id }),
+        Call::Rules { after } => {
+            let list = Vec::with_capacity(8);
+            harness.ask(|ticket| EngineRequest::ListRules {
+                ticket,
+                after,
+                list,
+            })
+        }
+        Call::GrantLease { expires_ns } => {
+            harness.ask(|ticket| EngineRequest::GrantLease { ticket, expires_ns })
+        }
+        Call::RenewLease { lease } => {
+            harness.ask(|ticket| EngineRequest::RenewLease { ticket, lease })
+        }
+        Call::EndLease { lease } => harness.ask(|ticket| EngineRequest::EndLease { ticket, lease }),
+        Call::BindLease { lease, commands } => {
+            let mut list = [0; SWITCH_MAX];
+            list.iter_mut()
+                .zip(&commands)
+                .for_each(|(place, id)| *place = *id);
+            harness.ask(|ticket| EngineRequest::BindLease {
+                ticket,
+                lease,
+                commands: list,
+            })
+        }
         Call::Install { id, plan } => match harness.build(plan) {
             Ok(net) => harness.ask(|ticket| EngineRequest::Install { ticket, id, net }),
             Err(refusal) => {

@@ -263,6 +263,13 @@ impl FakeExecutorState {
                 });
             }
             Call::Acknowledge => return Answer::Done { cycle: 8 },
+            Call::InstallRules { .. } => return Answer::RulesInstalled { first: 1, cycle: 8 },
+            Call::Rules { .. } => return Answer::Rules(Vec::new()),
+            Call::GrantLease { .. } => return Answer::Reserved { id: 3 },
+            Call::RemoveRule { .. }
+            | Call::RenewLease { .. }
+            | Call::EndLease { .. }
+            | Call::BindLease { .. } => return Answer::Done { cycle: 8 },
         };
         if let Some(row) = self.tables.commands.iter_mut().find(|row| row.id == *id) {
             row.state = state as u32;

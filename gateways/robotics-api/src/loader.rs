@@ -136,6 +136,7 @@ impl LoaderClient {
         let body = Switch {
             stop: ids(stop),
             start: ids(start),
+            ..Switch::default()
         };
         // Numbers can be serialized.
         let body = serde_json::to_string(&body).unwrap_or_default();

@@ -15,6 +15,8 @@ use crate::client::LoaderClient;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow;
+use crate::table;
+use crate::task::{TaskFile, analysis};
 
 /// Arguments of `explain`.
 #[derive(clap::Args, Debug)]
@@ -50,6 +52,9 @@ pub struct TableSelection {
 /// # Errors
 /// Fails if the file does not exist or is invalid, or if the net does not exist.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    if source::is_file(&arguments.net) && TaskFile::is_one(&arguments.net)? {
+        return task(context, &arguments.net);
+    }
     let found = source::find(context, &arguments.net, arguments.config)?;
     let room = match &found.client {
         Some(client) if context.remote.is_some() => Some(room(client)?),
@@ -59,6 +64,31 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let explanation = Explanation::of(&found, &costs, costs::origin_text(&origin), room);
     context.print(&explanation, |explanation| {
         text::human(explanation, arguments.shown)
+    });
+    Ok(())
+}
+
+/// Explains the rules of a task: what starts each net, and which rule can fire when.
+fn task(context: &Context, path: &str) -> Result<(), Failure> {
+    let task = TaskFile::read(path)?;
+    let explanation = analysis::explain(&task, &task.net_names()?);
+    context.print(&explanation, |said| {
+        let mut nets = table::table(&["NET", ""]);
+        for (net, by) in &said.nets {
+            nets.add_row([net.clone(), by.clone()]);
+        }
+        let mut rules = table::table(&["RULE", "WHEN", "CAN FIRE", "THEN", "NOTE"]);
+        for rule in &said.rules {
+            rules.add_row([
+                rule.rule.clone(),
+                rule.when.clone(),
+                rule.fires.clone(),
+                rule.then.clone(),
+                rule.notes.join("\n"),
+            ]);
+        }
+        let head = format!("{}: {}", said.task, said.description);
+        format!("{head}\n{}\n{}", table::text(&nets), table::text(&rules))
     });
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `graph NET|FILE`: draws a net, optionally with the values of a running one.
+//! `graph NET|FILE`: draws a net, optionally with the values of a running one, or the nets and rules of a task.
 
 use std::path::PathBuf;
 
@@ -15,6 +15,7 @@ use super::source::{self, ResolvedNet};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::result_file::ResultTarget;
+use crate::task::{self, TaskFile};
 
 /// Arguments of `graph`.
 #[derive(clap::Args, Debug)]
@@ -80,6 +81,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         ));
     }
     let format = arguments.format()?;
+    if source::is_file(&arguments.net) && TaskFile::is_one(&arguments.net)? {
+        return task(context, &arguments, format);
+    }
     let ResolvedNet { structure, .. } = source::find(context, &arguments.net, arguments.config)?;
     let values = match arguments.values {
         true => Some(values(context, &arguments.net)?),
@@ -94,6 +98,32 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 let message = format!("the net has {} boxes; at most {BOXES_MAX} can be drawn as SVG", many.boxes);
                 let help = "use `--format dot`, which Graphviz draws at any size (`sfdp`), or `rcc-cli explain`";
                 Failure::new(codes::BAD_REQUEST, message, help)
+            })?;
+            svg(&structure, &scene)
+        }
+    };
+    arguments.target.write(context, &picture)
+}
+
+/// Draws the nets and rules of a task.
+fn task(context: &Context, arguments: &Arguments, format: GraphFormat) -> Result<(), Failure> {
+    if arguments.values || arguments.config.is_some() {
+        let message = "a task is drawn without values and without a cell";
+        let help = "omit --values and --config, or draw one of its nets";
+        return Err(Failure::new(codes::BAD_REQUEST, message, help));
+    }
+    let task = TaskFile::read(&arguments.net)?;
+    let structure = task::graph::structure(&task, &task.net_names()?);
+    let picture = match format {
+        GraphFormat::Dot => dot(&structure, None),
+        GraphFormat::Mermaid => mermaid(&structure, None),
+        GraphFormat::Svg => {
+            let scene = scene(&structure, None).map_err(|many| {
+                let message = format!(
+                    "the task has {} nets; at most {BOXES_MAX} can be drawn as SVG",
+                    many.boxes
+                );
+                Failure::new(codes::BAD_REQUEST, message, "use `--format dot`")
             })?;
             svg(&structure, &scene)
         }

@@ -11,7 +11,8 @@ use rcc_core::counted::Counted;
 use rcc_engine::incident::{Incident, IncidentError};
 use rcc_engine::net::Evaluation;
 use rcc_engine::replay::{
-    Mismatch, MismatchKind, NetReplayResult, ReplaySource, ReplayStep, replay,
+    Mismatch, MismatchKind, NetReplayResult, ReplaySource, ReplayStep, RuleReplayResult,
+    replay_with_rules,
 };
 use rcc_protocol::pattern::Pattern;
 use serde::Serialize;
@@ -25,6 +26,8 @@ use crate::output::{print_line, print_note, print_record};
 use crate::result_file::WrittenFile;
 use crate::table::{self, counted, grouped};
 use rcc_api::incident_nets::{IncidentNet, ShownSlots, text, value_of};
+
+mod rules;
 
 /// Arguments of `replay`.
 #[derive(clap::Args, Debug)]
@@ -99,12 +102,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     let from = arguments.from.unwrap_or(0);
     let mut shown = Ok(());
-    let results = replay(&source, arguments.until, |step| {
+    let results = replay_with_rules(&source, arguments.until, |step| {
         if step.cycle >= from && shown.is_ok() {
             shown = show.step(&step);
         }
     });
-    let results = results.map_err(|error| {
+    let (results, rules) = results.map_err(|error| {
         Failure::new(
             codes::NO_INCIDENT,
             format!("{path}: {error}"),
@@ -122,7 +125,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if let (OutputFormat::Human, Some(path)) = (context.format, &arguments.csv) {
         print_note(&WrittenFile::of(path)?.words());
     }
-    print_results(context, &incident, &results, &named)
+    print_results(context, &incident, (&results, &rules), &named)
 }
 
 /// Returns the file to replay: a path, the name of one of the cell's incidents, or the newest of them.
@@ -165,7 +168,7 @@ fn unusable(path: &str, error: IncidentError) -> Failure {
 fn print_results(
     context: &Context,
     incident: &Incident,
-    results: &[NetReplayResult],
+    (results, rules): (&[NetReplayResult], &RuleReplayResult),
     named: &BTreeMap<u64, IncidentNet>,
 ) -> Result<(), Failure> {
     let unnamed = IncidentNet::default();
@@ -176,7 +179,7 @@ fn print_results(
     let head = &incident.head;
     let value = json!({
         "cell": head.cell, "build": head.build, "time": head.time, "reason": reason(head), "cycle": head.cycle,
-        "first_cycle": head.first_cycle, "last_cycle": head.last_cycle, "nets": rows,
+        "first_cycle": head.first_cycle, "last_cycle": head.last_cycle, "nets": rows, "rules": rules::value(rules),
     });
     let clean = |text: &str| text.replace(char::is_control, " ");
     context.print(&value, |_| {
@@ -203,7 +206,7 @@ fn print_results(
         if rows.is_empty() {
             return format!("{of}\nno net was evaluated");
         }
-        format!("{of}\n{}", table::text(&lines))
+        format!("{of}\n{}{}", table::text(&lines), rules::words(rules))
     });
     match rows.iter().filter(|row| row.different > 0).count() {
         0 if !rows.is_empty() && rows.iter().all(|row| row.compared == 0) => Err(Failure::new(
@@ -211,7 +214,7 @@ fn print_results(
             "no cycle of any net could be compared",
             "see the lines above for the reason; `recorder: {memory: …}` in the cell's configuration records more",
         )),
-        0 => Ok(()),
+        0 => rules::verdict(rules),
         different => Err(Failure::new(
             codes::REPLAY_DIFFERS,
             format!(

@@ -1,11 +1,12 @@
-//! `simulate NET`: runs a net in virtual time against simple device models, without a cell; results as table, CSV and
-//! SVG.
+//! `simulate NET`: runs a net, or a task of nets and rules, in virtual time against simple device models, without a cell;
+//! results as table, CSV and SVG.
 
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use rcc_api::bodies::{FaultView, RehearsalView};
+use rcc_api::codes;
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
 use rcc_language::names::Names;
@@ -21,6 +22,9 @@ use crate::scenario::{PreparedScenario, SimulationScenario, failure, with_names}
 use crate::simulate::trace;
 use crate::simulate::{self, SimulationResult};
 use crate::table;
+use crate::task::TaskFile;
+
+mod task;
 
 /// Arguments of `simulate`.
 #[derive(clap::Args, Debug)]
@@ -60,6 +64,19 @@ struct LastValue {
 /// # Errors
 /// Fails if the net or an argument is invalid, if the net is refused, or if it ends with a fault or an abort.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    if TaskFile::is_one(&arguments.scenario.file)? {
+        if let Some(path) = arguments.csv.as_ref().or(arguments.plot.as_ref()) {
+            return Err(Failure::new(
+                codes::BAD_REQUEST,
+                format!(
+                    "a task has no monitored values to write to {}",
+                    path.display()
+                ),
+                "omit --csv and --plot, or simulate one of its nets",
+            ));
+        }
+        return task::run(context, &arguments.scenario);
+    }
     let PreparedScenario {
         config,
         plan,

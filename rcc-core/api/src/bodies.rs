@@ -5,9 +5,14 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 mod records;
+mod rules;
 
 pub use records::{
     EventPage, EventSourceView, EventView, HistoryPage, IncidentView, MonitoredValue,
+};
+pub use rules::{
+    CommandList, LeaseBody, LeaseCommands, LeaseDone, LeaseGranted, OnClientLoss, RuleBody,
+    RuleNumber, RuleView, RulesBody, RulesInstalled,
 };
 
 /// An error, with the same codes as on the command line.
@@ -104,6 +109,12 @@ pub struct Start {
     /// Commands that end between the same two cycles; if the net cannot take over from them, nothing changes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub after_stopping: Vec<CommandRef>,
+    /// Rules that are installed first; if START is refused, they are removed again.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rules: Vec<RuleBody>,
+    /// The client's lease: the command is bound to it, and so are rules that name none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lease: Option<u64>,
 }
 
 /// A hand-over: all of it happens between the same two cycles, or nothing.
@@ -116,6 +127,12 @@ pub struct Switch {
     /// Ready commands that start, at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub start: Vec<CommandRef>,
+    /// Rules that are installed first; if the hand-over is refused, they are removed again.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rules: Vec<RuleBody>,
+    /// The client's lease: the commands that start are bound to it, and so are rules that name none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lease: Option<u64>,
 }
 
 /// Answer to a hand-over.

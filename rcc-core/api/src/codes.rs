@@ -105,6 +105,11 @@ codes! {
     INPUT_REFUSED = "RCC3040", 422, INVALID, "A value cannot be set.";
     UNKNOWN_PORT = "RCC3041", 404, FAILED, "The net has no such port.";
     TOO_MANY_PORTS = "RCC3042", 409, CONFLICT, "More ports or watchers than the executor can serve.";
+    RULE_REFUSED = "RCC3050", 409, CONFLICT, "A rule cannot be installed.";
+    BAD_CONDITION = "RCC3051", 422, INVALID, "A condition of a rule is not valid.";
+    UNKNOWN_RULE = "RCC3052", 404, FAILED, "The rule does not exist.";
+    UNKNOWN_LEASE = "RCC3053", 404, FAILED, "The lease does not exist, or has expired.";
+    LEASE_REFUSED = "RCC3054", 409, CONFLICT, "A lease cannot be granted.";
     NO_EXECUTOR = "RCC4001", 503, UNREACHABLE, "The executor cannot be reached.";
     EXECUTOR_SILENT = "RCC4002", 504, TIMEOUT, "The executor did not answer in time.";
     OTHER_BUILD = "RCC4003", 502, UNREACHABLE, "Loader and executor are of different builds.";

@@ -8,6 +8,7 @@ pub mod catalogue;
 pub mod codes;
 pub mod command_file;
 pub mod compile;
+pub mod conditions;
 pub mod error;
 pub mod events;
 pub mod incident_nets;

@@ -21,6 +21,7 @@ use violation::first_set_point;
 mod impedance;
 mod motion;
 mod rehearsal;
+mod rules;
 mod violation;
 
 /// Resolves numbers to names: from the configuration, the nets, and the reasons that drivers give.
@@ -255,6 +256,31 @@ impl NameResolver<'_> {
                 codes::WRONG_STATE,
                 format!("{net} was canceled or aborted before it started, and remains ready"),
                 format!("to start it nevertheless: `rcc-cli start {net}`"),
+            ),
+            Refusal::Rule { index, fault } => {
+                rules::fault(&format!("rule {} of the request", index + 1), &net, fault)
+            }
+            Refusal::RuleCommand { index, state } => {
+                rules::command(&format!("rule {} of the request", index + 1), &net, state)
+            }
+            Refusal::UnknownRule => (
+                codes::UNKNOWN_RULE,
+                "the rule does not exist, or has been removed".into(),
+                "`rcc-cli rules ls` lists all".into(),
+            ),
+            Refusal::LeaseTime { min_ns, max_ns } => (
+                codes::BAD_REQUEST,
+                "the time after which the lease expires is out of range".into(),
+                format!(
+                    "`expires_ms` is at least {} and at most {}",
+                    min_ns / 1_000_000,
+                    max_ns / 1_000_000
+                ),
+            ),
+            Refusal::LeasesFull { max } => (
+                codes::LEASE_REFUSED,
+                format!("all {max} leases are in use"),
+                "end leases that are no longer needed: `DELETE /leases/NUMBER`".into(),
             ),
         };
         ApiError::new(code, message, help)

@@ -1,7 +1,8 @@
 //! The work of one cycle of the real-time thread, without clock, boards and sleep: tests run the same code in virtual
 //! time. Owns the command table, every running net and the commands of every device.
 //!
-//! Order within a cycle: latch inputs (by the caller, into [`Engine::latch`]) → requests → values between nets → nets →
+//! Order within a cycle: latch inputs (by the caller, into [`Engine::latch`]) → requests → conditions of rules → values
+//! between nets → hand-overs, first that of a request, then those of rules → nets →
 //! guard → command images and tables → records. Nothing here allocates, locks, formats or calls the system.
 #![cfg_attr(
     not(test),
@@ -17,9 +18,12 @@ mod admission;
 mod command_table;
 mod devices;
 mod handover;
+mod leases;
 mod lifecycle;
 mod rates;
 mod requests;
+mod rule_table;
+mod rules;
 mod timing;
 mod topics;
 
@@ -30,12 +34,17 @@ use rcc_core::message::{
     MAGIC, Measurement, Tables,
 };
 
+use rcc_protocol::rules::DisarmReason;
+
 use crate::boards::{DeviceBoards, VirtualBoards};
 use crate::queue::{EngineEvent, EngineReply, EngineRequest, RtRingEnds};
 use crate::record::FlightRecorder;
 use command_table::CommandTable;
 use devices::Devices;
 use handover::Handover;
+use leases::LeaseTable;
+pub use rule_table::RuleSet;
+use rule_table::RuleTable;
 use timing::CycleTimer;
 use topics::PublishedTopics;
 
@@ -76,6 +85,8 @@ pub struct Engine<B: DeviceBoards = VirtualBoards> {
     topics: Box<PublishedTopics>,
     /// A hand-over that waits until all nets that start are due; it is tried before the rows are evaluated.
     handover: Option<Handover>,
+    rules: Box<RuleTable>,
+    leases: Box<LeaseTable>,
     status: CycleStatus,
     tables_changed: bool,
     next_id: u64,
@@ -118,6 +129,8 @@ impl<B: DeviceBoards> Engine<B> {
             commands: CommandTable::new(),
             topics: PublishedTopics::new(),
             handover: None,
+            rules: RuleTable::new(),
+            leases: Box::new(LeaseTable::new()),
             status,
             tables_changed: true,
             next_id: 1,
@@ -205,6 +218,7 @@ impl<B: DeviceBoards> Engine<B> {
     /// be cancelled.
     pub fn begin_stop(&mut self) {
         if !std::mem::replace(&mut self.stopping, true) {
+            self.disarm_where(DisarmReason::Stopping, |_| true);
             self.cancel_all();
         }
     }
@@ -222,8 +236,11 @@ impl<B: DeviceBoards> Engine<B> {
             device.begin_cycle();
         }
         self.take_requests();
+        self.expire_leases();
+        self.judge_rules();
         self.deliver(self.commands.busy);
         let started = self.try_handover(now_ns);
+        let started = self.fire_rules(started, now_ns);
         for row in self.commands.busy.without(started).rows() {
             self.run_row(row, now_ns);
         }

@@ -16,3 +16,4 @@ pub mod record;
 pub mod rehearsal;
 pub mod replay;
 pub mod rows;
+pub mod rule;

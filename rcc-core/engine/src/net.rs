@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use rcc_core::frame::DeviceOutput;
+use rcc_core::frame::{ArmMotion, DeviceOutput};
 use rcc_core::message::Joints;
 use rcc_core::plan::{CheckedPlan, InputPoint, Plan, Rate, Resources};
 use rcc_motion::MotionSet;
@@ -34,6 +34,8 @@ pub struct Net {
     start_conditions: StartConditions,
     inputs: NetInputs,
     outputs: Box<[DeviceOutput]>,
+    /// What its next evaluation, the first one, takes over, by device.
+    arms: Box<[Option<ArmMotion>]>,
     /// Number of primitives in each run.
     run_lengths: Box<[u32]>,
     /// Expected duration of one evaluation on this machine, ns; 0: not known.
@@ -203,6 +205,27 @@ impl Net {
         self.cycles = 0;
         self.cancel_requested = false;
         self.outputs.fill(DeviceOutput::NONE);
+        self.arms.fill(None);
+    }
+
+    /// As [`Net::reset`]; what it takes over stays, because a recording has it before the evaluation.
+    pub(crate) fn begin_again(&mut self) {
+        let arms = std::mem::take(&mut self.arms);
+        self.reset();
+        self.arms = arms;
+    }
+
+    /// Sets the motion of an arm that its next evaluation, the first one, takes over.
+    pub fn take_arm(&mut self, device: usize, motion: ArmMotion) {
+        if let Some(place) = self.arms.get_mut(device) {
+            *place = Some(motion);
+        }
+    }
+
+    /// The motions of arms that its next evaluation takes over, with the indices of their devices.
+    pub fn taken_arms(&self) -> impl Iterator<Item = (usize, &ArmMotion)> {
+        let arms = self.arms.iter().enumerate();
+        arms.filter_map(|(device, motion)| Some((device, motion.as_ref()?)))
     }
 
     /// The plan that it evaluates.

@@ -5,6 +5,7 @@ use rcc_core::message::{FaultRecord, MonitorRecord};
 use rcc_core::plan::ValuePoint;
 use rcc_core::timing::LateCycle;
 use rcc_protocol::control::{Answer, InputValue, NetValues, Refusal, SWITCH_MAX};
+use rcc_protocol::rules::{Rule, RuleStatus};
 use rtrb::{Consumer, Producer};
 
 use crate::boards::{DeviceBoards, VirtualBoards};
@@ -59,6 +60,28 @@ pub enum EngineRequest<B: DeviceBoards = VirtualBoards> {
         id: u64,
         reading: ValueReading,
     },
+    /// Installs all of these rules, or none; the list comes back.
+    InstallRules { ticket: u64, rules: Vec<Rule> },
+    /// Removes a rule.
+    RemoveRule { ticket: u64, id: u64 },
+    /// Lists the rules with ids above `after`, as many as the list has room for.
+    ListRules {
+        ticket: u64,
+        after: u64,
+        list: Vec<(Rule, RuleStatus)>,
+    },
+    /// Grants a lease.
+    GrantLease { ticket: u64, expires_ns: u64 },
+    /// Renews a lease.
+    RenewLease { ticket: u64, lease: u64 },
+    /// Ends a lease as if it had expired.
+    EndLease { ticket: u64, lease: u64 },
+    /// Binds commands to a lease; unused ids are 0.
+    BindLease {
+        ticket: u64,
+        lease: u64,
+        commands: [u64; SWITCH_MAX],
+    },
     /// Freezes the recording of the flight recorder.
     Record { ticket: u64 },
     /// Acknowledges late cycles: resets latches, worst values and histograms.
@@ -106,6 +129,13 @@ pub enum EngineReply<B: DeviceBoards = VirtualBoards> {
         reading: ValueReading,
         refused: Option<Refusal>,
     },
+    /// The list of rules of an installation, to be freed.
+    RuleList(Vec<Rule>),
+    /// Installed rules.
+    Rules {
+        ticket: u64,
+        list: Vec<(Rule, RuleStatus)>,
+    },
     /// A net that is no longer needed.
     Net(Box<Net>),
     /// The list of values of a `Set` request, to be freed.
@@ -141,6 +171,15 @@ pub enum EngineEvent {
         age_ns: u64,
         driver: u64,
         attached: bool,
+    },
+    /// A rule fired, was refused, expired or was disarmed.
+    Rule(RuleStatus),
+    /// A lease expired or was ended: so many rules were disarmed and commands cancelled.
+    LeaseLost {
+        cycle: u64,
+        lease: u64,
+        rules: u32,
+        commands: u32,
     },
     /// A cycle was late.
     Late(LateCycle),

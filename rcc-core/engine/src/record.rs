@@ -9,12 +9,17 @@
 pub mod entry;
 pub mod hash;
 pub mod ring;
+pub mod rule_entry;
 
-use rcc_core::frame::DeviceInput;
-use rcc_core::message::{COMMANDS_MAX, CommandState, DEVICES_MAX, EndReason, FaultRecord};
+use rcc_core::frame::{ArmMotion, DeviceInput};
+use rcc_core::message::{
+    COMMANDS_MAX, CommandState, DEVICES_MAX, EndReason, FaultRecord, JOINTS_MAX,
+};
+use rcc_protocol::rules::{RULE_TERMS_MAX, Rule, RuleStatus};
 use rtrb::{Consumer, Producer};
 
 use crate::boards::DeviceBoards;
+use crate::engine::RuleSet;
 use crate::net::{Evaluation, Net};
 use crate::queue::EngineRequest;
 use crate::rows::{RowIndex, RowSet};
@@ -23,6 +28,7 @@ use entry::{
     prepared_again_flags,
 };
 use ring::RecordRing;
+use rule_entry::TERM_WORDS;
 
 /// Time for which recording continues after a trigger, ns.
 pub const POST_TRIGGER_NS: u64 = 200_000_000;
@@ -239,6 +245,17 @@ impl FlightRecorder {
         self.ring.push(words);
     }
 
+    /// Records the motion of an arm that the first evaluation of a net takes over.
+    pub fn arm(&mut self, id: u64, device: usize, motion: &ArmMotion) {
+        let parts = [&motion.position, &motion.velocity, &motion.acceleration];
+        let words = 1 + parts.len() * JOINTS_MAX;
+        self.ring
+            .push(&[head(RecordTag::Arm, device as u8, 0, words), id]);
+        for part in parts {
+            self.ring.push(bytemuck::cast_slice(part));
+        }
+    }
+
     /// Records an evaluation.
     pub fn net(&mut self, evaluated: EvaluationRecord<'_>) {
         let EvaluationRecord {
@@ -296,6 +313,31 @@ impl FlightRecorder {
         net.motions().save(|words| {
             self.ring.push(words);
         });
+    }
+
+    /// Records an armed rule in a row of the table, with a word of facts about the command of each term.
+    pub fn rule(&mut self, slot: usize, id: u64, rule: &Rule, facts: &[u64; RULE_TERMS_MAX]) {
+        let words = 1 + rule.terms().count() * TERM_WORDS;
+        let head = head(RecordTag::Rule, slot as u8, 0, words);
+        let ring = &mut self.ring;
+        ring.push(&[head, id]);
+        rule_entry::push_terms(rule, facts, |words| {
+            ring.push(&words);
+        });
+    }
+
+    /// Records which rules were judged in this cycle, and which conditions held.
+    pub fn rules_judged(&mut self, judged: RuleSet, held: RuleSet) {
+        let words = judged.len() + held.len();
+        self.ring.push(&[head(RecordTag::RulesJudged, 0, 0, words)]);
+        self.ring.push(&judged);
+        self.ring.push(&held);
+    }
+
+    /// Records that a rule can no longer fire.
+    pub fn rule_ended(&mut self, slot: usize, status: &RuleStatus) {
+        let head = head(RecordTag::RuleEnded, slot as u8, 0, 2);
+        self.ring.push(&[head, status.id, status.state as u64]);
     }
 
     /// Freezes the recording after [`POST_TRIGGER_NS`], or later within the hold-off time.
@@ -402,6 +444,12 @@ fn kind_of<B: DeviceBoards>(request: &EngineRequest<B>) -> (RequestKind, u64) {
         EngineRequest::Set { id, .. } => (RequestKind::Set, *id),
         EngineRequest::Read { id, .. } => (RequestKind::Read, *id),
         EngineRequest::Record { .. } => (RequestKind::Record, 0),
+        EngineRequest::InstallRules { .. } => (RequestKind::InstallRules, 0),
+        EngineRequest::RemoveRule { id, .. } => (RequestKind::RemoveRule, *id),
+        EngineRequest::GrantLease { .. } => (RequestKind::Lease, 0),
+        EngineRequest::RenewLease { lease, .. }
+        | EngineRequest::EndLease { lease, .. }
+        | EngineRequest::BindLease { lease, .. } => (RequestKind::Lease, *lease),
         _ => (RequestKind::Other, 0),
     }
 }

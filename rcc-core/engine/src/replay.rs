@@ -2,6 +2,8 @@
 //! hash of all their slots in every cycle. Run off-line in virtual time; a recording may come from anywhere, so nothing
 //! in it is trusted.
 
+mod rules;
+
 use std::collections::BTreeMap;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
@@ -12,8 +14,11 @@ use rcc_core::types::Store;
 use rcc_protocol::control::Refusal;
 
 use crate::net::{Evaluation, Net, NetOrigin};
+use crate::record::entry::RequestKind;
 use crate::record::entry::{NetSnapshot, RecordEntries, RecordEntry, UnknownRecord, input_of};
 use crate::record::hash::{hash, real_word};
+use rules::RuleReplay;
+pub use rules::RuleReplayResult;
 
 /// The recording to be replayed.
 #[derive(Clone, Copy, Debug)]
@@ -156,8 +161,21 @@ struct NetReplay {
 pub fn replay(
     source: &ReplaySource<'_>,
     until: Option<u64>,
-    mut watch: impl FnMut(ReplayStep<'_>),
+    watch: impl FnMut(ReplayStep<'_>),
 ) -> Result<Vec<NetReplayResult>, ReplayError> {
+    Ok(replay_with_rules(source, until, watch)?.0)
+}
+
+/// As [`replay`]; also judges the conditions of all rules again.
+///
+/// # Errors
+/// As for [`replay`].
+pub fn replay_with_rules(
+    source: &ReplaySource<'_>,
+    until: Option<u64>,
+    mut watch: impl FnMut(ReplayStep<'_>),
+) -> Result<(Vec<NetReplayResult>, RuleReplayResult), ReplayError> {
+    let mut rules = RuleReplay::default();
     let absent = input_of(None);
     let mut inputs: Vec<DeviceInput> = vec![absent; source.models.len()];
     let mut net_replays: BTreeMap<u64, NetReplay> = BTreeMap::new();
@@ -178,6 +196,11 @@ pub fn replay(
             entry @ RecordEntry::Net { id, .. } => {
                 let net_replay = net_replay_of(&mut net_replays, source, id)?;
                 let same = net_replay.evaluate(source, &inputs, cycle, &entry);
+                if let RecordEntry::Net { evaluation, .. } = entry {
+                    let net = net_replay.net.as_ref().filter(|_| same.is_some());
+                    let outcome = net.map(|net| net.outcome);
+                    rules.evaluated(id, evaluation, outcome);
+                }
                 if let (Some(same), Some(net)) = (same, &net_replay.net) {
                     watch(ReplayStep {
                         cycle,
@@ -207,14 +230,29 @@ pub fn replay(
                     .result
                     .too_large = words;
             }
-            RecordEntry::Request { .. } | RecordEntry::State { .. } | RecordEntry::Times { .. } => {
+            RecordEntry::State {
+                id, state, reason, ..
+            } => rules.state(id, state, reason),
+            RecordEntry::Request { kind, id } if kind == RequestKind::Unload as u8 => {
+                rules.unload(id);
             }
+            RecordEntry::Arm { id, device, motion } => {
+                if let Some(net) = &mut net_replay_of(&mut net_replays, source, id)?.net {
+                    net.take_arm(device, motion);
+                }
+            }
+            RecordEntry::Rule(recorded) => rules.define(recorded),
+            RecordEntry::RulesJudged { judged, held } => {
+                rules.compare(cycle, &net_replays, judged, held);
+            }
+            RecordEntry::RuleEnded { slot, id, state } => rules.end(cycle, slot, id, state),
+            RecordEntry::Request { .. } | RecordEntry::Times { .. } => {}
         }
     }
-    Ok(net_replays
+    let results = net_replays
         .into_values()
-        .map(|net_replay| net_replay.result)
-        .collect())
+        .map(|net_replay| net_replay.result);
+    Ok((results.collect(), rules.result))
 }
 
 fn net_replay_of<'t>(
@@ -282,7 +320,7 @@ impl NetReplay {
             return None;
         }
         if begins {
-            net.reset();
+            net.begin_again();
             self.known = true;
         }
         if !self.known {

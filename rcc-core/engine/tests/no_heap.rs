@@ -18,6 +18,7 @@ use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::queue::{EngineRequest, ValueReading};
 use rcc_engine::record::{FlightRecorder, FlightRecorderConfig};
 use rcc_protocol::control::{Answer, InputValue, PlanData};
+use rcc_protocol::rules::{Rule, RuleTerm};
 
 /// An allocator that counts the heap operations of each thread.
 struct Counting;
@@ -484,4 +485,81 @@ fn no_example_net_makes_a_heap_operation_to_its_end_or_through_a_fault() {
         execute(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
         assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
     });
+}
+
+#[test]
+fn rules_and_leases_make_no_heap_operation() {
+    let config = FlightRecorderConfig {
+        span_ns: 1_000_000_000,
+        memory: 4 << 20,
+        period_ns: 1_000_000,
+    };
+    let (recorder, _helper) = FlightRecorder::new(config, 1);
+    let mut fixture = EngineFixture::new().recorded_by(recorder);
+    let [arm, heir, lamp, other] = [
+        drift_net(HOLD[0], 0.0),
+        drift_net(HOLD[0], 0.0),
+        output_net(1),
+        output_net(1),
+    ]
+    .map(|plan| fixture.load(plan));
+    let ticket = 0;
+    execute(
+        &mut fixture,
+        |_| EngineRequest::GrantLease {
+            ticket,
+            expires_ns: 200_000_000,
+        },
+        2,
+    );
+    execute(
+        &mut fixture,
+        |_| EngineRequest::Start { ticket, id: arm },
+        10,
+    );
+    let rule = |term: RuleTerm, stop: u64, start: u64| {
+        let mut rule = Rule {
+            stop: named(&[stop]),
+            start: named(&[start]),
+            lease: 1,
+            ..Rule::EMPTY
+        };
+        rule.when[0] = Some(term);
+        rule
+    };
+    let state = |command: u64, state: CommandState| RuleTerm::State {
+        command,
+        state: state as u32,
+    };
+    // One fires at once, one follows it, one is refused, and one is disarmed when the lease is lost.
+    let rules = vec![
+        rule(RuleTerm::True, arm, heir),
+        rule(state(heir, CommandState::Running), 0, lamp),
+        rule(state(lamp, CommandState::Running), 0, other),
+        rule(state(heir, CommandState::Canceling), heir, other),
+    ];
+    execute(
+        &mut fixture,
+        |_| EngineRequest::InstallRules { ticket, rules },
+        50,
+    );
+    assert_eq!(fixture.state(heir), CommandState::Running);
+    assert_eq!(fixture.state(lamp), CommandState::Running);
+    assert_eq!(fixture.state(other), CommandState::Ready);
+    execute(
+        &mut fixture,
+        |_| EngineRequest::ListRules {
+            ticket,
+            after: 0,
+            list: Vec::new(),
+        },
+        300,
+    );
+    // The lease is lost: what the rules started has ended.
+    assert!(!fixture.state(heir).is_active());
+    execute(
+        &mut fixture,
+        |_| EngineRequest::RemoveRule { ticket, id: 1 },
+        2,
+    );
 }

@@ -9,6 +9,7 @@ pub mod check;
 pub mod codes;
 pub mod compile;
 mod components;
+pub mod condition;
 pub mod devices;
 pub mod expand;
 pub mod format;

@@ -9,6 +9,7 @@ use rcc_core::plan::{
 use serde::{Deserialize, Serialize};
 
 use crate::rehearsal::{PredictedViolation, RehearsalReport};
+use crate::rules::{ListedRule, NewRule, RuleFault};
 use crate::wire::{self, Message};
 
 /// Name of the executor's request service in its announcement.
@@ -242,6 +243,44 @@ pub enum Call {
     },
     /// Acknowledges late cycles: clears what is latched.
     Acknowledge,
+    /// Installs rules: all of them between the same two cycles, or none.
+    InstallRules {
+        /// At most [`crate::rules::RULES_PER_REQUEST`] rules.
+        rules: Vec<NewRule>,
+    },
+    /// Removes a rule; one that could still fire is disarmed.
+    RemoveRule {
+        /// Id of the rule.
+        id: u64,
+    },
+    /// Lists installed rules with ids above this one, ascending, as many as fit into an answer.
+    Rules {
+        /// Id of the last rule that the caller knows; 0: from the first one.
+        after: u64,
+    },
+    /// Grants a lease, which expires unless it is renewed.
+    GrantLease {
+        /// Time after which it expires, ns; between [`crate::rules::LEASE_MIN_NS`] and
+        /// [`crate::rules::LEASE_MAX_NS`].
+        expires_ns: u64,
+    },
+    /// Renews a lease.
+    RenewLease {
+        /// Id of the lease.
+        lease: u64,
+    },
+    /// Ends a lease now, as if it had expired.
+    EndLease {
+        /// Id of the lease.
+        lease: u64,
+    },
+    /// Binds commands to a lease: when it is lost, those that are active are cancelled, or aborted if they cannot be.
+    BindLease {
+        /// Id of the lease.
+        lease: u64,
+        /// Ids of ready or active commands, at most [`SWITCH_MAX`].
+        commands: Vec<u64>,
+    },
 }
 
 impl Message for Call {
@@ -276,6 +315,15 @@ pub enum Answer {
     Recorded(RecordingState),
     /// The values that were read.
     Values(NetValues),
+    /// Rules were installed; their ids are consecutive.
+    RulesInstalled {
+        /// Id of the first.
+        first: u64,
+        /// Executor cycle from which on their conditions are judged.
+        cycle: u64,
+    },
+    /// Installed rules; empty if there are no more.
+    Rules(Vec<ListedRule>),
     /// Refused. Nothing changed, except that a refused plan makes its command `rejected`.
     Refused(Refusal),
     /// A hand-over was refused because of one of its commands; nothing changed.
@@ -437,6 +485,34 @@ pub enum Refusal {
     NoRecorder,
     /// A CANCEL or ABORT arrived before the START had taken effect: the command stays ready.
     Withdrawn,
+    /// A rule cannot be installed, or a lease cannot be used.
+    Rule {
+        /// Index of the rule in the request; 0 for a lease.
+        index: u32,
+        /// The reason.
+        fault: RuleFault,
+    },
+    /// A rule cannot be installed because of one of its commands.
+    RuleCommand {
+        /// Index of the rule in the request.
+        index: u32,
+        /// State of the command ([`rcc_core::message::CommandState`] as a number); 0: it does not exist.
+        state: u32,
+    },
+    /// No rule with this id exists.
+    UnknownRule,
+    /// The time after which a lease expires is out of range.
+    LeaseTime {
+        /// [`crate::rules::LEASE_MIN_NS`].
+        min_ns: u64,
+        /// [`crate::rules::LEASE_MAX_NS`].
+        max_ns: u64,
+    },
+    /// All leases are in use.
+    LeasesFull {
+        /// [`crate::rules::LEASES_MAX`].
+        max: u32,
+    },
 }
 
 #[cfg(test)]

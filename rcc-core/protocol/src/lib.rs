@@ -10,6 +10,7 @@ pub mod ending;
 pub mod events;
 pub mod pattern;
 pub mod rehearsal;
+pub mod rules;
 pub mod version;
 pub mod wire;
 

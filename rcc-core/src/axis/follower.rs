@@ -49,6 +49,19 @@ impl AxisFollower {
         }
     }
 
+    /// Creates a follower in motion, as if it had been stepped to this state; its next step plans on from there.
+    #[must_use]
+    pub fn moving(state: AxisState) -> AxisFollower {
+        AxisFollower {
+            // Neither a goal nor a stop: whatever comes first is planned.
+            goal: f64::INFINITY,
+            periods: 1.0,
+            now: state,
+            start: state,
+            ..AxisFollower::at_rest(state.position)
+        }
+    }
+
     /// Returns true if it has not been stepped yet.
     #[must_use]
     pub fn is_new(&self) -> bool {

@@ -1,6 +1,6 @@
 //! Axes stored in the arena of a net: shared by primitives with goals. Run by the real-time thread.
 
-use super::{AXIS_WORDS, AxisFollower};
+use super::{AXIS_WORDS, AxisFollower, AxisState};
 use crate::frame::Frame;
 use crate::path::MotionLimits;
 use crate::primitive::{Bool, Real, Slot};
@@ -20,6 +20,15 @@ const SHARE_MIN: f64 = 1e-4;
 #[must_use]
 pub fn rest_at(position: f64) -> [f64; AXIS_WORDS] {
     AxisFollower::at_rest(position).words()
+}
+
+/// Returns the words of an axis that continues a motion; one that is at rest begins as [`rest_at`].
+#[must_use]
+pub fn continued(state: AxisState) -> [f64; AXIS_WORDS] {
+    match state.rests() {
+        true => rest_at(state.position),
+        false => AxisFollower::moving(state).words(),
+    }
 }
 
 /// Returns true if the axis at `slot` has not been stepped yet. A primitive that moves from an arm's hold position then

@@ -49,7 +49,8 @@ pub const BODY_TIME_MAX: Duration = Duration::from_secs(5);
 pub fn body_max(method: &Method, route: &str) -> Option<usize> {
     match (method.as_str(), route) {
         ("POST", "/commands") => Some(TEXT_MAX),
-        ("POST", "/commands/{name}/start" | "/switch") => Some(SET_TEXT_MAX),
+        ("POST", "/commands/{name}/start" | "/switch" | "/rules") => Some(SET_TEXT_MAX),
+        ("POST", "/leases" | "/leases/{lease}/commands") => Some(SET_TEXT_MAX),
         ("PUT", "/commands/{name}/inputs") => Some(SET_TEXT_MAX),
         ("POST", "/commands/{name}/cancel" | "/commands/{name}/abort") => None,
         _ => Some(0),

@@ -49,6 +49,13 @@ impl CallClass {
             | Call::Unload { .. }
             | Call::Reject { .. } => CallClass::Change,
             Call::Reserve
+            | Call::InstallRules { .. }
+            | Call::RemoveRule { .. }
+            | Call::Rules { .. }
+            | Call::GrantLease { .. }
+            | Call::RenewLease { .. }
+            | Call::EndLease { .. }
+            | Call::BindLease { .. }
             | Call::Read { .. }
             | Call::Record
             | Call::Recorded { .. }

@@ -46,6 +46,7 @@ mod interface;
 mod load;
 mod records;
 mod requests;
+mod rules;
 mod set_points;
 mod stream;
 
@@ -136,7 +137,8 @@ pub fn document() -> Result<String, serde_json::Error> {
 
 /// Returns the OpenAPI document as a value.
 fn described() -> Result<serde_json::Value, serde_json::Error> {
-    document::complete(ApiDocument::openapi().merge_from(records::RecordsDocument::openapi()))
+    let document = ApiDocument::openapi().merge_from(records::RecordsDocument::openapi());
+    document::complete(document.merge_from(rules::RulesDocument::openapi()))
 }
 
 /// Creates the router with all routes, and starts the threads of CANCEL and ABORT.
@@ -177,6 +179,7 @@ fn routes(state: ServerState) -> Router {
         .route("/commands/{name}/cancel", post(cancel))
         .route("/commands/{name}/abort", post(abort))
         .merge(records::router())
+        .merge(rules::router())
         .route("/devices", get(devices))
         .route("/primitives", get(primitives))
         .route("/schema", get(schema))
@@ -258,16 +261,18 @@ async fn start(
     body: Bytes,
 ) -> Result<Response, ErrorResponse> {
     answering(state, move |service| {
-        let Start { after_stopping } = match body.is_empty() {
+        let options: Start = match body.is_empty() {
             true => Start::default(),
             false => json(&body)?,
         };
-        if after_stopping.is_empty() {
-            return service.operate(&caller, &name, Operation::Start);
+        if options.after_stopping.is_empty() {
+            return service.start(&caller, &name, &options);
         }
         let switch = Switch {
-            stop: after_stopping,
+            stop: options.after_stopping,
             start: vec![CommandRef::Name(name)],
+            rules: options.rules,
+            lease: options.lease,
         };
         service.start_after(&caller, &switch)
     })
@@ -470,8 +475,14 @@ mod tests {
             "/history",
             "/incidents",
             "/incidents/{file}",
+            "/leases",
+            "/leases/{lease}",
+            "/leases/{lease}/commands",
+            "/leases/{lease}/renew",
             "/openapi.json",
             "/primitives",
+            "/rules",
+            "/rules/{rule}",
             "/schema",
             "/status",
             "/status/acknowledge",

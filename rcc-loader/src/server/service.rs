@@ -39,6 +39,7 @@ mod incidents;
 mod load;
 mod maintenance;
 mod recording;
+mod rules;
 mod set_points;
 mod status;
 mod stream;

@@ -11,6 +11,7 @@ use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MA
 use rcc_core::timing::CycleTiming;
 use rcc_ipc::{Announced, BoardWriter, Cell, Server, Session};
 use rcc_protocol::control::{Answer, CONTROL, Call, NetValues, Refusal, STATUS, TABLES, TIMING};
+use rcc_protocol::rules::{ListedRule, RuleFault, RuleState, RuleStatus};
 use rcc_protocol::{Configuration, Role, wire};
 use rcc_testing::TempDir;
 
@@ -65,6 +66,7 @@ struct State {
     seen: Arc<Mutex<CallLog>>,
     refuse_install: Option<Refusal>,
     next_id: u64,
+    rules: Vec<ListedRule>,
 }
 
 impl FakeExecutor {
@@ -118,6 +120,7 @@ impl FakeExecutor {
             seen: Arc::clone(&seen),
             refuse_install: refuse,
             next_id: 100,
+            rules: Vec::new(),
         };
         state.board.write(&state.tables);
         let stopped = Arc::clone(&stop);
@@ -266,6 +269,49 @@ impl State {
             },
             Call::Record | Call::Recorded { .. } => Answer::Refused(Refusal::NoRecorder),
             Call::Acknowledge => Answer::Done { cycle: 8 },
+            Call::InstallRules { rules } => {
+                let first = self.rules.len() as u64 + 1;
+                for (new, id) in rules.into_iter().zip(first..) {
+                    let status = RuleStatus {
+                        id,
+                        state: RuleState::Armed,
+                        cycle: 8,
+                        lease: new.rule.lease,
+                        goes_on: new.rule.goes_on,
+                        ..RuleStatus::NONE
+                    };
+                    self.rules.push(ListedRule {
+                        rule: new.rule,
+                        status,
+                        name: new.name,
+                        when: new.when,
+                    });
+                }
+                Answer::RulesInstalled { first, cycle: 8 }
+            }
+            Call::Rules { after } => {
+                let rules = self.rules.iter().filter(|rule| rule.status.id > after);
+                Answer::Rules(rules.take(2).cloned().collect())
+            }
+            Call::RemoveRule { id } => {
+                let count = self.rules.len();
+                self.rules.retain(|rule| rule.status.id != id);
+                match self.rules.len() < count {
+                    true => Answer::Done { cycle: 8 },
+                    false => Answer::Refused(Refusal::UnknownRule),
+                }
+            }
+            Call::GrantLease { .. } => Answer::Reserved { id: 3 },
+            Call::RenewLease { lease: 3 } | Call::EndLease { lease: 3 } => {
+                Answer::Done { cycle: 8 }
+            }
+            Call::BindLease { lease: 3, .. } => Answer::Done { cycle: 8 },
+            Call::RenewLease { .. } | Call::EndLease { .. } | Call::BindLease { .. } => {
+                Answer::Refused(Refusal::Rule {
+                    index: 0,
+                    fault: RuleFault::LeaseUnknown,
+                })
+            }
         };
         self.board.write(&self.tables);
         answer

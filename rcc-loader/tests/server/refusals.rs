@@ -1,6 +1,7 @@
 //! The message of every refusal of the executor.
 
 use super::*;
+use rcc_protocol::rules::RuleFault;
 
 /// Returns names with which command 3 publishes a topic that command 8 subscribes to with another type.
 fn names_with_topic(id: u64) -> Names {
@@ -59,6 +60,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         limit: 0.002,
         violation,
     };
+    let rule = |fault| Refusal::Rule { index: 2, fault };
     let refusals = [
         Refusal::NotUnderstood,
         Refusal::SwitchTooLarge { max: 8 },
@@ -94,6 +96,22 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         Refusal::Stopping,
         Refusal::NoRecorder,
         Refusal::Withdrawn,
+        Refusal::UnknownRule,
+        Refusal::LeaseTime {
+            min_ns: 1,
+            max_ns: 2,
+        },
+        Refusal::LeasesFull { max: 4 },
+        Refusal::RuleCommand { index: 0, state: 0 },
+        Refusal::RuleCommand { index: 1, state: 6 },
+        rule(RuleFault::TableFull { max: 128 }),
+        rule(RuleFault::Condition),
+        rule(RuleFault::NoSuchValue),
+        rule(RuleFault::DoesNothing),
+        rule(RuleFault::NamedTwice),
+        rule(RuleFault::NeverFires),
+        rule(RuleFault::NoLease),
+        rule(RuleFault::LeaseUnknown),
     ];
     for refusal in refusals {
         let error = names.refusal(8, refusal);

@@ -34,6 +34,8 @@ pub(super) struct CommandRow {
     pub(super) pending: PendingTransition,
     /// Index of the run of its net that is timed next.
     pub(super) next_timed_run: usize,
+    /// The lease of the client for which it runs; 0: none.
+    pub(super) lease: u64,
 }
 
 impl CommandRow {
@@ -43,6 +45,7 @@ impl CommandRow {
             net: None,
             pending: PendingTransition::Nothing,
             next_timed_run: 0,
+            lease: 0,
         }
     }
 

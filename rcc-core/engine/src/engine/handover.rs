@@ -5,6 +5,7 @@
 //! nets, in the next one in which all nets that start are due. An arm that passes from one command to another stays
 //! engaged: its driver sees one stream of set-points, and the guard continues with its history.
 
+use rcc_core::frame::ArmMotion;
 use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode, FaultRecord};
 use rcc_protocol::control::{Answer, Refusal, SWITCH_MAX};
 
@@ -19,10 +20,20 @@ use crate::rows::{RowIndex, RowSet};
 /// A hand-over that waits to be tried; unused ids are 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Handover {
-    ticket: u64,
-    stop: [u64; SWITCH_MAX],
-    start: [u64; SWITCH_MAX],
-    since_cycle: u64,
+    pub(super) ticket: u64,
+    pub(super) stop: [u64; SWITCH_MAX],
+    pub(super) start: [u64; SWITCH_MAX],
+    pub(super) since_cycle: u64,
+}
+
+/// What became of a hand-over in this cycle.
+pub(super) enum HandoverOutcome {
+    /// It was carried out.
+    Done(HandoverRows),
+    /// Not all nets that start are due.
+    Waits,
+    /// Nothing has changed.
+    Refused(HandoverRefusal),
 }
 
 /// The rows that a hand-over stops and starts.
@@ -44,7 +55,7 @@ impl HandoverRows {
 const TOGETHER_MAX_NS: u64 = 1_000_000_000;
 
 /// A refusal with the id of the command that it concerns; 0: none.
-type HandoverRefusal = (u64, Refusal);
+pub(super) type HandoverRefusal = (u64, Refusal);
 
 impl<B: DeviceBoards> Engine<B> {
     /// Accepts a hand-over, unless another one still waits for its nets to be due.
@@ -56,6 +67,9 @@ impl<B: DeviceBoards> Engine<B> {
     ) {
         if self.handover.is_some() {
             return self.refuse_handover(ticket, (0, Refusal::Overloaded));
+        }
+        if start == [0; SWITCH_MAX] {
+            stop.iter().for_each(|id| self.disarm_after_stop(*id));
         }
         self.handover = Some(Handover {
             ticket,
@@ -136,38 +150,40 @@ impl<B: DeviceBoards> Engine<B> {
         let Some(handover) = self.handover.take() else {
             return RowSet::EMPTY;
         };
-        let sets = match self.checked(&handover) {
-            Ok(sets) => sets,
-            Err(refused) => {
-                self.refuse_handover(handover.ticket, refused);
-                return RowSet::EMPTY;
+        let ticket = handover.ticket;
+        match self.hand_over(&handover, now_ns) {
+            HandoverOutcome::Done(sets) => {
+                let cycle = self.status.cycle;
+                let answer = Answer::Done { cycle };
+                self.send_reply(EngineReply::Answer { ticket, answer });
+                return sets.start;
             }
+            HandoverOutcome::Waits => self.handover = Some(handover),
+            HandoverOutcome::Refused(refused) => self.refuse_handover(ticket, refused),
+        }
+        RowSet::EMPTY
+    }
+
+    /// Carries out a hand-over if it is possible in this cycle.
+    pub(super) fn hand_over(&mut self, handover: &Handover, now_ns: u64) -> HandoverOutcome {
+        let sets = match self.checked(handover) {
+            Ok(sets) => sets,
+            Err(refused) => return HandoverOutcome::Refused(refused),
         };
         if let Some(row) = sets.start.rows().find(|row| !self.is_due(*row)) {
             let waited_ns = (self.status.cycle - handover.since_cycle) * self.period_ns;
-            if waited_ns < TOGETHER_MAX_NS {
-                self.handover = Some(handover);
-            } else {
-                let refused = (self.id_of(row), Refusal::NeverTogether);
-                self.refuse_handover(handover.ticket, refused);
-            }
-            return RowSet::EMPTY;
+            return match waited_ns < TOGETHER_MAX_NS {
+                true => HandoverOutcome::Waits,
+                false => HandoverOutcome::Refused((self.id_of(row), Refusal::NeverTogether)),
+            };
         }
         self.deliver(sets.start);
         match self.try_all(sets) {
             Ok(ended) => {
                 self.complete(sets, ended, now_ns);
-                let cycle = self.status.cycle;
-                self.send_reply(EngineReply::Answer {
-                    ticket: handover.ticket,
-                    answer: Answer::Done { cycle },
-                });
-                sets.start
+                HandoverOutcome::Done(sets)
             }
-            Err(refused) => {
-                self.refuse_handover(handover.ticket, refused);
-                RowSet::EMPTY
-            }
+            Err(refused) => HandoverOutcome::Refused(refused),
         }
     }
 
@@ -209,6 +225,7 @@ impl<B: DeviceBoards> Engine<B> {
 
     /// The first evaluation of a row that takes over from the commands in `leave`.
     fn try_first(&mut self, row: RowIndex, leave: RowSet) -> Result<Evaluation, Refusal> {
+        self.begin_from(row, leave);
         let evaluation = self.evaluate(row);
         if let Evaluation::Fault(code) = evaluation {
             return Err(Refusal::FirstCycle { code: code as u32 });
@@ -225,6 +242,28 @@ impl<B: DeviceBoards> Engine<B> {
             _ => self.refusal_of(fault),
         })?;
         Ok(evaluation)
+    }
+
+    /// Tells the net in `row` where its arms are: in the motion that a command in `leave` leaves, or at rest.
+    pub(super) fn begin_from(&mut self, row: RowIndex, leave: RowSet) {
+        for index in 0..self.devices.len() {
+            if !self.commands[row].claims_arm(index) {
+                continue;
+            }
+            let Some((input, device)) = self.devices.get(index) else {
+                continue;
+            };
+            let last = device.guard.motion();
+            let motion = match last {
+                Some(last) if self.engaged_by(index, leave) => last,
+                Some(last) if self.settled_by(index, leave) => ArmMotion::at_rest(last.position),
+                _ if input.present => ArmMotion::at_rest(input.measurement.hold),
+                _ => continue,
+            };
+            if let Some(net) = &mut self.commands[row].net {
+                net.take_arm(index, motion);
+            }
+        }
     }
 
     /// Engages the row with an arm that a command in `leave` commands or has just released. Returns false if there is

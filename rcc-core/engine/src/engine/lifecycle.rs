@@ -9,7 +9,7 @@ use crate::boards::DeviceBoards;
 use crate::net::{Evaluation, monitor_record};
 use crate::queue::{EngineEvent, EngineReply};
 use crate::record::EvaluationRecord;
-use crate::rows::RowIndex;
+use crate::rows::{RowIndex, RowSet};
 
 impl<B: DeviceBoards> Engine<B> {
     /// One cycle of one row of the command table.
@@ -70,6 +70,7 @@ impl<B: DeviceBoards> Engine<B> {
             return self.send_reply(EngineReply::Answer { ticket, answer });
         }
         let cycle = self.status.cycle;
+        self.begin_from(row, RowSet::EMPTY);
         let refusal = match self.evaluate(row) {
             Evaluation::Fault(code) => {
                 self.set_state(row, CommandState::Running);
@@ -146,6 +147,9 @@ impl<B: DeviceBoards> Engine<B> {
         if let Some(recorder) = &mut self.recorder {
             for (input, words, late) in net.inputs().staged_values() {
                 recorder.set(entry.id, input, words, late);
+            }
+            for (device, motion) in net.taken_arms() {
+                recorder.arm(entry.id, device, motion);
             }
         }
         let timed = (&mut **net, next_timed_run);
@@ -273,6 +277,7 @@ impl<B: DeviceBoards> Engine<B> {
             fault: entry.fault,
         };
         self.tables_changed = true;
+        self.rules.commands_changed = true;
         self.log(event);
     }
 }

@@ -3,6 +3,7 @@
 use bytemuck::Zeroable;
 use rcc_core::message::{CommandEntry, CommandState, DeviceState, EndReason, FaultRecord};
 use rcc_protocol::control::{Answer, InputValue, Refusal};
+use rcc_protocol::rules::Rule;
 
 use super::Engine;
 use super::command_table::{CommandRow, PendingTransition};
@@ -36,8 +37,14 @@ impl<B: DeviceBoards> Engine<B> {
                 stop,
                 start,
             } => return self.take_handover(ticket, stop, start),
-            EngineRequest::Cancel { ticket, id } => (ticket, self.cancel(id).map(|()| None)),
-            EngineRequest::Abort { ticket, id } => (ticket, self.abort(id).map(|()| None)),
+            EngineRequest::Cancel { ticket, id } => {
+                self.disarm_after_stop(id);
+                (ticket, self.cancel(id).map(|()| None))
+            }
+            EngineRequest::Abort { ticket, id } => {
+                self.disarm_after_stop(id);
+                (ticket, self.abort(id).map(|()| None))
+            }
             EngineRequest::Unload { ticket, id } => (ticket, self.unload(id).map(|()| None)),
             EngineRequest::Read {
                 ticket,
@@ -59,6 +66,31 @@ impl<B: DeviceBoards> Engine<B> {
                 self.acknowledge();
                 (ticket, Ok(None))
             }
+            EngineRequest::InstallRules { ticket, rules } => {
+                return self.answer_installation(ticket, rules);
+            }
+            EngineRequest::RemoveRule { ticket, id } => {
+                (ticket, self.remove_rule(id).map(|()| None))
+            }
+            EngineRequest::ListRules {
+                ticket,
+                after,
+                list,
+            } => return self.list_rules(ticket, after, list),
+            EngineRequest::GrantLease { ticket, expires_ns } => {
+                (ticket, self.grant_lease(expires_ns).map(Some))
+            }
+            EngineRequest::RenewLease { ticket, lease } => {
+                (ticket, self.renew_lease(lease).map(|()| None))
+            }
+            EngineRequest::EndLease { ticket, lease } => {
+                (ticket, self.end_lease(lease).map(|()| None))
+            }
+            EngineRequest::BindLease {
+                ticket,
+                lease,
+                commands,
+            } => (ticket, self.bind_lease(lease, &commands).map(|()| None)),
             EngineRequest::Attach {
                 device,
                 incarnation,
@@ -75,6 +107,17 @@ impl<B: DeviceBoards> Engine<B> {
             Ok(None) => Answer::Done { cycle },
             Err(refusal) => Answer::Refused(refusal),
         };
+        self.send_reply(EngineReply::Answer { ticket, answer });
+    }
+
+    fn answer_installation(&mut self, ticket: u64, rules: Vec<Rule>) {
+        let cycle = self.status.cycle;
+        let answer = match self.install_rules(&rules) {
+            Ok(first) => Answer::RulesInstalled { first, cycle },
+            Err((0, refusal)) => Answer::Refused(refusal),
+            Err((id, refusal)) => Answer::RefusedFor { id, refusal },
+        };
+        self.send_reply(EngineReply::RuleList(rules));
         self.send_reply(EngineReply::Answer { ticket, answer });
     }
 
@@ -99,6 +142,7 @@ impl<B: DeviceBoards> Engine<B> {
             fault: FaultRecord::NONE,
             ..CommandEntry::zeroed()
         };
+        self.commands[row].lease = 0;
         self.set_state(row, CommandState::Loading);
         Ok(id)
     }
@@ -230,7 +274,7 @@ impl<B: DeviceBoards> Engine<B> {
         Ok(())
     }
 
-    fn cancel(&mut self, id: u64) -> Result<(), Refusal> {
+    pub(super) fn cancel(&mut self, id: u64) -> Result<(), Refusal> {
         let row = self
             .commands
             .find(id, |state| state == CommandState::Running)?;
@@ -287,6 +331,7 @@ impl<B: DeviceBoards> Engine<B> {
             self.send_reply(EngineReply::Net(net));
         }
         self.tables_changed = true;
+        self.rules.commands_changed = true;
         Ok(())
     }
 

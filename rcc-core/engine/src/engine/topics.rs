@@ -46,7 +46,7 @@ impl PublishedTopics {
         self.published.get(..self.count).unwrap_or(&[])
     }
 
-    fn find(&self, topic: Topic) -> Option<TopicSource> {
+    pub(super) fn find(&self, topic: Topic) -> Option<TopicSource> {
         let active = self.active();
         let found = active.binary_search_by_key(&topic.key, |(known, _)| known.key);
         let (known, feed) = active.get(found.ok()?)?;

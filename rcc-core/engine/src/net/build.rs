@@ -104,6 +104,7 @@ impl Net {
             ints: data.ints.clone().into(),
             inputs: NetInputs::of(&data.inputs),
             outputs: vec![DeviceOutput::NONE; devices].into(),
+            arms: vec![None; devices].into(),
             run_lengths: data.runs.iter().map(primitives_in).collect(),
             expected_ns: 0,
             motions,

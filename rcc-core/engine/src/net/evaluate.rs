@@ -126,6 +126,7 @@ impl Net {
             ints: &mut self.ints,
             models,
             devices,
+            arms: &self.arms,
             outputs: &mut self.outputs,
             motions: &mut self.motions,
             dt_s: step_s,
@@ -146,10 +147,15 @@ impl Net {
             cycle(&plan, &mut frame);
         }));
         if completed.is_err() {
+            self.arms.fill(None);
             return Evaluation::Fault(FaultCode::Panic);
         }
         (self.cycles, self.outcome) = (frame.cycle, frame.outcome);
-        match (frame.motion_failed, frame.terminated) {
+        let (failed, terminated) = (frame.motion_failed, frame.terminated);
+        if first {
+            self.arms.fill(None);
+        }
+        match (failed, terminated) {
             (true, _) => Evaluation::Fault(FaultCode::Motion),
             (false, true) => Evaluation::Terminated,
             (false, false) => Evaluation::Running,

@@ -49,6 +49,19 @@ impl Net {
         }
     }
 
+    /// A published value of type `Bool` as the last evaluation left it.
+    pub fn published_bool(&self, publish: usize) -> Option<u8> {
+        let point = self.data.publishes.get(publish)?;
+        let is = point.store == Store::Bool && point.width == 1;
+        is.then(|| self.bool_at(point.slot)).flatten()
+    }
+
+    /// A `Bool` slot as the last evaluation left it; `None` before the first one.
+    pub fn bool_at(&self, slot: u32) -> Option<u8> {
+        let value = self.bools.get(slot as usize).copied();
+        value.filter(|_| self.cycles > 0)
+    }
+
     /// Copies a value, one word per element.
     fn copy<'w>(
         &self,

@@ -2,9 +2,12 @@
 //! Written by the real-time thread, read by replay, which does not trust them.
 
 use bytemuck::Zeroable;
-use rcc_core::frame::DeviceInput;
-use rcc_core::message::{FaultCode, FaultRecord, Measurement};
+use rcc_core::frame::{ArmMotion, DeviceInput};
+use rcc_core::message::{FaultCode, FaultRecord, JOINTS_MAX, Measurement};
+use rcc_protocol::rules::RuleState;
 
+use super::rule_entry::{self, RecordedRule};
+use crate::engine::RuleSet;
 use crate::net::Evaluation;
 
 /// Words of a [`Measurement`].
@@ -23,9 +26,13 @@ pub(super) enum RecordTag {
     TooLarge = 7,
     Times = 8,
     Set = 9,
+    Rule = 10,
+    RulesJudged = 11,
+    RuleEnded = 12,
+    Arm = 13,
 }
 
-const RECORD_TAGS: [RecordTag; 9] = [
+const RECORD_TAGS: [RecordTag; 13] = [
     RecordTag::Cycle,
     RecordTag::Input,
     RecordTag::Request,
@@ -35,6 +42,10 @@ const RECORD_TAGS: [RecordTag; 9] = [
     RecordTag::TooLarge,
     RecordTag::Times,
     RecordTag::Set,
+    RecordTag::Rule,
+    RecordTag::RulesJudged,
+    RecordTag::RuleEnded,
+    RecordTag::Arm,
 ];
 
 /// Head of a record: type, a small number, flags, and how many words follow.
@@ -98,6 +109,12 @@ pub enum RequestKind {
     Read = 13,
     /// A net was prepared again.
     Renew = 14,
+    /// Rules were installed.
+    InstallRules = 15,
+    /// A rule was removed.
+    RemoveRule = 16,
+    /// A lease was granted, renewed, ended, or commands were bound to it.
+    Lease = 17,
 }
 
 /// Result of an evaluation as a number.
@@ -184,6 +201,33 @@ pub enum RecordEntry<'a> {
         words: &'a [u64],
         /// Number of evaluations of the net that the value missed, because the net started later.
         late: u16,
+    },
+    /// The motion of an arm that the following evaluation, the first one of its net, takes over.
+    Arm {
+        /// Id of the net.
+        id: u64,
+        /// Index of the device.
+        device: usize,
+        /// The motion.
+        motion: ArmMotion,
+    },
+    /// A rule that is armed, and what it sees of its commands.
+    Rule(RecordedRule<'a>),
+    /// The conditions of all armed rules were judged.
+    RulesJudged {
+        /// Rows of the rules that were judged.
+        judged: RuleSet,
+        /// Rows of those whose condition held.
+        held: RuleSet,
+    },
+    /// A rule fired, was refused, expired or was disarmed.
+    RuleEnded {
+        /// Row of the table of rules.
+        slot: usize,
+        /// Id of the rule.
+        id: u64,
+        /// Its state.
+        state: RuleState,
     },
     /// The state of a net after its evaluation in this cycle.
     Snapshot(NetSnapshot<'a>),
@@ -298,6 +342,24 @@ fn read(head: u64, words: &[u64]) -> Option<RecordEntry<'_>> {
             words,
             late: flags,
         },
+        (RecordTag::Arm, &[id, ref words @ ..]) => RecordEntry::Arm {
+            id,
+            device: usize::from(small),
+            motion: arm_motion(words)?,
+        },
+        (RecordTag::Rule, words) => RecordEntry::Rule(rule_entry::read(small, words)?),
+        (RecordTag::RulesJudged, words) => {
+            let (judged, held) = words.split_at_checked(words.len() / 2)?;
+            RecordEntry::RulesJudged {
+                judged: judged.try_into().ok()?,
+                held: held.try_into().ok()?,
+            }
+        }
+        (RecordTag::RuleEnded, &[id, state]) => RecordEntry::RuleEnded {
+            slot: usize::from(small),
+            id,
+            state: RuleState::ALL.get(usize::try_from(state).ok()?)?.0,
+        },
         (RecordTag::Snapshot, words) => RecordEntry::Snapshot(snapshot(flags, words)?),
         (RecordTag::TooLarge, &[id, words]) => RecordEntry::TooLarge { id, words },
         (RecordTag::Times, &[wake_ns, exec_ns, skipped]) => RecordEntry::Times {
@@ -306,6 +368,18 @@ fn read(head: u64, words: &[u64]) -> Option<RecordEntry<'_>> {
             skipped,
         },
         _ => return None,
+    })
+}
+
+fn arm_motion(words: &[u64]) -> Option<ArmMotion> {
+    let (parts, rest) = words.as_chunks::<JOINTS_MAX>();
+    let &[position, velocity, acceleration] = parts else {
+        return None;
+    };
+    rest.is_empty().then(|| ArmMotion {
+        position: position.map(f64::from_bits),
+        velocity: velocity.map(f64::from_bits),
+        acceleration: acceleration.map(f64::from_bits),
     })
 }
 

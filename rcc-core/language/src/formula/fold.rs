@@ -176,6 +176,7 @@ fn evaluate(
         ints: &mut ints,
         models: &[],
         devices: &[],
+        arms: &[],
         outputs: &mut [],
         motions: &mut (),
         dt_s: 0.0,

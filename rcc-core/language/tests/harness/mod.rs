@@ -122,6 +122,7 @@ impl NetHarness {
             ints: &mut self.ints,
             models: &self.models,
             devices: &self.inputs,
+            arms: &[],
             outputs: &mut self.outputs,
             motions: &mut self.motions,
             dt_s: self.dt_s,

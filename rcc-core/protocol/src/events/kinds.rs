@@ -221,6 +221,27 @@ kinds! {
         /// Number of acknowledged cycles.
         late: u64,
     }
+    /// A rule fired, was refused, expired or was disarmed.
+    Rule = "rule", "executor", Info {
+        /// Id of the rule in this incarnation of the executor.
+        rule: u64,
+        /// fired, refused, expired or disarmed.
+        state: String,
+        /// Command that it was refused for, or that was stopped.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u64>,
+        /// Reason; empty if it fired.
+        why: String,
+    }
+    /// A lease expired or was ended: its client is gone.
+    LeaseLost = "lease-lost", "executor", Warning {
+        /// Id of the lease in this incarnation of the executor.
+        lease: u64,
+        /// Number of rules that were disarmed.
+        rules: u32,
+        /// Number of commands that were cancelled or aborted.
+        commands: u32,
+    }
     /// The flight recorder wrote its last seconds to a file (`rcc-cli incidents`, `rcc-cli replay`).
     IncidentWritten = "incident-written", "executor", Warning {
         /// fault, late or request.
@@ -469,6 +490,7 @@ impl EventKind {
                 reason: Some(reason),
                 ..
             } if reason == "aborted" => EventSeverity::Warning,
+            EventKind::Rule { state, .. } if state == "refused" => EventSeverity::Warning,
             EventKind::DriverState { state, .. } if state == "offline" => EventSeverity::Warning,
             EventKind::Quality { permille, was } if permille < was => EventSeverity::Warning,
             EventKind::CellStarted {
@@ -518,7 +540,9 @@ impl EventKind {
             EventKind::Command { command, .. }
             | EventKind::Loaded { command, .. }
             | EventKind::Rejected { command, .. } => Some(*command),
-            EventKind::IncidentWritten { command, .. } => *command,
+            EventKind::IncidentWritten { command, .. } | EventKind::Rule { command, .. } => {
+                *command
+            }
             _ => None,
         }
     }

@@ -109,6 +109,19 @@ impl Event {
                 let net = named(*command);
                 format!("{net} rejected: {code} {words}{more}; correct the text and load it again")
             }
+            EventKind::Rule {
+                rule,
+                state,
+                command,
+                why,
+            } => {
+                let about = command.map(&named);
+                match (about, why.as_str()) {
+                    (_, "") => format!("rule {rule} {state}"),
+                    (None, why) => format!("rule {rule} {state}: {why}"),
+                    (Some(about), why) => format!("rule {rule} {state}: {about}: {why}"),
+                }
+            }
             EventKind::Late { .. } => late_words(&self.what, &named).unwrap_or_default(),
             other => other.plain(),
         }
@@ -182,6 +195,15 @@ impl EventKind {
                     Counted(*count, "more event")
                 )
             }
+            EventKind::LeaseLost {
+                lease,
+                rules,
+                commands,
+            } => format!(
+                "lease {lease} is lost: its client is gone; {} disarmed, {} stopped",
+                Counted(u64::from(*rules), "rule"),
+                Counted(u64::from(*commands), "command")
+            ),
             EventKind::Acknowledged { late } => {
                 let late = Counted(*late, "late cycle");
                 format!("{late} acknowledged: latched values are cleared")

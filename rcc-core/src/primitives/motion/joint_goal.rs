@@ -6,16 +6,24 @@
 //! (median) and 29 µs (99th percentile) in a cycle in which all goals change. Every loop has a constant bound: each
 //! joint is planned at most once per cycle, with two evaluations of the closed forms (`docs/performance-motion.md`).
 
-use crate::axis::{AXIS_WORDS, AxisFollower, AxisSlot, axes, is_new, rest_at, share_of, step_axis};
+use crate::axis::{
+    AXIS_WORDS, AxisFollower, AxisSlot, AxisState, axes, continued, is_new, rest_at, share_of,
+    step_axis,
+};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::message::{JOINTS_MAX, Joints};
 use crate::path::MotionLimits;
 use crate::primitive::{
-    Bool, CatalogueEntry, DefaultValue, Device, Kernel, NullRule, Parameter, ParameterKind, Port,
-    PortType, Prepare, Real, Slot, Spec, StateSpec, Step, UnitRule, operands,
+    Bool, CatalogueEntry, DefaultValue, Device, Int, Kernel, NullRule, Parameter, ParameterKind,
+    Port, PortType, Prepare, Real, Slot, Spec, StateSpec, Step, UnitRule, operands,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 use crate::unit::Unit;
+
+/// Where the motion begins.
+const STARTS: &[&str] = &["hold", "continue"];
+/// Index of `continue` in [`STARTS`].
+const CONTINUE: i64 = 1;
 
 /// Optional limit for all joints.
 const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
@@ -33,7 +41,8 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
         null: "a null element of `goal` or a null `speed` brings all joints to rest and keeps them there; a null `stop` counts \
                as true",
         null_rule: NullRule::Known,
-        formula: "each joint independently, as ScalarGoal; in the first cycle it is at rest at the arm's hold set-point",
+        formula: "each joint independently, as ScalarGoal; in the first cycle it is at rest at the arm's hold set-point, or where \
+                  `start: continue` begins",
         inputs: &[
             Port::new(
                 "goal",
@@ -93,6 +102,13 @@ pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
                 Unit::RADIAN_PER_SECOND3,
                 "jerk limit of every joint, if lower than the configured one",
             ),
+            Parameter::new(
+                "start",
+                ParameterKind::Word(STARTS),
+                "hold: begins at rest where the arm is held at LOAD or START; continue: begins from position, velocity and \
+                 acceleration that the net leaves from which a hand-over or a rule takes the arm, and otherwise where the arm is held",
+            )
+            .default(DefaultValue::Word("hold")),
         ],
         state: StateSpec {
             reals: (JOINTS_MAX * AXIS_WORDS) as u32,
@@ -109,7 +125,7 @@ operands! {
         goal: Slot<Real>, speed: Slot<Real>, stop: Slot<Bool>,
         position: Slot<Real>, velocity: Slot<Real>, done: Slot<Bool>, accepted: Slot<Bool>,
         device: Device, scale: Slot<Real>, max_velocity: Slot<Real>, max_acceleration: Slot<Real>,
-        max_jerk: Slot<Real>, state: AxisSlot, width: u32,
+        max_jerk: Slot<Real>, start: Slot<Int>, state: AxisSlot, width: u32,
     }
 }
 
@@ -126,6 +142,27 @@ impl Prepare for JointGoal {
 }
 
 impl JointGoal {
+    /// In the first cycle with `start: continue`, begins from the motion that the arm is in.
+    fn take_over(self, frame: &mut Frame<'_>) -> Option<()> {
+        if frame.cycle != 0 || frame.get(self.start)? != CONTINUE {
+            return Some(());
+        }
+        let Some(motion) = frame.arms.get(self.device.0 as usize).copied().flatten() else {
+            return Some(());
+        };
+        let rates = motion.velocity.into_iter().zip(motion.acceleration);
+        let states = motion.position.into_iter().zip(rates);
+        for ((position, (velocity, acceleration)), slot) in states.zip(self.axes()) {
+            let state = AxisState {
+                position,
+                velocity,
+                acceleration,
+            };
+            frame.put(slot, continued(state))?;
+        }
+        Some(())
+    }
+
     fn axes(self) -> impl Iterator<Item = AxisSlot> {
         axes(self.state, JOINTS_MAX as u32)
     }
@@ -148,6 +185,7 @@ impl Step for JointGoal {
             let mut joints = goal.iter().zip(ranges).take(width);
             joints.all(|(goal, (lower, upper))| lower <= goal && goal <= upper)
         };
+        self.take_over(frame)?;
         let goal = frame.joints(self.goal, self.width).filter(inside);
         let begins = is_new(frame, self.state)?;
         let rows = robot.velocity_max.iter().zip(&robot.acceleration_max);
@@ -200,7 +238,7 @@ fn limits(robot: [f64; 3], scale: f64, given: [f64; 3], share: f64) -> MotionLim
 
 #[cfg(test)]
 mod tests {
-    use crate::frame::PrepareFault;
+    use crate::frame::{ArmMotion, PrepareFault};
     use crate::testing::PrimitiveHarness;
 
     const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
@@ -213,6 +251,35 @@ mod tests {
         bench.set_reals("goal", &GOAL).set_bool("stop", Some(false));
         bench.prepare().unwrap();
         bench
+    }
+
+    #[test]
+    fn continues_a_motion_from_its_position_velocity_and_acceleration() {
+        for goal in [Some(GOAL), None] {
+            let mut bench = bench();
+            bench.set_int("start", super::CONTINUE);
+            if goal.is_none() {
+                bench.set_bool("stop", Some(true));
+            }
+            let mut motion = ArmMotion::at_rest([0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
+            (motion.velocity[0], motion.acceleration[0]) = (0.8, 1.5);
+            bench.arm = Some(motion);
+            let (mut last, mut speed) = (0.3, 0.8 - 0.5e-3 * 1.5);
+            for _ in 0..5000 {
+                bench.step();
+                let now = bench.reals("position", 7)[0];
+                let velocity = (now - last) / 1e-3;
+                // The robot's limit of acceleration, and the rounding of two differences.
+                let limit = bench.model.limits.acceleration_max[0];
+                assert!((velocity - speed).abs() <= limit * 1e-3 * (1.0 + 1e-6) + 1e-9);
+                (last, speed) = (now, velocity);
+            }
+            assert_eq!(bench.bool("done"), Some(true));
+            match goal {
+                Some(goal) => assert_eq!(last, goal[0]),
+                None => assert!(last > 0.35, "{last}"),
+            }
+        }
     }
 
     #[test]

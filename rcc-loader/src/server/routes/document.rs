@@ -4,6 +4,7 @@
 use rcc_api::codes;
 use rcc_core::helper::HelperState;
 use rcc_core::message::{ClockState, CommandState, DeviceState, EndReason, FaultCode};
+use rcc_protocol::rules::RuleState;
 use serde_json::{Map, Value, json};
 use utoipa::openapi::OpenApi;
 
@@ -11,8 +12,12 @@ use utoipa::openapi::OpenApi;
 const METHODS: [&str; 7] = ["get", "put", "post", "delete", "options", "head", "patch"];
 
 /// The groups of operations.
-const TAGS: [(&str, &str); 5] = [
+const TAGS: [(&str, &str); 6] = [
     ("commands", "Load nets as commands, start and end them."),
+    (
+        "rules",
+        "What follows what, in the same cycle; leases of clients.",
+    ),
     ("values", "Set inputs, read ports, list topics."),
     ("cell", "Devices, processes, and the timing of the cycle."),
     ("records", "Events, and incidents of the flight recorder."),
@@ -131,6 +136,12 @@ fn enumerations() -> Vec<Enumeration> {
             description: "State of a helper thread.",
             values: [&HelperState::ALL.map(|row| row.1)[..], &["hanging"]].concat(),
             used_by: &[("HelperView", "state")],
+        },
+        Enumeration {
+            name: "RuleState",
+            description: "State of a rule.",
+            values: RuleState::ALL.map(|row| row.1).to_vec(),
+            used_by: &[("RuleView", "state")],
         },
         Enumeration {
             name: "Severity",

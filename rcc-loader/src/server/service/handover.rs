@@ -33,6 +33,7 @@ impl Service {
         let start = self.named(&attached, &store, &switch.start, |state| {
             Operation::Start.suits(state)
         })?;
+        let installed = self.prepare_start(caller, &switch.rules, switch.lease, &start)?;
         let call = Call::Switch {
             stop: stop.clone(),
             start: start.clone(),
@@ -45,7 +46,11 @@ impl Service {
                 .push_str("; no command was stopped or started");
             error
         };
-        match self.executor.call_for(caller, &call)? {
+        let answer = self.executor.call_for(caller, &call);
+        if !matches!(answer, Ok(Answer::Done { .. })) {
+            self.withdraw_rules(&installed);
+        }
+        match answer? {
             Answer::Done { cycle } => {
                 let done = |ids: &[u64]| {
                     ids.iter()
@@ -77,7 +82,7 @@ impl Service {
         switched.started.pop().ok_or_else(unexpected)
     }
 
-    fn named(
+    pub(super) fn named(
         &self,
         attached: &ExecutorConnection,
         store: &CommandStore,

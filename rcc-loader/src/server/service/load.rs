@@ -217,7 +217,13 @@ impl Service {
         let handed_over =
             stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
         let refused = match handed_over {
-            Ok(Answer::RefusedFor { .. } | Answer::Values(_) | Answer::Recorded(_)) => unexpected(),
+            Ok(
+                Answer::RefusedFor { .. }
+                | Answer::Values(_)
+                | Answer::Recorded(_)
+                | Answer::RulesInstalled { .. }
+                | Answer::Rules(_),
+            ) => unexpected(),
             Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
             Ok(Answer::Rehearsed { rehearsed, .. }) => {
                 let net = file.names.clone().unwrap_or_default();

@@ -1,0 +1,171 @@
+//! Bodies of requests and answers about rules and leases. Plain data.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::CommandRef;
+
+/// Commands: one, or a list of at most 8.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum CommandList {
+    /// One command.
+    One(CommandRef),
+    /// Several commands.
+    Several(Vec<CommandRef>),
+}
+
+impl Default for CommandList {
+    fn default() -> CommandList {
+        CommandList::Several(Vec::new())
+    }
+}
+
+impl CommandList {
+    /// Returns the commands.
+    #[must_use]
+    pub fn commands(&self) -> &[CommandRef] {
+        match self {
+            CommandList::One(command) => std::slice::from_ref(command),
+            CommandList::Several(commands) => commands,
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.commands().is_empty()
+    }
+}
+
+/// What happens to a rule when the client that installed it is gone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub enum OnClientLoss {
+    /// The rule is disarmed, and what it started is cancelled.
+    #[default]
+    #[serde(rename = "cancel")]
+    Cancel,
+    /// The rule stays.
+    #[serde(rename = "go on")]
+    GoOn,
+}
+
+/// A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing
+/// changes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RuleBody {
+    /// Name for people; without it, the condition.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The condition, such as `approach.outcome == touched and not topic(part/there)`.
+    pub when: String,
+    /// Commands that end; those that have ended already are skipped.
+    #[serde(default, skip_serializing_if = "CommandList::is_empty")]
+    pub stop: CommandList,
+    /// Commands that are cancelled; those that have ended already are skipped.
+    #[serde(default, skip_serializing_if = "CommandList::is_empty")]
+    pub cancel: CommandList,
+    /// Ready commands that start.
+    #[serde(default, skip_serializing_if = "CommandList::is_empty")]
+    pub start: CommandList,
+    /// The client's lease; without it, that of the request.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lease: Option<u64>,
+    /// What happens when the client is gone.
+    #[serde(default)]
+    pub on_client_loss: OnClientLoss,
+}
+
+/// Rules to be installed: all of them between the same two cycles, or none.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RulesBody {
+    /// At most 16 rules.
+    pub rules: Vec<RuleBody>,
+    /// The client's lease, for rules that name none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lease: Option<u64>,
+}
+
+/// A rule that was installed.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct RuleNumber {
+    /// Its number.
+    pub rule: u64,
+    /// Its name.
+    pub name: String,
+}
+
+/// Answer to an installation.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct RulesInstalled {
+    /// Executor cycle from which on the conditions are judged.
+    pub cycle: u64,
+    /// The rules, in the order of the request.
+    pub rules: Vec<RuleNumber>,
+}
+
+/// A rule and its state.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct RuleView {
+    /// Its number.
+    pub rule: u64,
+    /// Its name.
+    pub name: String,
+    /// Its condition.
+    pub when: String,
+    /// Commands that it stops, as `net#id`.
+    pub stop: Vec<String>,
+    /// Commands that it cancels.
+    pub cancel: Vec<String>,
+    /// Commands that it starts.
+    pub start: Vec<String>,
+    /// `armed due fired refused expired disarmed`.
+    pub state: String,
+    /// Executor cycle in which it was installed, or in which it fired or ended otherwise.
+    pub cycle: u64,
+    /// The client's lease.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lease: Option<u64>,
+    /// What happens when the client is gone.
+    pub on_client_loss: OnClientLoss,
+    /// Code of the reason why nothing followed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub code: Option<String>,
+    /// Why nothing followed; absent if it fired or still may.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub words: Option<String>,
+}
+
+/// A lease is asked for.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LeaseBody {
+    /// Time after which it expires unless it is renewed, ms; 50 to 3 600 000.
+    pub expires_ms: u64,
+}
+
+/// A granted lease.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct LeaseGranted {
+    /// Its number.
+    pub lease: u64,
+    /// Time after which it expires unless it is renewed, ms.
+    pub expires_ms: u64,
+}
+
+/// A lease was renewed, ended, or commands were bound to it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct LeaseDone {
+    /// Its number.
+    pub lease: u64,
+    /// Executor cycle in which it took effect.
+    pub cycle: u64,
+}
+
+/// Commands to be bound to a lease.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LeaseCommands {
+    /// At most 8 ready or active commands.
+    pub commands: CommandList,
+}

@@ -1,0 +1,159 @@
+//! Leases: what happens to rules and commands when their client is gone.
+
+use super::*;
+
+const EXPIRES_NS: u64 = 100_000_000;
+
+fn grant(fixture: &mut EngineFixture) -> u64 {
+    let answer = fixture.ask(|ticket| EngineRequest::GrantLease {
+        ticket,
+        expires_ns: EXPIRES_NS,
+    });
+    match answer {
+        Answer::Reserved { id } => id,
+        answer => panic!("{answer:?}"),
+    }
+}
+
+fn renew(fixture: &mut EngineFixture, lease: u64) -> Answer {
+    fixture.ask(|ticket| EngineRequest::RenewLease { ticket, lease })
+}
+
+fn leased(lease: u64, rule: Rule) -> Rule {
+    Rule {
+        lease,
+        goes_on: false,
+        ..rule
+    }
+}
+
+/// An arm that drifts until `over`, another one that follows, and a rule between them.
+fn handing_over(lease: u64, fixture: &mut EngineFixture) -> (u64, u64, Rule) {
+    let first = fixture.load(drift_until(HOLD[0], 0.0, 500));
+    let second = fixture.load(drift_net(HOLD[0], 0.0));
+    let rule = rule(&[over(first)], &[first], &[], &[second]);
+    (first, second, leased(lease, rule))
+}
+
+#[test]
+fn a_rule_of_a_client_that_is_gone_starts_no_arm() {
+    let mut fixture = EngineFixture::new();
+    let lease = grant(&mut fixture);
+    let (first, second, rule) = handing_over(lease, &mut fixture);
+    let (id, _) = install(&mut fixture, &[rule]);
+    cycle_of(fixture.start(first));
+    for _ in 0..5 {
+        fixture.steps(50);
+        cycle_of(renew(&mut fixture, lease));
+    }
+    let renewed = fixture.engine.status().cycle;
+    fixture.steps(600);
+    assert_eq!(fixture.state(first), CommandState::Running);
+    assert_eq!(fixture.state(second), CommandState::Ready);
+    let status = status(&mut fixture, id);
+    let lost = DisarmReason::ClientLost { lease };
+    assert_eq!(status.disarmed, Some(lost));
+    assert_eq!(status.cycle, renewed + EXPIRES_NS / 1_000_000 + 1);
+    let answer = renew(&mut fixture, lease);
+    assert!(matches!(answer, Answer::Refused(Refusal::Rule { .. })));
+}
+
+#[test]
+fn a_rule_that_goes_on_does_and_one_whose_client_is_there_too() {
+    for goes_on in [false, true] {
+        let mut fixture = EngineFixture::new();
+        let lease = grant(&mut fixture);
+        let (first, second, rule) = handing_over(lease, &mut fixture);
+        install(&mut fixture, &[Rule { goes_on, ..rule }]);
+        cycle_of(fixture.start(first));
+        for _ in 0..20 {
+            fixture.steps(50);
+            if !goes_on {
+                cycle_of(renew(&mut fixture, lease));
+            }
+        }
+        assert_eq!(fixture.state(second), CommandState::Running);
+        // What a rule with a lease has started is bound to it; what goes on is not.
+        fixture.steps(200);
+        assert_eq!(fixture.state(second).is_active(), goes_on);
+    }
+}
+
+#[test]
+fn commands_that_are_bound_are_cancelled_or_aborted_when_the_lease_is_lost() {
+    for ended in [false, true] {
+        let mut fixture = EngineFixture::new();
+        let lease = grant(&mut fixture);
+        let [line, endless, free] =
+            [line_net(), endless_net(1), endless_net(2)].map(|plan| fixture.load(plan));
+        let commands = named(&[line, endless]);
+        cycle_of(fixture.ask(|ticket| EngineRequest::BindLease {
+            ticket,
+            lease,
+            commands,
+        }));
+        for id in [line, endless, free] {
+            cycle_of(fixture.start(id));
+        }
+        fixture.steps(20);
+        if ended {
+            cycle_of(fixture.ask(|ticket| EngineRequest::EndLease { ticket, lease }));
+        } else {
+            fixture.steps(100);
+        }
+        assert_eq!(fixture.state(line), CommandState::Canceling);
+        assert_eq!(fixture.reason(endless), EndReason::Aborted);
+        assert_eq!(fixture.state(free), CommandState::Running);
+        assert_eq!(fixture.until_terminated(line, 1000), EndReason::Canceled);
+        let mut events = std::iter::from_fn(|| fixture.ends.events.pop().ok());
+        let lost = events.find_map(|event| match event {
+            EngineEvent::LeaseLost {
+                lease, commands, ..
+            } => Some((lease, commands)),
+            _ => None,
+        });
+        assert_eq!(lost, Some((lease, 2)));
+    }
+}
+
+#[test]
+fn a_row_that_is_used_again_is_not_bound_any_more() {
+    let mut fixture = EngineFixture::new();
+    let lease = grant(&mut fixture);
+    let old = fixture.load(endless_net(1));
+    let commands = named(&[old]);
+    cycle_of(fixture.ask(|ticket| EngineRequest::BindLease {
+        ticket,
+        lease,
+        commands,
+    }));
+    cycle_of(fixture.ask(|ticket| EngineRequest::Unload { ticket, id: old }));
+    let new = fixture.load(endless_net(1));
+    cycle_of(fixture.start(new));
+    fixture.steps(300);
+    assert_eq!(fixture.state(new), CommandState::Running);
+}
+
+#[test]
+fn leases_are_bounded_in_number_and_time() {
+    let mut fixture = EngineFixture::new();
+    for expires_ns in [0, 1, u64::MAX] {
+        let answer = fixture.ask(|ticket| EngineRequest::GrantLease { ticket, expires_ns });
+        assert!(matches!(answer, Answer::Refused(Refusal::LeaseTime { .. })));
+    }
+    let mut granted = 0;
+    loop {
+        let answer = fixture.ask(|ticket| EngineRequest::GrantLease {
+            ticket,
+            expires_ns: 3_600_000_000_000,
+        });
+        match answer {
+            Answer::Reserved { .. } => granted += 1,
+            Answer::Refused(Refusal::LeasesFull { max }) => {
+                assert_eq!(granted, max);
+                return;
+            }
+            answer => panic!("{answer:?}"),
+        }
+    }
+}
