@@ -27,6 +27,7 @@ fn every_robot_returns_to_every_pose_in_every_branch() {
             "iiwa14.yaml",
             "iiwa7.yaml",
             "iiwa7_springs.yaml",
+            "iiwa7_turned.yaml",
             "kr10_r1420.yaml",
             "kr150_r3100_2.yaml",
             "kr6_r700_sixx.yaml",

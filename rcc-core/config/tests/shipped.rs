@@ -48,6 +48,13 @@ fn the_cells_are_read_without_a_fault() {
         ("cells/demo.yaml", "demo", &["lwr", "io"][..]),
         ("cells/lwr.yaml", "lwr", &["lwr"]),
         ("cells/iiwa.yaml", "iiwa", &["iiwa"]),
+        ("cells/iiwa-demo.yaml", "iiwa-demo", &["lwr", "io"]),
+        ("cells/iiwa-impedance.yaml", "iiwa-impedance", &["iiwa"]),
+        (
+            "cells/lwr-and-iiwa.yaml",
+            "lwr-and-iiwa",
+            &["left", "right"],
+        ),
         ("cells/impedance.yaml", "impedance", &["lwr"]),
     ] {
         let config = load(name);
