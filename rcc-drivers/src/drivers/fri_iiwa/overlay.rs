@@ -4,10 +4,13 @@
 //! FRI does not command stiffness and damping, they are the application's. A net that commands forces says which springs it
 //! means, so the robot's file must have the application's springs as ranges of one value: then the guard refuses a net that
 //! means others, and nothing that a net commands is ignored.
+//!
+//! A robot's file may describe the arm in a base and with a flange that are turned by 180° about z, so that the joints of an
+//! iiwa turn as those of an LWR do. Poses and wrenches of the wire are in the robot's own frames.
 
 use rcc_config::DeviceConfig;
 use rcc_core::impedance::{ControlMode, ImpedanceLimits};
-use rcc_core::kinematics::Arm;
+use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 
@@ -22,11 +25,17 @@ const UNIT: f64 = 1e-3;
 /// The redundancy value is the position of A3 in KUKA's strategy E1.
 const E1: i32 = 0;
 const REDUNDANT_JOINT: usize = 2;
+/// Directions of the joints of an iiwa in its own base, and in one that is turned by 180° about z.
+const OWN_SIGNS: [f64; JOINTS] = [1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0];
+const TURNED_SIGNS: [f64; JOINTS] = [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0];
 
 /// Encodes answers for each overlay; knows the arm and the springs of its application.
 #[derive(Clone, Debug)]
 pub struct OverlayEncoder {
+    /// The arm in the robot's own frames; `None`: the robot's file has other frames, and poses cannot be converted.
     arm: Option<Arm>,
+    /// The robot's file has its base and flange turned.
+    turned: bool,
     springs: Option<ImpedanceLimits>,
     /// Motion centre relative to the flange, from the robot's own pose; `None`: there is no valid pose.
     tool: Option<Pose>,
@@ -37,8 +46,20 @@ impl OverlayEncoder {
     #[must_use]
     pub fn of(device: &DeviceConfig) -> Self {
         let model = device.model();
+        let described = match model.arm {
+            Some(Arm::Srs(arm)) => Some(arm),
+            _ => None,
+        };
+        let turned = described.is_some_and(|arm| arm.signs == TURNED_SIGNS);
+        let own = described.filter(|arm| turned || arm.signs == OWN_SIGNS);
         Self {
-            arm: model.arm,
+            arm: own.map(|arm| {
+                Arm::Srs(SrsArm {
+                    signs: OWN_SIGNS,
+                    ..arm
+                })
+            }),
+            turned,
             springs: model.impedance,
             tool: None,
         }
@@ -53,6 +74,15 @@ impl OverlayEncoder {
             }
             _ => None,
         };
+    }
+
+    /// Converts a wrench between the robot's own axes and those of the robot's file; in both directions the same.
+    #[must_use]
+    pub fn turn(&self, [fx, fy, fz, tx, ty, tz]: [f64; 6]) -> [f64; 6] {
+        match self.turned {
+            true => [-fx, -fy, fz, -tx, -ty, tz],
+            false => [fx, fy, fz, tx, ty, tz],
+        }
     }
 
     /// Returns the control mode in which a net commands the robot in this overlay; `None` if it cannot.
@@ -106,6 +136,7 @@ impl OverlayEncoder {
         match ClientCommandMode::from_wire(robot.command_mode) {
             Some(ClientCommandMode::Wrench) => {
                 let [x, y, z, rx, ry, rz, ..] = *added;
+                let [x, y, z, rx, ry, rz] = self.turn([x, y, z, rx, ry, rz]);
                 data.wrench = Some(CartesianVector {
                     element: vec![x, y, z, rz, ry, rx],
                 });

@@ -219,7 +219,7 @@ impl IiwaSession {
             inputs.position = robot.measured;
             inputs.torque = robot.torque;
             inputs.external_torque = robot.external_torque;
-            inputs.wrench = robot.wrench;
+            inputs.wrench = self.overlay.turn(robot.wrench);
         }
         Exchange {
             commandable,

@@ -2,6 +2,7 @@
 
 use rcc_config::DeviceConfig;
 use rcc_core::impedance::{ControlMode, Impedance};
+use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::pose::Pose;
 use rcc_core::primitive::ChannelKind;
@@ -9,8 +10,8 @@ use rcc_core::primitive::ChannelKind;
 use super::session::{IiwaSession, SessionSettings};
 use super::*;
 use crate::fri_iiwa::wire::schema::{
-    Command, CommandData, Connection, Header, Interpolator, JointValues, MonitorData, Monitoring,
-    Redundancy, Robot, Transformation,
+    CartesianVector, Command, CommandData, Connection, Header, Interpolator, JointValues,
+    MonitorData, Monitoring, Redundancy, Robot, Transformation,
 };
 use crate::fri_iiwa::wire::{COMMAND_ID, JOINTS, MONITORING_ID, decode, encode};
 
@@ -310,8 +311,9 @@ fn with_its_springs_torques_and_wrenches_are_commanded_beside_the_position() {
     let strategy = ControlMode::CartesianImpedance;
     assert_eq!((exchange.startable, exchange.strategy), (true, strategy));
     // KUKA turns about z first.
+    // The demo's arm has joints that turn as an LWR's: its axes x and y are opposite to those of an iiwa.
     let wrench = last.wrench.expect("the overlay's").element;
-    assert_eq!(wrench, [1.0, 2.0, 3.0, 6.0, 5.0, 4.0]);
+    assert_eq!(wrench, [-1.0, -2.0, 3.0, 6.0, -5.0, -4.0]);
     // What is meant for another strategy is not sent.
     let (_, last) = overlay(&sprung(), 2, &pressing(ControlMode::JointImpedance));
     assert_eq!(last.wrench.expect("the overlay's").element, [0.0; 6]);
@@ -327,7 +329,12 @@ fn an_overlay_of_a_pose_gets_the_pose_of_the_commanded_joints() {
     );
     assert_eq!(last.position, None);
     assert_eq!(last.redundancy.and_then(|found| found.value), Some(0.3));
-    let arm = arm().model().arm.expect("an arm");
+    // In the robot's own base A2, A4 and A6 turn in the other direction.
+    let Some(Arm::Srs(described)) = arm().model().arm else {
+        panic!("an arm with seven joints");
+    };
+    let signs = [1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0];
+    let arm = Arm::Srs(SrsArm { signs, ..described });
     let own = arm.forward(&[OWN; JOINTS_MAX]);
     let held = Pose {
         position: [0.1, 0.2, 0.3],
@@ -367,6 +374,21 @@ fn an_overlay_of_a_pose_without_a_pose_cannot_be_commanded() {
         (exchange.commandable, exchange.reason),
         (false, COMMAND_MODE)
     );
+}
+
+#[test]
+fn a_measured_wrench_is_told_in_the_axes_of_the_robots_file() {
+    let mut session = session(Version::V2_7);
+    let mut message = message(1, MONITORING_READY);
+    message.data.as_mut().expect("set above").external_force = Some(CartesianVector {
+        element: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+    });
+    session
+        .accept(&encode(Version::V2_7, &message).expect("it fits"))
+        .expect("a good message");
+    let mut inputs = Inputs::NONE;
+    session.exchange(&mut inputs);
+    assert_eq!(inputs.wrench, [-1.0, -2.0, 3.0, -6.0, -5.0, 4.0]);
 }
 
 #[test]
