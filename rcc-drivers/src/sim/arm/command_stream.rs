@@ -121,6 +121,11 @@ impl CommandStream {
         }
     }
 
+    /// Returns the position of the last command, rad.
+    pub fn position(&self) -> Joints {
+        self.position
+    }
+
     /// Returns the velocity of the last command, rad/s.
     pub fn velocity(&self) -> Joints {
         self.velocity

@@ -49,9 +49,7 @@ pub(in crate::sim::iiwa) struct Synchronisation {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::sim::iiwa) struct FollowedCommands {
     pub(in crate::sim::iiwa) stream: CommandStream,
-    /// Target of the last command, rad.
-    target: Joints,
-    /// Ticks until the set-point is there: commands are interpolated until the next one is due.
+    /// Ticks until the set-point is at the last command: commands are interpolated until the next one is due.
     ticks_left: u32,
     mirror_checked: bool,
     missed_in_a_row: u32,
@@ -65,7 +63,7 @@ impl FollowedCommands {
 
     /// Returns the target of the last command, rad.
     pub(super) fn target(&self) -> Joints {
-        self.target
+        self.stream.position()
     }
 }
 
@@ -141,7 +139,6 @@ impl Cabinet {
             self.counts.entries += 1;
             self.motion = Motion::Follow(FollowedCommands {
                 stream: self.last_stream,
-                target: self.desired,
                 ticks_left: 0,
                 mirror_checked: false,
                 missed_in_a_row: 0,
@@ -176,7 +173,6 @@ impl Cabinet {
                     .accept(&target, &self.settings.stream_rules())?;
                 self.check_speed(&target, &commands.stream.velocity())?;
                 self.impedance.added = added;
-                commands.target = target;
                 commands.ticks_left = self.settings.multiplier;
                 commands.mirror_checked = true;
                 commands.missed_in_a_row = 0;
@@ -199,12 +195,12 @@ impl Cabinet {
     /// Moves the set-point by one period: to the target, or on with the last velocity.
     fn advance(&mut self, commands: &mut FollowedCommands) {
         let (velocity, period_s) = (commands.stream.velocity(), self.settings.period_s());
-        let left = f64::from(commands.ticks_left);
+        let (target, left) = (commands.target(), f64::from(commands.ticks_left));
         for (joint, desired) in self.desired.iter_mut().enumerate() {
             *desired = match commands.ticks_left {
                 0 => *desired + velocity[joint] * period_s,
-                1 => commands.target[joint],
-                _ => *desired + (commands.target[joint] - *desired) / left,
+                1 => target[joint],
+                _ => *desired + (target[joint] - *desired) / left,
             };
         }
         commands.ticks_left = commands.ticks_left.saturating_sub(1);
