@@ -8,6 +8,7 @@ use super::{FindingLevel, HealthFinding};
 
 pub mod fri;
 pub mod gather;
+pub mod iiwa;
 pub mod plain;
 pub mod sockets;
 
@@ -108,6 +109,7 @@ impl LinkReport {
     pub fn of(facts: &LinkFacts) -> LinkReport {
         let stages: &[LinkStage] = match facts.driver.as_str() {
             "fri-lwr" => fri::STAGES,
+            "fri-iiwa" => iiwa::STAGES,
             _ => plain::STAGES,
         };
         let mut findings = Vec::new();

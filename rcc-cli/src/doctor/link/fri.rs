@@ -24,6 +24,30 @@ const COMMAND: u64 = 0x1005;
 /// Field 1 of a Sunrise message: its identifier 0x00245142 in protobuf encoding.
 const SUNRISE: [u8; 5] = [0x08, 0xc2, 0xa2, 0x91, 0x01];
 
+/// Where the controller's side of the connection is configured.
+struct ControllerSide {
+    network: &'static str,
+    host: &'static str,
+    port: &'static str,
+}
+
+impl ControllerSide {
+    fn of(facts: &LinkFacts) -> Self {
+        match facts.driver.as_str() {
+            "fri-iiwa" => Self {
+                network: "KONI or X66 of the Sunrise Cabinet",
+                host: "the client of the FRI configuration",
+                port: "setPortOnRemote of the FRI configuration (30200 to 30209)",
+            },
+            _ => Self {
+                network: "VxWorks, KRC network settings",
+                host: "FRIHOST",
+                port: "FRISOCK (dlrrc.ini)",
+            },
+        }
+    }
+}
+
 /// Stages in order; the first failed one ends the report.
 pub const STAGES: &[LinkStage] = &[
     ("configuration", configuration),
@@ -42,11 +66,11 @@ pub const STAGES: &[LinkStage] = &[
     ("answers", answers),
 ];
 
-fn listen(facts: &LinkFacts) -> Option<SocketAddr> {
+pub(super) fn listen(facts: &LinkFacts) -> Option<SocketAddr> {
     facts.settings["listen"].as_str()?.parse().ok()
 }
 
-fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
+pub(super) fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
     let Some(SocketAddr::V4(listen)) = listen(facts) else {
         let fix = "set settings.listen to an IPv4 address with a port, such as 192.168.0.1:49938";
         return Some(HealthFinding::fail(
@@ -92,7 +116,8 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
         ));
     }
     if let Some(peer) = peer(facts).filter(|peer| !interface.is_near(*peer)) {
-        let fix = "give both interfaces addresses in one subnet (controller side: VxWorks, KRC network settings)";
+        let side = ControllerSide::of(facts).network;
+        let fix = format!("give both interfaces addresses in one subnet (controller side: {side})");
         return Some(HealthFinding::fail(
             format!(
                 "the controller {peer} is not in the subnet of {}",
@@ -104,7 +129,10 @@ fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
     if ip.is_loopback() && !facts.simulated {
         return Some(HealthFinding::warn(
             format!("listens on {ip}, which is reachable from this machine only"),
-            "for a real controller, set settings.listen and FRIHOST to the address of the interface that leads to it",
+            format!(
+                "for a real controller, set settings.listen and {} to the address of the interface that leads to it",
+                ControllerSide::of(facts).host
+            ),
         ));
     }
     Some(HealthFinding::ok(format!(
@@ -123,7 +151,7 @@ fn peer(facts: &LinkFacts) -> Option<Ipv4Addr> {
     }
 }
 
-fn port(facts: &LinkFacts) -> Option<HealthFinding> {
+pub(super) fn port(facts: &LinkFacts) -> Option<HealthFinding> {
     let listen = listen(facts)?;
     if facts.is_answered() {
         return Some(HealthFinding::ok(format!("UDP {listen} is open")));
@@ -142,7 +170,10 @@ fn port(facts: &LinkFacts) -> Option<HealthFinding> {
                 .holder
                 .clone()
                 .unwrap_or_else(|| "another process".to_owned());
-            let fix = "end that process, or choose another port in the cell's file and in FRISOCK (dlrrc.ini)";
+            let fix = format!(
+                "end that process, or choose another port in the cell's file and in {}",
+                ControllerSide::of(facts).port
+            );
             Some(HealthFinding::fail(
                 format!("UDP {listen} is in use by {who}"),
                 fix,
@@ -251,7 +282,7 @@ fn version(facts: &LinkFacts) -> Option<HealthFinding> {
                 format!(
                     "the sender uses the FRI of Sunrise ({which}): an LBR iiwa or Med, not an LWR"
                 ),
-                "this driver is for the LWR 4+ with KUKA.FRI 1.0; an iiwa needs a driver of its own",
+                "this driver is for the LWR 4+ with KUKA.FRI 1.0; for an iiwa or Med write `driver: fri-iiwa`",
             ),
             None => fails(
                 format!("received datagrams of {bytes} bytes; FRI 1.0 uses 916"),
