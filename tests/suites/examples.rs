@@ -1,7 +1,7 @@
 //! Every net in `configs/nets` is valid for the demo cell and runs there, through all processes.
 //! Each test has a cell of its own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rcc_tests::simulator::assert_within_limits;
 use rcc_tests::{TestCell, await_some, cell_fixture::files_below, repository};
@@ -13,9 +13,17 @@ fn example_nets() -> Vec<PathBuf> {
     files
 }
 
+/// The demo, and the demo with an iiwa in place of the LWR.
+const CELLS: [(&str, &str); 2] = [("demo.yaml", "lwr-sim"), ("iiwa-demo.yaml", "iiwa-sim")];
+
 #[test]
 fn every_example_net_is_valid_offline() {
-    let config = repository().join("configs/cells/demo.yaml");
+    for (config, _) in CELLS {
+        is_valid_offline(&repository().join("configs/cells").join(config));
+    }
+}
+
+fn is_valid_offline(config: &Path) {
     let files = example_nets();
     let output = std::process::Command::new(rcc_tests::program("rcc-cli"))
         .arg("check")
@@ -34,8 +42,20 @@ fn every_example_net_is_valid_offline() {
 
 #[test]
 fn every_example_net_runs_in_a_cell() {
-    let cell = TestCell::demo();
-    let mut arm = cell.simulator("lwr-sim");
+    assert_within_limits(&runs_in(CELLS[0]), &[]);
+}
+
+#[test]
+fn every_example_net_runs_on_an_iiwa_with_only_the_device_changed() {
+    let state = runs_in(CELLS[1]);
+    assert_eq!(state["faults"], serde_json::json!([]), "{state}");
+}
+
+/// Runs all nets in a cell, one after the other; returns the state of the simulated arm at the end.
+fn runs_in((config, simulator): (&str, &str)) -> serde_json::Value {
+    let config = repository().join("configs/cells").join(config);
+    let cell = TestCell::start(&config, |text| text);
+    let mut arm = cell.simulator(simulator);
     for path in example_nets() {
         let text = std::fs::read_to_string(&path).expect("a net");
         let name = path.file_stem().expect("a name").display().to_string();
@@ -61,6 +81,7 @@ fn every_example_net_runs_in_a_cell() {
         };
         cell.assert_ends(id, reason);
     }
-    assert_within_limits(&arm.state(), &[]);
+    let state = arm.state();
     cell.stop();
+    state
 }

@@ -19,6 +19,7 @@ mod evidence;
 mod examples;
 mod flood;
 mod handover;
+mod iiwa;
 mod impedance;
 mod incidents;
 mod life;
