@@ -20,7 +20,7 @@ use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
 use rcc_loader::server::service::history::{READ_EVERY, RecordFollower};
-use rcc_os::memory::MemoryTrimmer;
+use rcc_os::memory::{MemoryTrimmer, separate_arenas};
 use rcc_process::helpers::Hang;
 use rcc_process::oom;
 use rcc_process::priority::{STOP_NICE, WorkerPriority, raise_stop_thread};
@@ -41,6 +41,8 @@ const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
 const WORK_MAX: Duration = Duration::from_secs(30);
 /// Number of worker threads created before the loader is ready; more are created on demand and kept.
 const WORKERS: usize = 4;
+/// Upper limit of the number of other threads of this program.
+const OWN_THREADS_MAX: usize = 32;
 /// Time allowed for these threads to start.
 const WORKERS_WAIT: Duration = Duration::from_secs(20);
 /// Idle time after which a worker thread would end: never.
@@ -62,6 +64,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
     rcc_process::log();
+    separate_arenas(routes::THREADS_MAX + OWN_THREADS_MAX);
     // Without /proc the score cannot be set.
     let _ = oom::raise_score(oom::SCORE_RESTARTABLE);
     exit::conclude(serve(&cell))
@@ -104,22 +107,7 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
         .with_helpers(helpers.clone())
         .with_file_watch(arguments.chosen_ports());
     let service = Arc::new(service);
-    let maintained = Arc::clone(&service);
-    helpers.spawn("maintenance", SLOW_TURN_MAX, move |helper| {
-        // Compiling a long text takes a hundred times its size in memory, which is returned to the system afterwards.
-        let mut memory = MemoryTrimmer::default();
-        while !helper.rest(MAINTAIN_EVERY) {
-            maintained.maintain();
-            memory.trim_if_grown();
-        }
-    })?;
-    let followed = Arc::clone(&service);
-    helpers.spawn("history", SLOW_TURN_MAX, move |helper| {
-        let mut follower = RecordFollower::default();
-        while !helper.rest(READ_EVERY) {
-            followed.follow_records(&mut follower);
-        }
-    })?;
+    spawn_helpers(&helpers, &service)?;
     let workers = WorkerPriority::raise_calling_thread()
         .inspect_err(|error| {
             tracing::info!(
@@ -197,6 +185,34 @@ fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
     let _ = std::fs::remove_file(cell.socket());
     drop(announced);
     served
+}
+
+/// Starts the threads that look after the executor's commands, monitored values and memory.
+fn spawn_helpers(helpers: &Helpers, service: &Arc<Service>) -> Result<(), ExitError> {
+    let maintained = Arc::clone(service);
+    helpers.spawn("maintenance", SLOW_TURN_MAX, move |helper| {
+        while !helper.rest(MAINTAIN_EVERY) {
+            maintained.maintain();
+        }
+    })?;
+    helpers.spawn("memory", SLOW_TURN_MAX, |helper| {
+        // It locks each arena of the allocator in turn, also those of CANCEL and ABORT, and must not lose the processor
+        // meanwhile.
+        raise_stop_thread();
+        // Compiling a long text takes a hundred times its size in memory, which is returned to the system afterwards.
+        let mut memory = MemoryTrimmer::default();
+        while !helper.rest(MAINTAIN_EVERY) {
+            memory.trim_if_grown();
+        }
+    })?;
+    let followed = Arc::clone(service);
+    helpers.spawn("history", SLOW_TURN_MAX, move |helper| {
+        let mut follower = RecordFollower::default();
+        while !helper.rest(READ_EVERY) {
+            followed.follow_records(&mut follower);
+        }
+    })?;
+    Ok(())
 }
 
 fn report_hang(recorder: &EventRecorder, hang: &Hang) {

@@ -161,6 +161,7 @@ fn status_shows_each_helper_with_its_age_and_its_limit() {
         "events",
         "notify",
         "maintenance",
+        "memory",
         "history",
         "workers",
         "stop-0",

@@ -1,6 +1,6 @@
 //! Returns freed memory that the allocator keeps to the system. Called by threads that are not real-time: it locks the
 //! allocator for some milliseconds.
-// One call of the C library, only in this file.
+// Two calls of the C library, only in this file.
 #![allow(unsafe_code)]
 
 use std::fs;
@@ -34,8 +34,7 @@ impl Default for MemoryTrimmer {
 }
 
 impl MemoryTrimmer {
-    /// Returns free memory to the system if the process has grown by some megabytes. Called periodically; otherwise it
-    /// costs reading one small file.
+    /// Returns free memory to the system if the process has grown by some megabytes. Called periodically; it costs reading
     /// one small file otherwise.
     pub fn trim_if_grown(&mut self) {
         if self.left > 0 {
@@ -53,6 +52,20 @@ impl MemoryTrimmer {
         };
         self.left = self.pause - 1;
     }
+}
+
+/// Lets each of this many threads have an arena of the allocator for itself. With fewer, a thread waits for another one
+/// that holds their arena and has no processor, whatever its own priority is. To be called before the threads are made; does
+/// nothing unless the allocator is glibc's.
+pub fn separate_arenas(threads: usize) {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: it takes two numbers and no pointer, and only limits how many arenas are made from now on.
+    unsafe {
+        // Refused only for parameters that the library does not know.
+        let _ = libc::mallopt(libc::M_ARENA_MAX, threads.try_into().unwrap_or(i32::MAX));
+    }
+    #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+    let _ = threads;
 }
 
 /// Returns the resident memory of this process, bytes; 0 if the system does not report it.
