@@ -149,6 +149,16 @@ primitives:
     fs::write(folder.file("lamp.yaml"), lamp).expect("written");
     let lit = self::report(0, &[&folder.file("lamp.yaml"), "--for", "1s"]);
     assert_eq!(lit["reason"], "finished", "{lit}");
+    // An input that is set stays as it is set.
+    let dark = [
+        &folder.file("lamp.yaml"),
+        "--for",
+        "1s",
+        "--input",
+        "io.lamp_on=false",
+    ];
+    let dark = self::report(0, &dark);
+    assert_eq!(dark["state"], "running", "{dark}");
 }
 
 #[test]

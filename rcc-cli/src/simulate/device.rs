@@ -172,14 +172,24 @@ impl SimulatedDevice {
         self.scripted.push((reading, value));
     }
 
-    /// Sets a digital input; `None` makes it unknown.
+    /// Sets a digital input from now on, also if an output is wired to it; `None` makes it unknown.
     pub fn set_digital(&mut self, index: usize, value: Option<bool>) {
+        self.wires.retain(|wire| !wire.digital || wire.to != index);
+        self.read_digital(index, value);
+    }
+
+    fn read_digital(&mut self, index: usize, value: Option<bool>) {
         set_bit(&mut self.measurement.digital, index, value == Some(true));
         set_bit(&mut self.measurement.digital_known, index, value.is_some());
     }
 
-    /// Sets an analog input, SI units; NaN makes it unknown.
+    /// Sets an analog input from now on, SI units, also if an output is wired to it; NaN makes it unknown.
     pub fn set_analog(&mut self, index: usize, value: f64) {
+        self.wires.retain(|wire| wire.digital || wire.to != index);
+        self.read_analog(index, value);
+    }
+
+    fn read_analog(&mut self, index: usize, value: f64) {
         if let Some(slot) = self.measurement.analog.get_mut(index) {
             *slot = value;
         }
@@ -210,10 +220,10 @@ impl SimulatedDevice {
         for index in 0..self.wires.len() {
             let wire = self.wires[index];
             if wire.digital {
-                self.set_digital(wire.to, Some(self.digital >> wire.from & 1 == 1));
+                self.read_digital(wire.to, Some(self.digital >> wire.from & 1 == 1));
             } else {
                 let value = self.analog.get(wire.from).copied().unwrap_or(f64::NAN);
-                self.set_analog(wire.to, value * wire.scale + wire.offset);
+                self.read_analog(wire.to, value * wire.scale + wire.offset);
             }
         }
     }

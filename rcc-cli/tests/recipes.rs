@@ -1,0 +1,62 @@
+//! Every net of the page of recipes: it is valid, and does in virtual time what the page says. Needs no cell.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn run(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rcc-cli"));
+    command
+        .args(arguments)
+        .current_dir(repository())
+        .env("RCC_CELL", "no-cell-of-recipes")
+        .env("RCC_CONFIGS", repository().join("configs"))
+        .env_remove("RCC_OUTPUT");
+    command.output().expect("it runs")
+}
+
+/// Returns the nets of the page with their names.
+fn nets() -> Vec<(String, String)> {
+    let page = fs::read_to_string(repository().join("docs/recipes.md")).expect("the page");
+    let blocks = page.split("\n```yaml\n").skip(1);
+    let nets = blocks.filter_map(|rest| {
+        let text = rest.split("```").next()?;
+        let name = text.strip_prefix("net: ")?.lines().next()?;
+        Some((name.to_owned(), text.to_owned()))
+    });
+    nets.collect()
+}
+
+#[test]
+fn every_recipe_does_what_the_page_says() {
+    let folder = rcc_testing::folder();
+    // What happens to each net, and how it ends; the others run until they are canceled.
+    let scripts: &[(&str, &[&str], &str)] = &[
+        ("pick-and-place", &[], "finished"),
+        ("sine", &[], "finished"),
+        ("track", &["--input", "belt.out=0.1"], "finished"),
+        ("heat", &["--cancel-at", "1s"], "canceled"),
+        ("teleop", &["--cancel-at", "1s"], "canceled"),
+    ];
+    let nets = nets();
+    assert_eq!(nets.len(), scripts.len(), "{nets:?}");
+    for (name, text) in nets {
+        let file = folder.path().join(format!("{name}.yaml"));
+        fs::write(&file, text).expect("written");
+        let file = file.to_str().expect("UTF-8");
+        let checked = run(&["check", file]);
+        assert!(checked.status.success(), "{name}: {checked:?}");
+        let script = scripts.iter().find(|(known, ..)| *known == name);
+        let (_, options, reason) = script.unwrap_or_else(|| panic!("no script for {name}"));
+        let arguments = ["--output", "json", "simulate", file];
+        let simulated = run(&[&arguments[..], options].concat());
+        let report: Value = serde_json::from_slice(&simulated.stdout).expect("JSON");
+        assert_eq!(report["reason"], *reason, "{name}: {simulated:?}");
+    }
+}
