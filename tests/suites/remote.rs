@@ -243,7 +243,7 @@ fn tail_and_the_history_show_every_record_of_a_cell_on_another_machine() {
     // The history outlives the command.
     remote
         .cell
-        .cli_exits(0, &["cancel", &id.to_string(), "--wait"]);
+        .cli_exits(8, &["cancel", &id.to_string(), "--wait"]);
     remote.cell.cli_exits(0, &["unload", &id.to_string()]);
     let socket = remote.cell.cell().socket();
     let path = "/history?ports=every/clock.out&seconds=3600&limit=100";
@@ -253,7 +253,7 @@ fn tail_and_the_history_show_every_record_of_a_cell_on_another_machine() {
     let human = remote.cli(&["tail", "--for", "200ms"]);
     assert!(human.status.success(), "{human:?}");
     let refused = remote.cli(&["tail", "a b"]);
-    assert_eq!(refused.status.code(), Some(1), "{refused:?}");
+    assert_eq!(refused.status.code(), Some(2), "{refused:?}");
     let words = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(words.contains("invalid pattern `a b`"), "{words}");
     remote.stop();

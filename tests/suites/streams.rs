@@ -212,6 +212,12 @@ fn one_stream_shows_values_of_several_nets_states_and_events() {
 fn a_stream_samples_at_the_rate_of_the_cell_and_one_client_has_one_of_them() {
     let cell = TestCell::demo();
     let id = cell.run(&nets::clock("clock"));
+    let refused = cell.rest("GET", "/stream?ports=clock/*&rate=1001", "");
+    assert_eq!(
+        (refused.status, refused.code()),
+        (400, "RCC4011"),
+        "{refused:?}"
+    );
     let path = "/stream?ports=clock/*&rate=1000";
     let mut stream = events(&cell.cell().socket(), path);
     let refused = cell.rest("GET", path, "");
@@ -230,12 +236,6 @@ fn a_stream_samples_at_the_rate_of_the_cell_and_one_client_has_one_of_them() {
     assert!(
         cycles.windows(2).all(|pair| pair[0] < pair[1]),
         "{cycles:?}"
-    );
-    let refused = cell.rest("GET", "/stream?ports=clock/*&rate=1001", "");
-    assert_eq!(
-        (refused.status, refused.code()),
-        (400, "RCC4011"),
-        "{refused:?}"
     );
     drop(stream);
     cell.done(id, "cancel");

@@ -397,6 +397,18 @@ class HistogramView(TypedDict):
     """99th percentile, within 6 %, ns."""
 
 
+class HistoryPage(TypedDict):
+    """Monitored values, in the order in which the executor published them."""
+    continues: bool
+    """False if values between `after` and the first of these are missing: the loader keeps no more, or the executor or the loader was restarted."""
+    lost: int
+    """Number of records, of any port, that were lost within this part of the history because the machine was too slow."""
+    next: str
+    """Position after the last of them: the value of `after` for the values that follow."""
+    values: list[MonitoredValue]
+    """The values."""
+
+
 class IncidentView(TypedDict):
     """An incident file of the flight recorder."""
     build: NotRequired[str]
@@ -499,6 +511,32 @@ class MonitorBatch(TypedDict):
     """Executor cycle of the command's first evaluation."""
     values: list[dict[str, Any]]
     """The values; null is null."""
+
+
+class MonitoredValue(TypedDict):
+    """A value that a `Monitor` published."""
+    command: int
+    """The command's id."""
+    cycle: int
+    """Executor cycle."""
+    monitor: str
+    """Id of the `Monitor` primitive."""
+    name: str
+    """`net/primitive.port`, or one element of it."""
+    net: str
+    """The net's name."""
+    sequence: int
+    """Number of the record, counted over all records of the executor."""
+    source: str
+    """The monitored port, `primitive.port`."""
+    stamp_ns: int
+    """CLOCK_MONOTONIC of that cycle on the cell's machine, ns."""
+    type: str
+    """Its type."""
+    unit: NotRequired[str | None]
+    """Its unit, if the type does not imply it."""
+    value: dict[str, Any]
+    """The value, or the list of its elements; null is null."""
 
 
 class ParameterView(TypedDict):
