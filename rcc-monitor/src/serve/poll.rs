@@ -49,15 +49,15 @@ impl Poll {
             server.loader.get("/commands"),
             server.loader.get("/devices")
         );
-        let executor = status
-            .as_ref()
-            .ok()
-            .and_then(|status| status["executor"]["incarnation"].as_str());
-        let executor = executor.unwrap_or_default().to_owned();
-        if executor != self.executor {
-            self.executor = executor;
+        let executor = status.as_ref().ok();
+        let executor = executor.and_then(|status| status["executor"]["incarnation"].as_str());
+        // While the loader or the executor is dead, what is known of it is shown as old.
+        if let Some(executor) = executor.filter(|executor| *executor != self.executor) {
+            self.executor = executor.to_owned();
             // Ids begin anew with each executor.
             server.hub.newest(|newest| newest.nets.clear());
+            let none = nets_text(executor, [].iter(), [].iter());
+            server.hub.send(Update::Shared("nets", none.into()));
         }
         self.cell(server, status, found).await;
         if let Ok(Value::Array(rows)) = rows {

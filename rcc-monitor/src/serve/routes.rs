@@ -17,6 +17,7 @@ use rcc_api::error::ApiError;
 use rcc_protocol::pattern::Pattern;
 use serde::Deserialize;
 use serde_json::{Value, json};
+use tokio::sync::Semaphore;
 
 use super::Server;
 use super::access::{Access, guard};
@@ -25,6 +26,8 @@ use super::{assets, drawings, incidents, viewer};
 
 /// Maximum size of a request's body, bytes.
 const BODY_MAX: usize = 16 << 10;
+/// CANCEL requests of one page at a time: the loader serves 8 of a peer, and keeps some for other pages.
+const STOPS_MAX: usize = 5;
 /// Highest rate of monitored ports, Hz: no executor is faster.
 const MONITOR_RATE_MAX: f64 = 10_000.0;
 
@@ -262,12 +265,17 @@ async fn cancel_all(State(server): Shared) -> Answered {
         .filter(is_active)
         .filter_map(|row| Some((row["id"].as_u64()?, row["net"].as_str()?.to_owned())))
         .collect();
-    // All at once: none waits for another one.
+    // Several at once; the loader refuses a peer that sends more.
+    let places = Arc::new(Semaphore::new(STOPS_MAX));
     let asked = active.into_iter().map(|(id, net)| {
         let loader = server.loader.clone();
         let path = format!("/commands/{id}/cancel");
-        let sent =
-            tokio::spawn(async move { loader.request(Method::POST, &path, String::new()).await });
+        let places = Arc::clone(&places);
+        let sent = tokio::spawn(async move {
+            // The semaphore is never closed.
+            let _place = places.acquire().await;
+            loader.request(Method::POST, &path, String::new()).await
+        });
         (id, net, sent)
     });
     let asked: Vec<_> = asked.collect();

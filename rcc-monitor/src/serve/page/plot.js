@@ -57,12 +57,18 @@ export function makePlot(parent, lines, hooks = {}) {
   };
   const empty = [[], ...lines.map(() => [])];
   const plot = new uPlot(options, empty, parent);
-  const observer = new ResizeObserver(() => {
+  // The legend is as high as its lines need; the curves get the rest.
+  const fit = () => {
+    const style = getComputedStyle(parent);
     const legend = parent.querySelector(".u-legend")?.offsetHeight ?? 0;
-    const [width, height] = [parent.clientWidth, Math.max(160, parent.clientHeight - legend - 2)];
+    const width = parent.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
+    const height = Math.max(120, parent.clientHeight - parseFloat(style.paddingTop) - parseFloat(style.paddingBottom) - legend);
     if (width > 0 && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });
-  });
+  };
+  fit();
+  const observer = new ResizeObserver(fit);
   observer.observe(parent);
+  observer.observe(parent.querySelector(".u-legend"));
   const scheme = matchMedia("(prefers-color-scheme: dark)");
   const redraw = () => plot.redraw();
   scheme.addEventListener("change", redraw);
@@ -74,6 +80,18 @@ export function makePlot(parent, lines, hooks = {}) {
       plot.destroy();
     },
   };
+}
+
+/** Calls `chosen(x, event)` for a press and release at one place; a drag is a zoom. */
+export function onPoint(plot, chosen) {
+  let from = null;
+  plot.over.addEventListener("pointerdown", (event) => { from = event.button === 0 ? [event.clientX, event.clientY] : null; });
+  plot.over.addEventListener("pointerup", (event) => {
+    const moved = from && Math.hypot(event.clientX - from[0], event.clientY - from[1]);
+    from = null;
+    if (moved === null || moved > 3) return;
+    chosen(plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x"), event);
+  });
 }
 
 /** Draws a vertical line with a label; for `hooks.draw`. */
@@ -92,6 +110,7 @@ export function drawLine(plot, x, name, label = "", dashed = true) {
   pen.lineTo(at, top + height);
   pen.stroke();
   pen.font = `${11 * devicePixelRatio}px system-ui`;
+  pen.textAlign = "left";
   pen.fillText(label, at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
   pen.restore();
 }

@@ -88,7 +88,6 @@ export class Series {
 export class SeriesStore {
   constructor() {
     this.all = new Map();
-    this.broken = false;
   }
 
   add(message, periodS) {
@@ -100,7 +99,7 @@ export class SeriesStore {
     for (const { key, c, v } of message.data) {
       const series = this.all.get(key);
       if (!series) continue;
-      if (this.broken && series.length && series.gapPending) {
+      if (series.length && series.gapPending) {
         series.push(c[0] * periodS - 1e-9, Array(series.width).fill(null));
         series.gapPending = false;
       }
@@ -108,10 +107,11 @@ export class SeriesStore {
     }
   }
 
-  /** Marks a gap in every curve: values were missed. */
-  gap() {
-    this.broken = true;
-    for (const series of this.all.values()) series.gapPending = true;
+  /** Marks a gap in every curve, or in those of one source: values were missed. */
+  gap(source) {
+    for (const series of this.all.values()) {
+      if (!source || series.about.source === source) series.gapPending = true;
+    }
   }
 
   /** Forgets series that no pattern means any more, and so frees their memory. */

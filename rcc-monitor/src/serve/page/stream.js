@@ -76,7 +76,7 @@ export function connect() {
   });
   take("lost", (data) => {
     state.lost += data.updates ?? data.records ?? data.samples ?? data.values ?? 0;
-    series.gap();
+    series.gap(data.samples ? "sample" : data.records ? "monitor" : null);
     emit("lost", data);
   });
   take("trouble", (data) => emit("trouble", data));

@@ -64,6 +64,9 @@ export function open(view) {
   };
 }
 
+// `+ 0` avoids "-0.00".
+const degrees = (angle) => (Math.round(angle * 18000 / Math.PI) / 100 + 0).toFixed(2);
+
 function makeArm(arm) {
   const rows = arm.about.joints.map((name) => h("tr", {}, h("td", {}, name), h("td.number"), h("td.range", {}, h("i"))));
   const swatch = h("i.swatch");
@@ -78,10 +81,10 @@ function updateArm(card, arm) {
   card.classList.toggle("trouble", old);
   [...card.querySelectorAll("tbody tr")].forEach((row, index) => {
     const [low, high] = arm.about.ranges[index], joint = arm.now.joints[index];
-    setText(row.children[1], `${(joint * 180 / Math.PI).toFixed(2)}°`);
+    setText(row.children[1], `${degrees(joint)}°`);
     const share = (joint - low) / (high - low);
     const mark = row.querySelector("i");
-    mark.style.left = `${Math.max(0, Math.min(1, share)) * 100}%`;
+    mark.style.left = `calc(8px + ${Math.max(0, Math.min(1, share))} * (100% - 16px))`;
     mark.className = share < 0.05 || share > 0.95 ? "near" : "";
     row.title = `${(low * 180 / Math.PI).toFixed(0)}° to ${(high * 180 / Math.PI).toFixed(0)}°`;
   });

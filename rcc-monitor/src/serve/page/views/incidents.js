@@ -3,7 +3,7 @@
 import { getJson, recordIncident } from "../commands.js";
 import { h, note, reconcile, setText } from "../dom.js";
 import { element, grouped, significant } from "../format.js";
-import { COLOURS, csv, download, drawLine, makePlot } from "../plot.js";
+import { COLOURS, csv, download, drawLine, makePlot, onPoint } from "../plot.js";
 import { on, state } from "../stream.js";
 
 const PORTS_MAX = 8;
@@ -110,7 +110,7 @@ function openOne(view, name) {
             if (rows.length) drawLine(plot, at, "--accent", "", false);
           },
         });
-        made.plot.over.addEventListener("click", (event) => move(Math.round(made.plot.posToVal(event.offsetX, "x"))));
+        onPoint(made.plot, (x) => move(Math.round(x)));
         const numbers = columns.map((column) => net.columns[column].map((value) => (typeof value === "boolean" ? Number(value) : typeof value === "string" ? null : value)));
         made.plot.setData([cycles, ...numbers]);
         drawn.push({ made });

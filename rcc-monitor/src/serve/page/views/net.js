@@ -107,11 +107,11 @@ export function open(view, [id]) {
   }
 
   function draw(source) {
-    const parsed = new DOMParser().parseFromString(source, "image/svg+xml").documentElement;
     // The page's style sheet has these classes; the policy of the page blocks inline styles.
-    parsed.querySelectorAll("style").forEach((style) => style.remove());
-    svg = document.importNode(parsed, true);
+    const plain = source.replace(/<style>[^]*?<\/style>/, "");
+    svg = document.importNode(new DOMParser().parseFromString(plain, "image/svg+xml").documentElement, true);
     svg.removeAttribute("role");
+    crop();
     for (const group of svg.querySelectorAll("g.primitive")) {
       const names = [...group.querySelectorAll("text.port[text-anchor=end]")];
       for (const name of names) {
@@ -131,10 +131,18 @@ export function open(view, [id]) {
     fit();
   }
 
+  /** Removes name and description, which are above the graph already. */
+  function crop() {
+    svg.querySelectorAll(":scope > .title, :scope > .words, :scope > title").forEach((text) => text.remove());
+    const [, , width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
+    const top = Number(/translate\([^,]*,([^)]*)\)/.exec(svg.querySelector("g").getAttribute("transform"))[1]) - 24;
+    svg.setAttribute("viewBox", `0 ${top} ${width} ${height - top}`);
+  }
+
   function fit() {
     if (!svg) return;
     const width = Number(svg.getAttribute("viewBox").split(" ")[2]);
-    factor = Math.min(1.4, Math.max(0.35, (graph.clientWidth - 4) / width));
+    factor = Math.min(1.15, Math.max(0.35, (graph.clientWidth - 4) / width));
     apply();
   }
 

@@ -71,7 +71,8 @@ function updateRow(row, net) {
 }
 
 export function runTime(net) {
-  const last = net.ended_cycle || net.started_cycle;
+  const now = state.cell?.status?.executor?.cycle ?? 0;
+  const last = isActive(net) ? Math.max(now, net.started_cycle) : net.ended_cycle;
   return Math.max(0, last - net.started_cycle + 1) * state.periodS;
 }
 

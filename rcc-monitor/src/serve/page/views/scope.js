@@ -5,7 +5,7 @@
 import { recordIncident } from "../commands.js";
 import { h, note, setText } from "../dom.js";
 import { element } from "../format.js";
-import { COLOURS, csv, download, drawLevel, drawLine, joined, makePlot } from "../plot.js";
+import { COLOURS, csv, download, drawLevel, drawLine, joined, makePlot, onPoint } from "../plot.js";
 import { portPicker } from "../picker.js";
 import { elementName } from "../series.js";
 import { on, series, state, watch } from "../stream.js";
@@ -147,10 +147,9 @@ export function open(view) {
       },
     });
     made.plot.setData(joined(shot.parts));
-    made.plot.over.addEventListener("click", (event) => {
-      if (made.plot.select.width > 2) return;
-      marks[event.shiftKey ? 1 : 0] = made.plot.posToVal(event.offsetX, "x");
-      made.plot.redraw();
+    onPoint(made.plot, (x, event) => {
+      marks[event.shiftKey ? 1 : 0] = x;
+      made.plot.redraw(false);
       showCursors();
     });
     made.plot.over.addEventListener("dblclick", () => { zoom = null; draw(); });
