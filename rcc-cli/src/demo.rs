@@ -21,12 +21,13 @@ use serde_json::json;
 
 use crate::client::LoaderClient;
 use crate::context::{Context, OutputFormat};
+use crate::dashboard::{Dashboard, DashboardArguments};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
 use crate::output::{BackgroundPrinter, print_line, print_record};
 use crate::supervisor::processes::PreparedCell;
-use crate::supervisor::{Supervisor, SupervisorEvent, paths, processes};
+use crate::supervisor::{POLL_INTERVAL, Supervisor, SupervisorEvent, paths, processes};
 use crate::table::{counted, grouped, time};
 use checks::{MotionEvent, RecordedMotion, checks, monitor_index};
 use progress::{Bar, MotionProgress};
@@ -90,7 +91,7 @@ const APPROACH_ATTEMPTS_MAX: usize = 5;
 ///
 /// # Errors
 /// Fails if the cell does not start or a check does not hold.
-pub fn run(context: &Context) -> Result<(), Failure> {
+pub fn run(context: &Context, open: bool) -> Result<(), Failure> {
     let started = Instant::now();
     let interrupts = Interrupts::listen()?;
     let prepared = processes::prepare(&paths::config("cells/demo.yaml")?)?;
@@ -113,10 +114,23 @@ pub fn run(context: &Context) -> Result<(), Failure> {
         ));
     }
     let mut supervisor = Supervisor::start(&name, prepared.clone(), Box::new(print_event))?;
+    let mut dashboard = None;
     let played = supervisor.wait_until_up(&interrupts).and_then(|()| {
         starting.set(false);
+        if open {
+            dashboard = Some(show_dashboard(&name, &printer, json)?);
+        }
         run_figures(context, &mut supervisor, (&interrupts, &printer), &prepared)
     });
+    if dashboard.is_some() && played.is_ok() {
+        printer.print_note("the cell stays for the dashboard: Ctrl-C ends it");
+        while !interrupts.asked() && !supervisor.is_over() {
+            supervisor.poll();
+            std::thread::sleep(POLL_INTERVAL);
+        }
+    }
+    // It leaves the cell before the cell ends.
+    drop(dashboard);
     starting.set(false);
     let kept = supervisor.cell.state_anchor().to_owned();
     let clean = supervisor.stop(&interrupts);
@@ -141,6 +155,22 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     } else {
         Err(Failure::reported(exit::FAILED))
     }
+}
+
+/// Starts the dashboard of the demo's cell, prints its address and opens it.
+fn show_dashboard(
+    cell: &str,
+    printer: &BackgroundPrinter,
+    json: bool,
+) -> Result<Dashboard, Failure> {
+    let dashboard = Dashboard::start(cell, &DashboardArguments::default())?;
+    match json {
+        // The result is the only record on the standard output.
+        true => printer.print_note(&dashboard.address),
+        false => printer.print_line(&format!("  dashboard: {}", dashboard.address)),
+    }
+    dashboard.show();
+    Ok(dashboard)
 }
 
 fn is_trouble(what: &str) -> bool {

@@ -8,6 +8,7 @@ pub mod cells;
 pub mod client;
 pub mod context;
 pub mod csv;
+pub mod dashboard;
 pub mod demo;
 pub mod doctor;
 pub mod duration;

@@ -92,6 +92,10 @@ impl Verb {
                 "checks this machine and the cells on it",
                 "run it there: `ssh HOST rcc-cli doctor`; `rcc-cli status`, `devices` and `events` serve the address",
             ),
+            Verb::Serve(_) => machine(
+                "serves the dashboard of a cell on this machine",
+                "run it there and forward its port: `ssh -L 7426:127.0.0.1:7426 HOST rcc-cli serve --port 7426`",
+            ),
             Verb::InstallUnits(_) => machine(
                 "installs units on this machine",
                 "run it there: `ssh HOST rcc-cli install-units FILE`",

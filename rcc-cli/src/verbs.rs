@@ -34,6 +34,7 @@ pub mod rt_setup;
 pub mod rules;
 pub mod run;
 pub mod schema;
+pub mod serve;
 pub mod set;
 pub mod simulate;
 mod source;
@@ -129,6 +130,8 @@ verbs! {
         Watch = watch;
         /// Print monitored values as they arrive
         Tail = tail;
+        /// Serve a dashboard for browsers on this machine, and print its address
+        Serve = serve;
         /// List the topics that connect nets
         Topics = topics;
         /// Show live timing: nets, histograms, primitives and late cycles

@@ -127,6 +127,13 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-protocol",
             "rcc-ipc",
             "rcc-recording",
+            "rcc-process",
+            // The dashboard: draws nets, replays incidents, and speaks with the loader.
+            "rcc-api",
+            "rcc-engine",
+            "rcc-language",
+            "rcc-directionet",
+            "rcc-graph",
         ],
     ),
     (

@@ -9,6 +9,7 @@ mod clock;
 mod configuration;
 mod crash;
 mod crash_others;
+mod dashboard;
 mod descriptors;
 mod doctor;
 mod endurance;

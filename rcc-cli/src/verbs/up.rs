@@ -7,6 +7,7 @@ use rcc_api::codes::{self, exit};
 use rcc_process::signals;
 
 use crate::context::{Context, OutputFormat};
+use crate::dashboard::{Dashboard, DashboardArguments};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use crate::output::BackgroundPrinter;
@@ -20,6 +21,9 @@ pub struct Arguments {
     /// End the cell when the process that started this one dies
     #[arg(long)]
     parent_death: bool,
+    /// Serve the dashboard too, print its address, and open it in the desktop's browser if there is one
+    #[arg(long)]
+    open: bool,
 }
 
 /// Runs the verb.
@@ -49,10 +53,14 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             what: "ready  (Ctrl-C ends it; next: rcc-cli devices, rcc-cli run FILE)".to_owned(),
         };
         print_event(&printer, &ready, json);
+        // A cell without a dashboard is still a cell.
+        let dashboard = arguments.open.then(|| open(&name, &printer, json));
         while !interrupts.asked() && !supervisor.is_over() {
             supervisor.poll();
             std::thread::sleep(POLL_INTERVAL);
         }
+        // It leaves the cell before the cell ends.
+        drop(dashboard);
     }
     let failed = supervisor.has_failed();
     let clean = supervisor.stop(&interrupts);
@@ -74,6 +82,24 @@ fn follow_parent() -> Result<(), Failure> {
             "start it from a process that lives longer, or without --parent-death",
         )
     })
+}
+
+/// Starts the dashboard and prints its address; says why if it cannot be started.
+fn open(cell: &str, printer: &BackgroundPrinter, json: bool) -> Option<Dashboard> {
+    let started = Dashboard::start(cell, &DashboardArguments::default());
+    let what = match &started {
+        Ok(dashboard) => dashboard.address.clone(),
+        Err(failure) => failure.body.message.clone(),
+    };
+    let event = SupervisorEvent {
+        at: std::time::Duration::ZERO,
+        who: "dashboard".to_owned(),
+        what,
+    };
+    print_event(printer, &event, json);
+    let dashboard = started.ok()?;
+    dashboard.show();
+    Some(dashboard)
 }
 
 fn print_event(printer: &BackgroundPrinter, line: &SupervisorEvent, json: bool) {
