@@ -74,6 +74,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-directionet",
         &["rcc-core", "rcc-config", "rcc-language"],
     ),
+    ("rcc-client", &["rcc-api"]),
     ("rcc-graph", &["rcc-language"]),
     ("rcc-robot", &["rcc-core"]),
     ("rcc-net", &["rcc-core", "rcc-config", "rcc-language"]),
@@ -152,6 +153,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-robot",
             "rcc-api",
             "rcc-recording",
+            "rcc-client",
             // `replay` and `simulate` run the same cycle in virtual time.
             "rcc-engine",
         ],

@@ -5,6 +5,7 @@ mod arrows;
 mod bad_input;
 mod book;
 mod cells;
+mod client;
 mod clock;
 mod configuration;
 mod crash;

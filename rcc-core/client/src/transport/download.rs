@@ -2,27 +2,21 @@
 //! Blocks the calling thread for as long as data arrives.
 
 use std::io::{self, Write};
-use std::time::Duration;
 
 use http_body_util::{BodyExt, Full};
-use hyper::body::{Bytes, Incoming};
-use hyper::client::conn::http1::{SendRequest, handshake};
-use hyper::{Request, Response};
-use hyper_util::rt::TokioIo;
-use rcc_api::bodies::ErrorBody;
+use hyper::Request;
 use rcc_api::codes;
-use tokio::net::{TcpStream, UnixStream};
-use tokio::task::JoinHandle;
 
-use super::{Endpoint, LoaderClient, answer_not_understood, timeout_help};
-use crate::failure::Failure;
+use super::stream::{in_time, refusal};
+use super::{LoaderClient, timeout_help};
+use crate::error::RequestError;
 
 /// Reason why a download ended early.
 enum DownloadError {
     /// The connection failed, or no data arrived in time.
     Interrupted(io::Error),
     /// The loader refused it, or the file cannot be written.
-    Failed(Failure),
+    Failed(RequestError),
 }
 
 impl From<io::Error> for DownloadError {
@@ -37,23 +31,6 @@ impl From<hyper::Error> for DownloadError {
     }
 }
 
-/// An open connection; the task that drives it ends when this is dropped.
-struct Connection {
-    sender: SendRequest<Full<Bytes>>,
-    driver: JoinHandle<()>,
-}
-
-impl Drop for Connection {
-    fn drop(&mut self) {
-        self.driver.abort();
-    }
-}
-
-async fn in_time<T>(limit: Duration, what: impl Future<Output = T>) -> io::Result<T> {
-    let done = tokio::time::timeout(limit, what).await;
-    done.map_err(|_| io::Error::new(io::ErrorKind::TimedOut, format!("no data within {limit:?}")))
-}
-
 impl LoaderClient {
     /// Downloads the file at `path` into `out`, and returns its length in bytes. Goes on after an interruption as long as
     /// each connection brings data; each piece arrives within the client's time-out.
@@ -65,8 +42,8 @@ impl LoaderClient {
         &self,
         path: &str,
         out: &mut impl Write,
-        write_failed: impl Fn(&io::Error) -> Failure,
-    ) -> Result<u64, Failure> {
+        write_failed: impl Fn(&io::Error) -> RequestError,
+    ) -> Result<u64, RequestError> {
         let mut received = 0;
         loop {
             let before = received;
@@ -80,7 +57,7 @@ impl LoaderClient {
                 {
                     let message =
                         format!("the download of {path} stopped after {received} bytes: {error}");
-                    return Err(Failure::new(
+                    return Err(RequestError::new(
                         codes::LOADER_SILENT,
                         message,
                         timeout_help(path),
@@ -97,15 +74,10 @@ impl LoaderClient {
         path: &str,
         received: &mut u64,
         out: &mut impl Write,
-        write_failed: &impl Fn(&io::Error) -> Failure,
+        write_failed: &impl Fn(&io::Error) -> RequestError,
     ) -> Result<(), DownloadError> {
         let mut connection = in_time(self.timeout, self.connect()).await??;
-        let mut request = Request::get(path).header("host", self.host());
-        if let Endpoint::Tcp(remote) = &self.endpoint
-            && let Some(token) = &remote.authorization
-        {
-            request = request.header("authorization", token.as_slice());
-        }
+        let mut request = self.authorized(Request::get(path));
         if *received > 0 {
             request = request.header("range", format!("bytes={received}-"));
         }
@@ -113,7 +85,9 @@ impl LoaderClient {
         let sent = connection.sender.send_request(request);
         let response = in_time(self.timeout, sent).await??;
         if !response.status().is_success() {
-            return Err(DownloadError::Failed(self.refusal(response).await?));
+            return Err(DownloadError::Failed(
+                refusal(response, self.timeout).await?,
+            ));
         }
         let mut body = response.into_body();
         while let Some(frame) = in_time(self.timeout, body.frame()).await? {
@@ -124,39 +98,5 @@ impl LoaderClient {
             }
         }
         Ok(())
-    }
-
-    async fn refusal(&self, response: Response<Incoming>) -> Result<Failure, DownloadError> {
-        let body = in_time(self.timeout, response.into_body().collect()).await??;
-        let body = serde_json::from_slice::<ErrorBody>(&body.to_bytes());
-        Ok(match body {
-            Ok(body) => Failure::from_server(body),
-            Err(error) => answer_not_understood(&error),
-        })
-    }
-
-    fn host(&self) -> &str {
-        match &self.endpoint {
-            Endpoint::Socket(_) => "rcc",
-            Endpoint::Tcp(remote) => &remote.authority,
-        }
-    }
-
-    async fn connect(&self) -> io::Result<Connection> {
-        // The connection's result is that of the requests over it.
-        match &self.endpoint {
-            Endpoint::Socket(socket) => {
-                let stream = TokioIo::new(UnixStream::connect(socket).await?);
-                let (sender, driven) = handshake(stream).await.map_err(io::Error::other)?;
-                let driver = tokio::spawn(async { driven.await.unwrap_or_default() });
-                Ok(Connection { sender, driver })
-            }
-            Endpoint::Tcp(remote) => {
-                let stream = TokioIo::new(TcpStream::connect(&remote.authority).await?);
-                let (sender, driven) = handshake(stream).await.map_err(io::Error::other)?;
-                let driver = tokio::spawn(async { driven.await.unwrap_or_default() });
-                Ok(Connection { sender, driver })
-            }
-        }
     }
 }

@@ -1,0 +1,189 @@
+//! A loaded net, and how it ended. Blocks the calling thread.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+use rcc_api::bodies::{CommandView, Done, InputsSet, ValuesView};
+use serde::Serialize;
+
+use crate::cell::Cell;
+use crate::error::ClientError;
+
+/// Interval at which a command that is awaited is looked at.
+const POLL: Duration = Duration::from_millis(5);
+/// Maximum time that an interrupted net is given to come to rest.
+const REST_MAX: Duration = Duration::from_secs(60);
+
+/// How a command ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// The net's name.
+    pub net: String,
+    /// The command's id.
+    pub id: u64,
+    /// `finished canceled aborted fault`.
+    pub reason: String,
+    /// Name of the outcome of its `Termination`, if it has one.
+    pub outcome: Option<String>,
+    /// How it ended, in words.
+    pub words: String,
+    /// Number of its evaluations.
+    pub cycles: u64,
+}
+
+impl Outcome {
+    /// Returns itself if the net finished by itself.
+    ///
+    /// # Errors
+    /// Returns [`ClientError::NotFinished`] for every other reason.
+    pub fn finished(self) -> Result<Outcome, ClientError> {
+        match self.reason.as_str() {
+            "finished" => Ok(self),
+            _ => Err(ClientError::NotFinished(self)),
+        }
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Outcome {
+            net,
+            id,
+            reason,
+            words,
+            ..
+        } = self;
+        let words = if words.is_empty() { reason } else { words };
+        write!(formatter, "{net}#{id}  {words}")
+    }
+}
+
+/// A loaded net. Dropping it changes nothing in the cell.
+#[derive(Debug)]
+pub struct Command<'a> {
+    cell: &'a Cell,
+    id: u64,
+}
+
+impl<'a> Command<'a> {
+    pub(crate) fn new(cell: &'a Cell, id: u64) -> Command<'a> {
+        Command { cell, id }
+    }
+
+    /// Returns its id.
+    #[must_use]
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn path(&self, what: &str) -> String {
+        format!("/commands/{}{what}", self.id)
+    }
+
+    /// STATE: everything that is known about it, but its text.
+    ///
+    /// # Errors
+    /// Fails if the loader does not answer, or if it was unloaded.
+    pub fn state(&self) -> Result<CommandView, ClientError> {
+        Ok(self.cell.client.get(&self.path("?brief=true"))?)
+    }
+
+    fn operate(&self, what: &str) -> Result<u64, ClientError> {
+        let done: Done = self.cell.client.post(&self.path(what), String::new())?;
+        Ok(done.cycle)
+    }
+
+    /// START; returns the first cycle.
+    ///
+    /// # Errors
+    /// Fails if it is not `ready`, if another command holds an arm or output that it needs, or if a device is not ready.
+    pub fn start(&self) -> Result<u64, ClientError> {
+        self.operate("/start")
+    }
+
+    /// CANCEL: asks the net to end in its own way; returns the cycle in which it took effect.
+    ///
+    /// # Errors
+    /// Fails if it does not run, or has no `Cancel`.
+    pub fn cancel(&self) -> Result<u64, ClientError> {
+        self.operate("/cancel")
+    }
+
+    /// ABORT: ends the net at once; the drivers bring its arms to rest.
+    ///
+    /// # Errors
+    /// Fails if it does not run.
+    pub fn abort(&self) -> Result<u64, ClientError> {
+        self.operate("/abort")
+    }
+
+    /// UNLOAD.
+    ///
+    /// # Errors
+    /// Fails if it is active.
+    pub fn unload(&self) -> Result<(), ClientError> {
+        let _: Done = self.cell.client.delete(&self.path(""))?;
+        Ok(())
+    }
+
+    /// Waits until it has ended, at most for `timeout`.
+    ///
+    /// # Errors
+    /// Fails if the loader does not answer, or with [`ClientError::Timeout`].
+    pub fn wait(&self, timeout: Option<Duration>) -> Result<Outcome, ClientError> {
+        let begun = Instant::now();
+        loop {
+            let view = self.state()?;
+            if matches!(view.state.as_str(), "terminated" | "rejected") {
+                return Ok(Outcome {
+                    net: view.net,
+                    id: self.id,
+                    reason: view.reason.unwrap_or(view.state),
+                    outcome: view.outcome,
+                    words: view.words.unwrap_or_default(),
+                    cycles: view.cycles,
+                });
+            }
+            match timeout {
+                Some(limit) if begun.elapsed() >= limit => {
+                    return Err(ClientError::Timeout(limit));
+                }
+                _ => std::thread::sleep(POLL),
+            }
+        }
+    }
+
+    /// Sets inputs, all of them in the same cycle, which is returned: a map or a structure from their names to values;
+    /// null unsets an input. A text is a constant of the language: `"0.2 m/s"`.
+    ///
+    /// # Errors
+    /// Fails if an input or a value is not possible; then nothing has changed.
+    pub fn set(&self, values: &impl Serialize) -> Result<u64, ClientError> {
+        let body = serde_json::to_string(values)
+            .map_err(|error| ClientError::NotUnderstood(error.to_string()))?;
+        let set: InputsSet = self.cell.client.put(&self.path("/inputs"), body)?;
+        Ok(set.cycle)
+    }
+
+    /// Returns values of ports (all without patterns) as of the last evaluation.
+    ///
+    /// # Errors
+    /// Fails if it has no such port.
+    pub fn values(&self, ports: &[&str]) -> Result<ValuesView, ClientError> {
+        let ports: Vec<String> = ports.iter().map(|port| (*port).to_owned()).collect();
+        Ok(self.cell.client.values(&self.id.to_string(), &ports)?)
+    }
+
+    /// CANCEL, or ABORT if it cannot be canceled; waits for the end, and unloads.
+    pub(crate) fn end(&self) -> Result<(), ClientError> {
+        let view = self.state()?;
+        if matches!(view.state.as_str(), "running" | "canceling") {
+            match view.can_cancel {
+                true => self.cancel()?,
+                false => self.abort()?,
+            };
+            self.wait(Some(REST_MAX))?;
+        }
+        self.unload()
+    }
+}

@@ -1,0 +1,25 @@
+//! Client of a cell for Rust programs: what `rcc-net` builds is loaded, started, awaited, canceled, handed over, set and
+//! watched. Each call blocks the calling thread until the loader has answered; nothing here is real-time.
+//!
+//! ```no_run
+//! use rcc_client::Cell;
+//!
+//! let cell = Cell::connect()?;
+//! let outcome = cell.run("net: short\nprimitives:\n  time: {type: Time}\n  late: {type: Greater, inputs: {a: time.out, b: 1 s}}\n  end: {type: Termination, inputs: {done: late.out}}\n")?;
+//! println!("{outcome}");
+//! # Ok::<(), rcc_client::ClientError>(())
+//! ```
+
+mod cell;
+mod command;
+mod error;
+mod transport;
+mod watch;
+
+pub use cell::Cell;
+pub use command::{Command, Outcome};
+pub use error::{ClientError, RequestError};
+pub use rcc_api::bodies::{CommandView, DeviceView, StatusView, ValuesView};
+pub use rcc_api::streams::StreamValues;
+pub use transport::{Lines, LoaderClient, RemoteLoader, no_loader, runtime_folder, segment};
+pub use watch::Watch;
