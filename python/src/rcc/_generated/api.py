@@ -497,6 +497,32 @@ class Loaded(TypedDict):
     """`loading`."""
 
 
+class MonitoredValue(TypedDict):
+    """A value that a `Monitor` published."""
+    command: int
+    """The command's id."""
+    cycle: int
+    """Executor cycle."""
+    monitor: str
+    """Id of the `Monitor` primitive."""
+    name: str
+    """`net/primitive.port`, or one element of it."""
+    net: str
+    """The net's name."""
+    sequence: int
+    """Number of the record, counted over all records of the executor."""
+    source: str
+    """The monitored port, `primitive.port`."""
+    stamp_ns: int
+    """CLOCK_MONOTONIC of that cycle on the cell's machine, ns."""
+    type: str
+    """Its type."""
+    unit: NotRequired[str | None]
+    """Its unit, if the type does not imply it."""
+    value: dict[str, Any]
+    """The value, or the list of its elements; null is null."""
+
+
 class MonitorBatch(TypedDict):
     """Values of one monitored port, in order."""
     cycles: list[int]
