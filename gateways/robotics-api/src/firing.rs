@@ -14,6 +14,8 @@ use crate::state::{RuleState, ScheduleRule};
 
 /// Time for an arm to come to rest before a rule that starts a net fails.
 const REST_TIME_MAX: Duration = Duration::from_secs(3);
+/// Time between two attempts to take over an arm in motion.
+const TAKE_OVER_EVERY: Duration = Duration::from_millis(20);
 
 /// A rule as commands of the core.
 #[derive(Debug, Default)]
@@ -32,6 +34,7 @@ struct RuleCommands {
 pub fn fire_due(gateway: &Gateway, loader: &mut LoaderClient) {
     let due: Vec<u64> = {
         let mut state = gateway.state();
+        let now = Instant::now();
         let mut due = Vec::new();
         let mut impossible = Vec::new();
         for (number, rule) in state
@@ -44,12 +47,12 @@ pub fn fire_due(gateway: &Gateway, loader: &mut LoaderClient) {
                 .condition
                 .value(&|net, key| state.condition_value(net, key))
             {
+                Some(true) if rule.not_before.is_some_and(|then| now < then) => {}
                 Some(true) => due.push(*number),
                 _ if !state.is_possible(&rule.condition) => impossible.push(*number),
                 _ => {}
             }
         }
-        let now = Instant::now();
         impossible
             .into_iter()
             .for_each(|number| state.decide(number, RuleState::Inactive, now));
@@ -92,6 +95,14 @@ fn fire(gateway: &Gateway, loader: &mut LoaderClient, number: u64) {
                 rule.trying_since = Some(since);
             }
         }
+        Err(RuleRefusal::InMotion(reason)) => {
+            if let Some(rule) = state.rules.get_mut(&number) {
+                if rule.not_before.is_none() {
+                    tracing::info!(rule = number, reason, "the arm is taken over when it rests");
+                }
+                rule.not_before = Some(now + TAKE_OVER_EVERY);
+            }
+        }
         Err(RuleRefusal::Never(reason)) => {
             tracing::warn!(rule = number, reason, "rule failed");
             state.decide(number, RuleState::FireFailed, now);
@@ -103,6 +114,8 @@ fn fire(gateway: &Gateway, loader: &mut LoaderClient, number: u64) {
 enum RuleRefusal {
     /// An arm is still coming to rest, or a net has just ended.
     Later(String),
+    /// The net cannot continue the motion: it can take over when the one before it has ended.
+    InMotion(String),
     /// It is impossible.
     Never(String),
 }
@@ -205,6 +218,10 @@ fn start(loader: &mut LoaderClient, commands: &RuleCommands) -> Result<(), Loade
 fn refusal(gateway: &Gateway, commands: &RuleCommands, error: &LoaderError) -> RuleRefusal {
     let mut state = gateway.state();
     let words = error.to_string();
+    // A net that was prepared for another place has no inverse kinematics here; START prepares it again.
+    if [codes::DISCONTINUOUS.code, codes::LETS_GO.code].contains(&error.code()) {
+        return RuleRefusal::InMotion(words);
+    }
     let is_passing = match error.code() {
         code if [codes::DEVICE_NOT_READY.code, codes::TOO_MANY.code].contains(&code) => true,
         // The net that holds the arm has been told to end, and its arm is coming to rest.

@@ -129,7 +129,7 @@ impl Gateway {
     /// Returns why it was rejected.
     pub fn ensure_loaded(&self, loader: &mut LoaderClient, name: &str) -> Result<(), String> {
         let text = match self.state().nets.get(name) {
-            Some(net) if net.command.is_none() && !net.state.is_over() => net.text.clone(),
+            Some(net) if net.command.is_none() && !net.state.is_over() => Arc::clone(&net.text),
             _ => return Ok(()),
         };
         let (command, _) = self.install(loader, &text)?;
@@ -384,7 +384,7 @@ fn described(session: &str, text: NetText, command: u64, detail: &CommandDetail)
         held_by: None,
         is_ending: false,
         cancelled_at: None,
-        text,
+        text: Arc::new(text),
     }
 }
 

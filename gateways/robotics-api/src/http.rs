@@ -139,13 +139,9 @@ pub fn write_answer(
         413 => "Content Too Large",
         _ => "Service Unavailable",
     };
-    let location = if status == 303 {
-        "Location: /devices/\r\n"
-    } else {
-        ""
-    };
+    // Without `Location` the library sees the 303 that it expects; it would follow one.
     let answer = format!(
-        "HTTP/1.1 {status} {reason}\r\nContent-Type: {content_type}\r\nContent-Length: {}\r\n{location}Connection: close\r\n\r\n{body}",
+        "HTTP/1.1 {status} {reason}\r\nContent-Type: {content_type}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
         body.len()
     );
     stream.write_all(answer.as_bytes())

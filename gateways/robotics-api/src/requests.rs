@@ -331,6 +331,7 @@ impl Dialogue {
             state: RuleState::Active,
             told: None,
             trying_since: None,
+            not_before: None,
             subscribers: Vec::new(),
         };
         state.rules.insert(number, rule);

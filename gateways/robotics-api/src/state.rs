@@ -2,6 +2,7 @@
 //! engine and by the threads of connections; nothing in here waits.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value};
@@ -44,7 +45,7 @@ pub struct GatewayNet {
     /// Its session.
     pub session: String,
     /// Its text, with which it can be loaded again.
-    pub text: NetText,
+    pub text: Arc<NetText>,
     /// Its state.
     pub state: NetState,
     /// Its command in the core; `None` while it is not loaded there.
@@ -116,6 +117,8 @@ pub struct ScheduleRule {
     pub told: Option<Instant>,
     /// When the core first refused because an arm was still coming to rest.
     pub trying_since: Option<Instant>,
+    /// When the next attempt is due, after one in which the motion did not continue within the arm's limits.
+    pub not_before: Option<Instant>,
     /// Subscriptions that have not seen its last state.
     pub subscribers: Vec<(Outbox, String)>,
 }

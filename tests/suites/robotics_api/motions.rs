@@ -122,10 +122,11 @@ fn a_motion_is_cancelled_on_its_way_and_another_follows_it() {
     let mut client = Client::connect(gateway.port);
     client.create("lwr", "type=kuka_lwr_sim");
 
-    // Both are loaded before the first one begins, as queued motions are; a rule hands the arm over.
+    // Both are loaded before the first one begins, as queued motions are. The second one was prepared for another place: it
+    // takes over when the first one has ended.
     let first = client.load(&recorded("flat/lwr_lin-01-lwr-ptp.net"));
     let second = client.load(&recorded("flat/lwr_lin-02-lwr-lin.net"));
-    client.start(&first, &["out_1"]);
+    client.start(&first, &["out_1", "out_2"]);
     let (before, after) = (first.name.as_str(), second.name.as_str());
     client.rule(&format!("{after}.out_1"), [&[after], &[], &[]]);
     client.rule(&format!("{after}.out_2"), [&[after], &[], &[]]);
