@@ -43,28 +43,34 @@ pub fn run(gateway: &Gateway) -> ! {
 
 /// One turn. Returns the number of running nets, or `None` if nothing can happen by itself.
 fn step(gateway: &Gateway, loader: &mut LoaderClient) -> Option<u32> {
-    let active: Vec<(String, GatewayNet, u64)> = {
+    let active: Vec<(String, GatewayNet)> = {
         let state = gateway.state();
         let active = state.nets.iter().filter(|(_, net)| net.state.is_active());
         active
-            .filter_map(|(name, net)| Some((name.clone(), net.clone(), net.command?)))
+            .filter(|(_, net)| net.command.is_some())
+            .map(|(name, net)| (name.clone(), net.clone()))
             .collect()
     };
-    for (name, net, command) in &active {
-        look_at_net(gateway, loader, name, net, *command);
+    for (name, net) in &active {
+        look_at_net(gateway, loader, name, net);
     }
     firing::fire_due(gateway, loader);
     let ended = {
         let mut state = gateway.state();
         state.push_nets(Instant::now());
-        let ended = state.nets.values_mut().filter(|net| net.state.is_over());
-        let ended: Vec<u64> = ended.filter_map(|net| net.command.take()).collect();
+        let ended = state.nets.iter_mut().filter(|(_, net)| net.state.is_over());
+        let ended: Vec<String> = ended
+            .filter_map(|(name, net)| net.command.take().map(|_| name.clone()))
+            .collect();
         ended
     };
     // The core's table is small; what the application may still read is remembered here.
-    for command in ended {
-        if let Err(error) = loader.unload(command) {
-            tracing::warn!(command, %error, "a net that has ended cannot be unloaded");
+    for name in ended {
+        let gone = |error: &LoaderError| error.code() == codes::UNKNOWN_COMMAND.code;
+        if let Err(error) = loader.unload(&name)
+            && !gone(&error)
+        {
+            tracing::warn!(net = name, %error, "a net that has ended cannot be unloaded");
         }
     }
     let state = gateway.state();
@@ -77,19 +83,13 @@ fn step(gateway: &Gateway, loader: &mut LoaderClient) -> Option<u32> {
 }
 
 /// Reads values and state of a net.
-fn look_at_net(
-    gateway: &Gateway,
-    loader: &mut LoaderClient,
-    name: &str,
-    net: &GatewayNet,
-    command: u64,
-) {
+fn look_at_net(gateway: &Gateway, loader: &mut LoaderClient, name: &str, net: &GatewayNet) {
     let mut values: BTreeMap<String, String> = net.values.clone();
-    let read = read_values(loader, net, command, &mut values);
+    let read = read_values(loader, net, name, &mut values);
     let state = match read {
         Ok((_, other)) if other != name => lost(name, "the executor was started again"),
         Ok((state, _)) => match state.as_str() {
-            "terminated" => how_it_ended(loader, name, command),
+            "terminated" => how_it_ended(loader, name),
             "canceling" => NetState::Cancelling,
             "ready" => return,
             _ => net.state,
@@ -115,8 +115,8 @@ fn lost(name: &str, reason: &str) -> NetState {
     NetState::Error
 }
 
-fn how_it_ended(loader: &mut LoaderClient, name: &str, command: u64) -> NetState {
-    let Ok(detail) = loader.state(command) else {
+fn how_it_ended(loader: &mut LoaderClient, name: &str) -> NetState {
+    let Ok(detail) = loader.state(name) else {
         return NetState::Terminated;
     };
     let words = detail.command.words.unwrap_or_default();
@@ -191,13 +191,13 @@ fn end_sessions(gateway: &Gateway, loader: &mut LoaderClient) {
                 let since = *net.cancelled_at.get_or_insert(now);
                 let is_first = since == now;
                 let is_late = now.duration_since(since) > CANCEL_TIME_MAX;
-                if let Some(command) = net.command.filter(|_| is_first || is_late) {
+                if net.command.is_some() && (is_first || is_late) {
                     let operation = if net.can_cancel && is_first {
                         "cancel"
                     } else {
                         "abort"
                     };
-                    stop.push((name.clone(), command, operation));
+                    stop.push((name.clone(), operation));
                 }
             }
             if state
@@ -205,39 +205,39 @@ fn end_sessions(gateway: &Gateway, loader: &mut LoaderClient) {
                 .values()
                 .all(|net| net.session != name || !net.state.is_active())
             {
-                let over = state.nets.values().filter(|net| net.session == name);
-                unload.extend(over.filter_map(|net| net.command));
+                let over = state.nets.iter().filter(|(_, net)| net.session == name);
+                unload.extend(over.filter_map(|(name, net)| net.command.map(|_| name.clone())));
                 state.nets.retain(|_, net| net.session != name);
                 state.sessions.remove(&name);
             }
         }
     }
-    for (name, command, operation) in stop {
-        if let Err(error) = loader.operate(command, operation) {
+    for (name, operation) in stop {
+        if let Err(error) = loader.operate(&name, operation) {
             tracing::warn!(net = name, %error, "{operation} was refused");
         }
     }
-    for command in unload {
-        if let Err(error) = loader.unload(command) {
-            tracing::warn!(command, %error, "a net of a session that ended cannot be unloaded");
+    for name in unload {
+        if let Err(error) = loader.unload(&name) {
+            tracing::warn!(net = name, %error, "a net of a session that ended cannot be unloaded");
         }
     }
 }
 
 /// Stops every net when the gateway ends: whoever relied on it is no longer served.
 pub fn end_all(gateway: &Gateway) {
-    let active: Vec<(String, u64, bool)> = {
+    let active: Vec<(String, bool)> = {
         let mut state = gateway.state();
         state.rules.clear();
         let active = state.nets.iter().filter(|(_, net)| net.state.is_active());
         active
-            .filter_map(|(name, net)| Some((name.clone(), net.command?, net.can_cancel)))
+            .map(|(name, net)| (name.clone(), net.can_cancel))
             .collect()
     };
     let mut loader = gateway.loader();
-    for (name, command, can_cancel) in active {
+    for (name, can_cancel) in active {
         let operation = if can_cancel { "cancel" } else { "abort" };
-        if let Err(error) = loader.operate(command, operation) {
+        if let Err(error) = loader.operate(&name, operation) {
             tracing::warn!(net = name, %error, "{operation} was refused");
         }
     }

@@ -21,13 +21,13 @@ const TAKE_OVER_EVERY: Duration = Duration::from_millis(20);
 #[derive(Debug, Default)]
 struct RuleCommands {
     /// Nets that run and are stopped.
-    stop: Vec<(String, u64)>,
+    stop: Vec<String>,
     /// Nets that never ran and are stopped.
     discard: Vec<String>,
     /// Nets that are canceled.
-    cancel: Vec<(String, u64)>,
+    cancel: Vec<String>,
     /// Nets that start.
-    start: Vec<(String, u64)>,
+    start: Vec<String>,
 }
 
 /// Decides every rule: fires those whose condition is true, the newest first, and ends those that cannot fire any more.
@@ -135,14 +135,14 @@ fn carry_out(
     if !commands.start.is_empty() {
         start(loader, &commands).map_err(|error| refusal(gateway, &commands, &error))?;
     }
-    for (name, command) in &commands.cancel {
-        cancel(gateway, loader, name, *command);
+    for name in &commands.cancel {
+        cancel(gateway, loader, name);
     }
     if commands.start.is_empty() {
         commands
             .stop
             .iter()
-            .for_each(|(name, command)| end(gateway, loader, name, *command));
+            .for_each(|name| end(gateway, loader, name));
     }
     let mut state = gateway.state();
     for name in &commands.discard {
@@ -150,7 +150,7 @@ fn carry_out(
             net.state = NetState::Terminated;
         }
     }
-    for (name, _) in &commands.stop {
+    for name in &commands.stop {
         // Its last values are pushed together with its last state.
         if let Some(net) = state.nets.get_mut(name) {
             net.is_ending = true;
@@ -160,7 +160,7 @@ fn carry_out(
     commands
         .start
         .iter()
-        .for_each(|(name, _)| state.started(name, Some(number), now));
+        .for_each(|name| state.started(name, Some(number), now));
     Ok(())
 }
 
@@ -178,9 +178,7 @@ fn commands(gateway: &Gateway, rule: &ScheduleRule) -> Result<RuleCommands, Rule
     };
     for (name, state, command) in nets(&rule.start) {
         match (state, command) {
-            (NetState::Ready | NetState::Scheduled, Some(command)) => {
-                commands.start.push((name, command))
-            }
+            (NetState::Ready | NetState::Scheduled, Some(_)) => commands.start.push(name),
             _ => return Err(RuleRefusal::Never(format!("{name} is {}", state.name()))),
         }
     }
@@ -191,7 +189,7 @@ fn commands(gateway: &Gateway, rule: &ScheduleRule) -> Result<RuleCommands, Rule
     }
     for (name, state, command) in nets(&rule.stop) {
         match (state, command) {
-            (state, Some(command)) if state.is_active() => commands.stop.push((name, command)),
+            (state, Some(_)) if state.is_active() => commands.stop.push(name),
             (NetState::Ready | NetState::Scheduled, _) => commands.discard.push(name),
             // It has ended already.
             _ => {}
@@ -201,16 +199,15 @@ fn commands(gateway: &Gateway, rule: &ScheduleRule) -> Result<RuleCommands, Rule
         .into_iter()
         .filter(|(_, state, _)| *state == NetState::Running);
     commands.cancel = cancel
-        .filter_map(|(name, _, command)| Some((name, command?)))
+        .filter_map(|(name, _, command)| command.map(|_| name))
         .collect();
     Ok(commands)
 }
 
 fn start(loader: &mut LoaderClient, commands: &RuleCommands) -> Result<(), LoaderError> {
-    let ids = |nets: &[(String, u64)]| nets.iter().map(|(_, command)| *command).collect::<Vec<_>>();
     match (commands.stop.as_slice(), commands.start.as_slice()) {
-        ([], [(_, command)]) => loader.operate(*command, "start"),
-        (stop, start) => loader.switch(&ids(stop), &ids(start)),
+        ([], [name]) => loader.operate(name, "start"),
+        (stop, start) => loader.switch(stop, start),
     }
 }
 
@@ -233,7 +230,7 @@ fn refusal(gateway: &Gateway, commands: &RuleCommands, error: &LoaderError) -> R
         code if code == codes::WRONG_STATE.code => !commands.stop.is_empty(),
         // The executor was started again, and with it its table.
         code if code == codes::UNKNOWN_COMMAND.code => {
-            for (name, _) in &commands.start {
+            for name in &commands.start {
                 if let Some(net) = state.nets.get_mut(name) {
                     net.command = None;
                 }
@@ -249,8 +246,8 @@ fn refusal(gateway: &Gateway, commands: &RuleCommands, error: &LoaderError) -> R
 }
 
 /// Cancels a net; one that has just ended needs no cancel.
-pub fn cancel(gateway: &Gateway, loader: &mut LoaderClient, name: &str, command: u64) {
-    match loader.operate(command, "cancel") {
+pub fn cancel(gateway: &Gateway, loader: &mut LoaderClient, name: &str) {
+    match loader.operate(name, "cancel") {
         Ok(()) => {
             if let Some(net) = gateway
                 .state()
@@ -266,19 +263,19 @@ pub fn cancel(gateway: &Gateway, loader: &mut LoaderClient, name: &str, command:
 }
 
 /// Ends a net as its `Termination` does: its arm plays its last set-points. One that cannot be ended so is aborted.
-pub fn end(gateway: &Gateway, loader: &mut LoaderClient, name: &str, command: u64) {
+pub fn end(gateway: &Gateway, loader: &mut LoaderClient, name: &str) {
     if let Some(net) = gateway.state().nets.get_mut(name) {
         net.is_ending = true;
     }
     let stop = Map::from_iter([(STOP_INPUT.to_owned(), Value::Bool(true))]);
-    match loader.set(command, &stop) {
+    match loader.set(name, &stop) {
         Ok(()) => {}
         // It has ended already.
         Err(error)
             if [codes::WRONG_STATE.code, codes::UNKNOWN_COMMAND.code].contains(&error.code()) => {}
         Err(error) => {
             tracing::warn!(net = name, %error, "the net cannot be ended and is aborted");
-            if let Err(error) = loader.operate(command, "abort") {
+            if let Err(error) = loader.operate(name, "abort") {
                 tracing::error!(net = name, %error, "not aborted");
             }
         }

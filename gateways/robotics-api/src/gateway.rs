@@ -113,7 +113,7 @@ impl Gateway {
         session: &str,
         text: &str,
     ) -> Result<String, String> {
-        let name = format!("rpinet{}", self.state().number("net"));
+        let name = format!("rpi{}net{}", std::process::id(), self.state().number("net"));
         let text = net_text::prepare(text, &name, &self.device_names(), NetUse::Run)
             .map_err(|error| error.to_string())?;
         let _cell = self.keep_cell();
@@ -138,7 +138,7 @@ impl Gateway {
             let Some(net) = state.nets.get_mut(name) else {
                 drop(state);
                 // It was unloaded meanwhile.
-                return loader.unload(command).map_err(|error| error.to_string());
+                return loader.unload(name).map_err(|error| error.to_string());
             };
             net.command = Some(command);
             net.written.clone()
@@ -146,7 +146,7 @@ impl Gateway {
         match written.is_empty() {
             true => Ok(()),
             false => loader
-                .set(command, &written)
+                .set(name, &written)
                 .map_err(|error| error.to_string()),
         }
     }
@@ -172,7 +172,7 @@ impl Gateway {
                 Ok(detail) if detail.command.state == "rejected" => {
                     let id = detail.command.id;
                     // A rejected command takes a place until it is unloaded.
-                    let _ = loader.unload(id);
+                    let _ = loader.unload(&id.to_string());
                     return Err(rejection(&detail));
                 }
                 Ok(detail) => return Ok((detail.command.id, detail)),
@@ -184,7 +184,7 @@ impl Gateway {
 
     /// Unloads the oldest net that no rule would start; it is loaded again when a rule names it.
     fn make_room(&self, loader: &mut LoaderClient) -> bool {
-        let command = {
+        let name = {
             let mut state = self.state();
             let idle = state.nets.iter().filter(|(name, net)| {
                 net.command.is_some() && !net.state.is_active() && !state.is_scheduled(name)
@@ -192,9 +192,12 @@ impl Gateway {
             let oldest = idle
                 .min_by_key(|(_, net)| net.command)
                 .map(|(name, _)| name.clone());
-            oldest.and_then(|name| state.nets.get_mut(&name)?.command.take())
+            oldest.filter(|name| {
+                let net = state.nets.get_mut(name);
+                net.is_some_and(|net| net.command.take().is_some())
+            })
         };
-        command.is_some_and(|command| loader.unload(command).is_ok())
+        name.is_some_and(|name| loader.unload(&name).is_ok())
     }
 
     /// Evaluates a net for one cycle, without commanding anything; returns its values by key.
@@ -206,7 +209,11 @@ impl Gateway {
         loader: &mut LoaderClient,
         text: &str,
     ) -> Result<Vec<(String, String)>, String> {
-        let name = format!("rpieval{}", self.state().number("eval"));
+        let name = format!(
+            "rpi{}eval{}",
+            std::process::id(),
+            self.state().number("eval")
+        );
         let text = net_text::prepare(text, &name, &self.device_names(), NetUse::Evaluate)
             .map_err(|error| error.to_string())?;
         let _cell = self.keep_cell();
@@ -216,10 +223,10 @@ impl Gateway {
             Some(used) => Err(format!(
                 "a net that is only evaluated must not command {used}"
             )),
-            None => evaluated(loader, &net, command).map_err(|error| error.to_string()),
+            None => evaluated(loader, &net, &name).map_err(|error| error.to_string()),
         };
         // It has ended, or never began; if it cannot be unloaded, the loader's message says why.
-        if let Err(error) = loader.unload(command) {
+        if let Err(error) = loader.unload(&name) {
             tracing::warn!(%error, "an evaluated net cannot be unloaded");
         }
         values
@@ -291,7 +298,7 @@ fn refuse_while_running(state: &GatewayState, what: &str) -> Result<(), (u16, St
 fn evaluated(
     loader: &mut LoaderClient,
     net: &GatewayNet,
-    command: u64,
+    command: &str,
 ) -> Result<Vec<(String, String)>, LoaderError> {
     const TIME_MAX: Duration = Duration::from_secs(5);
     loader.operate(command, "start")?;
@@ -316,7 +323,7 @@ fn evaluated(
 pub fn read_values(
     loader: &mut LoaderClient,
     net: &GatewayNet,
-    command: u64,
+    command: &str,
     values: &mut BTreeMap<String, String>,
 ) -> Result<(String, String), LoaderError> {
     /// More ports than this are asked for by one pattern.

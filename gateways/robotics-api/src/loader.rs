@@ -60,7 +60,8 @@ fn words(body: &ErrorBody) -> String {
     }
 }
 
-/// A connection to the loader, opened when it is needed.
+/// A connection to the loader, opened when it is needed. Commands are named by their net, which is unique: an id means
+/// another command once the executor was started again.
 #[derive(Debug)]
 pub struct LoaderClient {
     socket: PathBuf,
@@ -96,7 +97,7 @@ impl LoaderClient {
         let Loaded { id, .. } = self.request("POST", "/commands?file=net", text)?;
         let begun = Instant::now();
         loop {
-            let state = self.state(id)?;
+            let state = self.state(&id.to_string())?;
             if state.command.state != "loading" {
                 return match state.command.state.as_str() {
                     "rejected" => Ok(state),
@@ -114,16 +115,16 @@ impl LoaderClient {
     ///
     /// # Errors
     /// Returns an error if there is no such command.
-    pub fn state(&mut self, id: u64) -> Result<CommandDetail, LoaderError> {
-        self.request("GET", &format!("/commands/{id}?brief=true"), "")
+    pub fn state(&mut self, command: &str) -> Result<CommandDetail, LoaderError> {
+        self.request("GET", &format!("/commands/{command}?brief=true"), "")
     }
 
     /// Carries out `start`, `cancel` or `abort`.
     ///
     /// # Errors
     /// Returns the loader's refusal.
-    pub fn operate(&mut self, id: u64, operation: &str) -> Result<(), LoaderError> {
-        self.request::<Value>("POST", &format!("/commands/{id}/{operation}"), "")
+    pub fn operate(&mut self, command: &str, operation: &str) -> Result<(), LoaderError> {
+        self.request::<Value>("POST", &format!("/commands/{command}/{operation}"), "")
             .map(drop)
     }
 
@@ -131,11 +132,11 @@ impl LoaderClient {
     ///
     /// # Errors
     /// Returns the loader's refusal; nothing has changed then.
-    pub fn switch(&mut self, stop: &[u64], start: &[u64]) -> Result<(), LoaderError> {
-        let ids = |ids: &[u64]| ids.iter().copied().map(CommandRef::Id).collect();
+    pub fn switch(&mut self, stop: &[String], start: &[String]) -> Result<(), LoaderError> {
+        let named = |names: &[String]| names.iter().cloned().map(CommandRef::Name).collect();
         let body = Switch {
-            stop: ids(stop),
-            start: ids(start),
+            stop: named(stop),
+            start: named(start),
             ..Switch::default()
         };
         // Numbers can be serialized.
@@ -149,11 +150,11 @@ impl LoaderClient {
     /// Returns the loader's refusal; nothing was set then.
     pub fn set(
         &mut self,
-        id: u64,
+        command: &str,
         inputs: &serde_json::Map<String, Value>,
     ) -> Result<(), LoaderError> {
         let body = Value::Object(inputs.clone()).to_string();
-        self.request::<Value>("PUT", &format!("/commands/{id}/inputs"), &body)
+        self.request::<Value>("PUT", &format!("/commands/{command}/inputs"), &body)
             .map(drop)
     }
 
@@ -161,11 +162,11 @@ impl LoaderClient {
     ///
     /// # Errors
     /// Returns the loader's refusal.
-    pub fn values(&mut self, id: u64, ports: &[String]) -> Result<ValuesView, LoaderError> {
+    pub fn values(&mut self, command: &str, ports: &[String]) -> Result<ValuesView, LoaderError> {
         // Ids of monitors need no escapes.
         self.request(
             "GET",
-            &format!("/commands/{id}/values?ports={}", ports.join(",")),
+            &format!("/commands/{command}/values?ports={}", ports.join(",")),
             "",
         )
     }
@@ -174,8 +175,8 @@ impl LoaderClient {
     ///
     /// # Errors
     /// Returns the loader's refusal.
-    pub fn unload(&mut self, id: u64) -> Result<(), LoaderError> {
-        self.request::<Value>("DELETE", &format!("/commands/{id}"), "")
+    pub fn unload(&mut self, command: &str) -> Result<(), LoaderError> {
+        self.request::<Value>("DELETE", &format!("/commands/{command}"), "")
             .map(drop)
     }
 

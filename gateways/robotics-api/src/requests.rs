@@ -360,9 +360,9 @@ impl Dialogue {
                 return Err(format!("the values of {name} are not a mapping"));
             };
             let (command, set) = self.inputs(name, inputs)?;
-            if let Some(command) = command.filter(|_| !set.is_empty()) {
+            if command.is_some() && !set.is_empty() {
                 self.loader
-                    .set(command, &set)
+                    .set(name, &set)
                     .map_err(|error| error.to_string())?;
             }
         }
@@ -429,9 +429,9 @@ impl Dialogue {
             state.push_nets(Instant::now());
         }
         match command {
-            Some(command) => self
+            Some(_) => self
                 .loader
-                .unload(command)
+                .unload(name)
                 .map(|()| Some(Vec::new()))
                 .map_err(|error| error.to_string()),
             None => OK,
@@ -440,8 +440,8 @@ impl Dialogue {
 
     fn cancel(&mut self, name: &str) -> Answer {
         match self.net(name)? {
-            (NetState::Running, Some(command)) => {
-                firing::cancel(&self.gateway, &mut self.loader, name, command);
+            (NetState::Running, Some(_)) => {
+                firing::cancel(&self.gateway, &mut self.loader, name);
                 OK
             }
             // Only a running net reacts, as in the predecessor.
@@ -451,9 +451,9 @@ impl Dialogue {
 
     fn abort(&mut self, name: &str) -> Answer {
         match self.net(name)? {
-            (state, Some(command)) if state.is_active() => {
+            (state, Some(_)) if state.is_active() => {
                 self.loader
-                    .operate(command, "abort")
+                    .operate(name, "abort")
                     .map_err(|error| error.to_string())?;
                 if let Some(net) = self.gateway.state().nets.get_mut(name) {
                     net.is_ending = true;

@@ -75,7 +75,7 @@ pub fn cell_file(
     } = options;
     let mut text = format!(
         "# Written by rcc-robotics-api: the devices that the library created.\ncell: {name}\nperiod: {period_ms} ms\n\
-         stale_after: 250 ms\nexecutor: {{priority: 80}}\n"
+         stale_after: 1 s\nexecutor: {{priority: 80}}\n"
     );
     let stations: Vec<(&String, &IoSpec)> = devices
         .iter()
@@ -110,7 +110,7 @@ pub fn cell_file(
                 let _ = writeln!(
                     text,
                     "  {name}:\n    driver: ideal-arm\n    robot: {}\n    first_tolerance: deg(0.1)\n    delay: {delay_ms} ms\n    \
-                     command_timeout: 250 ms\n    settings: {{period: {period_ms} ms, start: [{}]}}",
+                     command_timeout: 1 s\n    settings: {{period: {period_ms} ms, start: [{}]}}",
                     robot.display(),
                     home.join(", ")
                 );
@@ -140,7 +140,7 @@ fn simulator(text: &mut String, name: &str, io: &IoSpec) {
 fn station(text: &mut String, name: &str, io: &IoSpec) {
     let _ = writeln!(
         text,
-        "  {name}:\n    driver: modbus\n    settings: {{server: \"127.0.0.1:${{{name}}}\", unit: 1, period: 10 ms, timeout: 200 ms}}\n    channels:"
+        "  {name}:\n    driver: modbus\n    settings: {{server: \"127.0.0.1:${{{name}}}\", unit: 1, period: 10 ms, timeout: 1 s}}\n    channels:"
     );
     // The library's outputs belong to no net: they keep their value when a net ends.
     for number in 0..io.digin {
