@@ -334,7 +334,7 @@ impl Parser<'_> {
         }
         let Some((primitive, port)) = what.rsplit_once('.') else {
             let known = ["state", "reason", "outcome"];
-            let help = match closest(what, known.into_iter()) {
+            let help = match closest(what, known) {
                 Some(near) => format!("did you mean `{command}.{near}`?"),
                 None => format!(
                     "write `{command}.outcome`, `.state` or `.reason`, or an output `{command}.{what}.out`"
@@ -409,7 +409,7 @@ impl Parser<'_> {
     }
 
     fn no_such(&self, what: &str, value: &str, known: [&'static str; 4]) -> ConditionError {
-        let help = match closest(value, known.into_iter()) {
+        let help = match closest(value, known) {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("it is one of {}", known.join(", ")),
         };

@@ -29,7 +29,7 @@ use super::published::Published;
 use super::store::CommandStore;
 use configuration::WatchedFiles;
 pub use set_points::{LINES_MAX, LineQueue, SetPointChannel};
-pub use stream::{EventStream, STREAM_NETS_MAX, USUAL_RATE_MAX, StreamRequest};
+pub use stream::{EventStream, STREAM_NETS_MAX, StreamRequest, USUAL_RATE_MAX};
 
 mod configuration;
 pub mod events;

@@ -57,8 +57,11 @@ const WORDS: [(&str, RobotValue); 11] = [
     ("receive multiplier", RobotValue::ReceiveMultiplier),
 ];
 
+/// A condition of the robot's state.
+type Condition = fn(&RobotState) -> bool;
+
 /// Conditions that a digital input shows.
-const CONDITIONS: [(&str, fn(&RobotState) -> bool); 3] = [
+const CONDITIONS: [(&str, Condition); 3] = [
     ("commanding", |robot| {
         robot.session == SessionState::CommandingActive
     }),
@@ -133,7 +136,7 @@ pub fn is_robot_value(channel: &ChannelConfig) -> bool {
 #[derive(Clone, Debug)]
 pub struct RobotValues {
     analog: Vec<(usize, RobotValue, ChannelConfig)>,
-    digital: Vec<(usize, fn(&RobotState) -> bool)>,
+    digital: Vec<(usize, Condition)>,
 }
 
 impl RobotValues {
