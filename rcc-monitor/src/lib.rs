@@ -5,6 +5,7 @@
 
 pub mod names;
 pub mod reader;
+pub mod record;
 pub mod serve;
 pub mod signals;
 pub mod stream;

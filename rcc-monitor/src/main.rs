@@ -1,19 +1,24 @@
-//! `rcc-monitor`: shows the values of a cell's nets, in a terminal (`tail`) or in browsers (`serve`).
+//! `rcc-monitor`: shows the values of a cell's nets, in a terminal (`tail`) or in browsers (`serve`), and records them
+//! (`record`).
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
 use rcc_core::duration::parse_seconds;
+use rcc_core::printable::Printable;
 use rcc_monitor::reader;
+use rcc_monitor::record::{RecordOptions, record};
 use rcc_monitor::serve::{ServeOptions, serve};
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, TailEnd, TailOptions, print_note, tail};
 use rcc_protocol::pattern::Pattern;
+use rcc_recording::recording::WhenFull;
 
 /// Shows the values of a cell's nets.
 #[derive(Parser)]
@@ -54,6 +59,32 @@ enum Verb {
         #[arg(long)]
         parent_death: bool,
     },
+    /// Record the monitors of nets, the devices, the events and the health of the cell to an MCAP file.
+    Record(RecordArguments),
+}
+
+#[derive(clap::Args)]
+struct RecordArguments {
+    /// The file; one that exists is kept, and is an error.
+    file: PathBuf,
+    /// Nets, with * and ? as wildcards. Default: all.
+    #[arg(long, num_args = 1.., value_name = "NET")]
+    nets: Vec<Pattern>,
+    /// Stop after this time, s. Default: at Ctrl-C.
+    #[arg(long, value_parser = seconds)]
+    seconds: Option<Duration>,
+    /// Greatest size: 500MB, 2GB.
+    #[arg(long, default_value = "4GB", value_parser = bytes)]
+    max_size: u64,
+    /// At the greatest size, remove the oldest eighth instead of ending; the file becomes numbered segments.
+    #[arg(long)]
+    keep_newest: bool,
+    /// Rate of the messages that draw an arm, Hz; its measurements are all recorded.
+    #[arg(long, default_value = "100", value_parser = rate)]
+    view_rate: f64,
+    /// Output format of the report.
+    #[arg(long, value_enum, default_value = "human")]
+    output: Format,
 }
 
 /// Exit code after Ctrl-C, as shells use it.
@@ -88,6 +119,7 @@ fn main() -> ExitCode {
             };
             run_tail(&arguments.cell, &options, &mut signals)
         }
+        Verb::Record(record) => run_record(&arguments.cell, record, &mut signals),
         Verb::Serve {
             port,
             no_start,
@@ -105,6 +137,34 @@ fn main() -> ExitCode {
             concluded(serve(&options, &mut signals, &mut io::stdout()))
         }
     }
+}
+
+fn run_record(cell: &str, arguments: RecordArguments, signals: &mut Signals) -> ExitCode {
+    let options = RecordOptions {
+        path: arguments.file,
+        nets: arguments.nets,
+        duration: arguments.seconds,
+        bytes_max: arguments.max_size,
+        when_full: match arguments.keep_newest {
+            true => WhenFull::RemoveOldest,
+            false => WhenFull::Stop,
+        },
+        view_hz: arguments.view_rate,
+    };
+    let report = match record(cell, &options, signals) {
+        Ok(report) => report,
+        Err(error) => return concluded(Err(error)),
+    };
+    let lines = match arguments.output {
+        Format::Human => report.lines(),
+        Format::Json => vec![serde_json::to_string(&report).unwrap_or_default()],
+    };
+    let mut out = io::stdout().lock();
+    for line in lines {
+        // Whoever closed the output does not want it.
+        let _ = writeln!(out, "{}", Printable(&line));
+    }
+    ExitCode::SUCCESS
 }
 
 fn run_tail(cell: &str, options: &TailOptions, signals: &mut Signals) -> ExitCode {
@@ -138,4 +198,32 @@ fn duration(text: &str) -> Result<Duration, String> {
     seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
         .ok_or_else(|| format!("invalid duration `{text}`: write 500ms, 2s or 1min"))
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.trim().parse::<f64>().ok().filter(|one| *one > 0.0);
+    seconds
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .ok_or_else(|| format!("invalid number of seconds `{text}`: write 10 or 0.5"))
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.trim().parse::<f64>().ok();
+    rate.filter(|rate| (0.1..=1000.0).contains(rate))
+        .ok_or_else(|| format!("invalid rate `{text}`: write a number from 0.1 to 1000, in Hz"))
+}
+
+/// Smallest size of a recording: its schemas must fit into each eighth.
+const SIZE_MIN: f64 = 4e6;
+
+fn bytes(text: &str) -> Result<u64, String> {
+    let text = text.trim();
+    let units = [("GB", 1e9), ("MB", 1e6)];
+    let found = units.iter().find_map(|(unit, factor)| {
+        let number = text.strip_suffix(unit)?.trim().parse::<f64>().ok()?;
+        Some(number * factor).filter(|bytes| (SIZE_MIN..=1e15).contains(bytes))
+    });
+    found
+        .map(|bytes| bytes as u64)
+        .ok_or_else(|| format!("invalid size `{text}`: write 4MB or more, such as 500MB or 2GB"))
 }

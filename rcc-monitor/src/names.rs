@@ -26,6 +26,15 @@ pub struct MonitorInfo {
     /// Its unit, if there is one that the type does not imply.
     #[serde(default)]
     pub unit: Option<String>,
+    /// Number of elements.
+    #[serde(default)]
+    pub width: u32,
+    /// Number of evaluations of the net between two values.
+    #[serde(default)]
+    pub every: u32,
+    /// The value is never null.
+    #[serde(default)]
+    pub never_null: bool,
 }
 
 /// The names of a command.
@@ -35,11 +44,15 @@ pub struct CommandNames {
     pub net: String,
     /// Its monitors, by index.
     pub monitors: Vec<MonitorInfo>,
+    /// The text that was loaded.
+    pub text: String,
 }
 
 #[derive(Deserialize)]
 struct CommandFileNames {
     net: String,
+    #[serde(default)]
+    text: String,
     #[serde(default)]
     names: NetNames,
 }
@@ -78,11 +91,12 @@ impl CommandDirectory {
             file.map_or_else(
                 || CommandNames {
                     net: format!("#{id}"),
-                    monitors: Vec::new(),
+                    ..CommandNames::default()
                 },
                 |file| CommandNames {
                     net: file.net,
                     monitors: file.names.monitors,
+                    text: file.text,
                 },
             )
         })

@@ -20,6 +20,9 @@ pub enum StreamError {
     /// The stream cannot be opened or read.
     #[error(transparent)]
     Stream(#[from] rcc_ipc::StreamError),
+    /// A board of the executor cannot be opened.
+    #[error(transparent)]
+    Board(#[from] rcc_ipc::BoardError),
     /// The slots of dead monitors cannot be freed.
     #[error("all slots of the stream are taken, and cleaning up after dead monitors failed: {0}")]
     Janitor(#[from] clean::CleanError),
@@ -106,6 +109,14 @@ impl ExecutorFollower {
             }
         }
         Ok(update)
+    }
+
+    /// Returns the announcement of the followed executor.
+    #[must_use]
+    pub fn announcement(&self) -> Option<&Announcement> {
+        self.attached
+            .as_ref()
+            .map(|attached| &attached.announcement)
     }
 
     /// Returns the names of the followed executor's commands.

@@ -314,7 +314,9 @@ mod tests {
                 source: "move.pose".into(),
                 ty: ty.into(),
                 unit: Some("m".into()),
+                ..MonitorInfo::default()
             }],
+            text: String::new(),
         };
         let mut out = Vec::new();
         let mut printer = Printer::new(&options);

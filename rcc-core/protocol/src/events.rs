@@ -13,7 +13,7 @@ mod wall_time;
 
 pub use kinds::{CommandFault, EVENT_KINDS, EventKind, EventKindRow, LastEvent, Predecessor};
 pub use sentences::CommandNames;
-pub use wall_time::{wall_time, wall_time_before};
+pub use wall_time::{since_epoch_of, wall_time, wall_time_before};
 
 /// Maximum length of a line including the line feed, bytes; longer texts are truncated.
 pub const LINE_MAX: usize = 4096;

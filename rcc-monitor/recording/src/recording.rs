@@ -37,6 +37,8 @@ pub struct RecordingOptions {
 pub struct ChannelId(usize);
 
 struct Channel {
+    /// As it was asked for.
+    wanted: ChannelInfo,
     info: ChannelInfo,
     /// Its number in the current file.
     number: Option<u16>,
@@ -124,21 +126,31 @@ impl Recording {
         self.file.path()
     }
 
-    /// Returns the channel with this content; adds it if it is new. It appears in a file with its first message.
-    pub fn channel(&mut self, info: ChannelInfo) -> ChannelId {
-        let known = self
-            .channels
-            .iter()
-            .position(|channel| channel.info == info);
-        ChannelId(known.unwrap_or_else(|| {
-            self.channels.push(Channel {
-                info,
-                number: None,
-                sequence: 0,
-                kept: None,
-            });
-            self.channels.len() - 1
-        }))
+    /// Returns the channel with this content; adds it if it is new. It appears in a file with its first message. Viewers
+    /// expect one type on a topic: a topic of another type gets a number.
+    pub fn channel(&mut self, wanted: ChannelInfo) -> ChannelId {
+        let known = self.channels.iter().position(|one| one.wanted == wanted);
+        if let Some(known) = known {
+            return ChannelId(known);
+        }
+        let mut info = wanted.clone();
+        let mut number = 2;
+        let taken = |info: &ChannelInfo| {
+            let mut others = self.channels.iter().map(|one| &one.info);
+            others.any(|other| other.topic == info.topic && other.schema != info.schema)
+        };
+        while taken(&info) {
+            info.topic = format!("{}_{number}", wanted.topic);
+            number += 1;
+        }
+        self.channels.push(Channel {
+            wanted,
+            info,
+            number: None,
+            sequence: 0,
+            kept: None,
+        });
+        ChannelId(self.channels.len() - 1)
     }
 
     /// Attaches a text to this file and to those that follow.

@@ -23,6 +23,27 @@ fn format(since_epoch: Duration) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{micros:06}Z")
 }
 
+/// Reads a wall time as written by [`wall_time`]: the time since 1970; `None` if it is not one.
+#[must_use]
+pub fn since_epoch_of(text: &str) -> Option<Duration> {
+    let (date, time) = text.strip_suffix('Z')?.split_once('T')?;
+    let number = |part: &str| part.parse::<u64>().ok();
+    let mut date = date.splitn(3, '-').map(number);
+    let (year, month, day) = (date.next()??, date.next()??, date.next()??);
+    let mut time = time.splitn(3, ':');
+    let (hour, minute) = (number(time.next()?)?, number(time.next()?)?);
+    let (second, fraction) = time.next()?.split_once('.')?;
+    let nanos = number(format!("{fraction:0<9}").get(..9)?)?;
+    if !(1970..=9999).contains(&year) || hour > 23 || minute > 59 {
+        return None;
+    }
+    // Few steps: the inverse of `civil`, by search over the days of that year and month.
+    let first = (year - 1970) * 365 + (year - 1969) / 4 - (year - 1901) / 100 + (year - 1601) / 400;
+    let day = (first..first + 366).find(|number| civil(*number) == (year, month, day))?;
+    let seconds = day * 86_400 + hour * 3600 + minute * 60 + number(second)?;
+    Some(Duration::new(seconds, u32::try_from(nanos).ok()?))
+}
+
 /// Converts days since 1970-01-01 to year, month and day (Gregorian calendar). Years begin in March, so that the leap
 /// day is the last day of its year; 400 years are one era.
 fn civil(day: u64) -> (u64, u64, u64) {
@@ -46,6 +67,23 @@ fn civil(day: u64) -> (u64, u64, u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_time_is_read_as_it_was_written() {
+        for seconds in [0, 951_782_399, 951_782_400, 1_709_251_199, 4_107_542_400] {
+            let time = Duration::new(seconds, 123_456_000);
+            assert_eq!(since_epoch_of(&format(time)), Some(time));
+        }
+        for day in 0..60_000 {
+            let time = Duration::from_secs(day * 86_400);
+            assert_eq!(since_epoch_of(&format(time)), Some(time));
+        }
+        let milliseconds = since_epoch_of("1970-01-01T00:00:01.5Z");
+        assert_eq!(milliseconds, Some(Duration::from_millis(1500)));
+        for wrong in ["", "now", "2026-13-01T00:00:00.0Z", "2026-01-01T00:00:00.0"] {
+            assert_eq!(since_epoch_of(wrong), None, "{wrong}");
+        }
+    }
 
     #[test]
     fn days_of_known_dates() {
