@@ -65,6 +65,7 @@ impl Verb {
             | Verb::Simulate(_)
             | Verb::Plot(_)
             | Verb::Replay(_)
+            | Verb::Import(_)
             | Verb::Wrench(_)
             | Verb::Completions(_)
             | Verb::Man(_) => Reach::Files,
@@ -95,6 +96,10 @@ impl Verb {
             Verb::Serve(_) => machine(
                 "serves the dashboard of a cell on this machine",
                 "run it there and forward its port: `ssh -L 7426:127.0.0.1:7426 HOST rcc-cli serve --port 7426`",
+            ),
+            Verb::Record(_) => machine(
+                "reads shared memory of this machine",
+                "run it there: `ssh HOST rcc-cli record FILE`, then copy the file",
             ),
             Verb::InstallUnits(_) => machine(
                 "installs units on this machine",

@@ -85,6 +85,16 @@ pub struct PreparedScenario {
 }
 
 impl SimulationScenario {
+    /// Returns true if anything besides the file is given.
+    #[must_use]
+    pub fn has_options(&self) -> bool {
+        let lists = [&self.input, &self.wall, &self.force, &self.load];
+        self.config.is_some()
+            || self.limit.is_some()
+            || self.cancel_at.is_some()
+            || lists.iter().any(|list| !list.is_empty())
+    }
+
     /// Judges the result by what was requested, with the exit codes of `run`.
     ///
     /// # Errors

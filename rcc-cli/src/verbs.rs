@@ -21,6 +21,7 @@ pub mod explain;
 pub mod fault;
 pub mod fmt;
 pub mod graph;
+pub mod import;
 pub mod incidents;
 pub mod install_units;
 pub mod load;
@@ -28,6 +29,7 @@ pub mod ls;
 pub mod man;
 pub mod plot;
 pub mod primitives;
+pub mod record;
 pub mod replay;
 pub mod robot;
 pub mod rt_setup;
@@ -132,6 +134,10 @@ verbs! {
         Tail = tail;
         /// Serve a dashboard for browsers on this machine, and print its address
         Serve = serve;
+        /// Record nets, devices and events to an MCAP file, for Foxglove, PlotJuggler, Rerun and Python
+        Record = record;
+        /// Read a recording again: as a table, as curves
+        Import = import;
         /// List the topics that connect nets
         Topics = topics;
         /// Show live timing: nets, histograms, primitives and late cycles

@@ -119,6 +119,8 @@ const REFUSED: &[&[&str]] = &[
     &["fault", "lwr", "estop"],
     &["doctor", "--measure", "0"],
     &["doctor", "device", "lwr"],
+    &["record", "/nonexistent/x.mcap"],
+    &["import", "x.mcap"],
     &["install-units", CELL, "--dry-run"],
     &["rt-setup", "--root", "/nonexistent"],
     &["incidents", "--folder", "."],

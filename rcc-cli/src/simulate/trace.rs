@@ -50,7 +50,8 @@ pub struct SeriesBucket {
 }
 
 impl BucketedSeries {
-    fn push(&mut self, time_s: f64, value: Option<f64>) {
+    /// Adds a value; `None` is null.
+    pub fn push(&mut self, time_s: f64, value: Option<f64>) {
         let range = value.map(|value| [value, value]);
         match self.buckets.last_mut() {
             Some(bucket) if self.filled < self.each => {
@@ -198,11 +199,11 @@ pub fn panels(columns: &[MonitorColumn]) -> Vec<PlotPanel> {
         } else {
             &column.unit
         };
-        let title = format!("[{unit}]");
-        let index = match panels.iter().position(|panel| panel.title == title) {
+        let empty = panel_of(unit);
+        let index = match panels.iter().position(|panel| panel.title == empty.title) {
             Some(index) => index,
             None => {
-                panels.push(PlotPanel::over_time(title, Vec::new()));
+                panels.push(empty);
                 panels.len() - 1
             }
         };
@@ -216,7 +217,15 @@ pub fn panels(columns: &[MonitorColumn]) -> Vec<PlotPanel> {
     panels
 }
 
-fn segments(buckets: &[SeriesBucket]) -> Vec<Vec<(f64, f64)>> {
+/// Returns an empty panel of values with this unit over time.
+#[must_use]
+pub fn panel_of(unit: &str) -> PlotPanel {
+    PlotPanel::over_time(format!("[{unit}]"), Vec::new())
+}
+
+/// Returns a curve through the smallest and largest value of each interval; null is a gap.
+#[must_use]
+pub fn segments(buckets: &[SeriesBucket]) -> Vec<Vec<(f64, f64)>> {
     let known = buckets.split(|bucket| bucket.range.is_none());
     let stretch = |buckets: &[SeriesBucket]| {
         let pairs = buckets

@@ -1,4 +1,4 @@
-//! `plot NET`: plots what the arms of a net would do in virtual time: the path of the flange, and positions,
+//! `plot FILE.mcap` plots a recording. `plot NET`: plots what the arms of a net would do in virtual time: the path of the flange, and positions,
 //! velocities, accelerations and jerks of the joints relative to their limits.
 
 use std::path::PathBuf;
@@ -17,6 +17,7 @@ use crate::scenario::{PreparedScenario, SimulationScenario, failure, with_names}
 use crate::simulate::device::SimulatedDevice;
 use crate::simulate::tracks::ArmTracks;
 use crate::simulate::{self, SimulationOptions};
+use crate::verbs::import;
 
 /// Arguments of `plot`.
 #[derive(clap::Args, Debug)]
@@ -43,6 +44,9 @@ struct PlotReport {
 /// Fails if the net is invalid or refused, commands no arm, or if the plot cannot be written. A net that breaks a limit
 /// or ends with a fault is plotted, and then fails.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    if arguments.scenario.file.ends_with(".mcap") {
+        return plot_recording(&arguments);
+    }
     let PreparedScenario {
         config,
         plan,
@@ -101,4 +105,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None if is_fault => Err(Failure::reported(exit::FAILED)),
         None => Ok(()),
     }
+}
+
+/// Plots a recording; options of a simulation are refused.
+fn plot_recording(arguments: &Arguments) -> Result<(), Failure> {
+    if arguments.scenario.has_options() {
+        let message = "the options of a simulation do not apply to a recording";
+        let help = "`rcc-cli import FILE.mcap --show PATTERN --plot FILE.svg` selects values";
+        return Err(Failure::new(codes::BAD_REQUEST, message, help));
+    }
+    let file = PathBuf::from(&arguments.scenario.file);
+    let out = arguments.out.clone();
+    import::plot_recording(&file, &out.unwrap_or_else(|| file.with_extension("svg")))
 }

@@ -15,9 +15,11 @@ use rcc_engine::replay::{
     replay_with_rules,
 };
 use rcc_protocol::pattern::Pattern;
+use rcc_recording::file::RecordingError;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use self::mcap::{IncidentRecording, RecordedPart};
 use super::incidents::{incidents_dir, newest, reason};
 use crate::context::{Context, OutputFormat};
 use crate::csv;
@@ -27,6 +29,7 @@ use crate::result_file::WrittenFile;
 use crate::table::{self, counted, grouped};
 use rcc_api::incident_nets::{IncidentNet, ShownSlots, text, value_of};
 
+mod mcap;
 mod rules;
 
 /// Arguments of `replay`.
@@ -46,6 +49,9 @@ pub struct Arguments {
     /// Write the values to this CSV file instead
     #[arg(long, value_name = "FILE", requires = "show")]
     csv: Option<PathBuf>,
+    /// Write every port (or those of --show), the devices and the events to this MCAP file
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
 }
 
 impl Arguments {
@@ -102,7 +108,20 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     let from = arguments.from.unwrap_or(0);
     let mut shown = Ok(());
+    let part = RecordedPart {
+        nets: &named,
+        show: &arguments.show,
+        from,
+    };
+    let mcap = arguments.mcap.as_deref();
+    let mut recording = mcap
+        .map(|path| IncidentRecording::create(path, &incident, &part))
+        .transpose()
+        .map_err(|error| not_recorded(&error))?;
     let results = replay_with_rules(&source, arguments.until, |step| {
+        if let Some(recording) = &mut recording {
+            recording.step(&step);
+        }
         if step.cycle >= from && shown.is_ok() {
             shown = show.step(&step);
         }
@@ -122,8 +141,20 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             "free disk space there",
         )
     })?;
-    if let (OutputFormat::Human, Some(path)) = (context.format, &arguments.csv) {
-        print_note(&WrittenFile::of(path)?.words());
+    if let Some(recording) = recording {
+        let written = recording.finish(&incident, arguments.until);
+        let (_, rounded) = written.map_err(|error| not_recorded(&error))?;
+        if rounded > 0 {
+            print_note(&format!(
+                "{} beyond ±2^53 are rounded in the MCAP file",
+                Counted(rounded, "Int value")
+            ));
+        }
+    }
+    for path in [&arguments.csv, &arguments.mcap].into_iter().flatten() {
+        if context.format == OutputFormat::Human {
+            print_note(&WrittenFile::of(path)?.words());
+        }
     }
     print_results(context, &incident, (&results, &rules), &named)
 }
@@ -150,6 +181,11 @@ fn find(context: &Context, given: Option<&Path>) -> Result<PathBuf, Failure> {
             "`rcc-cli incidents record` records one now; --cell names another cell",
         )
     })
+}
+
+fn not_recorded(error: &RecordingError) -> Failure {
+    let help = "name a writable file on a disk with space";
+    Failure::new(codes::NOT_STORED, error.to_string(), help)
 }
 
 fn unusable(path: &str, error: IncidentError) -> Failure {
@@ -338,13 +374,17 @@ impl ValuePrinter {
             row: None,
         };
         let mut heads = vec!["cycle".to_owned(), "time_s".to_owned()];
+        // Ports of an MCAP file are not also printed.
+        let only_mcap = arguments.mcap.is_some() && arguments.csv.is_none();
         for (id, named) in named {
             let shown = named.shown(&arguments.show);
             let first = show.columns;
             let columns: Vec<String> = shown.iter().flat_map(ShownSlots::columns).collect();
             show.columns += columns.len();
             heads.extend(columns);
-            show.nets.insert(*id, (shown, first));
+            if !only_mcap {
+                show.nets.insert(*id, (shown, first));
+            }
         }
         if show.columns == 0 && !arguments.show.is_empty() {
             let names: Vec<&str> = named.values().map(|named| named.net.as_str()).collect();
