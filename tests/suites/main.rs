@@ -31,6 +31,7 @@ mod output;
 mod plans;
 mod programs;
 mod readme;
+mod recordings;
 mod remote;
 mod robotics_api;
 mod rt_calls;
