@@ -145,7 +145,7 @@ fn task_of(node: &Node, folder: &Path, faults: &mut Vec<Diagnostic>) -> TaskFile
         return task;
     }
     for key in node.unknown_keys(&KEYS) {
-        let help = match closest(&key.name, KEYS.into_iter()) {
+        let help = match closest(&key.name, KEYS) {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("known keys: {}", KEYS.join(", ")),
         };

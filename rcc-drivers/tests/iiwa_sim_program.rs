@@ -19,7 +19,8 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_iiwa-sim");
 fn start(client: &UdpSocket, fri: &str, more: &[&str]) -> Simulator {
     let driver = client.local_addr().unwrap().to_string();
     let fri = format!("--fri={fri}");
-    let arguments = ["--driver", &driver, "--period-ms", "5", &fri];
+    let start = "--start=0,0.5,0,-1.5625,0,1,0";
+    let arguments = ["--driver", &driver, "--period-ms", "5", &fri, start];
     Simulator::start(PROGRAM, &[&arguments[..], more].concat())
 }
 
@@ -89,7 +90,7 @@ fn a_client_that_mirrors_gets_commands_executed_and_finds_its_answers_in_the_tra
             .lines()
             .skip(1)
             .map(|line| TraceRecord::parse(line).unwrap());
-        let commanded = -1.5708;
+        let commanded = -1.5625;
         let mut found = records.filter(|record| record.answered && record.state >= 3);
         assert!(found.any(|record| record.commanded[3] == commanded));
         let state = simulator.state();

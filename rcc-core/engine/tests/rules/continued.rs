@@ -62,9 +62,9 @@ impl Watched {
         let now: [f64; 7] = std::array::from_fn(|joint| told.position[joint]);
         if let Some(last) = self.last {
             let velocity: [f64; 7] = std::array::from_fn(|joint| (now[joint] - last[joint]) / 1e-3);
-            for joint in 0..7 {
+            for (joint, velocity) in velocity.iter().enumerate() {
                 let limit = limits.velocity_max[joint] * (1.0 + 1e-9);
-                assert!(velocity[joint].abs() <= limit, "joint {joint}");
+                assert!(velocity.abs() <= limit, "joint {joint}");
             }
             if let Some(before) = self.velocity {
                 for joint in 0..7 {

@@ -130,9 +130,9 @@ fn torques_and_wrenches_deflect_the_springs() {
     });
     // The axes are those of the flange.
     let moved = client.cabinet.geometry.position;
-    for axis in 0..3 {
+    for (axis, moved) in moved.iter().enumerate() {
         let expected = 10.0 / 2000.0 * before.rotation[axis][2];
-        let off = moved[axis] - before.position[axis];
+        let off = moved - before.position[axis];
         assert!((off - expected).abs() < 5e-5, "{axis}: {off} {expected}");
     }
     client.ask(r#"{"stop_motion":null}"#);
@@ -209,7 +209,7 @@ fn what_an_overlay_needs_must_be_there_while_the_robot_synchronises_and_afterwar
             }
         }
         let mut client = Client::commanding(settings(Version::V2_5, overlay));
-        client.run(1, |data| change(data));
+        client.run(1, change);
         let code = if code == 7 { 3 } else { code };
         assert_eq!(
             client.fault_code(),
