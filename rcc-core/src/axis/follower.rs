@@ -53,8 +53,9 @@ impl AxisFollower {
     #[must_use]
     pub fn moving(state: AxisState) -> AxisFollower {
         AxisFollower {
-            // Neither a goal nor a stop: whatever comes first is planned.
-            goal: f64::INFINITY,
+            // Not a stop, and without limits: whatever comes first is planned. It is finite, because the arena holds
+            // infinite numbers as null.
+            goal: state.position,
             periods: 1.0,
             now: state,
             start: state,
