@@ -119,6 +119,7 @@ const REFUSED: &[&[&str]] = &[
     &["fault", "lwr", "estop"],
     &["doctor", "--measure", "0"],
     &["doctor", "device", "lwr"],
+    &["serve"],
     &["record", "/nonexistent/x.mcap"],
     &["import", "x.mcap"],
     &["install-units", CELL, "--dry-run"],

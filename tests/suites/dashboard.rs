@@ -172,6 +172,7 @@ fn start_takes_a_confirmation_of_this_very_net_and_may_be_switched_off() {
     assert_eq!(cancelled, json!([{"id": id, "net": "belt", "error": null}]));
     cell.assert_ends(id, "canceled");
     assert_eq!(read_only.own("POST", "/api/cancel", "").json(), json!([]));
+    drop((server, read_only));
     cell.stop();
 }
 
@@ -290,5 +291,6 @@ fn a_net_is_drawn_and_an_incident_is_evaluated_again() {
     }
     cell.done(id, "cancel");
     cell.assert_ends(id, "canceled");
+    drop(server);
     cell.stop();
 }

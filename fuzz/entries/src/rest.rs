@@ -19,6 +19,7 @@ use rcc_core::message::{CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::CycleTiming;
 use rcc_ipc::{BoardWriter, Cell, Server, Session};
 use rcc_loader::server::executor::ExecutorLink;
+use rcc_loader::server::peer::ClientPeer;
 use rcc_loader::server::routes::router;
 use rcc_loader::server::service::Service;
 use rcc_process::Helpers;
@@ -408,6 +409,7 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
     Ok(Request::builder()
         .method(method)
         .uri(address)
+        .extension(ClientPeer::Process(1))
         .body(Body::from(body))
         .ok())
 }

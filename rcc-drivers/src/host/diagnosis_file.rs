@@ -429,6 +429,7 @@ mod tests {
                 "starved",
                 "losses",
                 "lost_at",
+                "position",
                 "seconds",
                 "link"
             ]

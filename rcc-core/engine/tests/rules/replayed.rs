@@ -130,7 +130,8 @@ fn every_firing_is_reproduced_to_the_bit() {
     let rules = recorded.replay(&words);
     assert_eq!(rules.mismatch, None, "{rules:?}");
     assert_eq!((rules.held, rules.reproduced), (3, 3), "{rules:?}");
-    assert_eq!(rules.compared, rules.recorded, "{rules:?}");
+    // Before its start is recorded, the state of the net that publishes the topic is not known: no rule names it.
+    assert!(rules.recorded - rules.compared <= 1, "{rules:?}");
     assert!(rules.recorded > 200, "{rules:?}");
     let mut ended: Vec<RuleState> = rules.ended.iter().map(|(_, _, state)| *state).collect();
     ended.sort_by_key(|state| *state as u8);

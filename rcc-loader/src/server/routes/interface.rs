@@ -149,7 +149,8 @@ fn near_address(path: &str) -> Option<String> {
         (parts.len() == given.len()).then(|| filled.join("/"))
     });
     let candidates: Vec<String> = candidates.collect();
-    let near = closest(path, candidates.iter().map(String::as_str));
+    // The root is as near to each short address as to any other.
+    let near = closest(path, candidates.iter().map(String::as_str)).filter(|_| path.len() > 1);
     near.map(quoted)
 }
 
