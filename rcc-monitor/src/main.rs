@@ -67,8 +67,8 @@ enum Verb {
 struct RecordArguments {
     /// The file; one that exists is kept, and is an error.
     file: PathBuf,
-    /// Nets, with * and ? as wildcards. Default: all.
-    #[arg(long, num_args = 1.., value_name = "NET")]
+    /// Nets, separated by commas, with * and ? as wildcards. Default: all.
+    #[arg(long, value_delimiter = ',', value_name = "NET")]
     nets: Vec<Pattern>,
     /// Stop after this time, s. Default: at Ctrl-C.
     #[arg(long, value_parser = seconds)]

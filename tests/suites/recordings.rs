@@ -145,8 +145,8 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
     cell.stop();
 }
 
-/// Returns the lines of a table by cycle, without the time.
-fn lines(path: &Path, head: &str) -> Vec<(String, String)> {
+/// Returns the numbers of a table by cycle, without the time.
+fn lines(path: &Path, head: &str) -> Vec<(String, Vec<f64>)> {
     let text = fs::read_to_string(path).expect("a table");
     let mut lines = text.lines();
     assert!(
@@ -157,7 +157,8 @@ fn lines(path: &Path, head: &str) -> Vec<(String, String)> {
         let mut cells = line.splitn(3, ',');
         let mut next = || cells.next().unwrap_or_default().to_owned();
         let (cycle, _) = (next(), next());
-        (cycle, next())
+        let number = |text: &str| text.parse().expect("a number");
+        (cycle, next().split(',').map(number).collect())
     };
     lines.map(line).collect()
 }

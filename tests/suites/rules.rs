@@ -36,6 +36,7 @@ primitives:
     inputs: {{goal: [{joint1}, deg(-30), 0, deg(90), 0, deg(-60), 0], stop: cancel.requested}}
   robot: {{type: JointPositionCommand, parameters: {{device: lwr}}, inputs: {{position: move.position}}}}
   end: {{type: Termination, inputs: {{done: {{there: move.done}}}}}}
+discard: [near.out]
 "
     )
 }

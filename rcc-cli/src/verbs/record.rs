@@ -15,8 +15,8 @@ use crate::supervisor::paths;
 pub struct Arguments {
     /// MCAP file; one that exists is kept, and is an error
     file: PathBuf,
-    /// Nets, with * and ? as wildcards [default: all]
-    #[arg(long, num_args = 1.., value_name = "NET")]
+    /// Nets, separated by commas, with * and ? as wildcards [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "NET")]
     nets: Vec<String>,
     /// End after this time [default: at Ctrl-C]
     #[arg(long, value_name = "SECONDS")]

@@ -122,6 +122,9 @@ pub fn cell_file(
     text
 }
 
+/// Greatest value of an analog output, which has no unit: the library names none. A larger one is refused.
+const ANALOG_OUT_MAX: u32 = 1_000_000;
+
 /// Writes a station whose outputs are wired to the inputs of the same number.
 fn simulator(text: &mut String, name: &str, io: &IoSpec) {
     let _ = writeln!(
@@ -165,7 +168,7 @@ fn station(text: &mut String, name: &str, io: &IoSpec) {
     for number in 0..io.anout {
         let _ = writeln!(
             text,
-            "      anout{number}: {{kind: analog output, address: holding {} f32 CDAB, on_release: hold}}",
+            "      anout{number}: {{kind: analog output, address: holding {} f32 CDAB, range: [-{ANALOG_OUT_MAX}, {ANALOG_OUT_MAX}], on_release: hold}}",
             2 * number
         );
     }
