@@ -10,7 +10,11 @@ if sys.version_info >= (3, 11):
 else:  # httpx brings it for Python 3.10
     from typing_extensions import NotRequired
 
+CommandList = Union[Named, list[Named]]
+
 Named = Union[int, str]
+
+OnClientLoss = Literal['cancel', 'go on']
 
 CommandState = Literal['loading', 'rejected', 'ready', 'running', 'canceling', 'terminated']
 
@@ -23,6 +27,8 @@ DeviceState = Literal['offline', 'online', 'ready', 'commanded', 'stopping']
 ClockState = Literal['own', 'searching', 'locked', 'unfit']
 
 HelperState = Literal['waiting', 'running', 'ended', 'panicked', 'hanging']
+
+RuleState = Literal['armed', 'due', 'fired', 'refused', 'expired', 'disarmed']
 
 Severity = Literal['error', 'warning']
 
@@ -489,38 +495,40 @@ class LateView(TypedDict):
     """Delay of the wake-up after the deadline, ns."""
 
 
+class LeaseBody(TypedDict):
+    """A lease is asked for."""
+    expires_ms: int
+    """Time after which it expires unless it is renewed, ms; 50 to 3 600 000."""
+
+
+class LeaseCommands(TypedDict):
+    """Commands to be bound to a lease."""
+    commands: CommandList
+    """At most 8 ready or active commands."""
+
+
+class LeaseDone(TypedDict):
+    """A lease was renewed, ended, or commands were bound to it."""
+    cycle: int
+    """Executor cycle in which it took effect."""
+    lease: int
+    """Its number."""
+
+
+class LeaseGranted(TypedDict):
+    """A granted lease."""
+    expires_ms: int
+    """Time after which it expires unless it is renewed, ms."""
+    lease: int
+    """Its number."""
+
+
 class Loaded(TypedDict):
     """Answer to LOAD."""
     id: int
     """The command's id."""
     state: CommandState
     """`loading`."""
-
-
-class MonitoredValue(TypedDict):
-    """A value that a `Monitor` published."""
-    command: int
-    """The command's id."""
-    cycle: int
-    """Executor cycle."""
-    monitor: str
-    """Id of the `Monitor` primitive."""
-    name: str
-    """`net/primitive.port`, or one element of it."""
-    net: str
-    """The net's name."""
-    sequence: int
-    """Number of the record, counted over all records of the executor."""
-    source: str
-    """The monitored port, `primitive.port`."""
-    stamp_ns: int
-    """CLOCK_MONOTONIC of that cycle on the cell's machine, ns."""
-    type: str
-    """Its type."""
-    unit: NotRequired[str | None]
-    """Its unit, if the type does not imply it."""
-    value: dict[str, Any]
-    """The value, or the list of its elements; null is null."""
 
 
 class MonitorBatch(TypedDict):
@@ -707,10 +715,84 @@ class RehearsalView(TypedDict):
     """Summary for people."""
 
 
+class RuleBody(TypedDict):
+    """A rule: when the condition holds, commands stop, are cancelled and start between the same two cycles, or nothing changes."""
+    cancel: NotRequired[CommandList]
+    """Commands that are cancelled; those that have ended already are skipped."""
+    lease: NotRequired[int | None]
+    """The client's lease; without it, that of the request."""
+    name: NotRequired[str | None]
+    """Name for people; without it, the condition."""
+    on_client_loss: NotRequired[OnClientLoss]
+    """What happens when the client is gone."""
+    start: NotRequired[CommandList]
+    """Ready commands that start."""
+    stop: NotRequired[CommandList]
+    """Commands that end; those that have ended already are skipped."""
+    when: str
+    """The condition, such as `approach.outcome == touched and not topic(part/there)`."""
+
+
+class RuleNumber(TypedDict):
+    """A rule that was installed."""
+    name: str
+    """Its name."""
+    rule: int
+    """Its number."""
+
+
+class RuleView(TypedDict):
+    """A rule and its state."""
+    cancel: list[str]
+    """Commands that it cancels."""
+    code: NotRequired[str | None]
+    """Code of the reason why nothing followed."""
+    cycle: int
+    """Executor cycle in which it was installed, or in which it fired or ended otherwise."""
+    lease: NotRequired[int | None]
+    """The client's lease."""
+    name: str
+    """Its name."""
+    on_client_loss: OnClientLoss
+    """What happens when the client is gone."""
+    rule: int
+    """Its number."""
+    start: list[str]
+    """Commands that it starts."""
+    state: RuleState
+    """`armed due fired refused expired disarmed`."""
+    stop: list[str]
+    """Commands that it stops, as `net#id`."""
+    when: str
+    """Its condition."""
+    words: NotRequired[str | None]
+    """Why nothing followed; absent if it fired or still may."""
+
+
+class RulesBody(TypedDict):
+    """Rules to be installed: all of them between the same two cycles, or none."""
+    lease: NotRequired[int | None]
+    """The client's lease, for rules that name none."""
+    rules: list[RuleBody]
+    """At most 16 rules."""
+
+
+class RulesInstalled(TypedDict):
+    """Answer to an installation."""
+    cycle: int
+    """Executor cycle from which on the conditions are judged."""
+    rules: list[RuleNumber]
+    """The rules, in the order of the request."""
+
+
 class Start(TypedDict):
     """Options of START."""
     after_stopping: NotRequired[list[Named]]
     """Commands that end between the same two cycles; if the net cannot take over from them, nothing changes."""
+    lease: NotRequired[int | None]
+    """The client's lease: the command is bound to it, and so are rules that name none."""
+    rules: NotRequired[list[RuleBody]]
+    """Rules that are installed first; if START is refused, they are removed again."""
 
 
 class StatusView(TypedDict):
@@ -802,6 +884,10 @@ class StreamValues(TypedDict):
 
 class Switch(TypedDict):
     """A hand-over: all of it happens between the same two cycles, or nothing."""
+    lease: NotRequired[int | None]
+    """The client's lease: the commands that start are bound to it, and so are rules that name none."""
+    rules: NotRequired[list[RuleBody]]
+    """Rules that are installed first; if the hand-over is refused, they are removed again."""
     start: NotRequired[list[Named]]
     """Ready commands that start, at most 8."""
     stop: NotRequired[list[Named]]
