@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import keyword
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,12 @@ def api(document: dict[str, Any]) -> str:
     """The types of the REST interface."""
     schemas: dict[str, dict[str, Any]] = document["components"]["schemas"]
     is_object = {name: "properties" in schema or "allOf" in schema for name, schema in schemas.items()}
-    first = [name for name in schemas if not is_object[name]]
+    names_in = {name: set(re.findall(r"\w+", name_of(schema))) for name, schema in schemas.items()}
+    aliases = {name: used for name, used in names_in.items() if not is_object[name]}
+    first: list[str] = []
+    while rest := [name for name in aliases if name not in first]:
+        # An alias may use others, which come before it.
+        first += [name for name in rest if not aliases[name] & set(rest)]
     base = {
         name_of(part)
         for schema in schemas.values()

@@ -10,8 +10,6 @@ if sys.version_info >= (3, 11):
 else:  # httpx brings it for Python 3.10
     from typing_extensions import NotRequired
 
-CommandList = Union[Named, list[Named]]
-
 Named = Union[int, str]
 
 OnClientLoss = Literal['cancel', 'go on']
@@ -31,6 +29,8 @@ HelperState = Literal['waiting', 'running', 'ended', 'panicked', 'hanging']
 RuleState = Literal['armed', 'due', 'fired', 'refused', 'expired', 'disarmed']
 
 Severity = Literal['error', 'warning']
+
+CommandList = Union[Named, list[Named]]
 
 
 class CommandView(TypedDict):
