@@ -23,7 +23,7 @@ TYPES = {
     "integer": ("Int", -7, 1),
     "truth": ("Bool", True, 1),
     "vector": ("Vector3", [1.5, -2, 0.25], 3),
-    "turn": ("Rotation", [0, 0, 0, 1], 4),
+    "turn": ("Rotation", {"quat": [0, 0, 0, 1]}, 4),
     "pose": ("Pose", {"xyz": [0.1, 0.2, 0.3], "quat": [0, 1, 0, 0]}, 7),
     "twist": ("Twist", [1, 2, 3, 4, 5, 6], 6),
     "wrench": ("Wrench", [6, 5, 4, 3, 2, 1], 6),
