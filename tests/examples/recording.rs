@@ -1,4 +1,4 @@
-//! Measures a recording of two simulated arms with monitors at the full rate: size, processor time and memory of the recorder,
+//! Measures a recording of a cell with two simulated arms and twenty monitors at the full rate: size, processor time and memory of the recorder,
 //! what it lost, and late cycles with and without it, in turns. Usage:
 //! `cargo run --release -p rcc-tests --example recording -- --seconds 600`.
 
@@ -23,7 +23,7 @@ struct Arguments {
     rounds: u32,
 }
 
-/// Twenty monitors at 1 kHz: what both arms measure, and numbers.
+/// Twenty monitors at 1 kHz.
 fn net() -> String {
     let mut text = String::from(
         "net: watched\nprimitives:\n  cancel: {type: Cancel}\n  clock: {type: Time}\n  end: {type: Termination, inputs: \
@@ -86,7 +86,7 @@ fn main() {
     let Arguments { seconds, rounds } = Arguments::parse();
     let config = repository().join("configs/cells/two-arms.yaml");
     let cell = TestCell::start(&config, |text| text);
-    cell.run(&net());
+    let watched = cell.run(&net());
     let boards = cell.watch();
     let duration = Duration::from_secs_f64(seconds);
     let counts = || {
@@ -123,5 +123,7 @@ fn main() {
         );
         fs::remove_file(path).expect("our file");
     }
+    cell.done(watched, "cancel");
+    cell.assert_ends(watched, "canceled");
     cell.stop();
 }

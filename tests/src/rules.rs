@@ -62,7 +62,8 @@ pub fn hand_over(
     let mut random = Rng::with_seed(7);
     let large = large_net(large);
     let mut report = Report::default();
-    let mut old = place.run(&go_on(0.2, 100));
+    // Longer than what is looked at: before it the arm has no set-points.
+    let mut old = place.run(&go_on(0.2, 400));
     await_some("the driver to follow", || {
         (place.device("lwr")?["state"] == "commanded").then_some(())
     });
