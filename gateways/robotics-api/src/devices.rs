@@ -22,11 +22,11 @@ pub struct DeviceSpec {
     pub name: String,
     /// Its type in the library.
     pub type_name: String,
-    /// What it is.
+    /// Kind of the device.
     pub kind: DeviceKind,
 }
 
-/// What a device is.
+/// Kind of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceKind {
     /// An arm.
@@ -117,7 +117,7 @@ pub enum DeviceError {
         device: String,
         /// The parameter.
         name: &'static str,
-        /// What is wrong with it.
+        /// The fault.
         cause: String,
     },
     /// A name that nets cannot carry.

@@ -67,7 +67,7 @@ impl NetState {
     }
 }
 
-/// What a subscription shows of a net.
+/// The values of a net that a subscription shows.
 #[derive(Clone, Copy, Debug)]
 pub struct NetPicture<'n> {
     /// Its state.

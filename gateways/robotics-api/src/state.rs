@@ -128,7 +128,7 @@ pub struct ScheduleRule {
 pub struct ReportedDevice {
     /// Type in the library.
     pub type_name: String,
-    /// What it is.
+    /// Kind of the device.
     pub kind: DeviceKind,
     /// Name in the cell.
     pub cell_name: String,

@@ -153,7 +153,7 @@ pub fn judge<'t>(
     }
 }
 
-/// What rules see of a command.
+/// State, reason and outcome of a command, as rules judge them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandFacts {
     /// State.

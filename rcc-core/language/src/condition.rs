@@ -72,9 +72,9 @@ impl ConditionTerm {
 pub struct ConditionError {
     /// Character, counted from 1.
     pub column: usize,
-    /// What is wrong.
+    /// The fault.
     pub message: String,
-    /// What to write.
+    /// The remedy.
     pub help: String,
 }
 

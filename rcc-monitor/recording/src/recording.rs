@@ -57,7 +57,7 @@ pub enum RecordingState {
     Full,
 }
 
-/// What has been written.
+/// Amount of data that was written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecordingSummary {
     /// The files that exist, the newest last.

@@ -112,7 +112,7 @@ pub struct Snapshot {
     pub quality: &'static str,
     /// Controller of the joints.
     pub control: ControlLaw,
-    /// What the overlay lets the client command.
+    /// Quantity that the overlay lets the client command.
     pub overlay: OverlayMode,
     /// Operating mode.
     pub operation: Selector,
