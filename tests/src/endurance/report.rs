@@ -24,6 +24,8 @@ pub struct Report {
     pub lateness: LatenessReport,
     /// First count of the current executor, after the warm-up.
     pub first: Option<Census>,
+    /// Index in `course` of that count.
+    first_index: usize,
     /// Resources that grew during the life of each executor except the last.
     pub grown: Vec<String>,
     /// Maximum of each figure.
@@ -53,6 +55,7 @@ impl Report {
             judged: false,
             lateness: LatenessReport::default(),
             first: None,
+            first_index: 0,
             grown: Vec::new(),
             most: Census::default(),
             last: Census::default(),
@@ -75,9 +78,17 @@ impl Report {
 
     /// Returns the resources that grew between the warm-up and the last count, for each executor.
     pub fn growth(&self) -> Vec<String> {
-        let last = self
-            .first
-            .map_or(Vec::new(), |first| self.last.growth(&first));
+        let last = self.first.map_or(Vec::new(), |first| {
+            // Large nets come at random, and the memory for the first of them is kept: the reference is the maximum of
+            // the first third of the executor's life. What leaks goes on growing after it.
+            let life = &self.course[self.first_index..];
+            let third = &life[..life.len().div_ceil(3)];
+            let rss_kb = third.iter().map(|(_, rss_kb, _)| *rss_kb).max();
+            self.last.growth(&Census {
+                rss_kb: rss_kb.unwrap_or(first.rss_kb),
+                ..first
+            })
+        });
         [self.grown.clone(), last].concat()
     }
 
@@ -85,6 +96,7 @@ impl Report {
     pub fn executor_replaced(&mut self) {
         self.grown = self.growth();
         self.first = None;
+        self.first_index = self.course.len();
     }
 
     /// True if all conditions hold.
@@ -242,5 +254,48 @@ impl Report {
             "\nResident memory of the executor, kB, by second: {}",
             course.join(", ")
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::census::Census;
+
+    fn grown(resident_kb: &[u64]) -> Vec<String> {
+        let options = Options {
+            time: Duration::ZERO,
+            seed: 1,
+            restarts: 0,
+            monitors: 0,
+            pairs: 0,
+            executor_pairs: 0,
+            load: false,
+            warm_up: Duration::ZERO,
+            census_every: Duration::ZERO,
+        };
+        let mut report = Report::new(options);
+        let count = |report: &mut Report, rss_kb| {
+            let census = Census {
+                rss_kb,
+                ..Census::default()
+            };
+            report.count(Duration::ZERO, census);
+        };
+        // The predecessor needed more: it must not be the reference.
+        count(&mut report, 900_000);
+        report.executor_replaced();
+        for rss_kb in resident_kb {
+            count(&mut report, *rss_kb);
+        }
+        report.growth()
+    }
+
+    #[test]
+    fn a_leak_is_reported_and_the_memory_of_the_first_large_net_is_not() {
+        assert!(grown(&[108_900, 112_700, 112_700, 111_700, 112_800, 112_700]).is_empty());
+        let leak = grown(&[108_000, 109_000, 110_000, 111_000, 112_000, 113_000]);
+        assert_eq!(leak, ["executor: resident memory, kB: 109000 → 113000"]);
+        assert!(grown(&[]).is_empty());
     }
 }
