@@ -78,12 +78,12 @@ pub enum CabinetFault {
         /// Remaining angle, rad.
         angle: f64,
     },
-    /// A commanded torque exceeds what the joint has.
-    #[error("joint {} was commanded with {value} N·m, the limit is ±{limit} N·m", joint + 1)]
+    /// A commanded torque, or the torque for a commanded wrench, exceeds the joint's limit.
+    #[error("the command needs {value} N·m of joint {}, the limit is ±{limit} N·m", joint + 1)]
     Torque {
         /// Index of the joint.
         joint: usize,
-        /// Commanded, N·m.
+        /// Commanded or needed, N·m.
         value: f64,
         /// Limit, N·m.
         limit: f64,

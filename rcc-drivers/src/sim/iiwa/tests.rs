@@ -4,6 +4,7 @@
 mod exchange;
 mod overlays;
 mod stops;
+mod walls;
 
 use super::cabinet::Cabinet;
 use super::control::CabinetRequest;

@@ -99,7 +99,8 @@ impl Cabinet {
     /// Returns what the command adds to the springs: joint torques, or a wrench in base axes.
     ///
     /// # Errors
-    /// Returns a fault for a missing field, values that are not finite, and torques that a joint does not have.
+    /// Returns a fault for a missing field, values that are not finite, and torques beyond the joints' limits, commanded or
+    /// needed for the wrench.
     pub(super) fn added(&self, command: &Command) -> Result<Joints, CabinetFault> {
         let data = data(command);
         match self.settings.overlay {
@@ -107,17 +108,7 @@ impl Cabinet {
             OverlayMode::Torque => {
                 let torques = seven("jointTorque", data.torque.as_ref())?;
                 finite("jointTorque", &torques)?;
-                let limits = self.settings.arm.torques();
-                let rows = torques.into_iter().zip(limits).enumerate();
-                for (joint, (value, limit)) in rows {
-                    if value.abs() > limit {
-                        return Err(CabinetFault::Torque {
-                            joint,
-                            value,
-                            limit,
-                        });
-                    }
-                }
+                self.check_torques(&torques)?;
                 Ok(torques)
             }
             OverlayMode::Wrench => {
@@ -133,8 +124,23 @@ impl Cabinet {
                     std::array::from_fn(|row| (0..3).map(|i| rotation[row][i] * v[i]).sum())
                 };
                 let ([fx, fy, fz], [tx, ty, tz]) = (turned([x, y, z]), turned([c, b, a]));
+                let torques = self.geometry.joint_torque(&[fx, fy, fz, tx, ty, tz]);
+                self.check_torques(&torques)?;
                 Ok([fx, fy, fz, tx, ty, tz, 0.0])
             }
+        }
+    }
+
+    fn check_torques(&self, torques: &Joints) -> Result<(), CabinetFault> {
+        let limits = self.settings.arm.torques();
+        let mut rows = torques.iter().zip(limits).enumerate();
+        match rows.find(|(_, (value, limit))| value.abs() > *limit) {
+            None => Ok(()),
+            Some((joint, (&value, limit))) => Err(CabinetFault::Torque {
+                joint,
+                value,
+                limit,
+            }),
         }
     }
 

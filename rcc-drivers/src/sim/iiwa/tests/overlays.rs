@@ -2,7 +2,6 @@
 //! Runs in the test harness.
 
 use super::*;
-use crate::sim::arm::environment::Wall;
 use crate::sim::arm::model::geometry;
 use crate::sim::iiwa::pose::to_wire;
 use crate::sim::iiwa::settings::Selector;
@@ -141,44 +140,6 @@ fn torques_and_wrenches_deflect_the_springs() {
 }
 
 #[test]
-fn pressed_against_a_wall_the_arm_shows_the_stiffness_that_was_chosen() {
-    for stiffness in [500.0, 2000.0, 5000.0] {
-        let mut with = settings(Version::V2_7, OverlayMode::Wrench);
-        with.impedance.stiffness[..3].fill(stiffness);
-        with.impedance.stiffness[3..6].fill(300.0);
-        let mut client = Client::commanding(with);
-        let here = client.cabinet.geometry.position;
-        // The wall rises to 10 mm beyond where the flange is held, and is much stiffer than the springs.
-        let (depth, of_wall) = (0.01, 1e6);
-        for percent in 1..=100 {
-            client.cabinet.environment.wall = Some(Wall {
-                point: [
-                    here[0],
-                    here[1],
-                    here[2] + depth * 0.01 * f64::from(percent),
-                ],
-                normal: [0.0, 0.0, 1.0],
-                stiffness: of_wall,
-                damping: 500.0,
-            });
-            client.run(20, |_| {});
-        }
-        client.run(3000, |_| {});
-        assert!(client.cabinet.is_commanded(), "{:?}", client.cabinet.fault);
-        let force = client.cabinet.wrench[2];
-        let off = client.cabinet.geometry.position[2] - here[2];
-        let shown = force / off;
-        assert!(
-            (shown / stiffness - 1.0).abs() < 0.02,
-            "{stiffness}: {shown}"
-        );
-        let measured = client.seen.data.as_ref().expect("sent");
-        let told = &measured.external_force.as_ref().expect("2.7").element;
-        assert!((told[2] - force).abs() < 1e-9);
-    }
-}
-
-#[test]
 fn what_an_overlay_needs_must_be_there_while_the_robot_synchronises_and_afterwards() {
     type Change = fn(&mut CommandData);
     let rows: [(OverlayMode, Change, i32); 9] = [
@@ -257,7 +218,14 @@ fn every_limit_ends_the_motion_and_is_named() {
             element: vec![f64::INFINITY; 6],
         });
     };
-    assert_eq!(fault_of(wrench, not_finite), Some(7));
+    assert_eq!(fault_of(wrench.clone(), not_finite), Some(7));
+    // The lever to A2 is 0.55 m, and A2 has 176 N·m.
+    let strong = |data: &mut CommandData| {
+        data.wrench = Some(CartesianVector {
+            element: vec![0.0, 0.0, 400.0, 0.0, 0.0, 0.0],
+        });
+    };
+    assert_eq!(fault_of(wrench, strong), Some(11));
     let cartesian = settings(Version::V2_7, OverlayMode::CartesianPose);
     let far = |data: &mut CommandData| pose(data)[2] += 3000.0;
     assert_eq!(fault_of(cartesian.clone(), far), Some(12));
