@@ -32,7 +32,7 @@ pub struct SubjectGroup {
 
 /// A subject with its name and goal.
 pub struct NamedSubject {
-    /// What one cycle does.
+    /// Name of the work of one cycle.
     pub name: String,
     /// Maximum duration that was set as a goal before it was measured, ns.
     pub goal_ns: Option<f64>,

@@ -30,7 +30,7 @@ const ENTRY: u64 = 400;
 
 type Done = Result<(), Box<dyn Error>>;
 
-/// What the driver commands in one run: a motion that begins at rest where the robot holds the arm, and forces.
+/// Commands of the driver in one run: a motion that begins at rest where the robot holds the arm, and forces.
 struct Commands {
     origin: Option<[f64; JOINTS_MAX]>,
     time_s: f64,

@@ -53,7 +53,7 @@ impl DeviceSnapshot {
     }
 }
 
-/// What a net is built from.
+/// Source from which a net is built.
 #[derive(Debug)]
 pub enum BuildSource {
     /// The plan of a new command.
@@ -73,7 +73,7 @@ pub struct BuildRequest {
     pub ticket: u64,
     /// Id of the command.
     pub id: u64,
-    /// What the net is built from.
+    /// Source of the net.
     pub source: BuildSource,
     /// State of the devices at the time of the request.
     pub snapshot: DeviceSnapshot,

@@ -1,4 +1,4 @@
-//! What a leak would raise: what a process holds, and which files of a cell there are.
+//! Counts that a leak would raise: resources that a process holds, and files of a cell.
 //! Run by any thread of a test.
 
 use std::fs;
@@ -71,7 +71,7 @@ impl Census {
         ]
     }
 
-    /// What is more than in `before`.
+    /// Returns the counts that exceed those in `before`.
     pub fn growth(&self, before: &Census) -> Vec<String> {
         let slack = |name: &str| match name {
             name if name.contains("kB") => RSS_SLACK_KB,

@@ -33,7 +33,7 @@ pub enum Target {
     Janitor,
 }
 
-/// What is struck in a case.
+/// Target of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Victim {
     /// One process.
@@ -73,7 +73,7 @@ impl Victim {
     }
 }
 
-/// What the cell is doing meanwhile.
+/// Activity of the cell at that moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// The process itself has just been started.
@@ -190,7 +190,7 @@ fn pairs() -> impl Iterator<Item = Case> {
     })
 }
 
-/// What came out of a case.
+/// Outcome of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything that must hold, holds; how the arm's motion ended, and late cycles of the machine.

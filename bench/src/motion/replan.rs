@@ -13,7 +13,7 @@ const PERIOD_S: f64 = 1e-3;
 
 /// Distribution of the durations of many cases.
 pub struct TimeQuantiles {
-    /// What was measured.
+    /// Name of the measured case.
     pub name: &'static str,
     /// The durations that 50, 99, 99.9 and 100 % of the cases did not exceed, ns.
     pub ns: [u64; 4],

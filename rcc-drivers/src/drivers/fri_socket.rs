@@ -26,7 +26,7 @@ const BURST_MAX: usize = 64;
 /// One byte more than a datagram has, so that a longer one is detected.
 const BUFFER: usize = 1501;
 
-/// What became of a datagram.
+/// Judgement of a datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// It is the robot's next one.
@@ -37,7 +37,7 @@ pub enum Verdict {
     Unreadable,
 }
 
-/// What judges the datagrams of a socket.
+/// Judges the datagrams of a socket.
 pub trait Dialogue {
     /// Processes a datagram from the robot, or from one that may become it.
     fn accept(&mut self, bytes: &[u8], source: SocketAddr) -> Verdict;

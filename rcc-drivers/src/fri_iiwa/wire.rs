@@ -173,7 +173,7 @@ wire_enums! {
         /// None.
         None = 3,
     }
-    /// What the client may command.
+    /// Quantity that the client may command.
     ClientCommandMode {
         /// Nothing.
         None = 0,
@@ -259,7 +259,7 @@ pub enum WireError {
         field: &'static str,
         /// Number of elements.
         have: usize,
-        /// What is expected.
+        /// Expected number, in words.
         want: &'static str,
     },
 }

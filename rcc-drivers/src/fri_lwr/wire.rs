@@ -87,7 +87,7 @@ pub enum WireError {
     },
 }
 
-/// What identity and `packetSize` of a header must be.
+/// Expected identity and `packetSize` of a header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeaderRule {
     /// Those of the datagram.

@@ -1,4 +1,4 @@
-//! What requests at the control ports of all simulated robots have in common: their contents, refusals and answers.
+//! Contents, refusals and answers that requests at the control ports of all simulated robots have in common.
 //! Parsed by the control port's threads; carried out by the clock thread.
 
 use super::arm::dynamics::LoadError;

@@ -15,7 +15,7 @@ use serde_json::Value;
 pub struct Simulator {
     pub child: Child,
     pub folder: TempDir,
-    /// What it printed once it was ready.
+    /// Line that it printed once it was ready.
     pub line: String,
     control: ControlClient,
 }

@@ -12,7 +12,7 @@ use super::{Intake, OnDone, PendingRequest, commands_of, reply};
 use crate::boards::EngineRequest;
 use crate::net_builder::{BuildOutcome, BuildRequest, BuildSource, DeviceSnapshot};
 
-/// What the net of a command is being built for.
+/// Purpose for which the net of a command is being built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum BuildState {
     /// LOAD.

@@ -1,4 +1,4 @@
-//! What the loader does for its clients: the life cycle of commands by name, and queries. Every function may block for
+//! Services of the loader for its clients: the life cycle of commands by name, and queries. Every function may block for
 //! a while and is run by blocking threads, never by the thread that serves connections.
 
 use std::collections::BTreeMap;

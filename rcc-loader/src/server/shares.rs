@@ -15,7 +15,7 @@ pub struct ShareLimits {
     pub of_peer: usize,
     /// For peers that use at most `small`, beyond what all others use.
     pub reserve: usize,
-    /// What a peer that takes from the reserve uses at most.
+    /// Greatest use by a peer that takes from the reserve.
     pub small: usize,
 }
 
@@ -27,7 +27,7 @@ impl ShareLimits {
     }
 }
 
-/// What is used of something limited.
+/// Use of a limited resource.
 #[derive(Debug)]
 pub struct Shares {
     limits: ShareLimits,

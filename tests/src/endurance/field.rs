@@ -1,4 +1,4 @@
-//! What the threads of an endurance run share: the cell, its journal, counters, and requests that survive a dead loader.
+//! State shared by the threads of an endurance run: the cell, its journal, counters, and requests that survive a dead loader.
 //! Used by all of them.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -98,7 +98,7 @@ pub fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Ordering::Relaxed);
 }
 
-/// What the threads share.
+/// State shared by the threads.
 #[derive(Debug)]
 pub struct Field<'a> {
     /// The cell.

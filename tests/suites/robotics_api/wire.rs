@@ -1,4 +1,4 @@
-//! What goes over the wire, and in which order: upgrade, frames, messages, answers, pushes.
+//! Contents and order of the bytes on the wire: upgrade, frames, messages, answers, pushes.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};

@@ -1,4 +1,4 @@
-//! What an answer holds in each overlay of the robot's motion: joint positions, a wrench, joint torques, or a pose.
+//! Contents of an answer in each overlay of the robot's motion: joint positions, a wrench, joint torques, or a pose.
 //! Pure; run by the host's thread.
 //!
 //! FRI does not command stiffness and damping, they are the application's. A net that commands forces says which springs it

@@ -1,4 +1,4 @@
-//! What one message of the robot says, and why a message is refused.
+//! Contents of one message of the robot, and the reasons for which a message is refused.
 //! Pure; run by the host's thread.
 
 use std::fmt;
@@ -32,7 +32,7 @@ pub(super) fn refusal(cause: &'static str) -> Refusal {
     Refusal { wire: None, cause }
 }
 
-/// What one message says. Enumerations that only people read are as on the wire; -1 = missing.
+/// Contents of one message. Enumerations that only people read are as on the wire; -1 = missing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotState {
     pub(super) sequence: u32,
@@ -46,7 +46,7 @@ pub struct RobotState {
     pub operation: i32,
     /// Controller of the joints.
     pub control: i32,
-    /// What the motion's overlay lets a client command.
+    /// Quantity that the motion's overlay lets a client command.
     pub command_mode: i32,
     /// State of each drive.
     pub drives: Vec<i32>,

@@ -32,7 +32,7 @@ pub enum RobotValue {
     Operation,
     /// Controller of the joints, 0 to 3.
     Control,
-    /// What the overlay lets a client command, 0 to 4.
+    /// Client command mode of the overlay, 0 to 4.
     CommandMode,
     /// The lowest state of a drive, 0 to 2.
     Drives,

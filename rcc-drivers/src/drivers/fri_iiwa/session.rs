@@ -33,7 +33,7 @@ const STILL_RAD: f64 = 1e-5;
 /// Largest change of the robot's own position between a doubtful datagram and the one that confirms it, rad.
 const NEAR_RAD: f64 = 0.01;
 
-/// What a device's settings say about the dialogue.
+/// Settings of a device for the dialogue.
 #[derive(Clone, Copy, Debug)]
 pub struct SessionSettings {
     /// Version of the wire.

@@ -31,7 +31,7 @@ const GAP_MAX: u16 = 10;
 const STILL_RAD: f64 = 1e-5;
 /// Largest change of the controller's position from one datagram to the next in any state, rad.
 const NEAR_RAD: f64 = 0.01;
-/// What a device's settings say about the dialogue.
+/// Settings of a device for the dialogue.
 #[derive(Clone, Copy, Debug)]
 pub struct SessionSettings {
     /// Convention of the KRL program.
@@ -40,7 +40,7 @@ pub struct SessionSettings {
     pub strategy: Option<ControlMode>,
     /// Lowest connection quality at which command mode is requested.
     pub quality_min: Quality,
-    /// What a header must contain.
+    /// Rule for identity and size in a header.
     pub header: HeaderRule,
     /// Greatest deviation of the sample time from its mean in command state, as a fraction.
     pub period_tolerance: f64,

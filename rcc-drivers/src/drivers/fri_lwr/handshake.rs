@@ -18,7 +18,7 @@ pub enum KrlConvention {
     Auto,
 }
 
-/// What the driver wants of the KRL program.
+/// Request of the driver to the KRL program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wish {
     /// Not yet: the connection quality is too low.

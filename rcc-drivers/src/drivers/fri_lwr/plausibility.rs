@@ -1,4 +1,4 @@
-//! What makes a datagram doubtful while the controller commands, and the mean of its sample time.
+//! Detects doubtful datagrams while commands are executed, and averages the controller's sample time.
 //! Pure; run by the host's thread.
 
 use crate::fri_lwr::wire::MeasurementDatagram;

@@ -7,7 +7,7 @@
 
 use prost::Message;
 
-/// What both messages begin with.
+/// Header of both messages.
 #[derive(Clone, Copy, PartialEq, Eq, Message)]
 pub struct Envelope {
     /// Always present.
@@ -47,7 +47,7 @@ pub struct Command {
     /// Always present.
     #[prost(message, optional, tag = "1")]
     pub header: Option<Header>,
-    /// What is commanded.
+    /// Commanded values.
     #[prost(message, optional, tag = "2")]
     pub data: Option<CommandData>,
     /// Up to version 2.5.
@@ -141,7 +141,7 @@ pub struct MonitorData {
     pub timestamp: Option<TimeStamp>,
 }
 
-/// What the robot's own interpolator commands, on which the client's commands are superposed.
+/// Set-point of the robot's own interpolator, on which the client's commands are superposed.
 #[derive(Clone, PartialEq, Message)]
 pub struct Interpolator {
     /// rad; required in the commanding states.
@@ -164,7 +164,7 @@ pub struct Interpolator {
     pub tracking_performance: Option<f64>,
 }
 
-/// What a client commands.
+/// Values that a client commands.
 #[derive(Clone, PartialEq, Message)]
 pub struct CommandData {
     /// rad.

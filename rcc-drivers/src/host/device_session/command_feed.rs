@@ -18,7 +18,7 @@ pub(super) struct CommandFeed {
     pub(super) refused_owner: u64,
 }
 
-/// What an update of the feed has changed about the executor.
+/// Change of the executor that an update of the feed has detected.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExecutorChange {
     /// Why the executor that was followed is followed no longer.

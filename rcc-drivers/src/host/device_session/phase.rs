@@ -25,7 +25,7 @@ use crate::host::reason;
 /// Most device periods per step of a stop; a device that is away for longer is not commandable.
 const TICKS_MAX: u64 = 64;
 
-/// What a device does.
+/// Present activity of a device.
 #[derive(Clone, Debug)]
 #[allow(
     clippy::large_enum_variant,

@@ -43,7 +43,7 @@ pub(super) struct PlaybackPointer {
     pub(super) fraction: f64,
 }
 
-/// What one exchange plays from, and what it changes beside the position.
+/// Source of the set-points of one exchange, and the values that it changes beside the position.
 pub(super) struct PlaybackContext<'a> {
     pub(super) settings: &'a SessionSettings,
     pub(super) buffer: &'a SetPointBuffer,

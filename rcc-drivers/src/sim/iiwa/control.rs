@@ -110,13 +110,13 @@ pub struct SessionSwitch {
     pub open: bool,
 }
 
-/// What the next motion is.
+/// Control law, overlay and springs of the next motion.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotionChoice {
     /// Controller of the joints.
     pub control: ControlLaw,
-    /// What the overlay lets the client command.
+    /// Quantity that the overlay lets the client command.
     pub overlay: OverlayMode,
     /// Stiffness: seven numbers for joints, six for x y z rx ry rz; absent: the usual ones.
     #[serde(default)]

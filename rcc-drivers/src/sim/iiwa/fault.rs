@@ -64,7 +64,7 @@ pub enum CabinetFault {
         /// Index of the element.
         element: usize,
     },
-    /// The rotation of the commanded pose is none.
+    /// The quaternion of the commanded pose is not a unit quaternion.
     #[error("the quaternion of the commanded pose has the length {0}, not 1")]
     Rotation(f64),
     /// No joint positions near the last ones have the commanded pose.
@@ -96,7 +96,7 @@ pub enum CabinetFault {
     Runaway {
         /// Index of the joint.
         joint: usize,
-        /// What is too large, with its unit.
+        /// Name and unit of the value that is too large.
         what: &'static str,
         /// Measured.
         value: f64,

@@ -17,7 +17,7 @@ use crate::sim::quality::QualityThresholds;
 /// Longest time between two answers with which commands are executed, ms (KUKA).
 pub const COMMAND_PERIOD_MAX_MS: u32 = 10;
 
-/// What the motion's overlay lets the client command.
+/// Quantity that the motion's overlay lets the client command.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
 )]
@@ -106,7 +106,7 @@ pub enum MotionStart {
 pub struct ControlSettings {
     /// Controller of the joints.
     pub law: ControlLaw,
-    /// What the client commands.
+    /// Quantity that the client commands.
     pub overlay: OverlayMode,
     /// Springs and dampers.
     pub impedance: ImpedanceSettings,
@@ -120,7 +120,7 @@ pub enum OverlayError {
     Law {
         /// The overlay.
         overlay: OverlayMode,
-        /// What it needs.
+        /// Law that it needs.
         law: ControlLaw,
     },
     /// The version has no Cartesian overlay.
@@ -162,7 +162,7 @@ pub struct Settings {
     pub start: Joints,
     /// Controller of the joints.
     pub law: ControlLaw,
-    /// What the overlay lets the client command.
+    /// Quantity that the overlay lets the client command.
     pub overlay: OverlayMode,
     /// Springs and dampers in impedance control; the application's, FRI does not command them.
     pub impedance: ImpedanceSettings,

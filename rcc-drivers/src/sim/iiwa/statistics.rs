@@ -156,7 +156,7 @@ pub struct Snapshot {
     pub flange_rotation: [[f64; 3]; 3],
     /// Wrench on the flange, N and Nm, base axes, in the order fx fy fz tx ty tz.
     pub wrench: [f64; 6],
-    /// What the client adds: joint torques, Nm, or a wrench in the order fx fy fz tx ty tz; 0 in other overlays.
+    /// Added by the client: joint torques, Nm, or a wrench in the order fx fy fz tx ty tz; 0 in other overlays.
     pub added: Joints,
     /// The obstacle.
     pub wall: Option<Wall>,

@@ -72,7 +72,7 @@ pub enum KrcFault {
         /// Angle, rad.
         angle: f64,
     },
-    /// The rotation of the commanded pose is none.
+    /// The rotation of the commanded pose is not orthonormal.
     #[error("the rotation of the commanded pose is not orthonormal and right-handed to 0.001")]
     Rotation,
     /// No joint positions near the last ones have the commanded pose.
@@ -94,7 +94,7 @@ pub enum KrcFault {
     Runaway {
         /// Index of the joint.
         joint: usize,
-        /// What is too large, with its unit.
+        /// Name and unit of the value that is too large.
         what: &'static str,
         /// Measured.
         value: f64,
@@ -197,7 +197,7 @@ pub enum MonitorReason {
     Quality {
         /// At present.
         have: Quality,
-        /// What the program waits for.
+        /// Lowest quality at which the program continues.
         least: Quality,
     },
     /// The command has flags that the strategy does not read, or no joint position in position control.

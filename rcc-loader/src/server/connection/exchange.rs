@@ -79,7 +79,7 @@ where
     }
 }
 
-/// What the service and the stream tell each other. Relaxed everywhere, because one thread serves an exchange.
+/// State shared by the service and the stream. Relaxed everywhere, because one thread serves an exchange.
 #[derive(Debug, Default)]
 struct Progress {
     /// All bytes of the request were passed on.

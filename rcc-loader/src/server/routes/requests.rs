@@ -1,4 +1,4 @@
-//! What all routes have in common: limits on a request, its work on a blocking thread, and its answer. Run by the one
+//! Common parts of all routes: limits on a request, its work on a blocking thread, and its answer. Run by the one
 //! thread that serves connections.
 
 use std::sync::OnceLock;

@@ -51,7 +51,7 @@ struct MonitoredNet {
     monitors: Vec<MonitorNames>,
 }
 
-/// What a client asks for.
+/// Query of a client.
 #[derive(Clone, Debug, Default)]
 pub struct HistoryRequest {
     /// Patterns of the ports; all if empty.

@@ -1,4 +1,4 @@
-//! What the loader does at intervals: it finds the executor, removes files of commands that are gone, and rejects commands
+//! Periodic work of the loader: it finds the executor, removes files of commands that are gone, and rejects commands
 //! that nobody loads any more. Run by the maintenance thread.
 
 use std::collections::BTreeMap;

@@ -38,7 +38,7 @@ const SILENCE_MAX: Duration = Duration::from_secs(5);
 /// Maximum number of events that wait for a client.
 const EVENTS_MAX: usize = 256;
 
-/// What a client wants to see.
+/// Selection of a client.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StreamRequest {
     /// Patterns of ports: `net/primitive.port`.
@@ -83,7 +83,7 @@ struct Target {
     evaluations: Option<u64>,
 }
 
-/// What a change of state changes: the row's state and reason, whether it is being loaded, and the net's name.
+/// Effect of a change of state: the row's state and reason, whether it is being loaded, and the net's name.
 type StateKey = (u32, u32, bool, String);
 
 impl Service {

@@ -1,4 +1,4 @@
-//! What must hold after a case: dead processes have successors, the cell works, and nothing is left behind.
+//! Conditions that must hold after a case: dead processes have successors, the cell works, and nothing is left behind.
 //! Runs on the thread of the matrix.
 
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! What is answered in each overlay: joint positions, torques, wrenches and poses.
+//! Answers in each overlay: joint positions, torques, wrenches and poses.
 
 use rcc_core::impedance::{ControlMode, Impedance};
 use rcc_core::kinematics::{Arm, SrsArm};

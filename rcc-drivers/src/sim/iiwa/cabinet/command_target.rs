@@ -1,4 +1,4 @@
-//! What a command asks for in the overlay of the motion, and whether the robot can do it.
+//! Set-point and added forces of one command in the overlay of the motion, checked against the robot's limits.
 //! Pure; run by the clock thread.
 
 use super::Cabinet;

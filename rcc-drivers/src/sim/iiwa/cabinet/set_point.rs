@@ -14,7 +14,7 @@ use crate::sim::iiwa::{JOINTS, Joints};
 /// may or may not have been stalled as well.
 const STALL_PERIODS_MAX: u64 = 50;
 
-/// What became of the answer that may have been due in a cycle.
+/// Outcome of a cycle in which an answer may have been due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Due {
     /// It came.

@@ -1,4 +1,4 @@
-//! What each overlay commands, what it needs, and how the arm yields.
+//! Commands and required fields of each overlay, and the deflection of the arm.
 //! Runs in the test harness.
 
 use super::*;

@@ -2,7 +2,7 @@
 //! Pure; run by the clock thread.
 //!
 //! A KRC reads a field only if its flag is set. Without a position the controller's own one holds, without a stiffness or
-//! a damping the values of `$STIFFNESS` apply, without an added force there is none.
+//! a damping the values of `$STIFFNESS` apply, and no force is added unless one is selected.
 
 use super::Krc;
 use crate::fri_lwr::wire::{CommandDatagram, flags};
