@@ -1,6 +1,7 @@
 //! The simulated cabinet against a client in virtual time, one step per cycle.
 //! Runs in the test harness.
 
+mod census;
 mod exchange;
 mod overlays;
 mod stops;
@@ -8,7 +9,7 @@ mod walls;
 
 use super::cabinet::Cabinet;
 use super::control::CabinetRequest;
-use super::fault::CabinetFault;
+use super::fault::{CabinetFault, WaitReason};
 use super::settings::{OverlayMode, Settings};
 use super::{JOINTS, Joints};
 use crate::fri_iiwa::wire::schema::{
@@ -28,6 +29,8 @@ struct Client {
     received: u32,
     /// Every state of the session, in the order in which they were seen.
     states: Vec<SessionState>,
+    /// Every reason to wait that was told.
+    waits: Vec<WaitReason>,
 }
 
 impl Client {
@@ -41,6 +44,7 @@ impl Client {
             sequence: u32::MAX,
             received: 1,
             states: Vec::new(),
+            waits: Vec::new(),
         }
     }
 
@@ -96,6 +100,11 @@ impl Client {
         let session = self.session();
         if self.states.last() != Some(&session) {
             self.states.push(session);
+        }
+        if let Some(reason) = self.cabinet.wait_reason
+            && self.waits.last() != Some(&reason)
+        {
+            self.waits.push(reason);
         }
     }
 
