@@ -7,7 +7,7 @@ from . import _io
 from .actions import Action, parallel
 from .blocking import Cell, Command
 from .blocks import UNSET, Block, Port
-from .commands import AsyncCell, AsyncCommand, Outcome
+from .commands import LOST_AFTER_S, AsyncCell, AsyncCommand, Outcome
 from .errors import ActionFailed, Busy, CellNotFound, NetCanceled, NetFault, NetRejected, RccError
 from .expressions import Expr, analog_input, digital_input
 from .motions import Arm, Motion, sequence
@@ -25,17 +25,21 @@ __all__ = [
 ]  # fmt: skip
 
 
-def connect(cell: str | None = None, *, url: str | None = None, token: str | None = None) -> Cell:
+def connect(
+    cell: str | None = None, *, url: str | None = None, token: str | None = None, lost_after: float = LOST_AFTER_S
+) -> Cell:
     """Connects to a cell: `with rcc.connect() as cell:`.
 
     `cell` is the name of a cell of this machine (default: RCC_CELL, or `demo`); `url` and `token` (default: RCC_URL and
-    RCC_TOKEN) reach another machine's loader.
+    RCC_TOKEN) reach another machine's loader. A program that gives no sign of life for `lost_after` s counts as lost.
     """
     address = _io.Address(cell, url, token)
-    return Cell(AsyncCell(address, _io.BlockingIo(address)))
+    return Cell(AsyncCell(address, _io.BlockingIo(address), lost_after))
 
 
-def aconnect(cell: str | None = None, *, url: str | None = None, token: str | None = None) -> AsyncCell:
+def aconnect(
+    cell: str | None = None, *, url: str | None = None, token: str | None = None, lost_after: float = LOST_AFTER_S
+) -> AsyncCell:
     """Connects to a cell from an asynchronous program: `async with rcc.aconnect() as cell:`."""
     address = _io.Address(cell, url, token)
-    return AsyncCell(address, _io.AsyncIo(address))
+    return AsyncCell(address, _io.AsyncIo(address), lost_after)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from ._generated import api
 from ._io import iterate, run
 from .blocks import Value
-from .commands import AsyncCell, AsyncCommand, Outcome, Text
+from .commands import AsyncCell, AsyncCommand, OnClientLoss, Outcome, Text
 from .streams import Batch, Recording, Sample
 
 
@@ -25,11 +25,11 @@ class Cell:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Closes the connection; what runs goes on."""
+        """Closes the connection: to what runs this is the loss of its client."""
         self.close()
 
     def close(self) -> None:
-        """Closes the connection; what runs goes on."""
+        """Closes the connection: to what runs this is the loss of its client."""
         run(self._inner.close())
 
     def status(self) -> api.StatusView:
@@ -60,20 +60,27 @@ class Cell:
         """A loaded command, by id or by the name of its net (then the newest)."""
         return Command(run(self._inner.command(name)))
 
-    def run(self, net: Text, timeout: float | None = None) -> Outcome:
+    def run(self, net: Text, timeout: float | None = None, *, on_client_loss: OnClientLoss = "cancel") -> Outcome:
         """Loads, starts and follows a net, and unloads it; Ctrl-C cancels it.
 
-        Raises `NetFault`, `NetCanceled` or `ActionFailed` for every other end than `finished`.
+        A program that is killed leaves what `on_client_loss` says. Raises `NetFault`, `NetCanceled` or `ActionFailed`
+        for every other end than `finished`.
         """
-        return run(self._inner.run(net, timeout))
+        return run(self._inner.run(net, timeout, on_client_loss=on_client_loss))
 
-    def start(self, net: Text) -> Command:
+    def start(self, net: Text, *, on_client_loss: OnClientLoss = "cancel") -> Command:
         """Loads and starts a net, to be waited for, canceled and unloaded by this program."""
-        return Command(run(self._inner.start(net)))
+        return Command(run(self._inner.start(net, on_client_loss=on_client_loss)))
 
-    def switch(self, stop: Sequence[Command], start: Sequence[Command]) -> int:
-        """Hand-over: stops some commands and starts others between the same two cycles; returns the cycle."""
-        return run(self._inner.switch([one._inner for one in stop], [one._inner for one in start]))
+    def switch(
+        self, stop: Sequence[Command], start: Sequence[Command], *, on_client_loss: OnClientLoss | None = None
+    ) -> int:
+        """Hand-over: stops some commands and starts others between the same two cycles; returns the cycle.
+
+        Without `on_client_loss` those that start are canceled with this program if one that stops would have been.
+        """
+        ended, begun = ([one._inner for one in some] for some in (stop, start))
+        return run(self._inner.switch(ended, begun, on_client_loss=on_client_loss))
 
     def watch(self, *ports: str, rate: float = 10.0) -> Iterator[Sample]:
         """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell)."""
@@ -112,9 +119,9 @@ class Command:
         """STATE: everything that is known about it, but its text."""
         return run(self._inner.state())
 
-    def start(self) -> int:
-        """START; returns the first cycle."""
-        return run(self._inner.start())
+    def start(self, *, on_client_loss: OnClientLoss = "go on") -> int:
+        """START; returns the first cycle. A program that is killed leaves what `on_client_loss` says."""
+        return run(self._inner.start(on_client_loss=on_client_loss))
 
     def cancel(self) -> None:
         """CANCEL: asks the net to end in its own way."""

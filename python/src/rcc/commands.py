@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import AsyncIterator, Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import aclosing, asynccontextmanager
+from contextlib import aclosing, asynccontextmanager, suppress
 from dataclasses import dataclass, replace
-from typing import Any, Union, cast
+from typing import Any, Literal, Union, cast
 
 from . import _io, errors
 from ._generated import api
+from ._lease import UNKNOWN, Lease
 from .blocks import Action, Net, Value, constant
 from .streams import Batch, Recording, Sample
 
 Text = Union[Net, Action, str, Mapping[str, Any]]
+#: Time after which a program that gives no sign of life counts as lost, s.
+LOST_AFTER_S = 1.0
 #: States of a command that has ended.
 ENDED = ("terminated", "rejected")
 
@@ -38,6 +41,8 @@ class Outcome:
         return f"{self.net}#{self.id}  {self.words or self.reason}"
 
 
+#: What becomes of a command whose program dies: it is canceled (aborted without `Cancel`), or goes on to its own end.
+OnClientLoss = Literal["cancel", "go on"]
 #: Longest time between two questions about a command, s.
 ASK_EVERY_S = 0.05
 #: Code of a refusal because of too many requests: nets that end at once would open too many streams.
@@ -56,9 +61,10 @@ class Progress:
 class AsyncCell:
     """A connection to a cell."""
 
-    def __init__(self, address: _io.Address, io: _io.Io) -> None:
+    def __init__(self, address: _io.Address, io: _io.Io, lost_after: float = LOST_AFTER_S) -> None:
         """Made by `rcc.aconnect`."""
-        self._address, self._io = address, io
+        self._address, self._io, self._lost_after = address, io, lost_after
+        self._lease: Lease | None = None
 
     async def __aenter__(self) -> AsyncCell:
         """Proves that the cell answers."""
@@ -66,12 +72,20 @@ class AsyncCell:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        """Closes the connection; what runs goes on."""
+        """Closes the connection: to what runs this is the loss of its client."""
         await self.close()
 
     async def close(self) -> None:
-        """Closes the connection; what runs goes on."""
-        await self._io.close()
+        """Closes the connection: to what runs this is the loss of its client."""
+        lease, self._lease = self._lease, None
+        try:
+            if lease is not None:
+                lease.end()
+                # One that has expired already has had its effect, and so has the end of the cell.
+                with suppress(errors.RccError):
+                    await self._ask("DELETE", f"/leases/{lease.number}")
+        finally:
+            await self._io.close()
 
     async def _ask(self, method: str, path: str, timeout: float | None = _io.STEP_S, **parts: Any) -> Any:
         return await _io.call(self._io, self._address, method, path, timeout, **parts)
@@ -124,24 +138,27 @@ class AsyncCell:
         view = await self._ask("GET", f"/commands/{_io.segment(name)}", params={"brief": "true"})
         return AsyncCommand(self, view["id"])
 
-    async def run(self, net: Text, timeout: float | None = None) -> Outcome:
+    async def run(
+        self, net: Text, timeout: float | None = None, *, on_client_loss: OnClientLoss = "cancel"
+    ) -> Outcome:
         """Loads, starts and follows a net, and unloads it; a program that is interrupted cancels it.
 
-        Raises `NetFault`, `NetCanceled` or `ActionFailed` for every other end than `finished`. The nets of a sequence
-        are run one after the other; the outcome is that of the last one, and `timeout` is for each.
+        A program that is killed leaves what `on_client_loss` says. Raises `NetFault`, `NetCanceled` or `ActionFailed`
+        for every other end than `finished`. The nets of a sequence are run one after the other; the outcome is that of
+        the last one, and `timeout` is for each.
         """
         await self._check_held(net)
         outcome: Outcome | None = None
         for step in net.nets() if isinstance(net, Action) else [net]:
-            outcome = await self._run(step, timeout)
+            outcome = await self._run(step, timeout, on_client_loss)
         assert outcome is not None, "an action has a net"
         return outcome
 
-    async def start(self, net: Text) -> AsyncCommand:
+    async def start(self, net: Text, *, on_client_loss: OnClientLoss = "cancel") -> AsyncCommand:
         """Loads and starts a net, to be awaited, canceled and unloaded by this program."""
         command = await self.load(net)
         try:
-            await command.start()
+            await command.start(on_client_loss=on_client_loss)
         except BaseException:
             await self._io.finish(command._end())
             raise
@@ -165,10 +182,10 @@ class AsyncCell:
                     f"use `pulse`, or `rcc.parallel({output}.on(), …)`, or configure `on_release: hold`",
                 )
 
-    async def _run(self, net: Text, timeout: float | None) -> Outcome:
+    async def _run(self, net: Text, timeout: float | None, on_client_loss: OnClientLoss) -> Outcome:
         command = await self._load(net)
         try:
-            await command.start()
+            await command.start(on_client_loss=on_client_loss)
             outcome = await command.wait(timeout)
         except BaseException:
             # Also Ctrl-C, a timeout and a canceled task: what this program runs does not go on without it.
@@ -177,10 +194,54 @@ class AsyncCell:
         await command.unload()
         return finished(outcome, net.failures if isinstance(net, Net) else {})
 
-    async def switch(self, stop: Sequence[AsyncCommand], start: Sequence[AsyncCommand]) -> int:
-        """Hand-over: stops some commands and starts others between the same two cycles; returns the cycle."""
-        ids = {"stop": [one.id for one in stop], "start": [one.id for one in start]}
-        return int((await self._ask("POST", "/switch", json=ids))["cycle"])
+    async def switch(
+        self,
+        stop: Sequence[AsyncCommand],
+        start: Sequence[AsyncCommand],
+        *,
+        on_client_loss: OnClientLoss | None = None,
+    ) -> int:
+        """Hand-over: stops some commands and starts others between the same two cycles; returns the cycle.
+
+        Without `on_client_loss` those that start are canceled with this program if one that stops would have been.
+        """
+        if on_client_loss is None:
+            on_client_loss = "cancel" if any(one._is_bound for one in stop) else "go on"
+        body = {"stop": [one.id for one in stop], "start": [one.id for one in start]}
+        cycle = await self._begin("/switch", body, on_client_loss)
+        for one in start:
+            one._is_bound = on_client_loss == "cancel"
+        return cycle
+
+    async def _begin(self, path: str, body: dict[str, Any], on_client_loss: OnClientLoss) -> int:
+        """Starts commands, bound to this program if its loss is to cancel them; returns the first cycle."""
+        if on_client_loss not in ("cancel", "go on"):
+            raise ValueError(f"on_client_loss: `{on_client_loss}` is neither `cancel` nor `go on`")
+        lease = await self._lease_number() if on_client_loss == "cancel" else None
+        try:
+            return await self._post_start(path, body, lease)
+        except errors.RccError as error:
+            if lease is None or error.code != UNKNOWN:
+                raise
+        # The lease expired unnoticed: this program was stopped for a while, or the executor was restarted.
+        if self._lease is not None:
+            self._lease.is_lost = True
+        return await self._post_start(path, body, await self._lease_number())
+
+    async def _post_start(self, path: str, body: dict[str, Any], lease: int | None) -> int:
+        sent = body if lease is None else {**body, "lease": lease}
+        return int((await self._ask("POST", path, timeout=60.0, json=sent))["cycle"])
+
+    async def _lease_number(self) -> int:
+        """The lease of this program, which is granted when it is first needed."""
+        if self._lease is not None and self._lease.is_lost:
+            self._lease.end()
+            self._lease = None
+        if self._lease is None:
+            expires_ms = round(1000 * self._lost_after)
+            granted = await self._ask("POST", "/leases", json={"expires_ms": expires_ms})
+            self._lease = Lease(self._address, granted["lease"], self._lost_after)
+        return self._lease.number
 
     async def watch(self, *ports: str, rate: float = 10.0) -> AsyncIterator[Sample]:
         """Values of ports such as ``line/*`` or ``belt/soft.out``, at a rate, Hz (0.1 to the rate of the cell)."""
@@ -267,6 +328,8 @@ class AsyncCommand:
     def __init__(self, cell: AsyncCell, id: int) -> None:
         """Made by `AsyncCell.load`."""
         self._cell, self.id = cell, id
+        #: True if it ends with this program.
+        self._is_bound = False
 
     def __await__(self) -> Generator[Any, None, Outcome]:
         """Waits until the command has ended."""
@@ -279,9 +342,11 @@ class AsyncCommand:
         """STATE: everything that is known about it, but its text."""
         return cast(api.CommandView, await self._do("GET", params={"brief": "true"}))
 
-    async def start(self) -> int:
-        """START; returns the first cycle."""
-        return int((await self._do("POST", "/start", timeout=60.0))["cycle"])
+    async def start(self, *, on_client_loss: OnClientLoss = "go on") -> int:
+        """START; returns the first cycle. A program that is killed leaves what `on_client_loss` says."""
+        cycle = await self._cell._begin(f"/commands/{self.id}/start", {}, on_client_loss)
+        self._is_bound = on_client_loss == "cancel"
+        return cycle
 
     async def cancel(self) -> None:
         """CANCEL: asks the net to end in its own way."""
